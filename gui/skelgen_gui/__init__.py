@@ -1,0 +1,1 @@
+"""The desktop window (to come); the only importer of PySide6."""

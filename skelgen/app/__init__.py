@@ -1,0 +1,1 @@
+"""The application layer that both front ends share."""

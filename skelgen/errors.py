@@ -1,0 +1,57 @@
+"""The errors that skelgen raises on purpose: one root, one sentence each, always with what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class SkelgenError(Exception):
+    """Root of all errors that a user can cause and can act on; the command line exits with 2."""
+
+    exit_code = 2
+
+
+class FormatError(SkelgenError):
+    """A file is not what its format demands.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file.
+    place : str or int
+        Where in the file: a line number, ``"byte 16"``, ``"frame 3"``; empty for the whole file.
+    what : str
+        What was expected, what was found, and what to do.
+
+    Examples
+    --------
+    >>> str(FormatError("walk.csm", 4, "8 numbers where 9 belong"))
+    'walk.csm:4: 8 numbers where 9 belong'
+    """
+
+    def __init__(self, path: Path | str, place: str | int, what: str) -> None:
+        self.path = Path(path)
+        self.place = place
+        super().__init__(f"{path}:{place}: {what}" if place != "" else f"{path}: {what}")
+
+
+class InputError(SkelgenError):
+    """Values that no stage can work on: one marker, two frames, nothing but NaN."""
+
+
+class ParameterError(SkelgenError):
+    """A parameter is unknown, of the wrong type or out of its bounds."""
+
+
+class MissingResultError(SkelgenError):
+    """A stage was asked for before the one that it builds on has run."""
+
+
+class WriteError(SkelgenError):
+    """A file cannot be written: no rights, disk full, or a format that cannot hold the value."""
+
+
+class Cancelled(SkelgenError):  # noqa: N818 - not an error of the user's but an answer to his wish
+    """The user asked for a stop; nothing half-written is left."""
+
+    exit_code = 130

@@ -1,0 +1,1 @@
+"""Pure functions on arrays: absolute orientation, rotations."""

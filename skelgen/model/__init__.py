@@ -1,0 +1,24 @@
+"""The values that stages exchange: frozen, validated, with read-only arrays.
+
+Units inside are mm, s, rad and Hz; coordinates are right-handed; frames come first, xyz last; NaN means unseen.
+"""
+
+from skelgen.model.limbs import Limbs
+from skelgen.model.project import Project, StageReport
+from skelgen.model.skeleton import Joint, Motion, Skeleton
+from skelgen.model.takes import PointCloud, Poses, Take, Trajectories
+from skelgen.model.topology import Topology
+
+__all__ = [
+    "Joint",
+    "Limbs",
+    "Motion",
+    "PointCloud",
+    "Poses",
+    "Project",
+    "Skeleton",
+    "StageReport",
+    "Take",
+    "Topology",
+    "Trajectories",
+]

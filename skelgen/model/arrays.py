@@ -1,0 +1,93 @@
+"""Clean, read-only arrays for the values: one check per meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelgen.errors import InputError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Bools = NDArray[np.bool_]
+
+
+def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, finite: bool = False) -> Floats:
+    """Return a read-only float64 copy of the stated shape.
+
+    Parameters
+    ----------
+    values : array_like
+        The numbers; infinities are refused, NaN is allowed unless `finite`.
+    shape : sequence of int or None
+        Expected shape; None leaves an axis free.
+    what : str
+        Name of the value in errors.
+    finite : bool
+        Refuse NaN as well.
+
+    Raises
+    ------
+    InputError
+        If the shape or a number is wrong.
+    """
+    array = np.array(values, dtype=np.float64)
+    _check_shape(array, shape, what)
+    if np.isinf(array).any() or (finite and np.isnan(array).any()):
+        raise InputError(f"{what} holds values that are not finite numbers")
+    array.flags.writeable = False
+    return array
+
+
+def check_ints(values: ArrayLike, shape: Sequence[int | None], what: str) -> Ints:
+    """Return a read-only intp copy of the stated shape; errors as `check_floats`."""
+    array = np.array(values)
+    if array.size and not np.issubdtype(array.dtype, np.integer):
+        raise InputError(f"{what} must be whole numbers")
+    array = array.astype(np.intp)
+    _check_shape(array, shape, what)
+    array.flags.writeable = False
+    return array
+
+
+def check_bools(values: ArrayLike, shape: Sequence[int | None], what: str) -> Bools:
+    """Return a read-only boolean copy of the stated shape; errors as `check_floats`."""
+    array = np.array(values, dtype=np.bool_)
+    _check_shape(array, shape, what)
+    array.flags.writeable = False
+    return array
+
+
+def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
+    """Return `count` distinct, non-empty names as a tuple, or raise `InputError`."""
+    clean = tuple(str(name) for name in names)
+    if len(clean) != count:
+        raise InputError(f"{len(clean)} {what} names where {count} belong")
+    seen: set[str] = set()
+    for name in clean:
+        if not name.strip():
+            raise InputError(f"a {what} has an empty name")
+        if name in seen:
+            raise InputError(f"two {what}s are called {name!r}; names must differ")
+        seen.add(name)
+    return clean
+
+
+def check_rate(rate: Any, what: str) -> float:
+    """Return a positive, finite rate [Hz], or raise `InputError`."""
+    value = float(rate)
+    if not np.isfinite(value) or value <= 0:
+        raise InputError(f"{what} has a rate of {value:g} Hz; it must be above 0")
+    return value
+
+
+def _check_shape(array: NDArray[Any], shape: Sequence[int | None], what: str) -> None:
+    fits = array.ndim == len(shape) and all(
+        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        wanted = "(" + ", ".join("any" if want is None else str(want) for want in shape) + ")"
+        raise InputError(f"{what} has shape {array.shape}; it must be {wanted}")

@@ -1,0 +1,146 @@
+"""A project: the immutable chain from a take to its skeleton in motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+from skelgen.errors import MissingResultError
+from skelgen.model.limbs import Limbs
+from skelgen.model.skeleton import Motion, Skeleton
+from skelgen.model.takes import Take, Trajectories
+from skelgen.model.topology import Topology
+
+_T = TypeVar("_T")
+
+STAGES = ("labels", "limbs", "joints", "skeleton")
+
+
+@dataclass(frozen=True, eq=False)
+class StageReport:
+    """How one stage went.
+
+    Attributes
+    ----------
+    parameters : mapping of str to value
+        The parameters it ran with.
+    seconds : float
+        Wall time.
+    notices : tuple of str
+        What the user should know.
+    """
+
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    seconds: float = 0.0
+    notices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Project:
+    """A take and what was computed from it; replacing one result drops those that were computed from it.
+
+    Attributes
+    ----------
+    take : PointCloud, Trajectories or Poses
+        The input.
+    seed : int
+        Seed of every random choice.
+    reports : mapping of str to StageReport
+        One per stage that has run, in order.
+
+    Notes
+    -----
+    `trajectories`, `limbs`, `topology`, `skeleton` and `motion` raise `MissingResultError` before their stage has run;
+    ask `has` first.
+
+    Examples
+    --------
+    >>> project = Project(take)                             # doctest: +SKIP
+    >>> project = project.with_limbs(limbs, StageReport())  # doctest: +SKIP
+    """
+
+    take: Take
+    seed: int = 0
+    reports: Mapping[str, StageReport] = field(default_factory=dict)
+    _trajectories: Trajectories | None = None
+    _limbs: Limbs | None = None
+    _topology: Topology | None = None
+    _skeleton: Skeleton | None = None
+    _motion: Motion | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the take."""
+        return self.take.name
+
+    @property
+    def trajectories(self) -> Trajectories:
+        """Labelled markers, the result of stage 1."""
+        return _present(self._trajectories, "labelled markers", "labels")
+
+    @property
+    def limbs(self) -> Limbs:
+        """Markers grouped into limbs, the result of stage 2."""
+        return _present(self._limbs, "limbs", "limbs")
+
+    @property
+    def topology(self) -> Topology:
+        """The tree of limbs with raw joints, the result of stage 3."""
+        return _present(self._topology, "joints", "joints")
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The rigid skeleton, a result of stage 4."""
+        return _present(self._skeleton, "skeleton", "skeleton")
+
+    @property
+    def motion(self) -> Motion:
+        """The skeleton's motion, a result of stage 4."""
+        return _present(self._motion, "motion", "skeleton")
+
+    def has(self, stage: str) -> bool:
+        """Whether the result of ``labels``, ``limbs``, ``joints`` or ``skeleton`` is there."""
+        return self._result(stage) is not None
+
+    def with_trajectories(self, trajectories: Trajectories, report: StageReport) -> Project:
+        """Return a project with the labels replaced and everything after them dropped."""
+        return replace(self._until("labels", report), _trajectories=trajectories)
+
+    def with_limbs(self, limbs: Limbs, report: StageReport) -> Project:
+        """Return a project with the limbs replaced and everything after them dropped."""
+        return replace(self._until("limbs", report), _limbs=limbs)
+
+    def with_topology(self, topology: Topology, report: StageReport) -> Project:
+        """Return a project with the joints replaced and everything after them dropped."""
+        return replace(self._until("joints", report), _topology=topology)
+
+    def with_skeleton(self, skeleton: Skeleton, motion: Motion, report: StageReport) -> Project:
+        """Return a project with skeleton and motion replaced."""
+        return replace(self._until("skeleton", report), _skeleton=skeleton, _motion=motion)
+
+    def _result(self, stage: str) -> object | None:
+        results = (self._trajectories, self._limbs, self._topology, self._motion)
+        return dict(zip(STAGES, results, strict=True))[stage]
+
+    def _until(self, stage: str, report: StageReport) -> Project:
+        for earlier in STAGES[: STAGES.index(stage)]:
+            if not self.has(earlier):
+                raise MissingResultError(f"the stage {stage!r} needs the result of {earlier!r}; run that first")
+        kept = {name: self.reports[name] for name in STAGES[: STAGES.index(stage)] if name in self.reports}
+        later = STAGES[STAGES.index(stage) :]
+        return replace(
+            self,
+            reports={**kept, stage: report},
+            _trajectories=None if "labels" in later else self._trajectories,
+            _limbs=None if "limbs" in later else self._limbs,
+            _topology=None if "joints" in later else self._topology,
+            _skeleton=None,
+            _motion=None,
+        )
+
+
+def _present(value: _T | None, what: str, stage: str) -> _T:
+    if value is None:
+        raise MissingResultError(f"this project has no {what} yet: run the stage {stage!r} first")
+    return value

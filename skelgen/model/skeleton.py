@@ -1,0 +1,212 @@
+"""The rigid skeleton and its motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.errors import InputError
+from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints
+from skelgen.model.topology import outward_order
+
+JOINT_KINDS = ("ball", "universal", "hinge", "rigid")
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint between a limb and its parent.
+
+    Attributes
+    ----------
+    parent, child : int
+        Limb indices.
+    position_in_parent, position_in_child : ndarray, shape (3,), mm
+        The joint in both limbs' frames. The child's frame has its origin here, so `position_in_child` is zero for a
+        skeleton made by this program.
+    kind : str
+        ``ball``, ``universal``, ``hinge`` or ``rigid``.
+    axis : ndarray, shape (3,), or None
+        Unit axis of a hinge in the parent's frame; None for other kinds.
+    std : ndarray, shape (3,), mm
+        Standard deviation of the position along the axes of the parent's frame. Along the axis of a hinge the position
+        is not determined and the deviation says so.
+    """
+
+    parent: int
+    child: int
+    position_in_parent: Floats
+    position_in_child: Floats
+    kind: str
+    axis: Floats | None
+    std: Floats
+
+    def __post_init__(self) -> None:
+        if self.kind not in JOINT_KINDS:
+            raise InputError(f"a joint of kind {self.kind!r}; kinds are {', '.join(JOINT_KINDS)}")
+        for name in ("position_in_parent", "position_in_child", "std"):
+            object.__setattr__(self, name, check_floats(getattr(self, name), (3,), f"a joint's {name}", finite=True))
+        if self.axis is not None:
+            object.__setattr__(self, "axis", check_floats(self.axis, (3,), "a joint's axis", finite=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """Rigid limbs, joined in a tree.
+
+    Each limb has a frame of its own, with the orientation of the world in the reference pose. Its origin is the joint
+    to the parent; a root's origin is the centroid of its markers.
+
+    Attributes
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parent limb of each limb, -1 for a root.
+    joints : tuple of Joint
+        From the roots outward, in the order of the topology's children.
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        Limb of each marker, -1 = left out.
+    marker_offsets : ndarray, shape (n_markers, 3), mm
+        Each marker in its limb's frame; NaN for markers that are left out.
+    marker_std : ndarray, shape (n_markers,), mm
+        Root mean square over frames and coordinates of each marker's deviation from its place on the limb.
+    reference_pose : ndarray, shape (n_limbs, 4, 4)
+        world_from_limb in the reference pose (rotations are the identity).
+    """
+
+    parents: Ints
+    joints: tuple[Joint, ...]
+    limb_of_marker: Ints
+    marker_offsets: Floats
+    marker_std: Floats
+    reference_pose: Floats
+
+    def __post_init__(self) -> None:
+        parents = check_ints(self.parents, (None,), "parents")
+        limb_of_marker = check_ints(self.limb_of_marker, (None,), "limb_of_marker")
+        n_markers = len(limb_of_marker)
+        object.__setattr__(self, "parents", parents)
+        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "limb_of_marker", limb_of_marker)
+        object.__setattr__(self, "marker_offsets", check_floats(self.marker_offsets, (n_markers, 3), "marker_offsets"))
+        object.__setattr__(self, "marker_std", check_floats(self.marker_std, (n_markers,), "marker_std"))
+        pose = check_floats(self.reference_pose, (len(parents), 4, 4), "reference_pose", finite=True)
+        object.__setattr__(self, "reference_pose", pose)
+        order = outward_order(parents)
+        children = order[(parents[order] >= 0)]
+        if [joint.child for joint in self.joints] != children.tolist():
+            raise InputError("joints must be listed from the root outward, one per child limb")
+
+    @property
+    def n_limbs(self) -> int:
+        """Number of limbs."""
+        return len(self.parents)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def roots(self) -> Ints:
+        """Limbs without a parent."""
+        return np.flatnonzero(self.parents < 0)
+
+    @property
+    def outward(self) -> Ints:
+        """Limbs from the roots outward, shape (n_limbs,)."""
+        return outward_order(self.parents)
+
+    @property
+    def lengths(self) -> dict[tuple[int, int], float]:
+        """Distances [mm] between each two joints of one limb: keys are pairs of joint indices."""
+        return {pair: float(np.linalg.norm(first - second)) for pair, first, second in self._joint_pairs()}
+
+    def markers_of(self, limb: int) -> Ints:
+        """Indices of the markers on one limb, rising."""
+        return np.flatnonzero(self.limb_of_marker == limb)
+
+    def joints_of(self, limb: int) -> list[tuple[int, Floats]]:
+        """Joints of one limb: index into `joints`, and position in the limb's frame [mm]."""
+        found = []
+        for index, joint in enumerate(self.joints):
+            if joint.parent == limb:
+                found.append((index, joint.position_in_parent))
+            elif joint.child == limb:
+                found.append((index, joint.position_in_child))
+        return found
+
+    def limb_of_length(self, pair: tuple[int, int]) -> int:
+        """The limb that a pair of joint indices from `lengths` shares."""
+        first, second = (self.joints[index] for index in pair)
+        shared = {first.parent, first.child} & {second.parent, second.child}
+        return shared.pop()
+
+    def _joint_pairs(self) -> list[tuple[tuple[int, int], Floats, Floats]]:
+        pairs: list[tuple[tuple[int, int], Floats, Floats]] = []
+        for limb in range(self.n_limbs):
+            joints = self.joints_of(limb)
+            for i, (first, at_first) in enumerate(joints):
+                pairs.extend(((first, second), at_first, at_second) for second, at_second in joints[i + 1 :])
+        return pairs
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The skeleton's pose in every frame, always complete: what could not be seen is interpolated and marked.
+
+    Attributes
+    ----------
+    world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
+        Pose of every limb's frame.
+    joint_positions : ndarray, shape (n_frames, n_joints, 3), mm
+        World positions, columns in the order of the skeleton's joints.
+    marker_positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Markers reconstructed from the skeleton; NaN for markers that are left out.
+    residuals : ndarray, shape (n_frames, n_markers), mm
+        Distance between measured and reconstructed position; NaN where unseen or left out.
+    limb_seen : ndarray of bool, shape (n_frames, n_limbs)
+        Whether the limb's rotation rests on markers seen in the frame; False where it is interpolated in time.
+    rate : float, Hz
+        Frame rate.
+    """
+
+    world_from_limb: Floats
+    joint_positions: Floats
+    marker_positions: Floats
+    residuals: Floats
+    limb_seen: Bools
+    rate: float
+
+    def __post_init__(self) -> None:
+        poses = check_floats(self.world_from_limb, (None, None, 4, 4), "world_from_limb", finite=True)
+        n_frames, n_limbs = poses.shape[:2]
+        object.__setattr__(self, "world_from_limb", poses)
+        joints = check_floats(self.joint_positions, (n_frames, None, 3), "joint_positions", finite=True)
+        object.__setattr__(self, "joint_positions", joints)
+        markers = check_floats(self.marker_positions, (n_frames, None, 3), "marker_positions")
+        object.__setattr__(self, "marker_positions", markers)
+        residuals = check_floats(self.residuals, (n_frames, markers.shape[1]), "residuals")
+        object.__setattr__(self, "residuals", residuals)
+        object.__setattr__(self, "limb_seen", check_bools(self.limb_seen, (n_frames, n_limbs), "limb_seen"))
+        object.__setattr__(self, "rate", float(self.rate))
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return int(self.world_from_limb.shape[0])
+
+    @property
+    def times(self) -> Floats:
+        """Time of each frame [s] from the first, shape (n_frames,)."""
+        return np.arange(self.n_frames) / self.rate
+
+    @property
+    def root_positions(self) -> Floats:
+        """World position of the first root's origin [mm], shape (n_frames, 3)."""
+        return self.world_from_limb[:, 0, :3, 3] if self.world_from_limb.shape[1] else np.zeros((self.n_frames, 3))
+
+    @property
+    def rotations(self) -> NDArray[np.float64]:
+        """Rotation matrices world from limb, shape (n_frames, n_limbs, 3, 3)."""
+        return self.world_from_limb[:, :, :3, :3]

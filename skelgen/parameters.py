@@ -1,0 +1,177 @@
+"""Parameters declared once: default, unit, bounds, help and the seed's name.
+
+A stage declares a frozen dataclass that derives from `StageParameters`, with one `declare` per field. The command
+line's options, ``config.xml``, the docs table and (later) the window's forms are generated from that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self, get_type_hints
+
+from skelgen.errors import ParameterError
+
+_KEY = "skelgen"
+
+
+@dataclasses.dataclass(frozen=True)
+class Declaration:
+    """One declared parameter.
+
+    Attributes
+    ----------
+    name : str
+        Attribute name in its stage's parameters, e.g. ``alpha``.
+    kind : type
+        ``int``, ``float``, ``str`` or ``bool``.
+    default : int, float, str or bool
+        Value when nobody says otherwise.
+    help : str
+        One sentence for the user.
+    unit : str
+        Unit of the value, empty for pure numbers.
+    low, high : float or None
+        Inclusive bounds of a number; None means no bound.
+    choices : tuple of str
+        Allowed values of a string; empty means any.
+    seed_name : str
+        Name in the seed's ``config.xml`` (tables 4.13-4.16), empty when the seed has none.
+    seed_codes : tuple of str
+        For a choice that the seed codes as an integer: the choice that each integer means.
+    """
+
+    name: str
+    kind: type
+    default: Any
+    help: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    seed_name: str = ""
+    seed_codes: tuple[str, ...] = ()
+
+    @property
+    def bounds(self) -> str:
+        """The allowed values as text, e.g. ``0 .. 1``."""
+        if self.choices:
+            return " | ".join(self.choices)
+        if self.low is None and self.high is None:
+            return ""
+        low = "-inf" if self.low is None else f"{self.low:g}"
+        high = "inf" if self.high is None else f"{self.high:g}"
+        return f"{low} .. {high}"
+
+    def check(self, value: Any, where: str = "") -> Any:
+        """Return `value` in the declared type, or raise.
+
+        Parameters
+        ----------
+        value : object
+            What the user gave: a value of the declared type, or its text.
+        where : str
+            Prefix for the error, e.g. ``config.xml:12``.
+
+        Raises
+        ------
+        ParameterError
+            If the value has the wrong type or lies outside the bounds.
+        """
+        prefix = f"{where}: " if where else ""
+        clean = self._converted(value, prefix)
+        if self.choices and clean not in self.choices:
+            raise ParameterError(f"{prefix}{self.name} is {clean!r}; it must be one of {', '.join(self.choices)}")
+        too_low = self.low is not None and clean < self.low
+        too_high = self.high is not None and clean > self.high
+        if too_low or too_high:
+            raise ParameterError(f"{prefix}{self.name} is {clean:g}; it must lie in {self.bounds} {self.unit}".rstrip())
+        return clean
+
+    def _converted(self, value: Any, prefix: str) -> Any:
+        wrong = ParameterError(f"{prefix}{self.name} is {value!r}; it must be a value of type {self.kind.__name__}")
+        if self.kind is bool:
+            truth = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
+            if isinstance(value, bool):
+                return value
+            if str(value).strip().lower() in truth:
+                return truth[str(value).strip().lower()]
+            raise wrong
+        if self.kind is str:
+            if not isinstance(value, str):
+                raise wrong
+            return value
+        if isinstance(value, bool):
+            raise wrong
+        try:
+            number = float(value)
+        except (TypeError, ValueError) as error:
+            raise wrong from error
+        if not math.isfinite(number) or (self.kind is int and number != int(number)):
+            raise wrong
+        return int(number) if self.kind is int else number
+
+
+def declare(
+    default: Any,
+    help: str,
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+    seed_name: str = "",
+    seed_codes: tuple[str, ...] = (),
+) -> Any:
+    """Declare one parameter as a dataclass field; the arguments are those of `Declaration`."""
+    facts = {"help": help, "unit": unit, "low": low, "high": high, "choices": choices}
+    facts |= {"seed_name": seed_name, "seed_codes": seed_codes}
+    return dataclasses.field(default=default, metadata={_KEY: facts})
+
+
+@dataclasses.dataclass(frozen=True)
+class StageParameters:
+    """Base of every stage's parameters: validates all fields on construction.
+
+    Attributes
+    ----------
+    stage : str
+        Name of the stage, also its command and the key in a project's parameters.
+    seed_section : str
+        Name of the element that groups these parameters in the seed's ``config.xml``.
+    """
+
+    stage: ClassVar[str] = ""
+    seed_section: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        for declaration in self.declarations():
+            object.__setattr__(self, declaration.name, declaration.check(getattr(self, declaration.name), self.stage))
+
+    @classmethod
+    def declarations(cls) -> tuple[Declaration, ...]:
+        """Return what is declared, in order."""
+        kinds = get_type_hints(cls)
+        return tuple(
+            Declaration(name=field.name, kind=kinds[field.name], default=field.default, **field.metadata[_KEY])
+            for field in dataclasses.fields(cls)
+        )
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any], where: str = "") -> Self:
+        """Build from names and values; unknown names are errors that list the known ones."""
+        known = {declaration.name: declaration for declaration in cls.declarations()}
+        for name in values:
+            if name not in known:
+                prefix = f"{where}: " if where else ""
+                raise ParameterError(f"{prefix}{cls.stage} has no parameter {name!r}; it has {', '.join(known)}")
+        return cls(**{name: known[name].check(value, where) for name, value in values.items()})
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some values changed."""
+        return dataclasses.replace(self, **changes)
+
+    def as_mapping(self) -> dict[str, Any]:
+        """Return names and values as a plain dict."""
+        return dataclasses.asdict(self)

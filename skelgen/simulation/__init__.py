@@ -1,0 +1,1 @@
+"""Articulated structures, motion, markers and occlusion with ground truth."""

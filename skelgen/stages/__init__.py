@@ -1,0 +1,1 @@
+"""The four stages: labels, limbs, joints, skeleton."""
