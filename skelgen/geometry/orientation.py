@@ -1,0 +1,85 @@
+"""Absolute orientation: the rigid motion that brings one set of points onto another, batched over frames.
+
+Two closed forms of the same least squares problem: the unit quaternion as the eigenvector of Horn's symmetric matrix N
+(Horn 1987; the seed's 3.7, with a symmetric eigensolver instead of the roots of a quartic), and the singular value
+decomposition (Umeyama 1991). Neither ever returns a reflection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
+from skelgen.model.arrays import Bools, Floats
+
+Rotator = Callable[[Floats], Floats]
+
+
+def rotation_by_quaternion(moments: Floats) -> Floats:
+    """Return the rotations R that maximise trace(R^T M), by Horn's quaternion.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (..., 3, 3)
+        M = sum of (target point) (source point)^T.
+    """
+    m = np.swapaxes(moments, -1, -2)
+    n = np.empty((*m.shape[:-2], 4, 4))
+    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    n[..., 0, 0] = trace
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        n[..., i + 1, i + 1] = 2 * m[..., i, i] - trace
+        n[..., 0, i + 1] = n[..., i + 1, 0] = m[..., j, k] - m[..., k, j]
+        n[..., i + 1, j + 1] = n[..., j + 1, i + 1] = m[..., i, j] + m[..., j, i]
+    _, vectors = np.linalg.eigh(n)
+    return matrix_from_quaternion(vectors[..., -1])
+
+
+def rotation_by_svd(moments: Floats) -> Floats:
+    """Return the rotations R that maximise trace(R^T M), by the singular value decomposition; see the twin above."""
+    u, _, vt = np.linalg.svd(moments)
+    sign = np.where(np.linalg.det(u) * np.linalg.det(vt) < 0, -1.0, 1.0)
+    u = u.copy()
+    u[..., :, 2] *= sign[..., np.newaxis]
+    return np.asarray(u @ vt)
+
+
+ROTATORS: dict[str, Rotator] = {"horn": rotation_by_quaternion, "umeyama": rotation_by_svd}
+"""The two closed forms by name."""
+
+
+def fit_transform(source: Floats, target: Floats, seen: Bools, rotator: Rotator = rotation_by_quaternion) -> Floats:
+    """Return the rigid transforms that best bring `source` onto `target` in the least squares sense.
+
+    Parameters
+    ----------
+    source : ndarray, shape (n_points, 3) or (..., n_points, 3), mm
+        Points in the frame of the body.
+    target : ndarray, shape (..., n_points, 3), mm
+        The same points in the world; unseen ones are ignored.
+    seen : ndarray of bool, shape (..., n_points)
+        Which points count. With fewer than three that are not on one line the rotation is one of many.
+    rotator : callable
+        `rotation_by_quaternion` or `rotation_by_svd`.
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        target_from_source; NaN where no point is seen.
+    """
+    weight = seen.astype(np.float64)[..., np.newaxis]
+    count = weight.sum(axis=-2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        filled = np.where(seen[..., np.newaxis], target, 0.0)
+        target_centre = filled.sum(axis=-2) / count
+        source_centre = (source * weight).sum(axis=-2) / count
+    inner = (source - source_centre[..., np.newaxis, :]) * weight
+    outer = (filled - target_centre[..., np.newaxis, :]) * weight
+    moments = np.where(np.isfinite(count)[..., np.newaxis], np.swapaxes(outer, -1, -2) @ inner, 0.0)
+    rotation = rotator(np.nan_to_num(moments))
+    translation = target_centre - np.einsum("...ij,...j->...i", rotation, source_centre)
+    transform = transform_from(rotation, translation)
+    transform[count[..., 0] == 0] = np.nan
+    return transform

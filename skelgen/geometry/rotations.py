@@ -1,0 +1,133 @@
+"""Rotations as matrices, unit quaternions (w x y z) and rotation vectors, batched over leading axes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.model.arrays import Bools, Floats, Ints
+
+SMALL_ANGLE = 1e-8
+"""Below this [rad] the series of sin(x)/x is exact to double precision with its first term."""
+
+
+def matrix_from_quaternion(quaternion_wxyz: Floats) -> Floats:
+    """Return rotation matrices, shape (..., 3, 3), from unit quaternions, shape (..., 4)."""
+    w, x, y, z = np.moveaxis(quaternion_wxyz, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quaternion_from_matrix(matrix: Floats) -> Floats:
+    """Return unit quaternions w x y z with w >= 0, shape (..., 4), from rotation matrices, shape (..., 3, 3).
+
+    The largest of the four candidates is computed first, so that nothing is divided by a small number (Shepperd 1978).
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    squares = np.stack([trace, m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]], axis=-1)
+    outer = np.empty((*m.shape[:-2], 4, 4))
+    outer[..., 0, 0] = 1 + trace
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        outer[..., i + 1, i + 1] = 1 + 2 * m[..., i, i] - trace
+        outer[..., 0, i + 1] = outer[..., i + 1, 0] = m[..., k, j] - m[..., j, k]
+        outer[..., i + 1, j + 1] = outer[..., j + 1, i + 1] = m[..., i, j] + m[..., j, i]
+    best = np.argmax(squares, axis=-1)[..., np.newaxis, np.newaxis]
+    chosen = np.take_along_axis(outer, best, axis=-2)[..., 0, :]
+    chosen = chosen / np.linalg.norm(chosen, axis=-1, keepdims=True)
+    return np.asarray(np.where(chosen[..., :1] < 0, -chosen, chosen))
+
+
+def matrix_from_vector(vector: Floats) -> Floats:
+    """Return rotation matrices, shape (..., 3, 3), from rotation vectors [rad], shape (..., 3) (Rodrigues)."""
+    angle = np.linalg.norm(vector, axis=-1)[..., np.newaxis, np.newaxis]
+    safe = np.maximum(angle, SMALL_ANGLE)
+    cross = cross_matrix(vector)
+    sine = np.where(angle > SMALL_ANGLE, np.sin(safe) / safe, 1.0)
+    half = np.where(angle > SMALL_ANGLE, 2 * (np.sin(safe / 2) / safe) ** 2, 0.5)
+    return np.asarray(np.eye(3) + sine * cross + half * (cross @ cross))
+
+
+def vector_from_matrix(matrix: Floats) -> Floats:
+    """Return rotation vectors [rad] with angles in 0 .. pi, shape (..., 3), from rotation matrices."""
+    quaternion = quaternion_from_matrix(matrix)
+    sine = np.linalg.norm(quaternion[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, quaternion[..., :1])
+    factor = np.where(sine > SMALL_ANGLE, angle / np.maximum(sine, SMALL_ANGLE), 2.0)
+    return np.asarray(quaternion[..., 1:] * factor)
+
+
+def cross_matrix(vector: Floats) -> Floats:
+    """Return the matrices [v]x with [v]x u = v x u, shape (..., 3, 3)."""
+    out = np.zeros((*vector.shape[:-1], 3, 3))
+    x, y, z = np.moveaxis(vector, -1, 0)
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
+    return out
+
+
+def transform_from(rotation: Floats, translation: Floats) -> Floats:
+    """Return homogeneous transforms, shape (..., 4, 4), from rotations (..., 3, 3) and translations (..., 3)."""
+    out = np.zeros((*rotation.shape[:-2], 4, 4))
+    out[..., :3, :3] = rotation
+    out[..., :3, 3] = translation
+    out[..., 3, 3] = 1.0
+    return out
+
+
+def nearest_rotation(matrix: Floats) -> Floats:
+    """Return the proper rotations nearest to some matrices in the Frobenius norm, shape (..., 3, 3)."""
+    u, _, vt = np.linalg.svd(matrix)
+    sign = np.sign(np.linalg.det(u @ vt))
+    u = u.copy()
+    u[..., :, 2] *= sign[..., np.newaxis]
+    return np.asarray(u @ vt)
+
+
+def fill_rotations(rotations: Floats, known: Bools) -> Floats:
+    """Interpolate rotations that are not known: slerp between known ones, hold before the first and after the last.
+
+    Parameters
+    ----------
+    rotations : ndarray, shape (n_frames, 3, 3)
+        Rotation matrices; entries that are not known are ignored.
+    known : ndarray of bool, shape (n_frames,)
+        Which are known; with none, all become the identity.
+    """
+    if known.all():
+        return rotations
+    if not known.any():
+        return np.tile(np.eye(3), (len(rotations), 1, 1))
+    before, after, part = gap_neighbours(known)
+    turn = vector_from_matrix(rotations[before].swapaxes(1, 2) @ rotations[after])
+    filled = rotations[before] @ matrix_from_vector(turn * part[:, np.newaxis])
+    return np.asarray(np.where(known[:, np.newaxis, np.newaxis], rotations, filled))
+
+
+def fill_vectors(vectors: Floats, known: Bools) -> Floats:
+    """Interpolate rows that are not known linearly, held at the ends; shape (n_frames, ...)."""
+    if known.all():
+        return vectors
+    if not known.any():
+        return np.zeros_like(vectors)
+    before, after, part = gap_neighbours(known)
+    weight = part.reshape(-1, *([1] * (vectors.ndim - 1)))
+    filled = (1 - weight) * vectors[before] + weight * vectors[after]
+    return np.asarray(np.where(known.reshape(weight.shape), vectors, filled))
+
+
+def gap_neighbours(known: Bools) -> tuple[Ints, Ints, Floats]:
+    """For each frame: the last known frame before or at it, the next one after or at it, and the part of the way.
+
+    At the ends both neighbours are the nearest known frame and the part is 0.
+    """
+    frames = np.arange(len(known))
+    indices = np.flatnonzero(known)
+    position = np.searchsorted(indices, frames, side="right")
+    before = indices[np.clip(position - 1, 0, len(indices) - 1)]
+    after = indices[np.clip(np.searchsorted(indices, frames, side="left"), 0, len(indices) - 1)]
+    span = np.maximum(after - before, 1)
+    return before, after, np.clip((frames - before) / span, 0.0, 1.0) * (after > before)

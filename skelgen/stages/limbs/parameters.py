@@ -1,0 +1,82 @@
+"""The declared parameters of the stage that finds limbs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from skelgen.parameters import StageParameters, declare
+
+
+@dataclass(frozen=True)
+class LimbParameters(StageParameters):
+    """How markers are grouped into limbs."""
+
+    stage: ClassVar[str] = "limbs"
+    seed_section: ClassVar[str] = "SpectralClustering"
+
+    method: str = declare(
+        "rigidity",
+        "rigidity merges groups that move as one rigid body; spectral is the seed's clustering; greedy its simple one",
+        choices=("rigidity", "spectral", "greedy"),
+    )
+    count: str = declare(
+        "rigidity",
+        "how the number of limbs is found for the methods spectral and greedy when the user does not give it",
+        choices=("rigidity", "eigengap", "rising"),
+    )
+    sampling: int = declare(
+        0,
+        "a distance is sampled every so many frames, with jitter; 0 spreads at most `samples` over the take",
+        unit="frames",
+        low=0,
+        high=1e6,
+        seed_name="SAMPLING",
+    )
+    samples: int = declare(600, "sampled frames when `sampling` is 0", unit="frames", low=3, high=1e6)
+    jitter: float = declare(0.5, "each sample is displaced by up to this part of a sampling interval", low=0, high=1)
+    motion_factor: float = declare(
+        2.0,
+        "two groups are separate limbs when describing their relative motion, of this many times its observed size, "
+        "costs less than the deviations it explains",
+        low=1.0,
+        high=20.0,
+    )
+    pair_limit: float = declare(
+        4.0,
+        "markers are not paired up when their distance varies more than this many times the take's noise",
+        low=1.0,
+        high=1000.0,
+    )
+    local_scaling: bool = declare(
+        True, "spectral: scale each marker by its M-th neighbour instead of one sigma", seed_name="LOCALSIGMA"
+    )
+    neighbour: int = declare(3, "spectral: neighbour that sets the local scale", low=1, high=100, seed_name="M")
+    sigma_squared: float = declare(
+        0.0,
+        "spectral: square of the global sigma; 0 scans for the best one",
+        unit="mm^2",
+        low=0.0,
+        seed_name="SIGMAQUAD",
+    )
+    measure: str = declare(
+        "deviation",
+        "spectral: cluster the standard deviation of distances, or their variance",
+        choices=("deviation", "variance"),
+    )
+    kmeans: str = declare(
+        "k-means++",
+        "spectral: k-means by Lloyd from k-means++ starts, or from random starts",
+        choices=("random", "k-means++"),
+        seed_name="ALG",
+        seed_codes=("random", "k-means++", "k-means++", "k-means++"),
+    )
+    zero: float = declare(
+        1e-12, "spectral: an affinity sum below this counts as zero", low=0.0, high=1.0, seed_name="SPECCLUEPS"
+    )
+    rigid_limit: float = declare(
+        0.0,
+        "rising count: limbs are added until no distance within one varies more; 0 takes 8 times the take's noise",
+        unit="mm",
+        low=0.0,
+    )

@@ -1,0 +1,95 @@
+"""Spectral clustering of markers (Ng, Jordan and Weiss 2002) with one sigma or local scaling (Zelnik-Manor 2004)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.limbs.parameters import LimbParameters
+
+SIGMA_QUANTILES = np.linspace(0.02, 0.6, 12)
+"""A scan tries the global sigma at these quantiles of all deviations: from within the limbs to between them."""
+
+KMEANS_STARTS = 10
+
+
+def spectral_clusters(deviation: Floats, k: int, parameters: LimbParameters, seed: int) -> Ints:
+    """Cluster markers by the eigenvectors of their normalised affinity.
+
+    Parameters
+    ----------
+    deviation : ndarray, shape (n_markers, n_markers), mm
+        Complete standard deviations of distances.
+    k : int
+        Number of clusters.
+    parameters : LimbParameters
+        Scaling, measure and k-means.
+    seed : int
+        Seed of k-means.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_markers,)
+        Cluster of each marker.
+    """
+    if k == 1:
+        return np.zeros(len(deviation), dtype=np.intp)
+    trials = [
+        _partition(embedding(affinity, k, parameters.zero), k, parameters, seed)
+        for affinity in affinities(deviation, parameters)
+    ]
+    return min(trials, key=lambda labels: _inner_deviation(deviation, labels))
+
+
+def affinities(deviation: Floats, parameters: LimbParameters) -> list[Floats]:
+    """Affinity matrices to try: one with local scaling or a given sigma, several for a scan (seed 3.4.2, step 1)."""
+    distance = deviation if parameters.measure == "deviation" else deviation**2
+    off = ~np.eye(len(distance), dtype=bool)
+    floor = np.finfo(np.float64).tiny ** 0.25
+    if parameters.local_scaling:
+        m = min(parameters.neighbour, len(distance) - 1)
+        scale = np.maximum(np.sort(distance, axis=1)[:, m], floor)
+        return [np.exp(-(distance**2) / (scale[:, np.newaxis] * scale)) * off]
+    if parameters.sigma_squared > 0:
+        scales = [parameters.sigma_squared]
+    else:
+        scales = [max(float(sigma), floor) ** 2 for sigma in np.quantile(distance[off], SIGMA_QUANTILES)]
+    return [np.exp(-(distance**2) / (2 * scale)) * off for scale in scales]
+
+
+def embedding(affinity: Floats, k: int, zero: float) -> Floats:
+    """Rows of the k leading eigenvectors of D^-1/2 W D^-1/2, normalised (seed 3.4.2, steps 2-4), shape (n, k)."""
+    _, vectors = spectrum(affinity, zero)
+    leading = vectors[:, -k:]
+    norms = np.linalg.norm(leading, axis=1, keepdims=True)
+    return np.asarray(leading / np.maximum(norms, np.finfo(np.float64).tiny))
+
+
+def spectrum(affinity: Floats, zero: float) -> tuple[Floats, Floats]:
+    """Eigenvalues (rising) and eigenvectors of the normalised affinity."""
+    degree = affinity.sum(axis=1)
+    root = np.where(degree > zero, 1 / np.sqrt(np.maximum(degree, np.finfo(np.float64).tiny)), 0.0)
+    values, vectors = np.linalg.eigh(root[:, np.newaxis] * affinity * root)
+    return values, vectors
+
+
+def greedy_clusters(deviation: Floats, k: int) -> Ints:
+    """Join the two markers with the smallest deviation again and again until k clusters are left (seed 5.3)."""
+    from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - heavy
+    from scipy.spatial.distance import squareform  # noqa: PLC0415 - heavy
+
+    tree = linkage(squareform(deviation, checks=False), method="single")
+    return np.asarray(fcluster(tree, k, criterion="maxclust") - 1, dtype=np.intp)
+
+
+def _partition(rows: Floats, k: int, parameters: LimbParameters, seed: int) -> Ints:
+    from sklearn.cluster import KMeans  # noqa: PLC0415 - its import costs seconds
+
+    kmeans = KMeans(n_clusters=k, init=parameters.kmeans, n_init=KMEANS_STARTS, random_state=seed)
+    return np.asarray(kmeans.fit_predict(rows), dtype=np.intp)
+
+
+def _inner_deviation(deviation: Floats, labels: Ints) -> float:
+    """Mean deviation within clusters: the smaller, the better the clustering (Kirk et al. 2005)."""
+    same = (labels[:, np.newaxis] == labels) & ~np.eye(len(labels), dtype=bool)
+    return float(deviation[same].mean()) if same.any() else np.inf
