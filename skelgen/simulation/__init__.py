@@ -1,1 +1,33 @@
 """Articulated structures, motion, markers and occlusion with ground truth."""
+
+from skelgen.simulation.articulated import LimbModel, Structure
+from skelgen.simulation.structures import (
+    STRUCTURE_NAMES,
+    find_structure,
+    human,
+    quadruped,
+    random_tree,
+    rods_chain,
+    seed_human,
+)
+from skelgen.simulation.take import SimulatedTake, SimulationParameters, simulate
+from skelgen.simulation.truth import TRUTH_SUFFIX, Truth, read_truth, write_truth
+
+__all__ = [
+    "STRUCTURE_NAMES",
+    "TRUTH_SUFFIX",
+    "LimbModel",
+    "SimulatedTake",
+    "SimulationParameters",
+    "Structure",
+    "Truth",
+    "find_structure",
+    "human",
+    "quadruped",
+    "random_tree",
+    "read_truth",
+    "rods_chain",
+    "seed_human",
+    "simulate",
+    "write_truth",
+]

@@ -1,0 +1,188 @@
+"""A simulated take: a structure moves, a tracker watches, and the truth is kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from skelgen.errors import ParameterError
+from skelgen.model import PointCloud, Trajectories
+from skelgen.model.arrays import Floats, Ints
+from skelgen.parameters import StageParameters, declare
+from skelgen.simulation.articulated import Structure
+from skelgen.simulation.cameras import CAMERAS_NEEDED, camera_ring, seen_by_cameras
+from skelgen.simulation.markers import carried_markers, dropouts, ghosts, shuffled_points, soft_tissue_motion
+from skelgen.simulation.motion import random_angles, random_walk, world_from_limbs
+from skelgen.simulation.structures import STRUCTURE_NAMES, find_structure
+from skelgen.simulation.truth import Truth
+
+_STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order")  # each has its own random numbers
+
+
+@dataclass(frozen=True)
+class SimulationParameters(StageParameters):
+    """What is simulated, and how badly it is seen."""
+
+    stage: ClassVar[str] = "simulate"
+
+    structure: str = declare("human", f"What moves: {', '.join(STRUCTURE_NAMES)}; human:4 has 4 markers on each limb.")
+    n_frames: int = declare(1000, "Length of the take.", unit="frames", low=1, high=1_000_000)
+    rate: float = declare(100.0, "Frame rate.", unit="Hz", low=1e-3, high=1e5)
+    noise: float = declare(0.0, "Standard deviation of each measured coordinate.", unit="mm", low=0.0, high=1000.0)
+    soft_tissue: float = declare(
+        0.0, "Standard deviation of each marker's slide on its limb, per coordinate.", unit="mm", low=0.0, high=1000.0
+    )
+    dropouts: float = declare(0.0, "Part of all marker positions that is lost, mostly in bursts.", low=0.0, high=0.95)
+    n_cameras: int = declare(0, "Cameras around the volume that limbs can block; 0 sees everything.", low=0, high=64)
+    ghosts: float = declare(0.0, "Mean number of false points per frame; needs labelled = false.", low=0.0, high=1000.0)
+    labelled: bool = declare(True, "Whether markers carry names; otherwise they are points in random order.")
+    motion_range: float = declare(1.0, "Factor on the amplitude of all joint angles.", low=0.0, high=3.0)
+    walk: float = declare(1000.0, "How far the root walks from the centre along x and y.", unit="mm", low=0.0, high=1e5)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedTake:
+    """A take and what is true of it.
+
+    Attributes
+    ----------
+    take : Trajectories or PointCloud
+        What the tracker delivers.
+    truth : Truth
+        What happened.
+    """
+
+    take: Trajectories | PointCloud
+    truth: Truth
+
+
+def simulate(
+    structure: Structure | str | None = None,
+    *,
+    seed: int = 0,
+    parameters: SimulationParameters | None = None,
+    **options: Any,
+) -> SimulatedTake:
+    """Simulate a take of a moving structure.
+
+    Parameters
+    ----------
+    structure : Structure or str, optional
+        What moves: a structure or its name; by default the one in `parameters`.
+    seed : int
+        Seed of the motion and of all faults. Each has random numbers of its own: more noise changes neither the motion
+        nor the dropouts.
+    parameters : SimulationParameters, optional
+        All options; the defaults if left out.
+    **options
+        Changes to `parameters`, by name: ``n_frames``, ``noise``, ``dropouts``, ...
+
+    Returns
+    -------
+    SimulatedTake
+        A `Trajectories`, or a `PointCloud` with ``labelled=False``, and its `Truth`.
+
+    Raises
+    ------
+    ParameterError
+        If an option is unknown or out of bounds.
+
+    Examples
+    --------
+    >>> simulated = simulate("rods", n_frames=50, noise=0.5)
+    >>> simulated.take.positions.shape
+    (50, 9, 3)
+    >>> simulated.truth.joint_names
+    ('middle rod - rear rod', 'middle rod - front rod')
+    """
+    settings = _settings(structure, parameters, options)
+    body = structure if isinstance(structure, Structure) else find_structure(settings.structure, seed)
+    scene = _moved(body, settings, seed)
+    return _delivered(scene, _observed(scene))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """A body in motion, before anybody looks at it."""
+
+    body: Structure
+    settings: SimulationParameters
+    streams: dict[str, np.random.Generator]
+    name: str
+    angles: list[Floats]
+    poses: Floats
+    rigid: Floats
+
+
+def _moved(body: Structure, settings: SimulationParameters, seed: int) -> _Scene:
+    streams = {name: np.random.default_rng([seed, index]) for index, name in enumerate(_STREAMS)}
+    n_frames, rate, rng = settings.n_frames, settings.rate, streams["motion"]
+    angles = random_angles(body, n_frames, rate, rng, settings.motion_range)
+    poses = world_from_limbs(body, angles, random_walk(body, n_frames, rate, rng, settings.walk))
+    name = f"{body.name.replace(':', '-')}-{seed}"
+    return _Scene(body, settings, streams, name, angles, poses, carried_markers(body, poses))
+
+
+def _settings(
+    structure: Structure | str | None, parameters: SimulationParameters | None, options: dict[str, Any]
+) -> SimulationParameters:
+    start = parameters or SimulationParameters()
+    name = {"structure": structure} if isinstance(structure, str) else {}
+    settings = SimulationParameters.from_mapping(start.as_mapping() | name | options)
+    if settings.labelled and settings.ghosts > 0:
+        raise ParameterError("ghosts have no label: they need labelled = false")
+    if 0 < settings.n_cameras < CAMERAS_NEEDED:
+        raise ParameterError(f"one camera sees no positions; n_cameras must be 0 or at least {CAMERAS_NEEDED}")
+    return settings
+
+
+def _observed(scene: _Scene) -> Floats:
+    settings, streams, positions = scene.settings, scene.streams, scene.rigid
+    if settings.soft_tissue > 0:
+        options: dict[str, Any] = {"rate": settings.rate, "deviation": settings.soft_tissue, "rng": streams["tissue"]}
+        positions = positions + soft_tissue_motion(scene.body, scene.poses, scene.angles, **options)
+    observed = positions + settings.noise * streams["noise"].normal(size=positions.shape)
+    if settings.n_cameras:
+        cameras = camera_ring(positions, settings.n_cameras)
+        observed[~seen_by_cameras(scene.body, scene.poses, positions, cameras)] = np.nan
+    if settings.dropouts > 0:
+        n_frames, n_markers = positions.shape[:2]
+        observed[dropouts(n_frames, n_markers, settings.dropouts, streams["dropouts"])] = np.nan
+    return observed
+
+
+def _delivered(scene: _Scene, observed: Floats) -> SimulatedTake:
+    settings = scene.settings
+    if settings.labelled:
+        take = Trajectories(observed, scene.body.marker_names, settings.rate, scene.name)
+        return SimulatedTake(take, _truth(scene, np.empty(0, dtype=np.intp)))
+    false_points = ghosts(scene.rigid, settings.ghosts, scene.streams["ghosts"])
+    points, starts, markers = shuffled_points(observed, *false_points, scene.streams["order"])
+    cloud = PointCloud(points, starts, np.arange(settings.n_frames) / settings.rate, name=scene.name)
+    return SimulatedTake(cloud, _truth(scene, markers))
+
+
+def _truth(scene: _Scene, marker_of_point: Ints) -> Truth:
+    body, poses, children = scene.body, scene.poses, scene.body.children
+    joints = [body.limbs[child] for child in children]
+    no_axis = np.full(3, np.nan)
+    axes = np.array([no_axis if limb.kind == "ball" else limb.axes[0] for limb in joints]).reshape(-1, 3, 1)
+    parent_turns = poses[:, body.parents[children], :3, :3]
+    return Truth(
+        marker_names=body.marker_names,
+        limb_names=body.limb_names,
+        limb_of_marker=body.limb_of_marker,
+        parents=body.parents,
+        joint_kinds=tuple(limb.kind for limb in joints),
+        joint_positions=poses[:, children][..., :3, 3],
+        joint_axes=(parent_turns @ axes)[..., 0],
+        positions_in_parent=np.array([limb.joint for limb in joints]).reshape(-1, 3),
+        positions_in_child=np.zeros((len(joints), 3)),
+        world_from_limb=poses,
+        marker_positions=scene.rigid,
+        marker_of_point=marker_of_point,
+        rate=scene.settings.rate,
+        name=scene.name,
+    )
