@@ -1,0 +1,65 @@
+"""Whether the parts of a project fit each other: one indexes the other, and a file can claim anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from skelgen.errors import InputError
+from skelgen.model import Limbs, Motion, PointCloud, Poses, Project, Skeleton, Topology, Trajectories
+
+
+def check_chain(project: Project) -> None:
+    """Raise `InputError` if a part is of the wrong kind, is missing, or does not fit the part it was computed from.
+
+    Parameters
+    ----------
+    project : Project
+        As it was read.
+    """
+    _check_kinds(project)
+    for what, have, want in _counts(project):
+        if have != want:
+            raise InputError(f"{what} is {have} where {want} belong")
+    if project.has("skeleton"):
+        _check_indices(project.skeleton)
+
+
+def _check_kinds(project: Project) -> None:
+    if not isinstance(project.take, PointCloud | Trajectories | Poses):
+        raise InputError("the take is not a take")
+    parts = (project._trajectories, project._limbs, project._topology, project._skeleton, project._motion)
+    kinds = (Trajectories, Limbs, Topology, Skeleton, Motion)
+    missing = ""
+    for part, kind in zip(parts, kinds, strict=True):
+        if part is None:
+            missing = kind.__name__
+        elif not isinstance(part, kind):
+            raise InputError(f"a {type(part).__name__} stands where a {kind.__name__} belongs")
+        elif missing:
+            raise InputError(f"there is a {kind.__name__} but no {missing}")
+    if missing == "Motion" and project._skeleton is not None:
+        raise InputError("there is a Skeleton but no Motion")
+
+
+def _counts(project: Project) -> Iterator[tuple[str, int, int]]:
+    if project.has("limbs"):
+        yield "the number of markers of the limbs", project.limbs.n_markers, project.trajectories.n_markers
+    if project.has("joints"):
+        raw = project.topology.raw_joint_positions
+        yield "the number of limbs of the tree", project.topology.n_limbs, project.limbs.n_limbs
+        yield "the number of frames of the raw joints", len(raw), project.trajectories.n_frames
+    if project.has("skeleton"):
+        skeleton, motion, trajectories = project.skeleton, project.motion, project.trajectories
+        yield "the number of limbs of the skeleton", skeleton.n_limbs, project.topology.n_limbs
+        yield "the number of markers of the skeleton", len(skeleton.limb_of_marker), trajectories.n_markers
+        yield "the number of frames of the motion", motion.n_frames, trajectories.n_frames
+        yield "the number of limbs of the motion", motion.world_from_limb.shape[1], skeleton.n_limbs
+        yield "the number of joints of the motion", motion.joint_positions.shape[1], skeleton.n_joints
+        yield "the number of markers of the motion", motion.marker_positions.shape[1], trajectories.n_markers
+
+
+def _check_indices(skeleton: Skeleton) -> None:
+    if ((skeleton.limb_of_marker < -1) | (skeleton.limb_of_marker >= skeleton.n_limbs)).any():
+        raise InputError("a marker of the skeleton sits on a limb that does not exist")
+    if any(joint.parent != skeleton.parents[joint.child] for joint in skeleton.joints):
+        raise InputError("a joint's parent is not the parent of its limb")

@@ -1,0 +1,125 @@
+"""Any file that the program reads or writes: the registered formats and the project file side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from skelgen_formats.registry import Format, find_format, known_formats, read_take, recognise, write_file
+
+from skelgen.app.store import SUFFIX, is_project_file, open_project, save_project
+from skelgen.errors import InputError, WriteError
+from skelgen.model import Project, Take
+
+PROJECT_FORMAT = "skelgen"
+"""Name of the project file among the formats."""
+
+
+def open_input(path: Path | str, format: str | None = None, seed: int | None = None, **options: Any) -> Project:
+    """Open what every stage starts from: a take in any format, or a project file with its results.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file; its format is found by content first and suffix second.
+    format : str, optional
+        Read as this format.
+    seed : int, optional
+        Seed of the project; by default that of the project file, or 0 for a take.
+    **options
+        What the format's reader can be told.
+
+    Returns
+    -------
+    Project
+        A bare one for a take.
+
+    Raises
+    ------
+    FormatError
+        If the file is not what its format demands.
+    """
+    if format == PROJECT_FORMAT or (format is None and is_project_file(path)):
+        if options:
+            raise InputError(f"{path}: a project file is read without options, not with {', '.join(options)}")
+        project = open_project(path)
+        return project if seed is None else replace(project, seed=seed)
+    return Project(read_take(path, format, **options), seed or 0)
+
+
+def write_any(value: Project | Take, path: Path | str, format: str | None = None, **options: Any) -> list[Path]:
+    """Write a project or a take in any format, the project file included; see `skelgen.write`."""
+    if format == PROJECT_FORMAT or (format is None and Path(path).suffix.lower() == SUFFIX):
+        if options:
+            raise WriteError(f"{path}: a project file is written without options, not with {', '.join(options)}")
+        return [save_project(value if isinstance(value, Project) else Project(value), path)]
+    return write_file(value, path, format, **options)
+
+
+def convert_file(
+    source: Path, target: Path, from_format: str | None, to_format: str | None, options: Mapping[str, Any]
+) -> tuple[tuple[str, ...], list[Path]]:
+    """Read one file and write another.
+
+    Parameters
+    ----------
+    source, target : Path
+        The files.
+    from_format, to_format : str or None
+        Names of the formats; None recognises them.
+    options : mapping of str to value
+        For the reader what its format knows, for the writer all else; what that does not know is an error.
+
+    Returns
+    -------
+    notices : tuple of str
+        What the reader did that the user should know.
+    files : list of Path
+        The files written.
+    """
+    known = _option_names(from_format or name_of_format(source))
+    project = open_input(source, from_format, **{name: value for name, value in options.items() if name in known})
+    remaining = {name: value for name, value in options.items() if name not in known}
+    value = project if project.has("labels") else project.take
+    return project.take.notices, write_any(value, target, to_format, **remaining)
+
+
+def name_of_format(path: Path) -> str:
+    """Return the name of the format in which a file is read."""
+    return PROJECT_FORMAT if is_project_file(path) else recognise(path).name
+
+
+def format_rows() -> list[dict[str, Any]]:
+    """Return one row per format: name, title, suffixes, what it holds, read, written, options, note."""
+    project_file = {
+        "name": PROJECT_FORMAT,
+        "title": "skelgen project",
+        "suffixes": SUFFIX,
+        "holds": "everything",
+        "read": "yes",
+        "written": "yes",
+        "options": "",
+        "note": "Take and results of all stages, exactly; every stage resumes from it.",
+    }
+    return [*(_format_row(entry) for entry in known_formats()), project_file]
+
+
+def _format_row(entry: Format) -> dict[str, Any]:
+    return {
+        "name": entry.name,
+        "title": entry.title,
+        "suffixes": " ".join(entry.suffixes),
+        "holds": entry.holds,
+        "read": "yes" if entry.read else "no",
+        "written": "yes" if entry.write else "no",
+        "options": ", ".join(option.name for option in entry.options),
+        "note": entry.note,
+    }
+
+
+def _option_names(format_name: str) -> set[str]:
+    if format_name == PROJECT_FORMAT:
+        return set()
+    return {option.name for option in find_format(format_name).options}

@@ -1,0 +1,122 @@
+"""What may enter the stages: checks of a take, and bodies with orientation turned into markers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model import Limbs, PointCloud, Poses, Take, Trajectories
+from skelgen.model.arrays import Floats
+
+MIN_FRAMES = 3
+"""Fewer frames hold no motion from which a joint could be found."""
+
+MIN_MARKERS = 2
+"""A single marker has no distance that could be constant."""
+
+STILL_RANGE = 1e-6
+"""Range of motion [mm] below which nothing moves: a nanometre is finer than any tracker and any file resolves."""
+
+AXIS_LENGTH = 100.0
+"""Distance [mm] of a body's axis markers from its origin: the size of a limb, so that all errors weigh alike."""
+
+_BODY_POINTS = np.vstack([np.zeros(3), AXIS_LENGTH * np.eye(3)])
+_BODY_POINT_NAMES = ("o", "x", "y", "z")
+
+
+def check_take(take: Take) -> None:
+    """Raise `InputError`, naming the take, if no stage could ever work on it.
+
+    Parameters
+    ----------
+    take : PointCloud, Trajectories or Poses
+        What was read.
+    """
+    _check_n_frames(take)
+    if isinstance(take, PointCloud):
+        if take.n_points == 0:
+            raise InputError(f"{_name(take)}: no marker is seen in any frame; check the recording")
+    elif isinstance(take, Trajectories):
+        check_trajectories(take)
+    elif np.isnan(take.world_from_body[:, :, 0, 0]).all():
+        raise InputError(f"{_name(take)}: no body is seen in any frame; check the recording")
+
+
+def check_trajectories(trajectories: Trajectories) -> None:
+    """Raise `InputError`, naming the take, if no limbs can be found in labelled markers.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Needs 3 frames, 2 markers that are seen, and some motion.
+    """
+    name = _name(trajectories)
+    _check_n_frames(trajectories)
+    n_seen = int(trajectories.seen.any(axis=0).sum())
+    if n_seen == 0:
+        raise InputError(f"{name}: no marker is seen in any frame; check the recording")
+    if n_seen < MIN_MARKERS:
+        raise InputError(f"{name}: only 1 marker is seen; limbs need at least {MIN_MARKERS}")
+    if _range_of_motion(trajectories.positions) <= STILL_RANGE:
+        raise InputError(f"{name}: nothing moves; limbs and joints show only in motion")
+
+
+def trajectories_from_poses(poses: Poses) -> Trajectories:
+    """Put four virtual markers on every body: its origin and the tips of its axes.
+
+    Parameters
+    ----------
+    poses : Poses
+        Bodies with orientation.
+
+    Returns
+    -------
+    Trajectories
+        Markers ``body:o``, ``body:x``, ``body:y`` and ``body:z`` for every body, the tips `AXIS_LENGTH` [mm] away.
+    """
+    rotations, origins = poses.world_from_body[..., :3, :3], poses.world_from_body[..., :3, 3]
+    points = np.einsum("fbij,kj->fbki", rotations, _BODY_POINTS) + origins[:, :, np.newaxis]
+    names = tuple(f"{body}:{point}" for body in poses.names for point in _BODY_POINT_NAMES)
+    return Trajectories(points.reshape(poses.n_frames, len(names), 3), names, poses.rate, poses.name, poses.notices)
+
+
+def limbs_from_poses(poses: Poses, trajectories: Trajectories) -> Limbs:
+    """Make every body one limb.
+
+    Parameters
+    ----------
+    poses : Poses
+        Bodies with orientation.
+    trajectories : Trajectories
+        Their virtual markers, from `trajectories_from_poses`.
+    """
+    limb_of_marker = np.repeat(np.arange(poses.n_bodies), len(_BODY_POINTS))
+    return Limbs(limb_of_marker, _distance_deviation(trajectories.positions))
+
+
+def _distance_deviation(positions: Floats) -> Floats:
+    """Standard deviation [mm] of every distance, shape (n_markers, n_markers); row by row, which bounds the memory."""
+    rows = []
+    for marker in range(positions.shape[1]):
+        distances = np.linalg.norm(positions - positions[:, marker : marker + 1], axis=2)
+        seen = ~np.isnan(distances)
+        count = np.where(seen.any(axis=0), seen.sum(axis=0), np.nan)
+        mean = np.where(seen, distances, 0.0).sum(axis=0) / count
+        rows.append(np.sqrt((np.where(seen, distances - mean, 0.0) ** 2).sum(axis=0) / count))
+    return np.array(rows)
+
+
+def _check_n_frames(take: Take) -> None:
+    if take.n_frames < MIN_FRAMES:
+        raise InputError(f"{_name(take)}: {take.n_frames} frames where at least {MIN_FRAMES} are needed")
+
+
+def _range_of_motion(positions: Floats) -> float:
+    unseen = np.isnan(positions)
+    highest = np.where(unseen, -np.inf, positions).max(axis=0)
+    lowest = np.where(unseen, np.inf, positions).min(axis=0)
+    return float((highest - lowest).max())
+
+
+def _name(take: Take) -> str:
+    return take.name or "the take"

@@ -1,0 +1,157 @@
+"""The files of a run: every result that is there, in a format that other programs open, all at once or none."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from skelgen_formats.registry import write_file
+
+from skelgen.app.store import SUFFIX, save_project
+from skelgen.errors import WriteError
+from skelgen.model import Project, Trajectories
+from skelgen.progress import SILENT, Monitor
+
+
+@dataclass(frozen=True)
+class Output:
+    """One file of a run.
+
+    Attributes
+    ----------
+    suffix : str
+        What follows the stem.
+    needs : str
+        Stage whose result it shows; empty where a take suffices.
+    write : callable (project, path) -> object
+        Writes it.
+    """
+
+    suffix: str
+    needs: str
+    write: Callable[[Project, Path], object]
+
+
+def write_outputs(
+    project: Project, folder: Path | str, stem: str, *, result_name: str = "", monitor: Monitor = SILENT
+) -> list[Path]:
+    """Write every file that the project's results allow.
+
+    The files are completed in a temporary folder and then moved into place, so that an error or an interruption
+    leaves what was there before.
+
+    Parameters
+    ----------
+    project : Project
+        With the results of some stages.
+    folder : Path or str
+        Where the files go; created if absent.
+    stem : str
+        Beginning of all names.
+    result_name : str
+        Name of the XML file with all results; ``<stem>.xml`` if empty.
+    monitor : Monitor
+        Told of progress and of formats that cannot hold this project.
+
+    Returns
+    -------
+    list of Path
+        The files, sorted by name.
+
+    Raises
+    ------
+    WriteError
+        If the folder cannot be written.
+    """
+    monitor.begin("writing")
+    due = [output for output in OUTPUTS if not output.needs or project.has(output.needs)]
+    with _arriving_together(Path(folder)) as temporary:
+        for index, output in enumerate(due):
+            name = result_name if result_name and output.suffix == ".xml" else stem + output.suffix
+            _write_if_possible(output, project, temporary / name, monitor)
+            monitor.advance(index + 1, len(due))
+        names = sorted(file.name for file in temporary.iterdir())
+    return [Path(folder) / name for name in names]
+
+
+def stem_of(path: Path | str) -> str:
+    """Return the beginning of the output names for an input: its name without the suffix."""
+    name = Path(path).name
+    return name[: -len(SUFFIX)] if name.lower().endswith(SUFFIX) else Path(path).stem
+
+
+def _write_limbs(project: Project, path: Path) -> None:
+    limb_of_marker = project.limbs.limb_of_marker.tolist()
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(("marker", "limb"))
+        rows.writerows(zip(project.trajectories.names, limb_of_marker, strict=True))
+
+
+def _write_raw_joints(project: Project, path: Path) -> None:
+    topology, trajectories = project.topology, project.trajectories
+    names = tuple(f"joint_{parent}_{child}" for parent, child in topology.edges.tolist())
+    write_file(Trajectories(topology.raw_joint_positions, names, trajectories.rate, trajectories.name), path)
+
+
+def _write_report(project: Project, path: Path) -> None:
+    from skelgen.app.report import write_report  # noqa: PLC0415 - plotting takes a second to load
+
+    write_report(project, path)
+
+
+OUTPUTS = (
+    Output(SUFFIX, "", save_project),
+    Output(".labels.c3d", "labels", lambda project, path: write_file(project.trajectories, path)),
+    Output(".limbs.csv", "limbs", _write_limbs),
+    Output(".raw-joints.c3d", "joints", _write_raw_joints),
+    Output(".xml", "skeleton", write_file),
+    Output(".xsf", "skeleton", write_file),
+    Output(".joints.csv", "skeleton", write_file),
+    Output(".json", "skeleton", write_file),
+    Output(".html", "labels", _write_report),
+)
+"""All files of a run, in the order in which they are written."""
+
+
+def _write_if_possible(output: Output, project: Project, path: Path, monitor: Monitor) -> None:
+    try:
+        output.write(project, path)
+    except WriteError as error:
+        if isinstance(error.__cause__, OSError):  # no rights, disk full: that is for the user to mend
+            raise
+        monitor.notice(f"{path.name} is not written: {error}")
+
+
+@contextlib.contextmanager
+def _arriving_together(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder whose files replace those in `folder` when the block ends well."""
+    created = _create(folder)
+    arrived = False
+    try:
+        with tempfile.TemporaryDirectory(prefix=".skelgen-", dir=folder) as name:
+            yield Path(name)
+            for file in sorted(Path(name).iterdir()):
+                file.replace(folder / file.name)
+            arrived = True
+    except OSError as error:
+        raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    finally:
+        if not arrived:
+            for made in created:
+                with contextlib.suppress(OSError):  # somebody else put something there: then it stays
+                    made.rmdir()
+
+
+def _create(folder: Path) -> list[Path]:
+    """Create a folder with its parents and return what was created, the innermost first."""
+    missing = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WriteError(f"{folder}: cannot be created: {error.strerror or error}") from error
+    return missing

@@ -1,0 +1,90 @@
+"""Values as plain JSON data plus named arrays, and back: what the project file is made of.
+
+A dataclass becomes ``{"type": name, "fields": {...}}``, an array ``{"array": member}``, a mapping
+``{"mapping": {...}}``; tuples become lists.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.model import Joint, Limbs, Motion, PointCloud, Poses, Skeleton, Topology, Trajectories
+
+_VALUES: dict[str, type] = {
+    cls.__name__: cls for cls in (PointCloud, Trajectories, Poses, Limbs, Topology, Skeleton, Joint, Motion)
+}
+
+
+def packed(value: Any, member: str, arrays: dict[str, NDArray[Any]]) -> Any:
+    """Return `value` as JSON data and put its arrays into `arrays`.
+
+    Parameters
+    ----------
+    value : object
+        A value of `skelgen.model`, an array, a mapping, a tuple, a text, a number or None.
+    member : str
+        Name under which arrays of this value are stored, e.g. ``limbs``.
+    arrays : dict of str to ndarray
+        Receives the arrays by name.
+    """
+    if isinstance(value, np.ndarray):
+        arrays[member] = value
+        return {"array": member}
+    if isinstance(value, Mapping):
+        return {"mapping": {key: packed(item, f"{member}/{key}", arrays) for key, item in value.items()}}
+    if isinstance(value, tuple | list):
+        return [packed(item, f"{member}/{index}", arrays) for index, item in enumerate(value)]
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+        fields = {name: packed(getattr(value, name), f"{member}/{name}", arrays) for name in names}
+        return {"type": type(value).__name__, "fields": fields}
+    return value
+
+
+def unpacked(data: Any, array: Callable[[str], NDArray[Any]]) -> Any:
+    """Return the value that `packed` made `data` from.
+
+    Parameters
+    ----------
+    data : object
+        JSON data.
+    array : callable (member) -> ndarray
+        Delivers an array by its name.
+
+    Raises
+    ------
+    ValueError
+        If `data` is not what `packed` returns.
+    InputError
+        If a value refuses its fields.
+    """
+    if isinstance(data, list):
+        return tuple(unpacked(item, array) for item in data)
+    if not isinstance(data, dict):
+        return data
+    if set(data) == {"array"} and isinstance(data["array"], str):
+        return array(data["array"])
+    if set(data) == {"mapping"} and isinstance(data["mapping"], dict):
+        return {key: unpacked(item, array) for key, item in data["mapping"].items()}
+    if set(data) == {"type", "fields"} and isinstance(data["fields"], dict):
+        return _value(data["type"], {key: unpacked(item, array) for key, item in data["fields"].items()})
+    raise ValueError(f"an object with the keys {', '.join(sorted(data)) or 'none'} means nothing here")
+
+
+def _value(type_name: Any, fields: dict[str, Any]) -> Any:
+    if type_name not in _VALUES:
+        raise ValueError(f"there is no value of type {type_name!r}")
+    cls = _VALUES[type_name]
+    wanted = {field.name for field in dataclasses.fields(cls)}
+    if set(fields) != wanted:
+        odd = ", ".join(sorted(wanted ^ set(fields)))
+        raise ValueError(f"the fields of a {type_name} do not fit: {odd}")
+    try:
+        return cls(**fields)
+    except (TypeError, AttributeError, IndexError) as error:
+        raise ValueError(f"a field of a {type_name} has the wrong type: {error}") from error

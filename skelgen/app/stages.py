@@ -1,0 +1,180 @@
+"""The four stages as the application sees them: the ordered list `PIPELINE` is the pipeline.
+
+A stage's module is imported when it first runs or is first asked for its parameters: scipy, scikit-learn and numba
+take seconds to load, and ``skelgen --help`` needs none of them.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from skelgen.app.inputs import check_trajectories, limbs_from_poses, trajectories_from_poses
+from skelgen.errors import InputError
+from skelgen.model import PointCloud, Poses, Project, Trajectories
+from skelgen.parameters import StageParameters
+from skelgen.progress import Monitor
+
+Results = tuple[Any, ...]
+"""What a stage adds to a project, as its ``with_...`` method takes it."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user knows or wants beside the parameters.
+
+    Attributes
+    ----------
+    n_markers, n_limbs : int or None
+        Known numbers; None lets the stages find them.
+    n_jobs : int
+        Processes for work that can be shared.
+    """
+
+    n_markers: int | None = None
+    n_limbs: int | None = None
+    n_jobs: int = 1
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage.
+
+    Attributes
+    ----------
+    name : str
+        Key in a project's reports and in the parameters.
+    command : str
+        Name on the command line.
+    summary : str
+        One sentence.
+    module, class_name : str
+        Where the parameters are declared.
+    given : callable (project) -> bool
+        Whether the take already holds this stage's result.
+    compute : callable (project, parameters, wishes, monitor) -> Results
+        The work; `parameters` is None where the result is given.
+    attach : callable (project, *results, report) -> Project
+        Puts the results into the project.
+    """
+
+    name: str
+    command: str
+    summary: str
+    module: str
+    class_name: str
+    given: Callable[[Project], bool]
+    compute: Callable[[Project, Any, Wishes, Monitor], Results]
+    attach: Callable[..., Project]
+
+    def parameters_class(self) -> type[StageParameters]:
+        """Return the class that declares the parameters; loads the stage's module."""
+        declared: type[StageParameters] = getattr(importlib.import_module(self.module), self.class_name)
+        return declared
+
+
+def stage_names() -> tuple[str, ...]:
+    """Return the names of all stages in their order."""
+    return tuple(stage.name for stage in PIPELINE)
+
+
+def find_stage(name: str) -> Stage:
+    """Return the stage called `name`, or raise `InputError` that lists the names."""
+    for stage in PIPELINE:
+        if stage.name == name:
+            return stage
+    raise InputError(f"there is no stage {name!r}; stages are {', '.join(stage_names())}")
+
+
+def _label(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
+    take = project.take
+    if isinstance(take, PointCloud):
+        from skelgen.stages.labels import label_markers  # noqa: PLC0415 - see the module's docstring
+
+        return (label_markers(take, parameters, n_markers=wishes.n_markers, seed=project.seed, monitor=monitor),)
+    if isinstance(take, Poses):
+        monitor.notice(
+            "the take holds bodies with orientation: each becomes four virtual markers (its origin and the tips of "
+            "its axes), named body:o, body:x, body:y and body:z"
+        )
+        return (trajectories_from_poses(take),)
+    monitor.notice("the markers are labelled already: this stage is skipped")
+    return (take,)
+
+
+def _cluster(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
+    if isinstance(project.take, Poses):
+        if wishes.n_limbs not in (None, project.take.n_bodies):
+            raise InputError(
+                f"{project.name}: the take holds {project.take.n_bodies} bodies, each of which is a limb; "
+                f"{wishes.n_limbs} limbs cannot be made of them"
+            )
+        monitor.notice("each body of the take is a limb: this stage is skipped")
+        return (limbs_from_poses(project.take, project.trajectories),)
+    check_trajectories(project.trajectories)
+    from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - see the module's docstring
+
+    limbs = find_limbs(project.trajectories, parameters, n_limbs=wishes.n_limbs, seed=project.seed, monitor=monitor)
+    return (limbs,)
+
+
+def _join(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
+    from skelgen.stages.joints import find_joints  # noqa: PLC0415 - see the module's docstring
+
+    topology = find_joints(
+        project.trajectories, project.limbs, parameters, seed=project.seed, n_jobs=wishes.n_jobs, monitor=monitor
+    )
+    return (topology,)
+
+
+def _fit(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
+    from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
+
+    return fit_skeleton(project.trajectories, project.limbs, project.topology, parameters, monitor=monitor)
+
+
+PIPELINE = (
+    Stage(
+        name="labels",
+        command="label",
+        summary="Follow unlabelled points over time and tell which belong to the same marker.",
+        module="skelgen.stages.labels",
+        class_name="LabelParameters",
+        given=lambda project: isinstance(project.take, Trajectories | Poses),
+        compute=_label,
+        attach=Project.with_trajectories,
+    ),
+    Stage(
+        name="limbs",
+        command="cluster",
+        summary="Group the markers whose distances stay constant into rigid limbs.",
+        module="skelgen.stages.limbs",
+        class_name="LimbParameters",
+        given=lambda project: isinstance(project.take, Poses),
+        compute=_cluster,
+        attach=Project.with_limbs,
+    ),
+    Stage(
+        name="joints",
+        command="joints",
+        summary="Find the joints between limbs and the tree that they form.",
+        module="skelgen.stages.joints",
+        class_name="JointParameters",
+        given=lambda project: False,
+        compute=_join,
+        attach=Project.with_topology,
+    ),
+    Stage(
+        name="skeleton",
+        command="fit",
+        summary="Fit a skeleton of rigid limbs and its motion to every frame.",
+        module="skelgen.stages.skeleton",
+        class_name="SkeletonParameters",
+        given=lambda project: False,
+        compute=_fit,
+        attach=Project.with_skeleton,
+    ),
+)
+"""The stages in the order in which they run."""

@@ -1,0 +1,250 @@
+"""The project file ``.skelgen``: one zip archive with the structure as JSON and every array as a ``.npy`` member.
+
+Members are stored without compression: marker positions hardly shrink, the bytes depend on no compressor's version,
+and a file that declares more than it holds is known at once. ``docs/project-file.md`` describes the file.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import platform
+import struct
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+from skelgen_formats.atomic import replacing
+
+import skelgen
+from skelgen.app.consistency import check_chain
+from skelgen.app.packing import packed, unpacked
+from skelgen.errors import FormatError, InputError
+from skelgen.model import Project, StageReport
+
+SUFFIX = ".skelgen"
+VERSION = 1
+"""Version of the file's layout that is written; older ones are read, newer ones refused."""
+
+_STRUCTURE = "project.json"
+_RUN = "run.json"  # times and versions: all that may differ between two runs of the same input and seed
+_ARRAYS = "arrays/"
+_FORMAT = "skelgen project"
+_MAGIC = b"PK\x03\x04"
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold: the same bytes at any time of day
+_FILE_RIGHTS = 0o644 << 16  # what unzip gives the members; fixed, because the default depends on the platform
+_DTYPES = {"<f8", "<i8", "|b1"}
+_RESULTS = ("trajectories", "limbs", "topology", "skeleton", "motion")
+# what zipfile raises on damaged archives: absurd offsets, encrypted or unsupported members, odd names
+_DAMAGES = (zipfile.BadZipFile, ValueError, OSError, EOFError, KeyError, struct.error, RuntimeError, OverflowError)
+
+
+def save_project(project: Project, path: Path | str) -> Path:
+    """Write a project file, whole or not at all.
+
+    Parameters
+    ----------
+    project : Project
+        With or without results.
+    path : Path or str
+        Usually ends in ``.skelgen``.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    WriteError
+        If it cannot be written.
+
+    Examples
+    --------
+    >>> save_project(project, "walk.skelgen")  # doctest: +SKIP
+    """
+    path = Path(path)
+    arrays: dict[str, NDArray[Any]] = {}
+    members = {_STRUCTURE: _as_json(_structure(project, arrays)), _RUN: _as_json(_run_facts(project))}
+    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
+        for name in sorted(arrays):
+            _store(archive, f"{_ARRAYS}{name}.npy", _as_npy(arrays[name]))
+        for name, content in sorted(members.items()):
+            _store(archive, name, content)
+    return path
+
+
+def open_project(path: Path | str) -> Project:
+    """Read a project file.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file.
+
+    Raises
+    ------
+    FormatError
+        If it cannot be opened, is damaged, incomplete, or written by a newer version; the error names the member.
+    """
+    path = Path(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            reader = _Reader(path, archive)
+            return reader.project()
+    except FileNotFoundError as error:
+        raise FormatError(path, "", "there is no such file") from error
+    except zipfile.BadZipFile as error:
+        raise FormatError(path, "", f"not a project file, or cut off: {error}") from error
+    except _DAMAGES as error:
+        raise FormatError(path, "", f"cannot be read: {error}") from error
+
+
+def is_project_file(path: Path | str) -> bool:
+    """Tell whether a file is meant to be a project, by content first and suffix second."""
+    path = Path(path)
+    if path.suffix.lower() == SUFFIX:
+        return True
+    try:
+        with path.open("rb") as stream:
+            return stream.read(len(_MAGIC)) == _MAGIC
+    except OSError:
+        return False
+
+
+def find_result(path: Path | str) -> Path:
+    """Return a project file, or the only one in a folder.
+
+    Raises
+    ------
+    FormatError
+        If the folder holds none or several.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return path
+    found = sorted(path.glob(f"*{SUFFIX}"))
+    if len(found) != 1:
+        names = ", ".join(file.name for file in found) or "none"
+        raise FormatError(path, "", f"the folder must hold one {SUFFIX} file; it holds {names}: name the file")
+    return found[0]
+
+
+class _Reader:
+    """Members of one archive, with every error naming its member."""
+
+    def __init__(self, path: Path, archive: zipfile.ZipFile) -> None:
+        self._path = path
+        self._archive = archive
+        declared = sum(info.file_size for info in archive.infolist())
+        size = path.stat().st_size
+        if declared > size:
+            raise FormatError(path, "", f"the members declare {declared} bytes, the file holds only {size}")
+
+    def project(self) -> Project:
+        structure = self._json(_STRUCTURE)
+        if structure.get("format") != _FORMAT:
+            raise FormatError(self._path, _STRUCTURE, "not a skelgen project")
+        version = structure.get("version")
+        if not isinstance(version, int) or version > VERSION:
+            what = f"version {version!r}; this skelgen reads versions up to {VERSION}: update skelgen"
+            raise FormatError(self._path, _STRUCTURE, what)
+        try:
+            return self._assembled(structure, self._json(_RUN))
+        except (KeyError, TypeError, AttributeError, ValueError, RecursionError, InputError) as error:
+            raise FormatError(self._path, _STRUCTURE, f"damaged: {error}") from error
+
+    def _assembled(self, structure: Mapping[str, Any], run: Mapping[str, Any]) -> Project:
+        take = unpacked(structure["take"], self._array)
+        results = {name: unpacked(structure[name], self._array) for name in _RESULTS if structure[name] is not None}
+        if structure["labelled"]:
+            results["trajectories"] = take
+        seconds = run["seconds"]
+        reports = {
+            name: StageReport(dict(facts["parameters"]), float(seconds[name]), tuple(facts["notices"]))
+            for name, facts in structure["reports"].items()
+        }
+        chain = {f"_{name}": value for name, value in results.items()}
+        project = Project(take, int(structure["seed"]), reports, **chain)
+        check_chain(project)
+        return project
+
+    def _json(self, member: str) -> dict[str, Any]:
+        try:
+            data = json.loads(self._bytes(member))
+        except (ValueError, RecursionError) as error:
+            raise FormatError(self._path, member, f"not valid JSON: {error}") from error
+        if not isinstance(data, dict):
+            raise FormatError(self._path, member, "must hold a JSON object")
+        return data
+
+    def _array(self, name: str) -> NDArray[Any]:
+        member = f"{_ARRAYS}{name}.npy"
+        try:
+            return _from_npy(self._bytes(member))
+        except (ValueError, SyntaxError, TypeError) as error:
+            raise FormatError(self._path, member, f"not a valid array: {error}") from error
+
+    def _bytes(self, member: str) -> bytes:
+        try:
+            info = self._archive.getinfo(member)
+        except KeyError as error:
+            raise FormatError(self._path, member, "this part of the project file is missing") from error
+        if info.compress_type != zipfile.ZIP_STORED:
+            raise FormatError(self._path, member, "is compressed; project files store their members as they are")
+        try:
+            return self._archive.read(info)
+        except _DAMAGES as error:
+            raise FormatError(self._path, member, f"damaged or cut off: {error}") from error
+
+
+def _structure(project: Project, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
+    results = {name: getattr(project, f"_{name}") for name in _RESULTS}
+    labelled = results["trajectories"] is project.take
+    if labelled:
+        results["trajectories"] = None  # the take itself: kept once
+    reports = {
+        name: {"parameters": dict(report.parameters), "notices": list(report.notices)}
+        for name, report in project.reports.items()
+    }
+    structure = {"format": _FORMAT, "version": VERSION, "seed": project.seed, "labelled": labelled, "reports": reports}
+    structure["take"] = packed(project.take, "take", arrays)
+    return structure | {name: packed(value, name, arrays) for name, value in results.items()}
+
+
+def _run_facts(project: Project) -> dict[str, Any]:
+    versions = {"skelgen": skelgen.__version__, "python": platform.python_version(), "numpy": np.__version__}
+    return {"versions": versions, "seconds": {name: report.seconds for name, report in project.reports.items()}}
+
+
+def _as_json(data: Mapping[str, Any]) -> bytes:
+    return json.dumps(data, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False).encode()
+
+
+def _as_npy(array: NDArray[Any]) -> bytes:
+    little = array.astype({"f": "<f8", "i": "<i8", "b": "|b1"}[array.dtype.kind])
+    stream = io.BytesIO()
+    npy.write_array(stream, np.ascontiguousarray(little), version=(1, 0), allow_pickle=False)
+    return stream.getvalue()
+
+
+def _from_npy(content: bytes) -> NDArray[Any]:
+    stream = io.BytesIO(content)
+    if npy.read_magic(stream) != (1, 0):
+        raise ValueError("an unknown version of the .npy layout")
+    shape, fortran_order, dtype = npy.read_array_header_1_0(stream)
+    if dtype.str not in _DTYPES or fortran_order:
+        raise ValueError(f"numbers of type {dtype.str}; only {', '.join(sorted(_DTYPES))} belong here")
+    body = content[stream.tell() :]
+    return np.frombuffer(body, dtype).reshape(shape)
+
+
+def _store(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+    info = zipfile.ZipInfo(name, _EPOCH)
+    info.create_system = 3  # Unix, on every platform
+    info.external_attr = _FILE_RIGHTS
+    archive.writestr(info, content)

@@ -1,0 +1,149 @@
+"""What was found, as rows of plain values: printed as tables, dumped as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from skelgen.model import PointCloud, Poses, Project, Take
+from skelgen.model.arrays import Floats
+
+Row = dict[str, Any]
+
+_HIGH_PERCENTILE = 95.0
+
+
+def take_facts(take: Take) -> Row:
+    """Return kind, counts, rate, duration and extent of a take."""
+    positions = _positions(take)
+    seen = positions[~np.isnan(positions[:, 0])]
+    return {
+        "name": take.name,
+        "kind": {"PointCloud": "points", "Trajectories": "markers", "Poses": "poses"}[type(take).__name__],
+        "frames": take.n_frames,
+        "rate_hz": take.rate,
+        "seconds": max(take.n_frames - 1, 0) / take.rate,
+        "count": _count(take),
+        "low_mm": seen.min(axis=0).tolist() if len(seen) else None,
+        "high_mm": seen.max(axis=0).tolist() if len(seen) else None,
+        "notices": list(take.notices),
+    }
+
+
+def column_rows(take: Take) -> list[Row]:
+    """Return one row per marker or body: name, frames seen, number of gaps, longest gap [frames]."""
+    if isinstance(take, PointCloud):
+        return []
+    seen = ~np.isnan(take.world_from_body[..., 0, 0]) if isinstance(take, Poses) else take.seen
+    rows = []
+    for name, column in zip(take.names, seen.T, strict=True):
+        gaps = _gap_lengths(column)
+        rows.append(
+            {"name": name, "seen": int(column.sum()), "gaps": len(gaps), "longest_gap": int(max(gaps, default=0))}
+        )
+    return rows
+
+
+def project_tables(project: Project) -> dict[str, Any]:
+    """Return the tables of everything that a project holds: stages, limbs, joints, lengths, residuals."""
+    tables: dict[str, Any] = {"take": take_facts(project.take), "seed": project.seed, "stages": _stage_rows(project)}
+    if project.has("limbs"):
+        tables["limbs"] = _limb_rows(project)
+    if project.has("joints"):
+        tables["joints"] = _joint_rows(project)
+    if project.has("skeleton"):
+        tables["lengths"] = _length_rows(project)
+        tables["residuals"] = _spread(project.motion.residuals)
+    return tables
+
+
+def _stage_rows(project: Project) -> list[Row]:
+    return [
+        {"stage": name, "seconds": report.seconds, "notices": list(report.notices)}
+        for name, report in project.reports.items()
+    ]
+
+
+def _limb_rows(project: Project) -> list[Row]:
+    rows = []
+    for limb in range(project.limbs.n_limbs):
+        markers = project.limbs.markers_of(limb)
+        row: Row = {"limb": limb, "parent": None, "markers": [project.trajectories.names[i] for i in markers]}
+        if project.has("joints"):
+            row["parent"] = int(project.topology.parents[limb])
+        if project.has("skeleton"):
+            row |= _spread(project.motion.residuals[:, markers])
+        rows.append(row)
+    return rows
+
+
+def _joint_rows(project: Project) -> list[Row]:
+    topology = project.topology
+    rows = []
+    for index, (parent, child) in enumerate(topology.edges.tolist()):
+        row: Row = {"joint": index, "parent": parent, "child": child, "cost_mm2": float(topology.values[index])}
+        if project.has("skeleton"):
+            joint = project.skeleton.joints[index]
+            row["kind"] = joint.kind
+            row["std_mm"] = float(np.linalg.norm(joint.std))
+            row["axis"] = joint.axis.tolist() if joint.axis is not None else None
+        rows.append(row)
+    return rows
+
+
+def _length_rows(project: Project) -> list[Row]:
+    raw, skeleton = project.topology.raw_joint_positions, project.skeleton
+    rows = []
+    for (first, second), length in skeleton.lengths.items():
+        measured = np.linalg.norm(raw[:, first] - raw[:, second], axis=1)
+        measured = measured[~np.isnan(measured)]
+        rows.append(
+            {
+                "limb": skeleton.limb_of_length((first, second)),
+                "from_joint": first,
+                "to_joint": second,
+                "length_mm": length,
+                "spread_mm": float(measured.std()) if len(measured) else None,
+            }
+        )
+    return rows
+
+
+def _spread(residuals: Floats) -> Row:
+    """Mean, root mean square, high percentile and maximum of residuals [mm]; None where nothing was measured."""
+    seen = residuals[~np.isnan(residuals)]
+    if len(seen) == 0:
+        return {"mean_mm": None, "rms_mm": None, "p95_mm": None, "max_mm": None}
+    return {
+        "mean_mm": float(seen.mean()),
+        "rms_mm": float(np.sqrt((seen**2).mean())),
+        "p95_mm": float(np.percentile(seen, _HIGH_PERCENTILE)),
+        "max_mm": float(seen.max()),
+    }
+
+
+def _positions(take: Take) -> Floats:
+    if isinstance(take, PointCloud):
+        return take.points
+    if isinstance(take, Poses):
+        return take.world_from_body[..., :3, 3].reshape(-1, 3)
+    return take.positions.reshape(-1, 3)
+
+
+def _count(take: Take) -> int:
+    if isinstance(take, PointCloud):
+        return take.n_points
+    return take.n_bodies if isinstance(take, Poses) else take.n_markers
+
+
+def _gap_lengths(seen: np.ndarray[Any, np.dtype[np.bool_]]) -> list[int]:
+    """Lengths [frames] of the runs in which a marker is unseen."""
+    padded = np.concatenate([[True], seen, [True]])
+    edges = np.flatnonzero(np.diff(padded.astype(np.int8)))
+    return [int(length) for length in edges[1::2] - edges[::2]]
+
+
+def evaluation_tables(evaluation: Any) -> dict[str, Any]:
+    """Return the scores of an evaluation."""
+    return {}

@@ -1,0 +1,144 @@
+"""The `skelgen` command: its subcommands, its exit codes, its way of failing.
+
+Only the command that is called gets its generated options: what stages declare lives beside numeric code that takes
+a second to load, and ``skelgen --help`` shall not wait for it.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from types import TracebackType
+from typing import Annotated
+
+import typer
+
+import skelgen
+from skelgen.app.stages import PIPELINE, Stage
+from skelgen.cli import file_commands, stage_commands
+from skelgen.cli.options import generated, parameter_options, reader_options, writer_options
+from skelgen.errors import SkelgenError
+
+EXIT_BUG = 1
+EXIT_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+_EPILOG = (
+    "Exit codes: 0 all is well; 1 a bug in skelgen; 2 bad input or usage, with one sentence that says where and what; "
+    "130 interrupted. No file is ever left half-written."
+)
+_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
+_USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this typer keeps it
+
+Options = Callable[[], Iterable[inspect.Parameter]]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Words after ``skelgen``; those of the process if left out.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    _limit_threads()
+    if "--debug" not in words:
+        sys.excepthook = _say_that_it_is_a_bug
+    try:
+        command = typer.main.get_command(build_app(called=next((word for word in words if word[0:1] != "-"), "")))
+        code = command.main(args=words, prog_name="skelgen", standalone_mode=False)
+    except SkelgenError as error:
+        return _failed(str(error), error.exit_code)
+    except (KeyboardInterrupt, typer.Abort):
+        return _failed("interrupted", EXIT_INTERRUPTED)
+    except _USAGE_ERROR as error:
+        return _failed(f"{_usage_sentence(error)}; `skelgen --help` lists what there is", EXIT_INPUT)
+    return code if isinstance(code, int) else 0
+
+
+def build_app(called: str = "") -> typer.Typer:
+    """Return the application.
+
+    Parameters
+    ----------
+    called : str
+        The command whose generated options are needed.
+    """
+    app = typer.Typer(
+        epilog=_EPILOG,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(_root)
+    for name, function, options in _commands():
+        app.command(name)(generated(function, options() if name == called else ()))
+    return app
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"skelgen {skelgen.__version__}")
+        raise typer.Exit
+
+
+def _root(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the full traceback of a bug.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and stop.", is_eager=True, callback=_print_version)
+    ] = False,
+) -> None:
+    """Markers in, skeleton out: find limbs, joints and motion in optical motion capture."""
+
+
+def _commands() -> list[tuple[str, Callable[..., None], Options]]:
+    stages = [(stage.command, stage_commands.stage_command(stage), _stage_options(stage)) for stage in PIPELINE]
+    return [
+        ("demo", stage_commands.demo, tuple),
+        ("run", stage_commands.run, reader_options),
+        *stages,
+        ("convert", file_commands.convert, lambda: [*reader_options(), *writer_options()]),
+        ("info", file_commands.info, reader_options),
+        ("simulate", file_commands.simulate, _simulation_options),
+        ("evaluate", file_commands.evaluate, tuple),
+        ("formats", file_commands.formats, tuple),
+        ("config", file_commands.config, tuple),
+        ("report", file_commands.report, tuple),
+    ]
+
+
+def _stage_options(stage: Stage) -> Options:
+    return lambda: [*parameter_options(stage.parameters_class()), *reader_options()]
+
+
+def _simulation_options() -> list[inspect.Parameter]:
+    from skelgen.simulation import SimulationParameters
+
+    return parameter_options(SimulationParameters)
+
+
+def _limit_threads() -> None:
+    """Keep linear algebra on one thread: the matrices are small, and workers are processes of their own."""
+    for name in _THREAD_VARIABLES:
+        os.environ.setdefault(name, "1")
+
+
+def _failed(sentence: str, code: int) -> int:
+    one_line = " ".join(sentence.split())
+    print(f"skelgen: {one_line}" if code == EXIT_INTERRUPTED else f"skelgen: error: {one_line}", file=sys.stderr)
+    return code
+
+
+def _usage_sentence(error: Exception) -> str:
+    format_message = getattr(error, "format_message", lambda: str(error))
+    return str(format_message()).rstrip(".")
+
+
+def _say_that_it_is_a_bug(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Replace Python's traceback; the process ends with `EXIT_BUG` as after any uncaught exception."""
+    what = " ".join(str(error).split())
+    print(
+        f"skelgen: internal error: {kind.__name__}: {what} (a bug; `skelgen --debug ...` shows where)", file=sys.stderr
+    )

@@ -1,0 +1,147 @@
+"""Commands around files: `convert`, `info`, `simulate`, `evaluate`, `formats`, `config`, `report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from skelgen.cli.options import AsJson, FormatName, InputFile, Quiet, given
+from skelgen.cli.screen import Screen
+from skelgen.cli.tables import show_evaluation, show_files, show_project, show_take
+
+OutputFile = Annotated[Path, typer.Argument(metavar="OUT", help="File to write; its suffix tells the format.")]
+OutputFormat = Annotated[
+    str | None,
+    typer.Option("--to", metavar="NAME", help="Write this format.", show_default="found by the suffix"),
+]
+ProjectFile = Annotated[
+    Path, typer.Argument(metavar="RESULT", help="A .skelgen project, or the folder of a run with one in it.")
+]
+
+
+def convert(
+    take: InputFile,
+    target: OutputFile,
+    format_name: FormatName = None,
+    to: OutputFormat = None,
+    quiet: Quiet = False,
+    **values: Any,
+) -> None:
+    """Read a take or a project and write it in another format."""
+    from skelgen.app.files import convert_file
+
+    notices, files = convert_file(take, target, format_name, to, given(values))
+    screen = Screen(quiet)
+    screen.note(notices)
+    show_files(screen, files)
+
+
+def info(
+    take: InputFile, format_name: FormatName = None, quiet: Quiet = False, as_json: AsJson = False, **values: Any
+) -> None:
+    """Say what a file holds: format, frames, rate, markers with their gaps, extent, results."""
+    from skelgen.app.files import name_of_format, open_input
+    from skelgen.app.summary import column_rows, project_tables
+
+    screen = Screen(quiet, as_json)
+    project = open_input(take, format_name, **given(values))
+    format_name = format_name or name_of_format(take)
+    tables, columns = project_tables(project), column_rows(project.take)
+    screen.note(project.take.notices)
+    screen.say(f"format: {format_name}")
+    if project.reports:
+        show_project(screen, tables)
+    else:
+        show_take(screen, tables["take"])
+    if tables["take"]["low_mm"]:
+        low, high = (" ".join(f"{x:.1f}" for x in tables["take"][key]) for key in ("low_mm", "high_mm"))
+        screen.say(f"extent [mm]: {low} .. {high}")
+    screen.table("Markers", columns)
+    screen.json({"format": format_name, **tables, "columns": columns})
+
+
+def simulate(
+    structure: Annotated[str, typer.Argument(metavar="STRUCTURE", help="What moves: rods, human, quadruped, tree:8.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Take to write, in any format.")],
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the motion and of all faults.")] = 0,
+    quiet: Quiet = False,
+    **values: Any,
+) -> None:
+    """Simulate a take with known skeleton; the truth goes beside it as <name>.truth.npz."""
+    from skelgen.app.face import write
+    from skelgen.simulation import TRUTH_SUFFIX, write_truth
+    from skelgen.simulation import simulate as simulated_take
+
+    simulated = simulated_take(structure, seed=seed, **given(values))
+    files = write(simulated.take, output)
+    files.append(write_truth(simulated.truth, output.with_name(output.stem + TRUTH_SUFFIX)))
+    show_files(Screen(quiet), files)
+
+
+def evaluate(
+    result: ProjectFile,
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="The .truth.npz that `skelgen simulate` wrote.")],
+    as_json: AsJson = False,
+) -> None:
+    """Compare a result with the truth of its simulation."""
+    from skelgen.app.store import find_result, open_project
+    from skelgen.app.summary import evaluation_tables
+    from skelgen.evaluation import evaluate as scores_of
+    from skelgen.simulation import read_truth
+
+    screen = Screen(as_json=as_json)
+    tables = evaluation_tables(scores_of(open_project(find_result(result)), read_truth(truth)))
+    show_evaluation(screen, tables)
+    screen.json(tables)
+
+
+def formats(as_json: AsJson = False) -> None:
+    """List every file format: what it holds, whether it is read and written, its options."""
+    from skelgen.app.files import format_rows
+
+    screen = Screen(as_json=as_json)
+    rows = format_rows()
+    screen.table("Formats", rows)
+    screen.json({"formats": rows})
+
+
+def config(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE", help="A config.xml whose values are checked and shown.", show_default="none"),
+    ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option("--write", metavar="FILE", help="Write all defaults with their help.", show_default=False),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show all parameters, or write them as config.xml."""
+    from skelgen.app.configuration import Settings, parameter_rows, write_defaults
+
+    screen = Screen(as_json=as_json)
+    rows = parameter_rows(Settings(file))
+    if write:
+        write_defaults(write)
+        show_files(screen, [write])
+    else:
+        screen.table("Parameters", rows)
+    screen.json({"parameters": rows})
+
+
+def report(
+    result: ProjectFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="HTML file.", show_default="beside the project"),
+    ] = None,
+) -> None:
+    """Write the HTML report of a project."""
+    from skelgen.app.report import write_report
+    from skelgen.app.store import find_result, open_project
+
+    source = find_result(result)
+    target = write_report(open_project(source), output or source.with_suffix(".html"))
+    show_files(Screen(), [target])

@@ -1,0 +1,123 @@
+"""Options of the commands: the common ones, and those generated from what stages and formats declare."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from skelgen.parameters import Declaration, StageParameters
+
+InputFile = Annotated[Path, typer.Argument(metavar="TAKE", help="Take in any known format, or a .skelgen project.")]
+OutputFolder = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the results.", show_default=False),
+]
+Seed = Annotated[
+    int | None,
+    typer.Option("--seed", help="Seed of every random choice.", show_default="0, or that of the project"),
+]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes for work that can be shared.")]
+NMarkers = Annotated[
+    int | None,
+    typer.Option("--n-markers", min=1, help="Number of physical markers.", show_default="found"),
+]
+NLimbs = Annotated[
+    int | None,
+    typer.Option("--n-limbs", min=1, help="Number of rigid limbs.", show_default="found"),
+]
+Config = Annotated[
+    Path | None,
+    typer.Option("--config", metavar="FILE", help="Parameters of all stages: config.xml.", show_default=False),
+]
+FormatName = Annotated[
+    str | None,
+    typer.Option("--format", metavar="NAME", help="Read as this format.", show_default="found by content"),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show neither progress nor notes.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+_READER_PANEL = "What readers can be told"
+_WRITER_PANEL = "What writers can be told"
+
+
+def generated(function: Callable[..., None], options: Iterable[inspect.Parameter]) -> Callable[..., None]:
+    """Return `function` with its ``**`` parameter replaced by options, as typer wants to see them.
+
+    Parameters
+    ----------
+    function : callable
+        A command that takes its generated options as ``**values``.
+    options : iterable of inspect.Parameter
+        From `parameter_options` or `reader_options`; names that the command already has are left out.
+    """
+    plain = [entry for entry in _parameters(function) if entry.kind is not inspect.Parameter.VAR_KEYWORD]
+    taken = {entry.name for entry in plain}
+    every = plain + [option for option in options if option.name not in taken]
+
+    @functools.wraps(function)
+    def command(**values: Any) -> None:
+        function(**values)
+
+    del command.__wrapped__  # else typer reads the signature of `function`
+    ordered = [entry.replace(kind=inspect.Parameter.KEYWORD_ONLY) for entry in every]
+    command.__signature__ = inspect.Signature(ordered)  # type: ignore[attr-defined]  # inspect reads it, mypy does not
+    command.__annotations__ = {entry.name: entry.annotation for entry in ordered}
+    return command
+
+
+def parameter_options(declared: type[StageParameters]) -> list[inspect.Parameter]:
+    """Return one option per declared parameter; None stands for "not given"."""
+    panel = f"Parameters of {declared.stage}"
+    return [_option(entry.name, entry.kind, _help(entry), entry.default, panel) for entry in declared.declarations()]
+
+
+def reader_options() -> list[inspect.Parameter]:
+    """Return one option per choice that a reading format offers."""
+    return _format_options(_READER_PANEL, reading=True)
+
+
+def writer_options() -> list[inspect.Parameter]:
+    """Return one option per choice that a writing format offers."""
+    return _format_options(_WRITER_PANEL, reading=False)
+
+
+def given(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the generated options that the user gave."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _parameters(function: Callable[..., None]) -> list[inspect.Parameter]:
+    return list(inspect.signature(function, eval_str=True).parameters.values())
+
+
+def _format_options(panel: str, *, reading: bool) -> list[inspect.Parameter]:
+    from skelgen_formats.registry import known_formats
+
+    found: dict[str, inspect.Parameter] = {}
+    for entry in known_formats():
+        if (entry.read if reading else entry.write) is None:
+            continue
+        for option in entry.options:
+            text = f"{entry.name}: {option.help}" + (f" ({' | '.join(option.choices)})" if option.choices else "")
+            kind = type(option.default) if option.default is not None else str
+            found.setdefault(option.name, _option(option.name, kind, text, option.default, panel))
+    return list(found.values())
+
+
+def _option(name: str, kind: type, text: str, default: Any, panel: str) -> inspect.Parameter:
+    flag = "--" + name.replace("_", "-")
+    flags = f"{flag}/--no-{flag[2:]}" if kind is bool else flag
+    shown = "none" if default is None else str(default) or "empty"
+    option = typer.Option(None, flags, help=text, show_default=shown, rich_help_panel=panel)
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=option, annotation=kind | None)
+
+
+def _help(entry: Declaration) -> str:
+    limits = " ".join(part for part in (entry.bounds, entry.unit) if part)
+    seed = f"; {entry.seed_name} in config.xml" if entry.seed_name else ""
+    return f"{entry.help.rstrip('.')}{f' ({limits})' if limits else ''}{seed}."

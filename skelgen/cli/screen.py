@@ -1,0 +1,147 @@
+"""What the commands show: results on stdout, progress and notes on stderr."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from skelgen.progress import SILENT, Monitor
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+_REDRAW_SECONDS = 0.1  # a bar that moves ten times a second looks smooth and costs nothing
+_PIPED_WIDTH = 160  # columns of a table when nobody's terminal sets the width
+_MISSING = "-"
+
+
+class Screen:
+    """One command's way of speaking.
+
+    Parameters
+    ----------
+    quiet : bool
+        Show neither progress nor notes.
+    as_json : bool
+        Print one JSON object on stdout and nothing else.
+    """
+
+    def __init__(self, quiet: bool = False, as_json: bool = False) -> None:
+        self._quiet = quiet
+        self.as_json = as_json
+
+    @contextlib.contextmanager
+    def watching(self) -> Iterator[Monitor]:
+        """Yield a monitor: bars on a terminal, plain notes elsewhere, silence if so wished."""
+        if self._quiet or self.as_json:
+            yield SILENT
+        elif sys.stderr.isatty():
+            with _bars() as progress:
+                yield _BarMonitor(progress)
+        else:
+            yield _NoteMonitor()
+
+    def note(self, sentences: Iterable[str]) -> None:
+        """Show notes on stderr unless told to be quiet."""
+        if not (self._quiet or self.as_json):
+            for sentence in sentences:
+                _print_note(sentence)
+
+    def say(self, text: str) -> None:
+        """Print a line on stdout unless JSON is wanted."""
+        if not self.as_json:
+            print(text)
+
+    def table(self, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Print rows as a table on stdout unless JSON is wanted; the keys of the first row are the columns."""
+        if self.as_json or not rows:
+            return
+        from rich.console import Console
+        from rich.table import Table
+        from rich.text import Text
+
+        table = Table(title=title, title_justify="left", title_style="bold")
+        for name in rows[0]:
+            numeric = all(isinstance(row.get(name), int | float | None) for row in rows)
+            table.add_column(
+                name.replace("_mm2", " [mm²]").replace("_mm", " [mm]"), justify="right" if numeric else "left"
+            )
+        for row in rows:
+            table.add_row(*(Text(_cell(row.get(name))) for name in rows[0]))
+        Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)
+
+    def json(self, data: Mapping[str, Any]) -> None:
+        """Print the one JSON object if JSON is wanted."""
+        if self.as_json:
+            print(json.dumps(data, indent=1, ensure_ascii=False))
+
+
+class _NoteMonitor:
+    """Prints notices, ignores progress: for logs and pipes."""
+
+    def begin(self, name: str) -> None:
+        pass
+
+    def advance(self, done: float, total: float) -> None:
+        pass
+
+    def notice(self, sentence: str) -> None:
+        _print_note(sentence)
+
+
+class _BarMonitor:
+    """One bar per piece of work."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._task: TaskID | None = None
+        self._drawn = 0.0
+
+    def begin(self, name: str) -> None:
+        self._finish()
+        self._task = self._progress.add_task(name, total=None)
+
+    def advance(self, done: float, total: float) -> None:
+        now = time.monotonic()
+        if self._task is not None and (done >= total or now - self._drawn > _REDRAW_SECONDS):
+            self._drawn = now
+            self._progress.update(self._task, completed=done, total=total)
+
+    def notice(self, sentence: str) -> None:
+        self._progress.console.print(f"note: {sentence}", markup=False, highlight=False)
+
+    def _finish(self) -> None:
+        if self._task is not None:
+            self._progress.update(self._task, completed=1, total=1)
+
+
+@contextlib.contextmanager
+def _bars() -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        yield progress
+
+
+def _print_note(sentence: str) -> None:
+    print(f"note: {sentence}", file=sys.stderr)
+
+
+def _heading(name: str) -> str:
+    return name.replace("_mm2", " [mm²]").replace("_mm", " [mm]").replace("_", " ")
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return _MISSING
+    if isinstance(value, float):
+        return f"{value:.4g}" if abs(value) < 0.01 else f"{value:.3f}"
+    if isinstance(value, list | tuple):
+        return " ".join(_cell(item) for item in value)
+    return str(value)

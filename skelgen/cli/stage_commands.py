@@ -1,0 +1,185 @@
+"""Commands that run stages: `run`, `demo`, and one per stage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from skelgen.cli.options import (
+    AsJson,
+    Config,
+    FormatName,
+    InputFile,
+    Jobs,
+    NLimbs,
+    NMarkers,
+    OutputFolder,
+    Quiet,
+    Seed,
+    given,
+)
+from skelgen.cli.screen import Screen
+from skelgen.cli.tables import show_files, show_project
+
+if TYPE_CHECKING:
+    from skelgen.app.configuration import Settings
+    from skelgen.app.stages import Stage, Wishes
+    from skelgen.model import Project
+
+Assignments = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="STAGE.NAME=VALUE", help="One parameter; may be repeated; `skelgen config` lists all."
+    ),
+]
+FromStage = Annotated[
+    str | None,
+    typer.Option("--from", metavar="STAGE", help="First stage to run.", show_default="the first without a result"),
+]
+UntilStage = Annotated[
+    str | None,
+    typer.Option("--until", metavar="STAGE", help="Last stage to run.", show_default="skeleton"),
+]
+OptionalInput = Annotated[
+    Path | None,
+    typer.Argument(metavar="TAKE", help="Take or .skelgen project.", show_default="the file named in config.xml"),
+]
+
+_DEFAULT_FILES = {
+    "label": ("capture_file", "labels_file"),
+    "cluster": ("labels_file", "limbs_file"),
+    "joints": ("limbs_file", "joints_file"),
+    "fit": ("joints_file", "result_file"),
+}
+"""Which of the configured file names a stage's command reads and writes when none is given."""
+
+
+def run(
+    take: InputFile,
+    output: OutputFolder = None,
+    n_markers: NMarkers = None,
+    n_limbs: NLimbs = None,
+    seed: Seed = None,
+    jobs: Jobs = 1,
+    config: Config = None,
+    assignments: Assignments = None,
+    from_stage: FromStage = None,
+    until_stage: UntilStage = None,
+    format_name: FormatName = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    **reader_values: Any,
+) -> None:
+    """Find the skeleton of a take and write every result: the main job."""
+    from skelgen.app.configuration import Settings, settings_with
+    from skelgen.app.files import open_input
+    from skelgen.app.outputs import stem_of
+    from skelgen.app.stages import Wishes
+
+    screen = Screen(quiet, as_json)
+    settings = settings_with(Settings(config), assignments or ())
+    project = open_input(take, format_name, seed, **given(reader_values))
+    wishes = Wishes(n_markers, n_limbs, jobs)
+    folder = output or _folder_for(take)
+    _run_and_write(screen, project, (from_stage, until_stage), settings, wishes, folder, stem_of(take))
+
+
+def demo(
+    output: OutputFolder = None,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the simulation and the stages.")] = 0,
+    jobs: Jobs = 1,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate a human, find its skeleton, compare with the truth, write every file and a report."""
+    from skelgen.app.demo import run_demo
+    from skelgen.app.summary import evaluation_tables, project_tables
+    from skelgen.cli.tables import show_evaluation
+
+    screen = Screen(quiet, as_json)
+    with screen.watching() as monitor:
+        done = run_demo(output or Path("skelgen-demo"), seed=seed, n_jobs=jobs, monitor=monitor)
+    tables, scores = project_tables(done.project), evaluation_tables(done.evaluation)
+    show_project(screen, tables)
+    show_evaluation(screen, scores)
+    show_files(screen, done.files)
+    screen.json({**tables, "evaluation": scores, "files": [str(file) for file in done.files]})
+
+
+def stage_command(stage: Stage) -> Callable[..., None]:
+    """Return the command that runs one stage; its parameters come as generated options."""
+
+    def command(
+        take: OptionalInput = None,
+        output: OutputFolder = None,
+        n_markers: NMarkers = None,
+        n_limbs: NLimbs = None,
+        seed: Seed = None,
+        jobs: Jobs = 1,
+        config: Config = None,
+        format_name: FormatName = None,
+        quiet: Quiet = False,
+        as_json: AsJson = False,
+        **values: Any,
+    ) -> None:
+        from skelgen.app.configuration import Settings
+        from skelgen.app.files import open_input
+        from skelgen.app.outputs import stem_of
+        from skelgen.app.stages import Wishes
+
+        settings = Settings(config)
+        source, target = _default_files(settings.of("files"), stage.command)
+        names = {entry.name for entry in stage.parameters_class().declarations()}
+        chosen = given(values)
+        settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})
+        reader_values = {name: value for name, value in chosen.items() if name not in names}
+        project = open_input(take or source, format_name, seed, **reader_values)
+        folder = output or (_folder_for(take) if take else Path())
+        stem = stem_of(take or target)
+        result_name = target.name if stage.command == "fit" and not take else ""
+        wishes = Wishes(n_markers, n_limbs, jobs)
+        span = (stage.name, stage.name)
+        _run_and_write(Screen(quiet, as_json), project, span, settings, wishes, folder, stem, result_name)
+
+    command.__doc__ = stage.summary
+    return command
+
+
+def _run_and_write(
+    screen: Screen,
+    project: Project,
+    span: tuple[str | None, str | None],
+    settings: Settings,
+    wishes: Wishes,
+    folder: Path,
+    stem: str,
+    result_name: str = "",
+) -> None:
+    from skelgen.app.outputs import write_outputs
+    from skelgen.app.pipeline import run_stages
+    from skelgen.app.summary import project_tables
+
+    screen.note(project.take.notices)
+    with screen.watching() as monitor:
+        project = run_stages(project, *span, settings=settings, wishes=wishes, monitor=monitor)
+        files = write_outputs(project, folder, stem, result_name=result_name, monitor=monitor)
+    tables = project_tables(project)
+    show_project(screen, tables)
+    show_files(screen, files)
+    screen.json({**tables, "files": [str(file) for file in files]})
+
+
+def _folder_for(take: Path) -> Path:
+    """Return where results go when nobody says: a project grows in its place, a take gets a folder of its own."""
+    from skelgen.app.outputs import stem_of
+    from skelgen.app.store import is_project_file
+
+    return take.parent if is_project_file(take) else Path(f"{stem_of(take)}-skelgen")
+
+
+def _default_files(files: Any, command: str) -> tuple[Path, Path]:
+    source, target = _DEFAULT_FILES[command]
+    return Path(getattr(files, source)), Path(getattr(files, target))
