@@ -1,1 +1,22 @@
 """Scores against ground truth."""
+
+from skelgen.evaluation.evaluation import Evaluation, evaluate
+from skelgen.evaluation.identity import LabelScore
+from skelgen.evaluation.joints import JointScore, LengthScore
+from skelgen.evaluation.markers import MarkerScore
+from skelgen.evaluation.structure import LimbScore, TopologyScore
+from skelgen.evaluation.tables import Table, evaluation_lines, evaluation_tables
+
+__all__ = [
+    "Evaluation",
+    "JointScore",
+    "LabelScore",
+    "LengthScore",
+    "LimbScore",
+    "MarkerScore",
+    "Table",
+    "TopologyScore",
+    "evaluate",
+    "evaluation_lines",
+    "evaluation_tables",
+]

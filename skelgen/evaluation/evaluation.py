@@ -1,0 +1,148 @@
+"""Everything that can be said about a result when the truth is known."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.evaluation.identity import LabelScore, find_identity
+from skelgen.evaluation.joints import JointScore, LengthScore, score_joints, score_lengths
+from skelgen.evaluation.markers import MarkerScore, score_markers
+from skelgen.evaluation.structure import (
+    LimbScore,
+    TopologyScore,
+    match_joints,
+    match_limbs,
+    score_limbs,
+    score_topology,
+)
+from skelgen.model import Poses, Project
+from skelgen.model.arrays import Ints
+from skelgen.simulation.truth import Truth
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Scores of a result; what belongs to a stage that has not run is None or empty.
+
+    Attributes
+    ----------
+    labels : LabelScore or None
+        None also for a take that was labelled to begin with.
+    limbs : LimbScore or None
+        Agreement of the limbs.
+    topology : TopologyScore or None
+        Agreement of the tree.
+    joints : tuple of JointScore
+        One per joint that the result and the truth share.
+    lengths : tuple of LengthScore
+        One per pair of such joints on one limb.
+    markers : tuple of MarkerScore
+        One per marker that the skeleton carries.
+    """
+
+    labels: LabelScore | None = None
+    limbs: LimbScore | None = None
+    topology: TopologyScore | None = None
+    joints: tuple[JointScore, ...] = ()
+    lengths: tuple[LengthScore, ...] = ()
+    markers: tuple[MarkerScore, ...] = ()
+
+    @property
+    def mean_joint_error(self) -> float | None:
+        """Mean over the joints of their mean distance [mm] from the truth; None before the skeleton is fitted."""
+        return _mean([joint.mean for joint in self.joints])
+
+    @property
+    def worst_joint_error(self) -> float | None:
+        """Largest mean distance [mm] of a joint from the truth."""
+        return max((joint.mean for joint in self.joints if joint.mean is not None), default=None)
+
+    @property
+    def mean_length_error(self) -> float | None:
+        """Mean over the lengths of their absolute error [mm]."""
+        return _mean([abs(length.error) for length in self.lengths])
+
+    @property
+    def mean_marker_deviation(self) -> float | None:
+        """Mean over the markers of their distance [mm] from the tracked positions."""
+        return _mean([marker.from_tracked for marker in self.markers])
+
+    @property
+    def limb_deviations(self) -> dict[str, float | None]:
+        """Mean distance [mm] of reconstructed from tracked markers of each limb, by name."""
+        limbs = dict.fromkeys(marker.limb for marker in self.markers)
+        return {limb: _mean([m.from_tracked for m in self.markers if m.limb == limb]) for limb in limbs}
+
+    def as_mapping(self) -> dict[str, Any]:
+        """Return everything as plain values for JSON: numbers, texts, lists, None."""
+        figures = ("mean_joint_error", "worst_joint_error", "mean_length_error", "mean_marker_deviation")
+        summary = {name: getattr(self, name) for name in (*figures, "limb_deviations")}
+        return {**dataclasses.asdict(self), "summary": summary}
+
+
+def _mean(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def evaluate(project: Project, truth: Truth) -> Evaluation:
+    """Compare a result with the truth, as far as its stages have run.
+
+    Parameters
+    ----------
+    project : Project
+        The result.
+    truth : Truth
+        What is true of its take, e.g. from `read_truth`.
+
+    Raises
+    ------
+    InputError
+        If the truth is that of another take.
+    """
+    _check_same_take(project, truth)
+    if not project.has("labels"):
+        return Evaluation()
+    true_of_marker, labels = find_identity(project, truth)
+    if not project.has("limbs"):
+        return Evaluation(labels)
+    limb_of_marker = project.limbs.limb_of_marker
+    limbs = score_limbs(limb_of_marker, true_of_marker, truth)
+    if not project.has("joints"):
+        return Evaluation(labels, limbs)
+    true_of_limb = match_limbs(limb_of_marker, true_of_marker, truth)
+    topology = score_topology(project.topology.edges, true_of_limb, truth)
+    return Evaluation(labels, limbs, topology, **_motion_scores(project, truth, true_of_limb, true_of_marker))
+
+
+def _motion_scores(project: Project, truth: Truth, true_of_limb: Ints, true_of_marker: Ints) -> dict[str, Any]:
+    raw_of_joint = match_joints(project.topology.edges, true_of_limb, truth)
+    raw = project.topology.raw_joint_positions
+    if not project.has("skeleton"):
+        return {"joints": score_joints(raw_of_joint, truth, raw=raw, fitted=None, kinds=())}
+    skeleton, motion = project.skeleton, project.motion
+    edges = np.array([(joint.parent, joint.child) for joint in skeleton.joints], dtype=np.intp).reshape(-1, 2)
+    true_of_joint = match_joints(edges, true_of_limb, truth)
+    same_joints = np.array_equal(true_of_joint, raw_of_joint)
+    kinds = tuple(joint.kind for joint in skeleton.joints)
+    fitted = motion.joint_positions
+    return {
+        "joints": score_joints(true_of_joint, truth, raw=raw if same_joints else None, fitted=fitted, kinds=kinds),
+        "lengths": score_lengths(skeleton, fitted, true_of_joint, truth),
+        "markers": score_markers(project.trajectories, motion, true_of_marker, truth),
+    }
+
+
+def _check_same_take(project: Project, truth: Truth) -> None:
+    take = project.take
+    if isinstance(take, Poses):
+        raise InputError("a take of bodies with orientation has no markers to compare with the truth")
+    if take.n_frames != truth.n_frames:
+        raise InputError(f"the truth has {truth.n_frames} frames, the take {take.n_frames}: it belongs to another take")
+    if project.has("labels") and project.trajectories.n_frames != truth.n_frames:
+        raise InputError(f"the result has {project.trajectories.n_frames} frames where the truth has {truth.n_frames}")

@@ -1,0 +1,188 @@
+"""How far joints and the lengths between them are from the truth.
+
+The place of a hinge along its axis is not determined by any motion. There the error is measured across the axis: what
+lies along the true axis, frame by frame, is left out. The same holds for a length that ends at a hinge: both the found
+and the true vector between the joints are projected across the axes of the hinges at its ends before they are compared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model import Skeleton
+from skelgen.model.arrays import Floats, Ints
+from skelgen.simulation.truth import Truth
+
+_PARALLEL = 1e-6  # sine of the angle between two hinge axes below which they count as one direction
+
+
+@dataclass(frozen=True)
+class JointScore:
+    """How far one joint is from its true place.
+
+    Attributes
+    ----------
+    name : str
+        The true joint.
+    kind_true, kind_found : str
+        Kind of joint; nothing is found before the skeleton is fitted.
+    mean, median, maximum : float or None, mm
+        Distance over all frames, for a hinge across its axis; None before the skeleton is fitted.
+    raw_mean : float or None, mm
+        Mean distance before the fit of rigid limbs, over the frames that have a raw joint.
+    """
+
+    name: str
+    kind_true: str
+    kind_found: str
+    mean: float | None
+    median: float | None
+    maximum: float | None
+    raw_mean: float | None
+
+
+@dataclass(frozen=True)
+class LengthScore:
+    """The distance between two joints of one limb.
+
+    Attributes
+    ----------
+    limb, first, second : str
+        The true limb and joints.
+    is_across_hinges : bool
+        Whether a hinge is among the joints, so that the lengths are those across its axis.
+    true, found : float, mm
+        Lengths.
+    error : float, mm
+        Found minus true.
+    """
+
+    limb: str
+    first: str
+    second: str
+    is_across_hinges: bool
+    true: float
+    found: float
+    error: float
+
+
+def joint_distances(positions: Floats, true_of_joint: Ints, truth: Truth) -> Floats:
+    """Return the distance of joints from their true places, for hinges across the true axis.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_joints, 3), mm
+        Joints of the result in the world; NaN where not to be told.
+    true_of_joint : ndarray of intp, shape (n_joints,)
+        True joint of each.
+    truth : Truth
+        The true joints.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_joints), mm
+    """
+    gap = positions - truth.joint_positions[:, true_of_joint]
+    axes = _hinge_axes(truth)[:, true_of_joint]
+    gap = gap - (gap * axes).sum(axis=2, keepdims=True) * axes
+    return np.asarray(np.linalg.norm(gap, axis=2))
+
+
+def _hinge_axes(truth: Truth) -> Floats:
+    """Axes of the hinges in the world, zero for other joints, shape (n_frames, n_joints, 3)."""
+    is_hinge = np.array([kind == "hinge" for kind in truth.joint_kinds], dtype=np.bool_)
+    return np.where(is_hinge[:, np.newaxis], truth.joint_axes, 0.0)
+
+
+def score_joints(
+    true_of_joint: Ints, truth: Truth, *, raw: Floats | None, fitted: Floats | None, kinds: tuple[str, ...]
+) -> tuple[JointScore, ...]:
+    """Score every joint that is true, in the order of the truth.
+
+    Parameters
+    ----------
+    true_of_joint : ndarray of intp, shape (n_joints,)
+        True joint of each joint of the result, -1 where there is none.
+    truth : Truth
+        The true joints.
+    raw, fitted : ndarray, shape (n_frames, n_joints, 3), mm, or None
+        Joints before and after the fit of rigid limbs.
+    kinds : tuple of str, length n_joints
+        Kinds found; empty before the fit.
+    """
+    shared = [int(joint) for joint in np.argsort(true_of_joint, kind="stable") if true_of_joint[joint] >= 0]
+    true_joints = true_of_joint[shared]
+    before, after = (
+        None if positions is None else joint_distances(positions[:, shared], true_joints, truth)
+        for positions in (raw, fitted)
+    )
+    return tuple(
+        JointScore(
+            name=truth.joint_names[true_joint],
+            kind_true=truth.joint_kinds[true_joint],
+            kind_found=kinds[joint] if kinds else "",
+            mean=None if after is None else float(after[:, column].mean()),
+            median=None if after is None else float(np.median(after[:, column])),
+            maximum=None if after is None else float(after[:, column].max()),
+            raw_mean=None if before is None else mean_or_none(before[:, column]),
+        )
+        for column, (joint, true_joint) in enumerate(zip(shared, true_joints, strict=True))
+    )
+
+
+def mean_or_none(values: Floats) -> float | None:
+    """Return the mean of what is not NaN, or None if nothing is left."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else None
+
+
+def score_lengths(skeleton: Skeleton, positions: Floats, true_of_joint: Ints, truth: Truth) -> tuple[LengthScore, ...]:
+    """Compare the distances between joints of one limb with the true ones.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Says which joints a limb has.
+    positions : ndarray, shape (n_frames, n_joints, 3), mm
+        Joints of the result in the world.
+    true_of_joint : ndarray of intp, shape (n_joints,)
+        True joint of each, -1 where there is none; pairs with a false joint are left out.
+    truth : Truth
+        The true joints.
+    """
+    scores = []
+    for first, second in skeleton.lengths:
+        pair = int(true_of_joint[first]), int(true_of_joint[second])
+        if min(pair) < 0:
+            continue
+        shared = set(truth.edges[pair[0]].tolist()) & set(truth.edges[pair[1]].tolist())
+        if len(shared) == 1:
+            found = positions[:, first] - positions[:, second]
+            scores.append(_length_score(found, pair, truth.limb_names[shared.pop()], truth))
+    return tuple(scores)
+
+
+def _length_score(found: Floats, pair: tuple[int, int], limb: str, truth: Truth) -> LengthScore:
+    axes = _hinge_axes(truth)[:, list(pair)]
+    true = truth.joint_positions[:, pair[0]] - truth.joint_positions[:, pair[1]]
+    true_length, found_length = (
+        float(np.linalg.norm(_across(vectors, axes[:, 0], axes[:, 1]), axis=1).mean()) for vectors in (true, found)
+    )
+    first, second = (truth.joint_names[joint] for joint in pair)
+    is_across = bool(axes.any())
+    return LengthScore(limb, first, second, is_across, true_length, found_length, found_length - true_length)
+
+
+def _across(vectors: Floats, first: Floats, second: Floats) -> Floats:
+    """Remove from vectors, shape (n_frames, 3), what lies in the span of two axes that may be zero or parallel."""
+    rest = second - _along(second, first)
+    size = np.linalg.norm(rest, axis=1, keepdims=True)
+    other = np.where(size > _PARALLEL, rest / np.maximum(size, _PARALLEL), 0.0)
+    vectors = vectors - _along(vectors, first)
+    return np.asarray(vectors - _along(vectors, other))
+
+
+def _along(vectors: Floats, axes: Floats) -> Floats:
+    return np.asarray((vectors * axes).sum(axis=1, keepdims=True) * axes)
