@@ -1,8 +1,31 @@
 """File formats: one module each, and the table of all of them."""
 
+from skelgen_formats.c3d import FORMAT as C3D
+from skelgen_formats.cal3d import FORMAT as CAL3D
+from skelgen_formats.csm import FORMAT as CSM
+from skelgen_formats.joints_csv import FORMAT as JOINTS_CSV
+from skelgen_formats.mfml import FORMAT as MFML
+from skelgen_formats.motive import FORMAT as MOTIVE
+from skelgen_formats.poses_csv import FORMAT as POSES_CSV
+from skelgen_formats.qualisys import FORMAT as QUALISYS
 from skelgen_formats.registry import Format
+from skelgen_formats.seed_xml import FORMAT as SEED_XML
+from skelgen_formats.summary_json import FORMAT as SUMMARY_JSON
+from skelgen_formats.trc import FORMAT as TRC
 
-FORMATS: tuple[Format, ...] = ()
+FORMATS: tuple[Format, ...] = (
+    C3D,
+    TRC,
+    CSM,
+    QUALISYS,
+    MOTIVE,
+    JOINTS_CSV,
+    POSES_CSV,
+    SEED_XML,
+    CAL3D,
+    SUMMARY_JSON,
+    MFML,
+)
 """All formats, in the order in which they are sniffed: the most particular content first."""
 
 __all__ = ["FORMATS"]

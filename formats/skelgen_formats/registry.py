@@ -113,7 +113,7 @@ def recognise(path: Path) -> Format:
         if entry.sniff(head, path):
             return entry
     for entry in readable:
-        if path.suffix.lower() in entry.suffixes:
+        if path.name.lower().endswith(entry.suffixes):
             return entry
     names = ", ".join(f"{entry.name} ({' '.join(entry.suffixes)})" for entry in readable)
     raise FormatError(path, "", f"neither content nor suffix belongs to a known format; known are {names}")
@@ -162,9 +162,11 @@ def write_file(value: Project | Take, path: Path | str, format_name: str | None 
 
 def _by_suffix_for_writing(path: Path) -> Format:
     writable = [entry for entry in known_formats() if entry.write is not None]
-    for entry in writable:
-        if any(path.name.lower().endswith(suffix) for suffix in entry.suffixes):
-            return entry
+    fitting = [
+        (len(suffix), entry) for entry in writable for suffix in entry.suffixes if path.name.lower().endswith(suffix)
+    ]
+    if fitting:
+        return max(fitting, key=lambda pair: pair[0])[1]  # .poses.csv says more than .csv
     suffixes = " ".join(suffix for entry in writable for suffix in entry.suffixes)
     raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}")
 

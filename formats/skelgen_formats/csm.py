@@ -1,0 +1,227 @@
+"""CSM: the marker file of Character Studio (the Biped of 3ds Max).
+
+Layout, text; keywords begin with ``$``, in any case, and may stand in any order before ``$Points``::
+
+    $Date 07/18/00            and $Time, $Filename, $Actor: optional, ignored
+    $Comments                 free text up to the next keyword
+    Motion capture
+    $FirstFrame 1             number of the first frame
+    $LastFrame 149            number of the last frame
+    $SpineLinks 4             spine bones that the importing Biped gets; optional, says nothing of the markers
+    $Rate 120.0               frames per second
+    $Order                    marker names, separated by blanks, over one or more lines
+    LFWT LBWT RBWT
+    $Points                   one line per frame: its number, then x y z of every marker in that order
+    1  115.438 -93.475 1083.692  DROPOUT  -155.031 81.281 1096.477
+
+A dropout is the word ``DROPOUT`` in place of the three numbers; some programs write it three times, once per
+number, and some write three zeros. All are read; one word is written, or zeros on request. The format states no
+unit and no names with blanks: numbers are taken as mm, z up, and blanks in names are written as underscores. Written
+numbers have as many digits as give the same float64 back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import FormatError
+from skelgen.model import PointCloud, Project, Take, Trajectories
+from skelgen.model.arrays import Floats
+from skelgen_formats.atomic import replacing
+from skelgen_formats.markers import (
+    check_frames,
+    check_writable_names,
+    scaled,
+    take_from_markers,
+    trajectories_of,
+    zeros_unseen,
+)
+from skelgen_formats.registry import Format, Option
+from skelgen_formats.text import count_in, decoded_head, number_in, rate_in, read_lines
+
+_DROPOUT = "DROPOUT"
+_SPINE_LINKS = 4  # what a new Biped has; the importer needs a number and markers do not tell one
+_MM = 1.0
+_KNOWN_FIRST = ("$comments", "$firstframe", "$lastframe", "$spinelinks", "$rate", "$order", "$points")
+
+_Sections = dict[str, tuple[int, list[str]]]  # keyword -> line number and its words
+
+
+def read_csm(path: Path, dropout: str = "word") -> Trajectories | PointCloud:
+    """Read a Character Studio marker file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    dropout : str
+        Only for writing; every way to mark a dropout is read.
+
+    Returns
+    -------
+    Trajectories
+        Positions in mm; or a `PointCloud` if no trajectory has a label.
+
+    Raises
+    ------
+    FormatError
+        If a keyword is missing, a line has the wrong number of numbers, or frames are missing.
+    """
+    lines = read_lines(path)
+    sections, first = _sections(path, lines)
+    order_line, names = _section(path, sections, "$order")
+    rate_line, rate = _section(path, sections, "$rate")
+    rows, numbers = _frames(path, lines, first, len(names))
+    notices: list[str] = []
+    _check_numbers(path, sections, numbers, first, notices)
+    if not len(rows):
+        raise FormatError(path, order_line, "holds no frame: nothing can be read from it")
+    positions = zeros_unseen(rows.reshape(len(rows), len(names), 3))
+    rate_value = rate_in(path, rate_line, rate[0], "$Rate")
+    return take_from_markers(path, scaled(path, positions, _MM), names, rate_value, notices)
+
+
+def write_csm(value: Project | Take, path: Path, dropout: str = "word") -> list[Path]:
+    """Write labelled markers as a Character Studio marker file.
+
+    Parameters
+    ----------
+    value : Project or Trajectories
+        What has labelled markers.
+    path : Path
+        The file.
+    dropout : str
+        ``word`` writes DROPOUT for an unseen marker, ``zero`` three zeros.
+
+    Raises
+    ------
+    WriteError
+        If the value has no labelled markers, or two names become equal when blanks become underscores.
+    """
+    take = trajectories_of(value, "CSM")
+    names = check_writable_names(path, take.names, "", lambda name: "_".join(name.split()).lstrip("$"))
+    gap = _DROPOUT if dropout == "word" else "0 0 0"
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write(_header_text(take, names))
+        for number, row in enumerate(take.positions.tolist(), start=1):
+            markers = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row)
+            stream.write(f"{number}  " + "  ".join(markers) + "\n")
+    return [path]
+
+
+def _sections(path: Path, lines: Sequence[str]) -> tuple[_Sections, int]:
+    """Return the keywords before the points, and the index of the first line of points."""
+    sections: _Sections = {}
+    words: list[str] = []
+    for index, line in enumerate(lines):
+        if line.lstrip().startswith("$"):
+            keyword, *rest = line.split()
+            if keyword.lower() == "$points":
+                return sections, index + 1
+            words = list(rest)
+            sections[keyword.lower()] = (index + 1, words)
+        else:
+            words.extend(line.split())
+    raise FormatError(path, len(lines), "there is no $Points: this is no CSM file or it is cut off")
+
+
+def _section(path: Path, sections: _Sections, keyword: str) -> tuple[int, list[str]]:
+    if keyword not in sections or not sections[keyword][1]:
+        place = sections[keyword][0] if keyword in sections else ""
+        raise FormatError(path, place, f"{keyword} is missing or empty; a CSM file needs it before $Points")
+    return sections[keyword]
+
+
+def _frames(path: Path, lines: Sequence[str], first: int, n_markers: int) -> tuple[Floats, list[int]]:
+    """Return positions, shape (n_frames, 3 n_markers), and the frame numbers."""
+    rows: list[Floats] = []
+    numbers: list[int] = []
+    for index in range(first, len(lines)):
+        words = lines[index].split()
+        if not words:
+            continue
+        if len(words) != 3 * n_markers + 1 or _DROPOUT in lines[index].upper():
+            words = _without_dropouts(path, words, index + 1, n_markers)
+        rows.append(_numbers(path, words, index + 1))
+        numbers.append(count_in(path, index + 1, words[0], "the frame number"))
+        if len(numbers) > 1 and numbers[-1] != numbers[-2] + 1:
+            raise FormatError(path, index + 1, f"frame {numbers[-1]} follows frame {numbers[-2]}; a line is missing")
+    return (np.array(rows) if rows else np.empty((0, 0))), numbers
+
+
+def _numbers(path: Path, words: Sequence[str], line: int) -> Floats:
+    try:
+        return np.array([float(word) for word in words[1:]])
+    except ValueError:
+        return np.array(
+            [math.nan if word == "nan" else number_in(path, line, word, "a position") for word in words[1:]]
+        )
+
+
+def _without_dropouts(path: Path, words: list[str], line: int, n_markers: int) -> list[str]:
+    """Return a frame's words with every dropout as three NaN."""
+    n_words = len(words) - 1
+    dropped = sum(word.upper() == _DROPOUT for word in words)
+    if n_words == 3 * n_markers:
+        once = 1
+    elif n_words + 2 * dropped == 3 * n_markers:
+        once = 3
+    else:
+        seen = f" and {dropped} dropouts" if dropped else ""
+        raise FormatError(path, line, f"{n_words + 1 - dropped} numbers{seen} where {3 * n_markers + 1} numbers belong")
+    full: list[str] = []
+    for word in words:
+        full.extend(["nan"] * once if word.upper() == _DROPOUT else [word])
+    return full
+
+
+def _check_numbers(path: Path, sections: _Sections, numbers: Sequence[int], first: int, notices: list[str]) -> None:
+    first_line, first_words = _section(path, sections, "$firstframe")
+    last_line, last_words = _section(path, sections, "$lastframe")
+    begin = count_in(path, first_line, first_words[0], "$FirstFrame")
+    end = count_in(path, last_line, last_words[0], "$LastFrame")
+    if numbers and numbers[0] != begin:
+        raise FormatError(path, first + 1, f"the first frame has number {numbers[0]}; $FirstFrame says {begin}")
+    check_frames(path, last_line, end - begin + 1, len(numbers), notices)
+
+
+def _header_text(take: Trajectories, names: Sequence[str]) -> str:
+    return "\n".join(
+        [
+            "$Comments",
+            "Marker positions in mm, written by skelgen",
+            "",
+            "$FirstFrame 1",
+            f"$LastFrame {take.n_frames}",
+            f"$SpineLinks {_SPINE_LINKS}",
+            f"$Rate {take.rate!r}",
+            "",
+            "$Order",
+            " ".join(names),
+            "",
+            "$Points",
+            "",
+        ]
+    )
+
+
+def _sniff(head: bytes, path: Path) -> bool:
+    words = decoded_head(head).lower().split()
+    return bool(words) and words[0].startswith("$") and any(keyword in words for keyword in _KNOWN_FIRST)
+
+
+FORMAT = Format(
+    name="csm",
+    title="Character Studio marker file",
+    suffixes=(".csm",),
+    holds="markers",
+    sniff=_sniff,
+    read=read_csm,
+    write=write_csm,
+    options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")),),
+    note="No unit in the file: mm; dropouts as the word DROPOUT or as zeros; blanks in names become underscores.",
+)

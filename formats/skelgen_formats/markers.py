@@ -1,0 +1,224 @@
+"""What all marker formats share: units, names, unseen markers, and which value a writer can take."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import FormatError, WriteError
+from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model.arrays import Bools, Floats
+
+MM_PER_UNIT = {
+    "mm": 1.0,
+    "millimeter": 1.0,
+    "millimeters": 1.0,
+    "millimetre": 1.0,
+    "millimetres": 1.0,
+    "cm": 10.0,
+    "centimeter": 10.0,
+    "centimeters": 10.0,
+    "centimetre": 10.0,
+    "centimetres": 10.0,
+    "dm": 100.0,
+    "m": 1000.0,
+    "meter": 1000.0,
+    "meters": 1000.0,
+    "metre": 1000.0,
+    "metres": 1000.0,
+    "in": 25.4,
+    "inch": 25.4,
+    "inches": 25.4,
+    "ft": 304.8,
+    "feet": 304.8,
+}
+"""Length units that files name, in mm."""
+
+FARTHEST = 1e9
+"""Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
+
+_UNLABELLED = re.compile(r"(\*\d+|unlabel+ed[ _-]?\d*)", re.IGNORECASE)
+_NAMED_IN_NOTICE = 8  # names that a notice lists before it says how many more there are
+
+
+def mm_per_unit(path: Path, place: str | int, unit: str) -> float:
+    """Return how many mm the named length unit has, or raise `FormatError` that lists the known ones."""
+    factor = MM_PER_UNIT.get(unit.strip().lower())
+    if factor is None:
+        known = ", ".join(dict.fromkeys(MM_PER_UNIT))
+        raise FormatError(path, place, f"the length unit is {unit.strip()[:20]!r}; it must be one of {known}")
+    return factor
+
+
+def scaled(path: Path, positions: Floats, factor: float) -> Floats:
+    """Return positions in mm with half-seen markers unseen; refuse what cannot be a position.
+
+    Parameters
+    ----------
+    path : Path
+        For errors.
+    positions : ndarray, shape (n_frames, n_markers, 3)
+        In the file's unit.
+    factor : float
+        mm per unit of the file.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        millimetres = positions * factor
+        wild = np.argwhere(np.abs(millimetres) > FARTHEST)
+    if len(wild):
+        frame, marker, axis = wild[0]
+        value = positions[frame, marker, axis]
+        raise FormatError(
+            path, f"frame {frame + 1}", f"marker {marker + 1} lies at {value:g}; the file is damaged or its unit wrong"
+        )
+    millimetres[np.isnan(millimetres).any(axis=2)] = np.nan
+    return millimetres
+
+
+def zeros_unseen(positions: Floats) -> Floats:
+    """Return positions where markers at exactly (0, 0, 0), which some programs write for a gap, are NaN."""
+    gaps: Bools = (positions == 0.0).all(axis=2)
+    return np.where(gaps[..., np.newaxis], np.nan, positions)
+
+
+def take_from_markers(
+    path: Path, positions: Floats, names: Sequence[str], rate: float, notices: Sequence[str] = ()
+) -> Trajectories | PointCloud:
+    """Make the value that a marker file holds.
+
+    Markers that are never seen are dropped, prefixes such as ``Nick01:`` are dropped while names stay distinct, and
+    trajectories without a label (``*12``, ``Unlabeled 1234``) are left out when there are labelled ones; each with
+    a notice. A file with nothing but unlabelled trajectories becomes a `PointCloud`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN is unseen.
+    names : sequence of str, length n_markers
+        As in the file.
+    rate : float, Hz
+        Frame rate.
+    notices : sequence of str
+        What the reader has to say already.
+
+    Raises
+    ------
+    FormatError
+        If there is no frame or no marker, none is ever seen, or two have the same name.
+    """
+    said = list(notices)
+    if len(positions) == 0 or positions.shape[1] == 0:
+        what = "frame" if len(positions) == 0 else "marker"
+        raise FormatError(path, "", f"holds no {what}: nothing can be read from it")
+    _refuse_duplicates(path, names)
+    seen: Bools = ~np.isnan(positions[:, :, 0])
+    ever: Bools = np.asarray(seen.any(axis=0))
+    if not ever.any():
+        raise FormatError(path, "", "no marker is seen in any frame: there is nothing to reconstruct from")
+    labelled = np.array([not is_unlabelled(name) for name in names])
+    if not (labelled & ever).any():
+        said.append("all trajectories are unlabelled: they are taken as points without identity")
+        return cloud_from_markers(positions, rate, path.name, said)
+    _note(said, names, ~ever, "dropped because never seen")
+    _note(said, names, ever & ~labelled, "left out because unlabelled")
+    keep = np.flatnonzero(ever & labelled).tolist()
+    kept_names = without_prefixes([names[index] for index in keep], said)
+    return Trajectories(positions[:, keep], kept_names, rate, path.name, tuple(said))
+
+
+def is_unlabelled(name: str) -> bool:
+    """Whether a name is one that capture programs invent for a trajectory without a label."""
+    return _UNLABELLED.fullmatch(name.rpartition(":")[2].strip()) is not None
+
+
+def without_prefixes(names: Sequence[str], notices: list[str]) -> tuple[str, ...]:
+    """Return names without a subject's prefix (``Nick01:LFHD``) if they stay distinct; say so in `notices`."""
+    short = tuple(name.rpartition(":")[2].strip() for name in names)
+    prefixes = list(dict.fromkeys(name.rpartition(":")[0] for name in names if ":" in name))
+    if not prefixes or len(set(short)) < len(short) or not all(short):
+        return tuple(names)
+    notices.append(f"dropped from the marker names: {_listed([prefix + ':' for prefix in prefixes])}")
+    return short
+
+
+def cloud_from_markers(positions: Floats, rate: float, name: str, notices: Sequence[str] = ()) -> PointCloud:
+    """Return the seen markers of each frame as points without identity.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN is unseen.
+    rate : float, Hz
+        Frame rate.
+    name : str
+        Name of the take.
+    notices : sequence of str
+        Notices of the take.
+    """
+    seen: Bools = ~np.isnan(positions[:, :, 0])
+    starts = np.concatenate(([0], np.cumsum(seen.sum(axis=1)))).astype(np.intp)
+    times = np.arange(len(positions)) / rate
+    return PointCloud(positions[seen], starts, times, name=name, notices=tuple(notices))
+
+
+def trajectories_of(value: Project | Take, title: str) -> Trajectories:
+    """Return the labelled markers of a project or take, or raise `WriteError` that says what would work."""
+    if isinstance(value, Trajectories):
+        return value
+    if isinstance(value, Project):
+        if value.has("labels"):
+            return value.trajectories
+        if isinstance(value.take, Trajectories):
+            return value.take
+        value = value.take
+    kind = "bodies with orientation" if isinstance(value, Poses) else "points without labels"
+    help_ = (
+        "poses can be written as poses-csv" if isinstance(value, Poses) else "run the stage 'labels' first, or use mfml"
+    )
+    raise WriteError(f"{title} holds labelled markers and this value has {kind}: {help_}")
+
+
+def check_frames(path: Path, place: str | int, announced: int, found: int, notices: list[str]) -> None:
+    """Compare the frames that a header announces with those found: fewer is an error, more a notice."""
+    if found < announced:
+        raise FormatError(path, place, f"{announced} frames are announced and {found} are there; the file is cut off")
+    if found > announced:
+        notices.append(f"{found} frames were read although the header announces {announced}")
+
+
+def check_writable_names(
+    path: Path, names: Sequence[str], forbidden: str, clean: Callable[[str], str] = str
+) -> list[str]:
+    """Return the names as `clean` makes them; refuse those that the format cannot hold or that become equal."""
+    cleaned = [clean(name) for name in names]
+    for name in cleaned:
+        if any(character in name for character in forbidden + "\r\n\0"):
+            raise WriteError(f"{path}: the name {name!r} holds a character that this format cannot hold; rename it")
+    twice = [name for name, count in Counter(cleaned).items() if count > 1]
+    if twice:
+        raise WriteError(f"{path}: two names would both be written as {twice[0]!r}; rename one")
+    return cleaned
+
+
+def _refuse_duplicates(path: Path, names: Sequence[str]) -> None:
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise FormatError(path, "", f"{count} markers are labelled {name[:60]!r}; labels must differ, rename them")
+
+
+def _note(notices: list[str], names: Sequence[str], chosen: Bools, what: str) -> None:
+    listed = [names[index] for index in np.flatnonzero(chosen).tolist()]
+    if listed:
+        notices.append(f"{len(listed)} marker{'s' if len(listed) > 1 else ''} {what}: {_listed(listed)}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:_NAMED_IN_NOTICE])
+    more = len(names) - _NAMED_IN_NOTICE
+    return f"{shown} and {more} more" if more > 0 else shown

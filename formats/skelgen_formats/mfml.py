@@ -1,0 +1,193 @@
+"""mfml: unlabelled points per frame as the optical tracker of the seed records them; layout in `mfml_stream`."""
+
+from __future__ import annotations
+
+import mmap
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import FormatError, WriteError
+from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model.arrays import Floats, Ints
+from skelgen_formats.markers import FARTHEST, cloud_from_markers
+from skelgen_formats.mfml_stream import (
+    MARKER_DTYPES,
+    SECONDS_PER_UNIT,
+    Content,
+    Markers,
+    UnparsableError,
+    find_id_width,
+    frame_headers,
+    iterate_mfml,
+    write_frames,
+)
+from skelgen_formats.registry import Format, Option
+
+_HEADER_ROW = [("start", np.intp), ("count", np.intp), ("stamp", np.uint64)]
+_EXACT_INTEGERS = 2**53  # up to here float64 holds every whole number, as the attribute `id` must
+_PLAUSIBLE_MARKERS = 10_000  # a frame of a real capture has fewer; only for sniffing
+_U32 = 2**32
+
+__all__ = ["FORMAT", "iterate_mfml", "read_mfml", "write_frames", "write_mfml"]
+
+
+def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") -> PointCloud:
+    """Read a tracker recording.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    id_width : str
+        Bytes of a unique id: ``4``, ``8``, ``16``, or ``auto`` to find out.
+    timestamp_unit : str
+        ``us``, ``ms``, ``s`` or ``ns``.
+
+    Returns
+    -------
+    PointCloud
+        Points in mm, time stamps in s, attributes ``reprojection_error`` [mm], ``n_blobs`` and ``id``; the notices say
+        which id width was used.
+
+    Raises
+    ------
+    FormatError
+        If the file does not parse with any (or the given) id width, or holds no point.
+    """
+    with Content(path) as content:
+        width = find_id_width(path, content.view, id_width)
+        headers = np.array(list(frame_headers(content.view, width)), dtype=_HEADER_ROW)
+        counts = headers["count"]
+        markers = _all_markers(content.view, width, headers["start"], counts)
+    if not len(markers):
+        raise FormatError(path, "", "no marker is seen in any frame: there is nothing to reconstruct from")
+    starts = np.concatenate(([0], np.cumsum(counts))).astype(np.intp)
+    _check_numbers(path, markers, starts)
+    notices = [f"unique ids are {width} bytes wide", f"time stamps are taken as {timestamp_unit}"]
+    attributes = {
+        "reprojection_error": markers["reprojection_error"],
+        "n_blobs": markers["n_blobs"],
+        "id": _plain_ids(markers["id"], notices),
+    }
+    times = headers["stamp"].astype(np.float64) * SECONDS_PER_UNIT[timestamp_unit]
+    return PointCloud(markers["center"], starts, times, attributes, path.name, tuple(notices))
+
+
+def write_mfml(value: Project | Take, path: Path, id_width: str = "auto", timestamp_unit: str = "us") -> list[Path]:
+    """Write points as a tracker recording; labelled markers lose their labels.
+
+    Parameters
+    ----------
+    value : Project, PointCloud or Trajectories
+        Of a project, its take. Points without the attributes ``reprojection_error``, ``n_blobs`` or ``id`` get 0, 0
+        and their running number.
+    path : Path
+        The file.
+    id_width : str
+        Bytes of a unique id; ``auto`` means 8.
+    timestamp_unit : str
+        Unit in which time stamps are written.
+
+    Raises
+    ------
+    WriteError
+        If the value has no points, or a time or id does not fit.
+    """
+    cloud = _cloud_of(value)
+    width = 8 if id_width == "auto" else int(id_width)
+    markers = _markers_of(path, cloud, width)
+    frames = (
+        (time, markers[start:end])
+        for time, start, end in zip(
+            cloud.times.tolist(), cloud.frame_starts[:-1].tolist(), cloud.frame_starts[1:].tolist(), strict=True
+        )
+    )
+    write_frames(path, frames, str(width), timestamp_unit)
+    return [path]
+
+
+def _all_markers(view: mmap.mmap, width: int, starts: Ints, counts: Ints) -> Markers:
+    dtype = MARKER_DTYPES[width]
+    ends = starts + counts * dtype.itemsize
+    parts = [view[start:end] for start, end in zip(starts.tolist(), ends.tolist(), strict=True)]
+    return np.frombuffer(b"".join(parts), dtype)
+
+
+def _check_numbers(path: Path, markers: Markers, starts: Ints) -> None:
+    good = (np.abs(markers["center"]) <= FARTHEST).all(axis=1) & np.isfinite(markers["reprojection_error"])
+    if not good.all():
+        bad = int(np.argmin(good))
+        frame = int(np.searchsorted(starts, bad, side="right"))
+        numbers = [*markers["center"][bad].tolist(), float(markers["reprojection_error"][bad])]
+        raise FormatError(path, f"frame {frame}", f"a marker has the numbers {numbers}; the file is damaged")
+
+
+def _plain_ids(ids: Markers, notices: list[str]) -> Floats:
+    """Return ids as float64, which the attributes are; renumber those that float64 cannot hold."""
+    low, high = (ids, None) if ids.ndim == 1 else (ids[:, 0], ids[:, 1])
+    if (low < _EXACT_INTEGERS).all() and (high is None or not high.any()):
+        return low.astype(np.float64)
+    notices.append("unique ids are too large for plain numbers and were renumbered; equal ones stay equal")
+    _, numbers = np.unique(ids, axis=0, return_inverse=True)
+    return numbers.reshape(-1).astype(np.float64)
+
+
+def _cloud_of(value: Project | Take) -> PointCloud:
+    take = value.take if isinstance(value, Project) else value
+    if isinstance(take, Trajectories):
+        return cloud_from_markers(take.positions, take.rate, take.name)
+    if isinstance(take, Poses):
+        raise WriteError("mfml holds points and this value has bodies with orientation: write them as poses-csv")
+    return take
+
+
+def _markers_of(path: Path, cloud: PointCloud, width: int) -> Markers:
+    markers = np.zeros(cloud.n_points, MARKER_DTYPES[width])
+    ids = cloud.attributes.get("id", np.arange(cloud.n_points, dtype=np.float64))
+    n_blobs = cloud.attributes.get("n_blobs", np.zeros(cloud.n_points))
+    limit = _U32 if width == 4 else _EXACT_INTEGERS
+    for what, numbers, below in (("id", ids, limit), ("number of blobs", n_blobs, _U32)):
+        if not ((numbers >= 0) & (numbers < below) & (numbers == np.floor(numbers))).all():
+            raise WriteError(f"{path}: a point has an {what} that is no whole number from 0 to {below - 1}")
+    markers["center"] = cloud.points
+    markers["reprojection_error"] = cloud.attributes.get("reprojection_error", 0.0)
+    markers["n_blobs"] = n_blobs.astype(np.uint32)
+    if markers["id"].ndim == 1:
+        markers["id"] = ids.astype(np.uint64)
+    else:
+        markers["id"][:, 0] = ids.astype(np.uint64)
+    return markers
+
+
+def _sniff(head: bytes, path: Path) -> bool:
+    return any(_looks_right(head, width) for width in MARKER_DTYPES)
+
+
+def _looks_right(head: bytes, width: int) -> bool:
+    counts, stamps = [], []
+    try:
+        for _, count, stamp in frame_headers(head, width):
+            counts.append(count)
+            stamps.append(stamp)
+    except UnparsableError as error:
+        if "cut off" not in error.problem:
+            return False
+    rises = len(stamps) == 1 or (len(stamps) > 1 and stamps[-1] > stamps[0])
+    return rises and 0 < max(counts) < _PLAUSIBLE_MARKERS
+
+
+FORMAT = Format(
+    name="mfml",
+    title="mfml (optical tracker)",
+    suffixes=(".mfml",),
+    holds="points",
+    sniff=_sniff,
+    read=read_mfml,
+    write=write_mfml,
+    options=(
+        Option("id_width", "auto", "Bytes of a unique id; auto finds out, and writes 8.", ("auto", "4", "8", "16")),
+        Option("timestamp_unit", "us", "Unit of the time stamps.", tuple(SECONDS_PER_UNIT)),
+    ),
+    note="Points with reprojection error, number of blobs and id; the width of the ids is found by parsing.",
+)

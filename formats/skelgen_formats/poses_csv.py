@@ -1,0 +1,169 @@
+"""Poses CSV: bodies with position and orientation per frame, as magnetic sensors give; skelgen's own layout.
+
+Layout, comma-separated text::
+
+    skelgen-poses,1                                   the format and its version
+    rate,120.0,Hz
+    unit,mm                                           of positions; mm, cm, m and others are read, mm is written
+    frame,time,pelvis.x,pelvis.y,pelvis.z,pelvis.qw,pelvis.qx,pelvis.qy,pelvis.qz,thigh.x,...
+    0,0.0,12.5,-3.0,880.1,1.0,0.0,0.0,0.0,...
+
+Per body seven columns: the position of its origin in the world, and the unit quaternion (scalar first) of the rotation
+that takes the body's axes to the world's: p_world = R(q) p_body + (x, y, z). Axes are right-handed. A body that is not
+seen in a frame has seven empty cells. The time, in seconds, is for the reader's convenience; the rate counts.
+Quaternions may be off unit length by a thousandth and are normalised; q and -q mean the same, qw >= 0 is written.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import FormatError, WriteError
+from skelgen.model import Poses, Project, Take
+from skelgen.model.arrays import Bools, Floats
+from skelgen_formats.atomic import replacing
+from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
+from skelgen_formats.quaternions import matrix_from_xyzw, xyzw_from_matrix
+from skelgen_formats.registry import Format
+from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
+
+_MAGIC = "skelgen-poses"
+_VERSION = "1"
+_COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
+_XYZW = [4, 5, 6, 3]  # of those columns
+_LEADING_CELLS = 2  # frame and time
+_HEADER_LINES = 4
+_LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
+
+
+def read_poses(path: Path) -> Poses:
+    """Read bodies with orientation.
+
+    Returns
+    -------
+    Poses
+        Transforms with translations in mm; bodies that are never seen are dropped with a notice.
+
+    Raises
+    ------
+    FormatError
+        If a line is not as the layout demands, or a quaternion is not one of a rotation.
+    """
+    lines = read_lines(path)
+    header = [split_cells(path, line, number, ",") for number, line in enumerate(lines[:_HEADER_LINES], start=1)]
+    rate, factor = _rate_and_unit(path, header)
+    names = _names(path, header[3])
+    rows = parse_rows(path, lines, _HEADER_LINES, _LEADING_CELLS + len(_COLUMNS) * len(names), ",")
+    if not len(rows):
+        raise FormatError(path, "", "holds no frame: nothing can be read from it")
+    numbers = rows[:, _LEADING_CELLS:].reshape(len(rows), len(names), len(_COLUMNS))
+    transforms = _transforms(path, numbers, factor)
+    ever: Bools = np.asarray((~np.isnan(transforms[:, :, 0, 0])).any(axis=0))
+    if not ever.any():
+        raise FormatError(path, "", "no body is seen in any frame: there is nothing to reconstruct from")
+    dropped = [name for name, seen in zip(names, ever, strict=True) if not seen]
+    notices = (f"bodies dropped because never seen: {', '.join(dropped)}",) if dropped else ()
+    kept = tuple(name for name, seen in zip(names, ever, strict=True) if seen)
+    return Poses(transforms[:, ever], kept, rate, path.name, notices)
+
+
+def write_poses(value: Project | Take, path: Path) -> list[Path]:
+    """Write bodies with orientation; positions in mm, quaternions with scalar first.
+
+    Raises
+    ------
+    WriteError
+        If the value has no bodies with orientation, or a name holds a line end.
+    """
+    take = value.take if isinstance(value, Project) else value
+    if not isinstance(take, Poses):
+        raise WriteError(
+            "poses-csv holds bodies with orientation and this value has markers; c3d, trc or csm hold those"
+        )
+    names = check_writable_names(path, take.names, "")
+    numbers = _numbers(take.world_from_body)
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write(_header_text(take.rate, names))
+        for frame, row in enumerate(numbers.reshape(take.n_frames, -1).tolist()):
+            cells = ["" if x != x else repr(x) for x in row]  # noqa: PLR0124 - NaN differs from itself
+            stream.write(f"{frame},{frame / take.rate!r}," + ",".join(cells) + "\n")
+    return [path]
+
+
+def _rate_and_unit(path: Path, header: Sequence[Sequence[str]]) -> tuple[float, float]:
+    if len(header) < _HEADER_LINES:
+        raise FormatError(path, len(header), f"the header is cut off; {_HEADER_LINES} lines belong to it")
+    if list(header[0][:2]) != [_MAGIC, _VERSION]:
+        raise FormatError(path, 1, f"the first line must be '{_MAGIC},{_VERSION}'; another version cannot be read")
+    for number, key in ((2, "rate"), (3, "unit")):
+        if len(header[number - 1]) < 2 or header[number - 1][0] != key:
+            raise FormatError(path, number, f"the line must begin with '{key},' and its value")
+    return rate_in(path, 2, header[1][1], "rate"), mm_per_unit(path, 3, header[2][1])
+
+
+def _names(path: Path, titles: Sequence[str]) -> list[str]:
+    columns = titles[_LEADING_CELLS:]
+    names = [title.rpartition(".")[0] for title in columns[:: len(_COLUMNS)]]
+    expected = ["frame", "time", *(f"{name}.{column}" for name in names for column in _COLUMNS)]
+    if not names or list(titles) != expected:
+        raise FormatError(path, 4, f"column titles must be frame, time and {', '.join(_COLUMNS)} of each body in turn")
+    if len(set(names)) < len(names) or not all(name.strip() for name in names):
+        raise FormatError(path, 4, "two bodies have the same name, or one has none; names must differ")
+    return names
+
+
+def _transforms(path: Path, numbers: Floats, factor: float) -> Floats:
+    """Return world_from_body, shape (n_frames, n_bodies, 4, 4), translations in mm."""
+    empty = np.isnan(numbers)
+    seen = ~empty.all(axis=2)
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.linalg.norm(numbers[:, :, 3:], axis=2)
+        wrong = seen & (empty.any(axis=2) | ~(np.abs(lengths - 1.0) <= _LENGTH_TOLERANCE))
+        wrong |= seen & ~(np.abs(numbers[:, :, :3] * factor) <= FARTHEST).all(axis=2)
+    if wrong.any():
+        frame, body = np.argwhere(wrong)[0]
+        raise FormatError(path, f"frame {frame + 1}", f"body {body + 1} has no unit quaternion or no finite position")
+    transforms = np.full((*numbers.shape[:2], 4, 4), np.nan)
+    transforms[seen] = np.eye(4)
+    transforms[seen, :3, :3] = matrix_from_xyzw(numbers[seen][:, _XYZW])
+    transforms[seen, :3, 3] = numbers[seen, :3] * factor
+    return transforms
+
+
+def _numbers(world_from_body: Floats) -> Floats:
+    """Return position and quaternion (scalar first), shape (n_frames, n_bodies, 7)."""
+    numbers = np.full((*world_from_body.shape[:2], len(_COLUMNS)), np.nan)
+    seen = ~np.isnan(world_from_body[:, :, 0, 0])
+    xyzw = xyzw_from_matrix(world_from_body[seen, :3, :3])
+    wxyz = np.where(xyzw[:, 3:] < 0, -xyzw, xyzw)[:, [3, 0, 1, 2]]
+    numbers[seen] = np.concatenate([world_from_body[seen, :3, 3], wxyz], axis=1)
+    return numbers
+
+
+def _header_text(rate: float, names: Sequence[str]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    titles = [f"{name}.{column}" for name in names for column in _COLUMNS]
+    writer.writerows([[_MAGIC, _VERSION], ["rate", repr(rate), "Hz"], ["unit", "mm"], ["frame", "time", *titles]])
+    return text.getvalue()
+
+
+def _sniff(head: bytes, path: Path) -> bool:
+    return decoded_head(head).startswith(_MAGIC)
+
+
+FORMAT = Format(
+    name="poses-csv",
+    title="Poses CSV (skelgen)",
+    suffixes=(".poses.csv",),
+    holds="poses",
+    sniff=_sniff,
+    read=read_poses,
+    write=write_poses,
+    note="Position and unit quaternion (scalar first) of each body per frame; empty cells are unseen.",
+)

@@ -1,0 +1,195 @@
+"""Text files as motion capture programs write them: any line end, a byte order mark, latin-1, empty cells."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import FormatError
+from skelgen.model.arrays import Floats
+
+_UTF8_MARK = b"\xef\xbb\xbf"
+_UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a"})
+_SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
+
+
+def read_lines(path: Path) -> list[str]:
+    """Return the lines of a text file without their line ends.
+
+    UTF-8 with or without a byte order mark and UTF-16 with one are recognised; anything else is taken as latin-1,
+    as older Windows programs write it. Lines may end with LF, CR LF or CR.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read, is empty, or is not text.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+    if not content.strip():
+        raise FormatError(path, "", "the file is empty")
+    text = _decoded(path, content)
+    if "\0" in text:
+        raise FormatError(path, "", "holds zero bytes: it is a binary file or damaged; a text file was expected")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def decoded_head(head: bytes) -> str:
+    """Return the beginning of a file as text for sniffing, without a byte order mark; never fails."""
+    if head[:2] in _UTF16_MARKS:
+        return head.decode("utf-16", errors="replace")
+    return head.removeprefix(_UTF8_MARK).decode("latin-1")
+
+
+def _decoded(path: Path, content: bytes) -> str:
+    if content[:2] in _UTF16_MARKS:
+        try:
+            return content.decode("utf-16")
+        except UnicodeDecodeError as error:
+            raise FormatError(path, f"byte {error.start}", "is not UTF-16 text as its first bytes say") from error
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def split_cells(path: Path, line: str, number: int, delimiter: str) -> list[str]:
+    """Return the stripped cells of a header line that may hold quoted cells."""
+    try:
+        rows = list(csv.reader([line], delimiter=delimiter))
+    except csv.Error as error:
+        raise FormatError(path, number, f"the line cannot be split into cells: {error}") from error
+    return [cell.strip() for cell in rows[0]] if rows else []
+
+
+def without_trailing_empty(cells: Sequence[str]) -> list[str]:
+    """Return the cells up to the last one that is not blank."""
+    end = len(cells)
+    while end and not cells[end - 1].strip():
+        end -= 1
+    return list(cells[:end])
+
+
+def number_in(path: Path, place: str | int, text: str, what: str) -> float:
+    """Return a finite number that a header states, or raise `FormatError`."""
+    try:
+        value = _parsed(text.strip())
+    except ValueError as error:
+        raise FormatError(path, place, f"{what} is {_shown(text)}; a number belongs there") from error
+    if not math.isfinite(value):
+        raise FormatError(path, place, f"{what} is {_shown(text)}; a finite number belongs there")
+    return value
+
+
+def count_in(path: Path, place: str | int, text: str, what: str) -> int:
+    """Return a whole number of at least 0 that a header states, or raise `FormatError`."""
+    value = number_in(path, place, text, what)
+    if value < 0 or value != int(value):
+        raise FormatError(path, place, f"{what} is {_shown(text)}; a whole number from 0 up belongs there")
+    return int(value)
+
+
+def rate_in(path: Path, place: str | int, text: str, what: str) -> float:
+    """Return a frame rate above 0 [Hz] that a header states, or raise `FormatError`."""
+    value = number_in(path, place, text, what)
+    if value <= 0:
+        raise FormatError(path, place, f"{what} is {value:g} Hz; it must be above 0")
+    return value
+
+
+def parse_rows(
+    path: Path,
+    lines: Sequence[str],
+    first: int,
+    n_cells: int,
+    delimiter: str,
+    *,
+    pick: Callable[[list[str]], Sequence[str]] | None = None,
+) -> Floats:
+    """Return the numbers of the non-blank lines from index `first` on; empty cells and words like NaN become NaN.
+
+    Parameters
+    ----------
+    path : Path
+        For errors.
+    lines : sequence of str
+        All lines of the file.
+    first : int
+        Index of the first data line.
+    n_cells : int
+        Cells that each line must have; blank ones beyond them are ignored.
+    delimiter : str
+        What separates cells. Decimal commas are understood where it is not a comma itself.
+    pick : callable (cells) -> cells, optional
+        Chooses the cells that are wanted, in the wanted order.
+
+    Returns
+    -------
+    ndarray, shape (n_rows, n_picked)
+
+    Raises
+    ------
+    FormatError
+        If a line has the wrong number of cells or a cell that is not a number.
+    """
+    rows: list[Floats] = []
+    for index in range(first, len(lines)):
+        line = lines[index]
+        if not line.strip():
+            continue
+        cells = line.split(delimiter)
+        if len(cells) != n_cells:
+            cells = _fitted(path, cells, index + 1, n_cells, delimiter)
+        wanted = pick(cells) if pick else cells
+        rows.append(_row(path, wanted, index + 1, delimiter))
+    return np.array(rows, dtype=np.float64) if rows else np.empty((0, 0))
+
+
+def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: str) -> list[str]:
+    if len(cells) > n_cells and not any(cell.strip() for cell in cells[n_cells:]):
+        return cells[:n_cells]
+    hint = ""
+    if delimiter == "," and len(cells) > n_cells:
+        hint = "; if numbers have decimal commas, export with decimal points"
+    elif len(cells) < n_cells:
+        hint = "; the file may be cut off"
+    raise FormatError(path, number, f"{len(cells)} cells where {n_cells} belong{hint}")
+
+
+def _row(path: Path, cells: Sequence[str], number: int, delimiter: str) -> Floats:
+    try:
+        numbers = [float(cell) if cell else math.nan for cell in cells]
+        if not any("_" in cell for cell in cells):
+            return np.array(numbers)
+    except ValueError:
+        pass  # the slow way below understands more, or says which cell is wrong
+    return np.array([_cell(path, cell, number, column, delimiter) for column, cell in enumerate(cells, start=1)])
+
+
+def _cell(path: Path, cell: str, number: int, column: int, delimiter: str) -> float:
+    text = cell.strip()
+    if text.lower() in _UNSEEN_WORDS:
+        return math.nan
+    if delimiter != "," and "." not in text:
+        text = text.replace(",", ".", 1)
+    try:
+        return _parsed(text)
+    except ValueError as error:
+        raise FormatError(path, number, f"{_shown(cell)} in value {column} is not a number") from error
+
+
+def _parsed(text: str) -> float:
+    if "_" in text:  # Python reads 1_000 as a number; no capture program writes that
+        raise ValueError(text)
+    return float(text)
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "...")

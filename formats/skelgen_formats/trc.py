@@ -1,0 +1,178 @@
+"""TRC: marker trajectories as Motion Analysis writes and OpenSim reads them.
+
+Layout, tab-separated text::
+
+    PathFileType  4  (X/Y/Z)  walk.trc
+    DataRate  CameraRate  NumFrames  NumMarkers  Units  OrigDataRate  OrigDataStartFrame  OrigNumFrames
+    100  100  3514  11  mm  100  1  3514
+    Frame#  Time  LFHD  (empty)  (empty)  RFHD ...      one name per three columns
+                  X1    Y1       Z1       X2   ...
+    (an empty line, which some programs leave out)
+    1  0.00  246.329  -29.647  -6.82  ...               empty cells are unseen
+
+Lines that begin with ``#`` are comments; three zeros are unseen, too. The names are taken in order, since some
+programs put them one column off. Written numbers have as many digits as give the same float64 back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import FormatError
+from skelgen.model import PointCloud, Project, Take, Trajectories
+from skelgen.model.arrays import Floats
+from skelgen_formats.atomic import replacing
+from skelgen_formats.markers import (
+    check_writable_names,
+    mm_per_unit,
+    scaled,
+    take_from_markers,
+    trajectories_of,
+    zeros_unseen,
+)
+from skelgen_formats.registry import Format
+from skelgen_formats.text import (
+    count_in,
+    decoded_head,
+    parse_rows,
+    rate_in,
+    read_lines,
+    without_trailing_empty,
+)
+
+_HEADER_LINES = 5  # magic, keys, values, names, coordinate names
+_LEADING_CELLS = 2  # frame number and time
+_FIRST_LINE = "PathFileType"
+_KEYS = (
+    *("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units"),
+    *("OrigDataRate", "OrigDataStartFrame", "OrigNumFrames"),
+)
+
+
+def read_trc(path: Path) -> Trajectories | PointCloud:
+    """Read a TRC file.
+
+    Returns
+    -------
+    Trajectories
+        Positions in mm; or a `PointCloud` if no trajectory has a label.
+
+    Raises
+    ------
+    FormatError
+        If the header is not that of a TRC file, a line has the wrong number of cells, or there is no frame.
+    """
+    lines = read_lines(path)
+    start = _header_start(path, lines)
+    header = _header(path, lines, start)
+    n_markers = count_in(path, start + 3, _value(path, header, "nummarkers", start), "NumMarkers")
+    names = _names(path, lines[start + 3], start + 4, n_markers)
+    rate = rate_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
+    factor = mm_per_unit(path, start + 3, _value(path, header, "units", start))
+    rows = parse_rows(path, _without_comments(lines), start + _HEADER_LINES, _LEADING_CELLS + 3 * n_markers, "\t")
+    notices: list[str] = []
+    announced = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
+    if not len(rows):
+        raise FormatError(path, "", "holds no frame: nothing can be read from it")
+    _check_length(lines, announced, rows, notices)
+    positions = zeros_unseen(rows[:, _LEADING_CELLS:].reshape(len(rows), n_markers, 3))
+    return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
+
+
+def write_trc(value: Project | Take, path: Path) -> list[Path]:
+    """Write labelled markers as TRC in mm; unseen markers are empty cells.
+
+    Raises
+    ------
+    WriteError
+        If the value has no labelled markers, or a name holds a tab or line end.
+    """
+    take = trajectories_of(value, "TRC")
+    names = check_writable_names(path, take.names, "\t")
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write(_header_text(path, take, names))
+        for number, (time, row) in enumerate(zip(take.times.tolist(), take.positions, strict=True), start=1):
+            cells = ["" if x != x else repr(x) for x in row.ravel().tolist()]  # noqa: PLR0124 - NaN differs from itself
+            stream.write(f"{number}\t{time!r}\t" + "\t".join(cells) + "\n")
+    return [path]
+
+
+def _header_start(path: Path, lines: Sequence[str]) -> int:
+    for index, line in enumerate(lines):
+        if line.startswith(_FIRST_LINE):
+            if len(lines) < index + _HEADER_LINES:
+                raise FormatError(path, len(lines), "the header is cut off; five lines belong to it")
+            return index
+        if line.strip() and not line.startswith("#"):
+            break
+    raise FormatError(path, 1, f"a TRC file begins with {_FIRST_LINE}; this one does not")
+
+
+def _header(path: Path, lines: Sequence[str], start: int) -> dict[str, str]:
+    keys = [cell.strip().lower() for cell in lines[start + 1].split("\t")]
+    values = [cell.strip() for cell in lines[start + 2].split("\t")]
+    if len(without_trailing_empty(keys)) > len(values):
+        raise FormatError(path, start + 3, f"{len(values)} values where the line above names {len(keys)}")
+    return dict(zip(keys, values, strict=False))
+
+
+def _value(path: Path, header: dict[str, str], key: str, start: int) -> str:
+    if key not in header:
+        raise FormatError(path, start + 2, f"the header does not name {key}; it names {', '.join(header)[:120]}")
+    return header[key]
+
+
+def _names(path: Path, line: str, number: int, n_markers: int) -> list[str]:
+    names = [cell.strip() for cell in line.split("\t")[_LEADING_CELLS:] if cell.strip()]
+    if len(names) != n_markers:
+        raise FormatError(path, number, f"{len(names)} marker names where NumMarkers says {n_markers}")
+    return names
+
+
+def _check_length(lines: Sequence[str], announced: int, rows: Floats, notices: list[str]) -> None:
+    # People shorten TRC files by hand and leave the header as it is, so fewer frames are no proof of damage.
+    if len(rows) == announced:
+        return
+    notices.append(f"{len(rows)} frames were read although the header announces {announced}")
+    if len(rows) < announced and lines[-1].strip():
+        rows[-1, -1] = np.nan  # the marker's other coordinates follow when half-seen markers become unseen
+        notices.append("the last line has no line end, so its last marker, which may be cut off, is taken as unseen")
+
+
+def _without_comments(lines: Sequence[str]) -> list[str]:
+    return ["" if line.startswith("#") else line for line in lines]
+
+
+def _header_text(path: Path, take: Trajectories, names: Sequence[str]) -> str:
+    values = [take.rate, take.rate, take.n_frames, take.n_markers, "mm", take.rate, 1, take.n_frames]
+    coordinates = [f"{axis}{number}" for number in range(1, take.n_markers + 1) for axis in "XYZ"]
+    return "\n".join(
+        [
+            f"{_FIRST_LINE}\t4\t(X/Y/Z)\t{path.name}",
+            "\t".join(_KEYS),
+            "\t".join(str(value) for value in values),
+            "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t",
+            "\t\t" + "\t".join(coordinates),
+            "",
+            "",
+        ]
+    )
+
+
+def _sniff(head: bytes, path: Path) -> bool:
+    return any(line.startswith(_FIRST_LINE) for line in decoded_head(head).split("\n")[:20])
+
+
+FORMAT = Format(
+    name="trc",
+    title="TRC (Motion Analysis, OpenSim)",
+    suffixes=(".trc",),
+    holds="markers",
+    sniff=_sniff,
+    read=read_trc,
+    write=write_trc,
+    note="Units mm, cm, m from the header; empty cells and three zeros are unseen; written in mm with full precision.",
+)
