@@ -1,0 +1,121 @@
+"""Cal3D skeleton (.xsf) and animation (.xaf), as the XML loaders of Cal3D 0.9 to 1.3 read them.
+
+One bone per limb, parents first; a bone begins at the joint to its parent, a root where its limb's frame has its
+origin. Lengths are in mm, times in seconds; Cal3D itself knows neither unit nor axis convention. The loaders take two
+top-level elements, HEADER and the content, which makes the files no well-formed XML.
+
+Cal3D rotates a vector as v' = q* v q. The files therefore hold the conjugate of the usual quaternion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import WriteError
+from skelgen.model import Project, Skeleton, Take
+from skelgen.model.arrays import Floats
+from skelgen_formats.atomic import replacing
+from skelgen_formats.quaternions import bone_transforms, xyzw_from_matrix
+from skelgen_formats.registry import Format
+
+SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"
+
+_VERSION = 910  # of the 0.9 era: also the later forks accept it
+_CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
+_LARGEST = float(np.finfo(np.float32).max)  # the loaders read floats; a number beyond silently zeroes all that follow
+
+
+def write_cal3d(value: Project | Take, path: Path) -> list[Path]:
+    """Write skeleton and animation beside each other, whichever of the two `path` names.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project or has no frames, a number is beyond single precision, or a file cannot be written.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    if not isinstance(value, Project):
+        raise WriteError(f"{path}: Cal3D holds a skeleton in motion, not a take; run the four stages first")
+    _check_values(value, path)
+    skeleton_path, animation_path = path.with_suffix(SKELETON_SUFFIX), path.with_suffix(ANIMATION_SUFFIX)
+    with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
+        _write(skeleton_file, _skeleton(value.skeleton))
+        _write(animation_file, _animation(value))
+    return [skeleton_path, animation_path]
+
+
+def _check_values(project: Project, path: Path) -> None:
+    if project.motion.n_frames == 0 or project.skeleton.n_limbs == 0:
+        raise WriteError(f"{path}: Cal3D needs at least one bone and one frame")
+    poses = (project.motion.world_from_limb, project.skeleton.reference_pose)
+    if not all(float(np.abs(pose).max()) < _LARGEST for pose in poses):
+        raise WriteError(f"{path}: a coordinate is beyond what Cal3D's single precision can hold")
+
+
+def _write(path: Path, lines: Iterator[str]) -> None:
+    with path.open("w", encoding="ascii", newline="\n") as stream:
+        stream.writelines(lines)
+
+
+def _skeleton(skeleton: Skeleton) -> Iterator[str]:
+    order = skeleton.outward.tolist()
+    bone_of_limb = {limb: bone for bone, limb in enumerate(order)} | {-1: -1}
+    yield f'<HEADER MAGIC="XSF" VERSION="{_VERSION}"/>\n<SKELETON NUMBONES="{len(order)}">\n'
+    for bone, limb in enumerate(order):
+        parent = int(skeleton.parents[limb])
+        children = [bone_of_limb[child] for child in order if skeleton.parents[child] == limb]
+        yield f'<BONE ID="{bone}" NAME="limb{limb}" NUMCHILDS="{len(children)}">\n'
+        yield from _transforms(skeleton.reference_pose, parent, limb)
+        yield f"<PARENTID>{bone_of_limb[parent]}</PARENTID>\n"
+        yield from (f"<CHILDID>{child}</CHILDID>\n" for child in children)
+        yield "</BONE>\n"
+    yield "</SKELETON>\n"
+
+
+def _transforms(reference_pose: Floats, parent: int, limb: int) -> Iterator[str]:
+    """Text of the bind pose relative to the parent, and of its inverse in the world, which skinned vertices need."""
+    translation, rotation = bone_transforms(reference_pose, parent, limb)
+    bone_from_world = reference_pose[limb, :3, :3].T
+    yield _element("TRANSLATION", translation)
+    yield _element("ROTATION", xyzw_from_matrix(rotation) * _CONJUGATE)
+    yield _element("LOCALTRANSLATION", -bone_from_world @ reference_pose[limb, :3, 3])
+    yield _element("LOCALROTATION", xyzw_from_matrix(bone_from_world) * _CONJUGATE)
+
+
+def _animation(project: Project) -> Iterator[str]:
+    skeleton, motion = project.skeleton, project.motion
+    order = skeleton.outward.tolist()
+    times = [f"{time:.9g}" for time in motion.times]
+    duration = times[-1] if motion.n_frames > 1 else f"{1 / motion.rate:.9g}"  # zero is refused by the loaders
+    key = f'<KEYFRAME TIME="%s">\n{_template("TRANSLATION", 3)}{_template("ROTATION", 4)}</KEYFRAME>\n'
+    yield f'<HEADER MAGIC="XAF" VERSION="{_VERSION}"/>\n<ANIMATION NUMTRACKS="{len(order)}" DURATION="{duration}">\n'
+    for bone, limb in enumerate(order):
+        translations, rotations = bone_transforms(motion.world_from_limb, int(skeleton.parents[limb]), limb)
+        numbers = np.concatenate([translations, xyzw_from_matrix(rotations) * _CONJUGATE], axis=1)
+        yield f'<TRACK BONEID="{bone}" NUMKEYFRAMES="{motion.n_frames}">\n'
+        yield from (key % (time, *row) for time, row in zip(times, numbers.tolist(), strict=True))
+        yield "</TRACK>\n"
+    yield "</ANIMATION>\n"
+
+
+def _element(name: str, numbers: Floats) -> str:
+    return _template(name, len(numbers)) % tuple(numbers.tolist())
+
+
+def _template(name: str, length: int) -> str:
+    places = " ".join(["%.9g"] * length)  # nine digits tell every single-precision number
+    return f"<{name}>{places}</{name}>\n"
+
+
+FORMAT = Format(
+    name="cal3d",
+    title="Cal3D skeleton and animation",
+    suffixes=(SKELETON_SUFFIX, ANIMATION_SUFFIX),
+    holds="skeleton",
+    write=write_cal3d,
+    note="Two files are written, .xsf and .xaf; lengths in mm.",
+)

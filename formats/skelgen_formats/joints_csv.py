@@ -1,0 +1,60 @@
+"""Final joint positions as a table: one row per frame, three columns per joint.
+
+The header names every column with its unit: ``frame,time_s,limb0-limb1_x_mm,...``; a joint is called after its parent
+and child limb. Frames count from 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from skelgen.errors import WriteError
+from skelgen.model import Project, Skeleton, Take
+from skelgen_formats.atomic import replacing
+from skelgen_formats.registry import Format
+
+
+def joint_names(skeleton: Skeleton) -> tuple[str, ...]:
+    """Return a name for each joint, such as ``limb0-limb1`` (parent, child)."""
+    return tuple(f"limb{joint.parent}-limb{joint.child}" for joint in skeleton.joints)
+
+
+def write_joints_csv(value: Project | Take, path: Path) -> list[Path]:
+    """Write the joint positions of a finished project [mm], to a millionth of a millimetre.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project, or the file cannot be written.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    if not isinstance(value, Project):
+        raise WriteError(
+            f"{path}: joints-csv holds the joints of a skeleton, not a take; run the four stages first, or choose a"
+            " format for takes"
+        )
+    header = ["frame", "time_s", *(f"{name}_{axis}_mm" for name in joint_names(value.skeleton) for axis in "xyz")]
+    rows = _rows(value)
+    with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
+        stream.write(",".join(header) + "\n")
+        stream.writelines(rows)
+    return [path]
+
+
+def _rows(project: Project) -> Iterator[str]:
+    motion = project.motion
+    row = "%d,%r" + ",%.6f" * (3 * motion.joint_positions.shape[1]) + "\n"
+    for frame, (time, positions) in enumerate(zip(motion.times.tolist(), motion.joint_positions, strict=True)):
+        yield row % (frame, time, *positions.ravel().tolist())
+
+
+FORMAT = Format(
+    name="joints-csv",
+    title="Joint positions, CSV",
+    suffixes=(".joints.csv", ".csv"),
+    holds="joints",
+    write=write_joints_csv,
+    note="One row per frame, three columns per joint, in mm.",
+)

@@ -1,0 +1,71 @@
+"""The seed's XML file (4.13): skeleton, animation, joints, markers and statistics of a finished project.
+
+The seed prints several top elements; here one root holds them, so that the file is well-formed XML. Lengths are in mm,
+times in seconds. All numbers have the digits to give back the same double.
+
+``MotionCapture``
+    The root: ``version``, ``unit``, ``time_unit``, ``quaternion`` (order of the components), ``rate`` [Hz], ``take``.
+``MarkerNames``
+    ``MarkerName`` with ``id``, ``name`` and ``bone`` (-1 = left out).
+``StatsElements``
+    The seed's. ``FirstBone`` is the parent, ``SecondBone`` the child; distances are to the raw joint positions, over
+    the frames in which marker and joint are known; a marker without such a frame is left out.
+``SkeletonAndAnimation``
+    ``SKELETON``: one ``BONE`` per limb, parents first. ``TRANSLATION`` and ``ROTATION`` give the bone relative to its
+    parent in the reference pose: v_parent = R v_bone + t; a root's translation is zero. ``LOCALTRANSLATION`` and
+    ``LOCALROTATION`` bring a vertex from model space (the world, in the reference pose) to bone space:
+    v_bone = R_local v_model + t_local. ``JOINT``, which the seed lacks, holds what is known of the joint to the parent.
+    ``ANIMATION``: one ``TRACK`` per bone, one ``KEYFRAME`` per frame, relative to the parent; a root relative to the
+    world. ``SEEN="0"`` marks a frame in which the limb's pose was interpolated.
+    Quaternions are x y z w and rotate actively, v' = q v q* (not Cal3D's conjugate; `cal3d` writes that).
+``RawJointPositions``, ``FinalJointPositions``
+    Elements ``joint<parent>-<child>``; a frame whose joint is not to be told carries no vector.
+``MarkerPositions``
+    ``MarkerOffsets``: markers relative to the centre of mass of their limb's markers, along the axes of the bone;
+    ``CenterOfMass``, which the seed lacks, is that centre in the bone's frame and ``Sigma`` the marker's deviation.
+    ``Frame``: an unseen marker carries no ``OrgMarkerPosition``, one that is left out no ``FinalMarkerPosition``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from skelgen.model import Take
+from skelgen_formats.registry import Format
+from skelgen_formats.seed_xml.values import JointStats, MarkerDistance, SeedXml
+from skelgen_formats.seed_xml.writer import ROOT, write_seed_xml
+
+
+def read_seed_xml(path: Path | str) -> SeedXml:
+    """Read everything from a seed XML file, as a stream.
+
+    Raises
+    ------
+    FormatError
+        If the file is no such file, is broken, or its parts contradict each other; names the line.
+    """
+    from skelgen_formats.seed_xml.reader import read  # noqa: PLC0415 - lxml only when a file is read
+
+    return read(Path(path))
+
+
+def _read_take(path: Path) -> Take:
+    return read_seed_xml(path).trajectories
+
+
+def _sniff(head: bytes, path: Path) -> bool:
+    return f"<{ROOT} ".encode() in head
+
+
+FORMAT = Format(
+    name="seed-xml",
+    title="Skeleton and motion, XML",
+    suffixes=(".xml",),
+    holds="skeleton",
+    sniff=_sniff,
+    read=_read_take,
+    write=write_seed_xml,
+    note="Everything about a finished project; as a take it gives back the tracked markers.",
+)
+
+__all__ = ["FORMAT", "JointStats", "MarkerDistance", "SeedXml", "read_seed_xml", "write_seed_xml"]

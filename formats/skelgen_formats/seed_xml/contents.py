@@ -1,0 +1,213 @@
+"""What the reader collects, and how it becomes checked values."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from skelgen.errors import FormatError, InputError
+from skelgen.model import Joint, Motion, Skeleton, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.topology import outward_order
+from skelgen_formats.quaternions import matrix_from_xyzw
+from skelgen_formats.seed_xml.values import JointStats, SeedXml
+
+_Key = TypeVar("_Key", int, tuple[int, int])
+
+
+@dataclass
+class JointFacts:
+    """The file's ``JOINT``; numbers as in `skelgen.model.Joint`."""
+
+    kind: str
+    position_in_parent: list[float]
+    position_in_child: list[float]
+    std: list[float]
+    axis: list[float] | None
+
+
+@dataclass
+class Bone:
+    """The file's ``BONE``, without what follows from the rest."""
+
+    parent: int
+    local_translation: list[float]
+    local_rotation: list[float]
+    joint: JointFacts | None
+
+
+@dataclass
+class Contents:
+    """Everything in the file, as it comes: flat rows of numbers by bone, joint and marker."""
+
+    take: str = ""
+    rate: float = 0.0
+    names: list[str] = field(default_factory=list)
+    bone_of_marker: list[int] = field(default_factory=list)
+    stats: list[JointStats] = field(default_factory=list)
+    bones: dict[int, Bone] = field(default_factory=dict)
+    tracks: dict[int, array[float]] = field(default_factory=dict)
+    seen: dict[int, bytearray] = field(default_factory=dict)
+    raw_joints: dict[tuple[int, int], array[float]] = field(default_factory=dict)
+    final_joints: dict[tuple[int, int], array[float]] = field(default_factory=dict)
+    offsets: dict[int, list[float]] = field(default_factory=dict)
+    sigmas: dict[int, float] = field(default_factory=dict)
+    centers: dict[int, list[float]] = field(default_factory=dict)
+    final_markers: array[float] = field(default_factory=lambda: array("d"))
+    tracked_markers: array[float] = field(default_factory=lambda: array("d"))
+    n_marker_frames: int = 0
+
+
+def assemble(path: Path, contents: Contents) -> SeedXml:
+    """Build the values from what was read.
+
+    Raises
+    ------
+    FormatError
+        If parts of the file are missing or contradict each other.
+    """
+    parents = _parents(path, contents)
+    children = [int(limb) for limb in outward_order(parents) if parents[limb] >= 0]
+    edges = [(int(parents[child]), child) for child in children]
+    _check_complete(path, contents, len(parents), edges)
+    try:
+        with np.errstate(all="ignore"):  # absurd numbers become infinite and are refused by the values
+            return _values(contents, parents, edges)
+    except InputError as error:
+        raise FormatError(path, "", str(error)) from error
+
+
+def _parents(path: Path, contents: Contents) -> Ints:
+    n_limbs = len(contents.bones)
+    if sorted(contents.bones) != list(range(n_limbs)):
+        raise FormatError(path, "", f"the {n_limbs} bones must have the ids 0 to {n_limbs - 1}")
+    parents = np.array([contents.bones[limb].parent for limb in range(n_limbs)], dtype=np.intp)
+    if len(outward_order(parents)) != n_limbs:
+        raise FormatError(path, "", "the parents of the bones form no tree: a cycle, or a parent that is no bone")
+    return parents
+
+
+def _check_complete(path: Path, contents: Contents, n_limbs: int, edges: list[tuple[int, int]]) -> None:
+    if contents.n_marker_frames:
+        _check_keys(path, "TRACK", contents.tracks, list(range(n_limbs)))
+        _check_keys(path, "RawJointPositions", contents.raw_joints, edges)
+        _check_keys(path, "FinalJointPositions", contents.final_joints, edges)
+    lengths = {contents.n_marker_frames, *(len(seen) for seen in contents.seen.values())}
+    lengths |= {len(row) // 3 for rows in (contents.raw_joints, contents.final_joints) for row in rows.values()}
+    if len(lengths) > 1:
+        raise FormatError(path, "", f"tracks, joints and markers have {sorted(lengths)} frames; they must agree")
+    if any(not -1 <= bone < n_limbs for bone in contents.bone_of_marker):
+        raise FormatError(path, "", f"a marker sits on a bone that does not exist; bones are 0 to {n_limbs - 1}")
+
+
+def _check_keys(path: Path, tag: str, found: Mapping[_Key, object], wanted: list[_Key]) -> None:
+    if set(found) != set(wanted):
+        raise FormatError(path, "", f"<{tag}> has {sorted(found)} where {sorted(wanted)} belong")
+
+
+def _values(contents: Contents, parents: Ints, edges: list[tuple[int, int]]) -> SeedXml:
+    n_frames, n_markers, n_limbs = contents.n_marker_frames, len(contents.names), len(parents)
+    keys = _columns(contents.tracks, list(range(n_limbs)), (n_frames, 7))
+    offsets = _table(contents.offsets, n_markers)
+    centers = _table(contents.centers, n_limbs)
+    tracked = np.frombuffer(contents.tracked_markers).reshape(n_frames, n_markers, 3)
+    skeleton = _skeleton(contents, parents, edges, offsets, centers)
+    return SeedXml(
+        trajectories=Trajectories(tracked, tuple(contents.names), contents.rate, contents.take),
+        skeleton=skeleton,
+        motion=_motion(contents, skeleton, keys, tracked),
+        bone_translations=keys[..., :3],
+        bone_rotations_xyzw=keys[..., 3:],
+        raw_joint_positions=_columns(contents.raw_joints, edges, (n_frames, 3)),
+        offsets_from_center=offsets,
+        centers_of_mass=centers,
+        joint_stats=tuple(contents.stats),
+    )
+
+
+def _skeleton(
+    contents: Contents, parents: Ints, edges: list[tuple[int, int]], offsets: Floats, centers: Floats
+) -> Skeleton:
+    limb_of_marker = np.array(contents.bone_of_marker, dtype=np.intp)
+    centers_and_none = np.concatenate([centers, np.full((1, 3), np.nan)])  # row -1 is for markers that are left out
+    return Skeleton(
+        parents=parents,
+        joints=tuple(_joint(parent, child, contents.bones[child].joint) for parent, child in edges),
+        limb_of_marker=limb_of_marker,
+        marker_offsets=offsets + centers_and_none[limb_of_marker],
+        marker_std=np.array([contents.sigmas.get(marker, np.nan) for marker in range(len(limb_of_marker))]),
+        reference_pose=np.array([_world_from_bone(contents.bones[limb]) for limb in range(len(parents))]).reshape(
+            -1, 4, 4
+        ),
+    )
+
+
+def _joint(parent: int, child: int, facts: JointFacts | None) -> Joint:
+    if facts is None:
+        raise InputError(f"the joint between bones {parent} and {child} is not described")
+    axis = None if facts.axis is None else np.array(facts.axis)
+    places = np.array(facts.position_in_parent), np.array(facts.position_in_child)
+    return Joint(parent, child, *places, kind=facts.kind, axis=axis, std=np.array(facts.std))
+
+
+def _world_from_bone(bone: Bone) -> Floats:
+    """Invert the local transform, which brings a vertex from the world in the reference pose into bone space."""
+    pose = np.eye(4)
+    pose[:3, :3] = matrix_from_xyzw(np.array(bone.local_rotation)).T
+    pose[:3, 3] = -pose[:3, :3] @ np.array(bone.local_translation)
+    return pose
+
+
+def _motion(contents: Contents, skeleton: Skeleton, keys: Floats, tracked: Floats) -> Motion:
+    rebuilt = np.frombuffer(contents.final_markers).reshape(tracked.shape)
+    edges = [(joint.parent, joint.child) for joint in skeleton.joints]
+    return Motion(
+        world_from_limb=_world_from_limb(skeleton, keys),
+        joint_positions=_columns(contents.final_joints, edges, (len(tracked), 3)),
+        marker_positions=rebuilt,
+        residuals=np.linalg.norm(tracked - rebuilt, axis=2),
+        limb_seen=_seen(contents, len(tracked), skeleton.n_limbs),
+        rate=contents.rate,
+    )
+
+
+def _world_from_limb(skeleton: Skeleton, keys: Floats) -> Floats:
+    """Compose the keys, which are relative to the parents, from the roots outward."""
+    poses = np.zeros((len(keys), skeleton.n_limbs, 4, 4))
+    poses[:, :, 3, 3] = 1.0
+    for limb in skeleton.outward.tolist():
+        poses[:, limb, :3, :3] = matrix_from_xyzw(keys[:, limb, 3:])
+        poses[:, limb, :3, 3] = keys[:, limb, :3]
+        if skeleton.parents[limb] >= 0:
+            poses[:, limb] = poses[:, skeleton.parents[limb]] @ poses[:, limb]
+    return poses
+
+
+def _seen(contents: Contents, n_frames: int, n_limbs: int) -> Bools:
+    seen = np.zeros((n_frames, n_limbs), dtype=np.bool_)
+    for limb, marks in contents.seen.items():
+        seen[:, limb] = np.frombuffer(marks, dtype=np.uint8)
+    return seen
+
+
+def _columns(rows: Mapping[_Key, array[float]], order: list[_Key], shape: tuple[int, int]) -> Floats:
+    """Stack flat rows of numbers, one per bone or joint, into an array of shape (n_frames, n_keys, width)."""
+    n_frames, width = shape
+    columns = np.empty((n_frames, len(order), width))
+    for column, key in enumerate(order if n_frames else []):
+        columns[:, column] = np.frombuffer(rows[key]).reshape(shape)
+    return columns
+
+
+def _table(rows: dict[int, list[float]], length: int) -> Floats:
+    table = np.full((length, 3), np.nan)
+    for index, row in rows.items():
+        if not 0 <= index < length:
+            raise InputError(f"the bone {index} does not exist")
+        table[index] = row
+    return table

@@ -1,0 +1,250 @@
+"""Write the seed's XML file as a stream, one frame in memory at a time.
+
+The text is made from prepared rows rather than element by element: a 10,000-frame take has five million elements. The
+tests parse every file with a strict XML parser.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from skelgen.errors import WriteError
+from skelgen.model import Project, Skeleton, Take
+from skelgen.model.arrays import Floats
+from skelgen_formats.atomic import replacing
+from skelgen_formats.quaternions import bone_transforms, xyzw_from_matrix
+from skelgen_formats.seed_xml.statistics import centers_of_mass, joint_stats
+from skelgen_formats.seed_xml.values import JointStats, MarkerDistance
+
+ROOT = "MotionCapture"
+VERSION = "1"
+LEFT_OUT_BONE = -1
+
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
+_CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
+
+
+def write_seed_xml(value: Project | Take, path: Path) -> list[Path]:
+    """Write a finished project; the file is described in `skelgen_formats.seed_xml`.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project, a name cannot be told in XML, or the file cannot be written.
+    MissingResultError
+        If a stage has not run.
+    """
+    if not isinstance(value, Project):
+        raise WriteError(f"{path}: the seed's XML holds a skeleton in motion, not a take; run the four stages first")
+    _check_frames(value, path)
+    header = _header(value, path)
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write(header)
+        for part in (_stats, _skeleton, _animation, _raw_joints, _final_joints, _markers):
+            stream.writelines(part(value))
+        stream.write(f"</{ROOT}>\n")
+    return [path]
+
+
+def _check_frames(project: Project, path: Path) -> None:
+    counts = project.trajectories.n_frames, len(project.topology.raw_joint_positions), project.motion.n_frames
+    if len(set(counts)) > 1:
+        raise WriteError(f"{path}: markers, raw joints and motion have {counts} frames; they must have the same number")
+
+
+def _header(project: Project, path: Path) -> str:
+    limb_of_marker = project.skeleton.limb_of_marker.tolist()
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<{ROOT} version="{VERSION}" unit="mm" time_unit="s" quaternion="x y z w" rate="{project.motion.rate!r}"'
+        f" take={_quoted(project.name, path)}>",
+        "<MarkerNames>",
+        *(
+            f'<MarkerName id="{index}" name={_quoted(name, path)} bone="{bone}"/>'
+            for index, (name, bone) in enumerate(zip(project.trajectories.names, limb_of_marker, strict=True))
+        ),
+        "</MarkerNames>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str, path: Path) -> str:
+    if _NOT_XML.search(text):
+        raise WriteError(f"{path}: the name {text!r} holds a character that XML forbids; rename it first")
+    return quoteattr(text)
+
+
+def _stats(project: Project) -> Iterator[str]:
+    yield "<StatsElements>\n"
+    for stats in joint_stats(project):
+        bones = f'SecondBone="{stats.second_bone}" FirstBone="{stats.first_bone}"'
+        yield f'<Joint {bones} Alpha="{_number(stats.alpha)}">\n'
+        yield f"<DistanceStats>\n{_distances('FirstBone', stats.first)}{_distances('SecondBone', stats.second)}"
+        yield f"</DistanceStats>\n{_calculation(stats)}</Joint>\n"
+    yield "</StatsElements>\n"
+
+
+def _distances(tag: str, distances: tuple[MarkerDistance, ...]) -> str:
+    rows = (
+        f'<MarkerDistToJoint MarkerId="{one.marker}" AverageDist="{one.mean!r}" Sigma="{one.sigma!r}"/>\n'
+        for one in distances
+    )
+    return f"<{tag}>\n{''.join(rows)}</{tag}>\n"
+
+
+def _calculation(stats: JointStats) -> str:
+    return (
+        f'<CalculationStats NumberOfIterations="{stats.n_iterations}" FuncValueAtSolution="{_number(stats.value)}"/>\n'
+    )
+
+
+def _skeleton(project: Project) -> Iterator[str]:
+    skeleton = project.skeleton
+    joint_of_child = {joint.child: joint for joint in skeleton.joints}
+    yield f'<SkeletonAndAnimation>\n<SKELETON NUMBONES="{skeleton.n_limbs}">\n'
+    for limb in skeleton.outward.tolist():
+        yield f'<BONE PARENT="{skeleton.parents[limb]}" BONEID="{limb}">\n'
+        yield _bind_pose(skeleton, limb)
+        if limb in joint_of_child:
+            joint = joint_of_child[limb]
+            yield f'<JOINT KIND="{joint.kind}">\n'
+            yield _row("POSITIONINPARENT", joint.position_in_parent)
+            yield _row("POSITIONINBONE", joint.position_in_child)
+            yield _row("STANDARDDEVIATION", joint.std)
+            yield "" if joint.axis is None else _row("AXIS", joint.axis)
+            yield "</JOINT>\n"
+        yield "</BONE>\n"
+    yield "</SKELETON>\n"
+
+
+def _bind_pose(skeleton: Skeleton, limb: int) -> str:
+    parent, pose = int(skeleton.parents[limb]), skeleton.reference_pose[limb]
+    translation, rotation = bone_transforms(skeleton.reference_pose, parent, limb)
+    if parent < 0:
+        translation = np.zeros(3)  # as the seed has it; where the root stands is in LOCALTRANSLATION
+    bone_from_world = pose[:3, :3].T
+    return (
+        _row("TRANSLATION", translation)
+        + _row("ROTATION", xyzw_from_matrix(rotation))
+        + _row("LOCALTRANSLATION", -bone_from_world @ pose[:3, 3])
+        + _row("LOCALROTATION", xyzw_from_matrix(bone_from_world))
+    )
+
+
+def _animation(project: Project) -> Iterator[str]:
+    skeleton, motion = project.skeleton, project.motion
+    times = motion.times.tolist()
+    key = f'<KEYFRAME FRAMEID="%d" TIME="%r"%s>\n{_template("TRANSLATION", 3)}{_template("ROTATION", 4)}</KEYFRAME>\n'
+    yield "<ANIMATION>\n"
+    for limb in skeleton.outward.tolist():
+        translations, rotations = bone_transforms(motion.world_from_limb, int(skeleton.parents[limb]), limb)
+        numbers = np.concatenate([translations, xyzw_from_matrix(rotations)], axis=1)
+        yield f'<TRACK NUMKEYFRAMES="{motion.n_frames}" BONEID="{limb}">\n'
+        for frame, row in _rows(numbers):
+            mark = "" if motion.limb_seen[frame, limb] else ' SEEN="0"'
+            yield key % (frame, times[frame], mark, *row)
+        yield "</TRACK>\n"
+    yield "</ANIMATION>\n</SkeletonAndAnimation>\n"
+
+
+def _raw_joints(project: Project) -> Iterator[str]:
+    yield "<RawJointPositions>\n"
+    yield from _joints(project.skeleton, project.topology.raw_joint_positions)
+    yield "</RawJointPositions>\n"
+
+
+def _final_joints(project: Project) -> Iterator[str]:
+    yield "<FinalJointPositions>\n<JointPositions>\n"
+    yield from _joints(project.skeleton, project.motion.joint_positions)
+    yield "</JointPositions>\n</FinalJointPositions>\n"
+
+
+def _joints(skeleton: Skeleton, positions: Floats) -> Iterator[str]:
+    known = f'<JointFrame FrameIndex="%d">\n{_template("0", 3)}</JointFrame>\n'
+    for index, joint in enumerate(skeleton.joints):
+        tag = f"joint{joint.parent}-{joint.child}"
+        yield f"<{tag}>\n"
+        for frame, row in _rows(positions[:, index]):
+            yield f'<JointFrame FrameIndex="{frame}"/>\n' if math.isnan(row[0]) else known % (frame, *row)
+        yield f"</{tag}>\n"
+
+
+def _markers(project: Project) -> Iterator[str]:
+    yield "<MarkerPositions>\n"
+    yield from _offsets(project.skeleton)
+    yield from _frames(project)
+    yield "</MarkerPositions>\n"
+
+
+def _offsets(skeleton: Skeleton) -> Iterator[str]:
+    centers = centers_of_mass(skeleton)
+    yield "<MarkerOffsets>\n"
+    for limb, markers in _bones(skeleton):
+        if limb == LEFT_OUT_BONE:
+            continue
+        yield f'<Bone id="{limb}">\n'
+        yield "" if np.isnan(centers[limb]).any() else _row("CenterOfMass", centers[limb])
+        for marker in markers:
+            offset = skeleton.marker_offsets[marker] - centers[limb]
+            mark = f'id="{marker}" Sigma="{_number(skeleton.marker_std[marker])}" name="Offset"'
+            yield "" if np.isnan(offset).any() else _vector(mark, 3) % tuple(offset.tolist())
+        yield "</Bone>\n"
+    yield "</MarkerOffsets>\n"
+
+
+def _frames(project: Project) -> Iterator[str]:
+    bones = _bones(project.skeleton)
+    reconstructed, tracked = _rows(project.motion.marker_positions), _rows(project.trajectories.positions)
+    for (frame, finals), (_, originals) in zip(reconstructed, tracked, strict=True):
+        yield f'<Frame FrameIndex="{frame}">\n'
+        for limb, markers in bones:
+            rows = "".join(_marker(marker, finals[marker], originals[marker]) for marker in markers)
+            yield f'<Bone id="{limb}">\n{rows}</Bone>\n'
+        yield "</Frame>\n"
+
+
+def _marker(marker: int, final: list[float], original: list[float]) -> str:
+    """Text of one marker in one frame; NaN is unseen, or not reconstructed, and carries no vector."""
+    first = "" if math.isnan(final[0]) else _template("FinalMarkerPosition", 3) % tuple(final)
+    second = "" if math.isnan(original[0]) else _template("OrgMarkerPosition", 3) % tuple(original)
+    return f'<Marker id="{marker}">\n{first}{second}</Marker>\n'
+
+
+def _bones(skeleton: Skeleton) -> list[tuple[int, list[int]]]:
+    """Limbs with their markers, and those that are left out under bone -1, if there are any."""
+    bones = [(limb, skeleton.markers_of(limb).tolist()) for limb in skeleton.outward.tolist()]
+    left_out = skeleton.markers_of(LEFT_OUT_BONE).tolist()
+    return [(limb, markers) for limb, markers in [*bones, (LEFT_OUT_BONE, left_out)] if markers]
+
+
+def _rows(numbers: Floats) -> Iterator[tuple[int, Any]]:
+    """Frame index and numbers of each frame as plain floats, which Python writes faster than NumPy's."""
+    for start in range(0, len(numbers), _CHUNK_FRAMES):
+        yield from enumerate(numbers[start : start + _CHUNK_FRAMES].tolist(), start)
+
+
+def _number(value: float) -> str:
+    return "NaN" if math.isnan(value) else repr(float(value))
+
+
+def _row(name: str, numbers: Floats) -> str:
+    return _template(name, len(numbers)) % tuple(numbers.tolist())
+
+
+@functools.cache
+def _template(name: str, length: int) -> str:
+    return _vector(f'name="{name}"', length)
+
+
+def _vector(marks: str, length: int) -> str:
+    """Text of a vector element with a place for each number, written with all its digits."""
+    elements = "".join(f'<vec_elem val="%r" pos="{pos}"/>' for pos in range(length))
+    return f'<vector length="{length}" {marks}>{elements}</vector>\n'

@@ -1,0 +1,181 @@
+"""Summary of a project as strict JSON: what was read, what was found, how well it fits, how long it took.
+
+What has not been computed yet is null; so is every number that is not to be told (NaN). Keys come in a fixed order.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import math
+import platform
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelgen.errors import WriteError
+from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Take
+from skelgen.model.arrays import Floats
+from skelgen_formats.atomic import replacing
+from skelgen_formats.joints_csv import joint_names
+from skelgen_formats.registry import Format
+
+SCHEMA = "skelgen-summary-1"
+_PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn", "networkx", "numba")
+
+
+def write_summary_json(value: Project | Take, path: Path) -> list[Path]:
+    """Write `summary` of a project, finished or not.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project, or the file cannot be written.
+    """
+    if not isinstance(value, Project):
+        raise WriteError(f"{path}: summary-json tells the results of a project, not a take; run the stages first")
+    text = json.dumps(summary(value), indent=2, allow_nan=False)
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n", encoding="ascii", newline="\n")
+    return [path]
+
+
+def summary(project: Project) -> dict[str, Any]:
+    """Return what the summary file holds: dicts, lists, texts and finite numbers; lengths in mm, times in s."""
+    result = {
+        "schema": SCHEMA,
+        "units": {"length": "mm", "time": "s", "rate": "Hz"},
+        "versions": _versions(),
+        "seed": project.seed,
+        "take": _take(project.take),
+        "n_frames": project.trajectories.n_frames if project.has("labels") else project.take.n_frames,
+        "rate": project.trajectories.rate if project.has("labels") else project.take.rate,
+        "limbs": _limbs(project) if project.has("limbs") else None,
+        "left_out_markers": _names(project, project.limbs.left_out) if project.has("limbs") else None,
+        "tree": _tree(project) if project.has("joints") else None,
+        "joints": _joints(project.skeleton, project.motion) if project.has("skeleton") else None,
+        "lengths": _lengths(project.skeleton) if project.has("skeleton") else None,
+        "residual_mean": _mean(project.motion.residuals) if project.has("skeleton") else None,
+        "stages": {
+            name: {"seconds": report.seconds, "parameters": report.parameters, "notices": report.notices}
+            for name, report in project.reports.items()
+        },
+    }
+    plain: dict[str, Any] = _plain(result)
+    return plain
+
+
+def _versions() -> dict[str, str | None]:
+    versions: dict[str, str | None] = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:  # run from a checkout that is not installed
+            versions[package] = None
+    return versions
+
+
+def _take(take: Take) -> dict[str, Any]:
+    counts = {"n_points": take.n_points} if isinstance(take, PointCloud) else {}
+    return {"name": take.name, "kind": type(take).__name__, **counts, "notices": take.notices}
+
+
+def _limbs(project: Project) -> list[dict[str, Any]]:
+    limbs = project.limbs
+    return [
+        {
+            "index": limb,
+            "name": f"limb{limb}",
+            "residual_mean": _limb_residual(project, limbs, limb),
+            "markers": [_marker(project, int(marker)) for marker in limbs.markers_of(limb)],
+        }
+        for limb in range(limbs.n_limbs)
+    ]
+
+
+def _limb_residual(project: Project, limbs: Limbs, limb: int) -> float | None:
+    return _mean(project.motion.residuals[:, limbs.markers_of(limb)]) if project.has("skeleton") else None
+
+
+def _marker(project: Project, marker: int) -> dict[str, Any]:
+    return {
+        "index": marker,
+        "name": project.trajectories.names[marker],
+        "seen": float(project.trajectories.seen[:, marker].mean()) if project.trajectories.n_frames else None,
+        "residual_mean": _mean(project.motion.residuals[:, marker]) if project.has("skeleton") else None,
+    }
+
+
+def _names(project: Project, markers: Any) -> list[str]:
+    return [project.trajectories.names[int(marker)] for marker in markers]
+
+
+def _tree(project: Project) -> dict[str, Any]:
+    topology = project.topology
+    return {
+        "parents": topology.parents,
+        "roots": topology.roots,
+        "edges": topology.edges,
+        "joint_costs": topology.values,
+        "n_iterations": topology.n_iterations,
+    }
+
+
+def _joints(skeleton: Skeleton, motion: Motion) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "parent": joint.parent,
+            "child": joint.child,
+            "kind": joint.kind,
+            "axis": joint.axis,
+            "std": joint.std,
+            "position_in_parent": joint.position_in_parent,
+            "position_in_child": joint.position_in_child,
+            "position_mean": motion.joint_positions[:, index].mean(axis=0) if motion.n_frames else None,
+        }
+        for index, (name, joint) in enumerate(zip(joint_names(skeleton), skeleton.joints, strict=True))
+    ]
+
+
+def _lengths(skeleton: Skeleton) -> list[dict[str, Any]]:
+    names = joint_names(skeleton)
+    return [
+        {
+            "limb": skeleton.limb_of_length((first, second)),
+            "from": names[first],
+            "to": names[second],
+            "length": length,
+        }
+        for (first, second), length in skeleton.lengths.items()
+    ]
+
+
+def _mean(values: Floats) -> float | None:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else None
+
+
+def _plain(value: Any) -> Any:
+    """Return the value made of what JSON knows; NaN and infinity become None."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, str | int) else str(value)
+
+
+FORMAT = Format(
+    name="summary-json",
+    title="Summary, JSON",
+    suffixes=(".summary.json", ".json"),
+    holds="summary",
+    write=write_summary_json,
+    note="Limbs, tree, joints, lengths, residuals, parameters, times and versions.",
+)

@@ -1,0 +1,242 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import etree
+from skelgen_formats.registry import read_take, write_file
+from skelgen_formats.seed_xml import read_seed_xml, write_seed_xml
+
+from skelgen.errors import FormatError, MissingResultError, SkelgenError, WriteError
+from skelgen.model import Project, Trajectories
+
+ROUND_TRIP_MM = 1e-9  # metres in double have steps of 1e-13; composing three poses adds a few
+KB_PER_MB = 1024  # ru_maxrss counts kilobytes
+
+
+@pytest.fixture(scope="module")
+def file(small_project, tmp_path_factory):
+    return write_seed_xml(small_project, tmp_path_factory.mktemp("xml") / "walk.xml")[0]
+
+
+@pytest.fixture(scope="module")
+def tree(file):
+    return etree.parse(file)
+
+
+def assert_close(actual, expected):
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=ROUND_TRIP_MM)
+
+
+def test_file_is_well_formed_with_the_parts_of_the_seed_in_order(tree):
+    parts = [element.tag for element in tree.getroot()]
+    assert parts == [
+        "MarkerNames",
+        "StatsElements",
+        "SkeletonAndAnimation",
+        "RawJointPositions",
+        "FinalJointPositions",
+        "MarkerPositions",
+    ]
+
+
+def test_motion_comes_back(file, small_project):
+    back = read_seed_xml(file).motion
+    assert_close(back.world_from_limb, small_project.motion.world_from_limb)
+    assert_close(back.joint_positions, small_project.motion.joint_positions)
+    assert_close(back.marker_positions, small_project.motion.marker_positions)
+    assert_close(back.residuals, small_project.motion.residuals)
+    assert np.array_equal(back.limb_seen, small_project.motion.limb_seen)
+    assert back.rate == small_project.motion.rate
+
+
+def test_skeleton_comes_back(file, small_project):
+    back, made = read_seed_xml(file).skeleton, small_project.skeleton
+    assert np.array_equal(back.parents, made.parents)
+    assert np.array_equal(back.limb_of_marker, made.limb_of_marker)
+    assert_close(back.marker_offsets, made.marker_offsets)
+    assert_close(back.marker_std[:-1], made.marker_std[:-1])
+    assert_close(back.reference_pose, made.reference_pose)
+
+
+def test_joints_come_back(file, small_project):
+    for back, made in zip(read_seed_xml(file).skeleton.joints, small_project.skeleton.joints, strict=True):
+        assert (back.parent, back.child, back.kind) == (made.parent, made.child, made.kind)
+        assert_close(back.position_in_parent, made.position_in_parent)
+        assert_close(back.std, made.std)
+        assert (back.axis is None) == (made.axis is None)
+
+
+def test_tracked_markers_come_back_exactly_with_their_names_and_gaps(file, small_project):
+    back = read_seed_xml(file).trajectories
+    assert np.array_equal(back.positions, small_project.trajectories.positions, equal_nan=True)
+    assert back.names == small_project.trajectories.names
+    assert back.name == small_project.name
+
+
+def test_raw_joints_come_back_exactly_with_unknown_frames(file, small_project):
+    back = read_seed_xml(file).raw_joint_positions
+    assert np.array_equal(back, small_project.topology.raw_joint_positions, equal_nan=True)
+
+
+def test_file_is_recognised_and_read_as_a_take(file, small_project):
+    assert isinstance(read_take(file, "seed-xml"), Trajectories)
+    assert read_take(file).n_markers == small_project.trajectories.n_markers
+
+
+def test_offsets_are_relative_to_the_center_of_mass_of_the_limb(file, small_project):
+    offsets = read_seed_xml(file).offsets_from_center
+    for limb in range(small_project.skeleton.n_limbs):
+        markers = small_project.skeleton.markers_of(limb)
+        assert_close(offsets[markers].mean(axis=0), 0.0)
+        made = small_project.skeleton.marker_offsets[markers]
+        assert_close(offsets[markers] - offsets[markers[0]], made - made[0])
+
+
+def test_root_stands_at_zero_and_its_place_is_in_the_local_translation(tree, small_project):
+    root = tree.xpath("//BONE[@PARENT='-1']")[0]
+    vectors = {vector.get("name"): [float(item.get("val")) for item in vector] for vector in root.iterfind("vector")}
+    assert vectors["TRANSLATION"] == [0, 0, 0]
+    place = small_project.skeleton.reference_pose[int(root.get("BONEID")), :3, 3]
+    assert_close(vectors["LOCALTRANSLATION"], -place)
+
+
+def test_unseen_marker_carries_no_tracked_vector(tree):
+    names = tree.xpath("//Frame[@FrameIndex='0']/Bone/Marker[@id='0']/vector/@name")
+    assert names == ["FinalMarkerPosition"]
+
+
+def test_left_out_marker_keeps_its_tracked_positions_only(tree):
+    assert set(tree.xpath("//Frame/Bone[@id='-1']/Marker/vector/@name")) == {"OrgMarkerPosition"}
+
+
+def test_statistics_are_mean_and_deviation_of_marker_joint_distances(file, small_project):
+    stats = read_seed_xml(file).joint_stats[1]
+    tracked, raw = small_project.trajectories.positions, small_project.topology.raw_joint_positions[:, 1]
+    for one in (*stats.first, *stats.second):
+        distances = np.linalg.norm(tracked[:, one.marker] - raw, axis=1)
+        assert (one.mean, one.sigma) == pytest.approx((np.nanmean(distances), np.nanstd(distances)))
+    assert stats.n_iterations == small_project.topology.n_iterations[1]
+    assert stats.value == small_project.topology.values[1]
+    assert {one.marker for one in stats.first} == set(small_project.skeleton.markers_of(stats.first_bone).tolist())
+
+
+def test_several_roots_and_a_single_frame_come_back(make_project, tmp_path):
+    project = make_project(parents=(-1, 0, -1, 2), n_frames=1)
+    back = read_seed_xml(write_seed_xml(project, tmp_path / "two.xml")[0])
+    assert_close(back.motion.world_from_limb, project.motion.world_from_limb)
+    assert_close(back.skeleton.reference_pose, project.skeleton.reference_pose)
+
+
+def test_same_project_gives_the_same_bytes(file, small_project, tmp_path):
+    again = write_file(small_project, tmp_path / "again.xml", "seed-xml")[0]
+    assert again.read_bytes() == file.read_bytes()
+
+
+def test_name_that_xml_cannot_hold_is_refused_and_leaves_nothing(small_project, tmp_path):
+    take = replace(small_project.trajectories, names=("bad\x00", *small_project.trajectories.names[1:]))
+    project = replace(small_project, _trajectories=take)
+    with pytest.raises(WriteError, match="XML forbids"):
+        write_seed_xml(project, tmp_path / "x.xml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_take_without_skeleton_is_refused(small_project, tmp_path):
+    with pytest.raises(WriteError, match="run the four stages"):
+        write_seed_xml(small_project.trajectories, tmp_path / "x.xml")
+    with pytest.raises(MissingResultError):
+        write_seed_xml(Project(small_project.trajectories), tmp_path / "x.xml")
+
+
+BROKEN = {
+    "broken": ("</SKELETON>", "</SKELETTON>", "broken XML"),
+    "foreign": ("MotionCapture", "COLLADA", "the root element is <COLLADA>"),
+    "version": ('version="1" ', 'version="9" ', "version 9"),
+    "unit": ('unit="mm"', 'unit="m"', "must be 'mm'"),
+    "word": ('TIME="0.0"', 'FRAMEID="zero"', "broken XML|whole number"),
+    "order": ('FRAMEID="3"', 'FRAMEID="4"', "has FRAMEID 4 where 3 belongs"),
+    "place": ('pos="1"', 'pos="2"', "pos"),
+    "number": ('Alpha="0.01"', 'Alpha="much"', "no number: much"),
+    "cycle": ('PARENT="-1"', 'PARENT="0"', "form no tree"),
+    "name": ('name="FinalMarkerPosition"', 'name="Other"', "called 'Other'"),
+    "kind": ('KIND="hinge"', 'KIND="glue"', "kind 'glue'"),
+    "frames": ('<JointFrame FrameIndex="11">', '<Nothing FrameIndex="11">', "broken XML|frames"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken_file_is_a_format_error_that_says_what(case, file, tmp_path):
+    old, new, message = BROKEN[case]
+    bad = tmp_path / "bad.xml"
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    count = -1 if case in {"foreign", "place"} else 1
+    bad.write_text(text.replace(old, new, count), encoding="utf-8")
+    with pytest.raises(FormatError, match=message):
+        read_seed_xml(bad)
+
+
+def test_error_names_the_line(file, tmp_path):
+    lines = file.read_text(encoding="utf-8").split("\n")
+    at = next(number for number, line in enumerate(lines) if "<BONE " in line)
+    lines[at] = lines[at].replace("BONEID", "BONE_ID")
+    bad = tmp_path / "bad.xml"
+    bad.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(FormatError, match=f"bad.xml:{at + 1}: <BONE> lacks the attribute BONEID"):
+        read_seed_xml(bad)
+
+
+def test_document_types_are_refused_so_that_no_entity_is_ever_expanded(file, tmp_path):
+    bad = tmp_path / "bad.xml"
+    text = file.read_text(encoding="utf-8")
+    bad.write_text(text.replace("<MotionCapture", '<!DOCTYPE MotionCapture [<!ENTITY a "b">]>\n<MotionCapture', 1))
+    with pytest.raises(FormatError, match="document type"):
+        read_seed_xml(bad)
+
+
+def test_missing_empty_and_truncated_files_are_format_errors(file, tmp_path):
+    (tmp_path / "empty.xml").write_bytes(b"")
+    (tmp_path / "cut.xml").write_bytes(file.read_bytes()[:-5000])
+    for name in ("missing.xml", "empty.xml", "cut.xml"):
+        with pytest.raises(FormatError, match=name):
+            read_seed_xml(tmp_path / name)
+
+
+@settings(max_examples=60, deadline=None)
+@given(at=st.floats(0, 1), length=st.integers(0, 60), patch=st.binary(max_size=8))
+def test_mutated_file_is_read_or_a_skelgen_error(file, tmp_path_factory, at, length, patch):
+    data = file.read_bytes()
+    start = int(at * len(data))
+    bad = tmp_path_factory.getbasetemp() / "mutated.xml"
+    bad.write_bytes(data[:start] + patch + data[start + length :])
+    try:
+        read_seed_xml(bad)
+    except SkelgenError as error:
+        assert "mutated.xml" in str(error)
+
+
+MEMORY_SCRIPT = """
+import resource, sys
+import lxml.etree
+from skelgen_formats.seed_xml import read_seed_xml
+from pathlib import Path
+peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+path = Path(sys.argv[1])
+before = peak()
+read = read_seed_xml(path)
+print(peak() - before, path.stat().st_size // 1024, "scipy" in sys.modules)
+"""
+
+
+def test_reading_takes_a_fraction_of_the_size_of_the_file(make_project, tmp_path):
+    path = write_seed_xml(make_project(n_frames=2000), tmp_path / "long.xml")[0]
+    run = [sys.executable, "-c", MEMORY_SCRIPT, str(path)]
+    grown, size, scipy = subprocess.run(run, capture_output=True, text=True, check=True).stdout.split()
+    assert int(size) > 10 * KB_PER_MB
+    assert int(grown) < int(size)
+    assert scipy == "False"

@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import write_file
+from skelgen_formats.summary_json import summary
+
+from skelgen.errors import WriteError
+from skelgen.model import Project
+
+
+def strict(text):
+    """Parse JSON and refuse NaN and Infinity, which Python would let pass."""
+
+    def refuse(word):
+        raise AssertionError(f"{word} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.fixture
+def told(small_project, tmp_path):
+    return strict(write_file(small_project, tmp_path / "walk.json")[0].read_text())
+
+
+def test_every_part_is_there(told, small_project):
+    assert told["take"]["name"] == small_project.name
+    assert (told["n_frames"], told["rate"], told["seed"]) == (12, 100.0, 7)
+    assert told["tree"]["parents"] == [1, -1, 1]
+    assert told["left_out_markers"] == ["M<9>&"]
+    assert set(told["stages"]) == {"labels", "limbs", "joints", "skeleton"}
+    assert told["stages"]["joints"]["seconds"] == 0.25
+    assert told["versions"]["numpy"] == np.__version__
+
+
+def test_residuals_are_means_over_the_frames_in_which_a_marker_is_seen(told, small_project):
+    residuals = small_project.motion.residuals
+    for limb in told["limbs"]:
+        for marker in limb["markers"]:
+            assert marker["residual_mean"] == pytest.approx(np.nanmean(residuals[:, marker["index"]]))
+        assert limb["residual_mean"] == pytest.approx(np.nanmean(residuals[:, [m["index"] for m in limb["markers"]]]))
+
+
+def test_joints_are_told_with_their_positions_and_kinds(told, small_project):
+    for joint, made in zip(told["joints"], small_project.skeleton.joints, strict=True):
+        assert (joint["parent"], joint["child"], joint["kind"]) == (made.parent, made.child, made.kind)
+        assert joint["position_in_parent"] == made.position_in_parent.tolist()
+        assert joint["std"] == made.std.tolist()
+        assert joint["axis"] == (None if made.axis is None else made.axis.tolist())
+
+
+def test_lengths_name_the_joints_between_which_they_are_measured(told, small_project):
+    (length,) = told["lengths"]
+    assert (length["limb"], length["from"], length["to"]) == (1, "limb1-limb0", "limb1-limb2")
+    assert length["length"] == small_project.skeleton.lengths[0, 1]
+
+
+def test_nan_becomes_null(told):
+    assert told["stages"]["labels"]["parameters"]["worst"] is None
+
+
+def test_same_project_gives_the_same_text(small_project, tmp_path):
+    first, second = (write_file(small_project, tmp_path / name)[0] for name in ("a.json", "b.json"))
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_unfinished_project_tells_null_for_what_is_missing(small_project):
+    told = summary(Project(small_project.take))
+    assert told["n_frames"] == 12
+    assert all(told[key] is None for key in ("limbs", "tree", "joints", "lengths", "residual_mean"))
+    json.dumps(told, allow_nan=False)
+
+
+def test_take_is_refused(small_project, tmp_path):
+    with pytest.raises(WriteError, match="not a take"):
+        write_file(small_project.take, tmp_path / "walk.json")
