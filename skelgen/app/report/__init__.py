@@ -1,0 +1,57 @@
+"""The report: one self-contained HTML file of what was read, what was found and how the run went.
+
+Texts and tables come from the template, drawings are inline SVG in the template's colours, large matrices are small
+embedded pictures. Nothing is loaded from elsewhere, and apart from times the same project gives the same bytes.
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+from jinja2 import DictLoader, Environment, StrictUndefined
+
+from skelgen.app.report.contents import report_content
+from skelgen.files import replacing
+from skelgen.model import Project
+
+__all__ = ["report_html", "write_report"]
+
+_TEMPLATES = ("template.html", "style.html", "macros.html")
+
+
+def write_report(project: Project, path: Path) -> Path:
+    """Write the report of a project; whatever stages have run is shown.
+
+    Parameters
+    ----------
+    project : Project
+        Any project, from a bare take to a fitted skeleton.
+    path : Path
+        The HTML file; it appears whole or not at all.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    WriteError
+        If the file cannot be written.
+    """
+    html = report_html(project)
+    with replacing(path) as temporary:
+        # A name that was read from a broken file may hold halves of characters: they become question marks.
+        temporary.write_text(html, encoding="utf-8", errors="replace")
+    return path
+
+
+def report_html(project: Project) -> str:
+    """Return the report as a text; see `write_report`."""
+    folder = resources.files(__name__)
+    sources = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _TEMPLATES}
+    environment = Environment(
+        loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.get_template("template.html").render(report_content(project))

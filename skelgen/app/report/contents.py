@@ -1,0 +1,299 @@
+"""What the report says: sentences, tables and drawings for each result that the project holds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from skelgen.app.report import measures, svg
+from skelgen.app.report.colours import limb_colour
+from skelgen.app.report.figure_costs import cost_graph
+from skelgen.app.report.figure_curves import deviation_bars, points_figure, residual_figure
+from skelgen.app.report.figure_gaps import gaps_figure
+from skelgen.app.report.figure_lengths import common_reach, spread_figure
+from skelgen.app.report.figure_matrix import cost_figure, deviation_figure
+from skelgen.app.report.figure_pose import pose_figures
+from skelgen.app.report.figure_tree import joint_sign, tree_figure
+from skelgen.app.report.run_facts import stage_tables, versions
+from skelgen.app.report.wording import counted, digits, duration, fixed, listed, percent
+from skelgen.app.summary import column_rows
+from skelgen.model import Joint, PointCloud, Poses, Project
+from skelgen.model.skeleton import JOINT_KINDS
+
+Content = dict[str, Any]
+
+_KIND_WORDS = {
+    "PointCloud": "unlabelled points",
+    "Trajectories": "labelled markers",
+    "Poses": "bodies with position and orientation",
+}
+_SIGN_SIDE = 18.0
+
+
+def report_content(project: Project) -> Content:
+    """Return everything that the template shows; the keys of sections are missing where a stage has not run.
+
+    Parameters
+    ----------
+    project : Project
+        Any project, from a bare take to a fitted skeleton.
+    """
+    content: Content = {
+        "title": project.name or "take without a name",
+        "sentences": _sentences(project),
+        "tiles": _tiles(project),
+        "taken": _taken(project),
+        "notices": _notices(project),
+        "stages": stage_tables(project),
+        "versions": versions(),
+        "seed": project.seed,
+        "colours": _colours(project),
+    }
+    if project.has("labels") and project.trajectories.n_frames and project.trajectories.n_markers:
+        content["gaps"] = {"figure": gaps_figure(project), "facts": _gap_facts(project)}
+    if project.has("limbs") and project.limbs.n_limbs:
+        content["limbs"] = _limbs(project)
+    if project.has("joints") and project.topology.n_joints:
+        lengths = measures.joint_lengths(project)
+        content |= {"tree": _tree(project, lengths), "joints": _joints(project), "lengths": _lengths(project, lengths)}
+    if project.has("skeleton") and project.skeleton.n_limbs:
+        content |= {"pose": pose_figures(project)}
+    if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
+        content |= {"deviations": _deviations(project)}
+    return content
+
+
+def _sentences(project: Project) -> list[str]:
+    sentences = [_take_sentence(project)]
+    if project.has("limbs"):
+        sentences.append(_limb_sentence(project))
+    if project.has("joints"):
+        sentences.append(_tree_sentence(project))
+    if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
+        sentences.append(_fit_sentence(project))
+    return sentences
+
+
+def _take_sentence(project: Project) -> str:
+    take = project.take
+    frames = f"{counted(take.n_frames, 'frame')} in {_length_in_time(project)}"
+    if isinstance(take, PointCloud):
+        found = f", in which {counted(project.trajectories.n_markers, 'marker')} were followed"
+        return f"The take holds {counted(take.n_points, 'unlabelled point')} in {frames}" + (
+            f"{found}." if project.has("labels") else "."
+        )
+    if isinstance(take, Poses):
+        return f"The take holds {counted(take.n_bodies, 'body', 'bodies')} with orientation over {frames}."
+    seen = percent(float(take.seen.mean())) if take.seen.size else "–"
+    return f"The take holds {counted(take.n_markers, 'labelled marker')} over {frames}; {seen} of the positions are seen."
+
+
+def _length_in_time(project: Project) -> str:
+    return duration(max(project.take.n_frames - 1, 0) / project.take.rate)
+
+
+def _limb_sentence(project: Project) -> str:
+    limbs = project.limbs
+    left_out = f", {counted(len(limbs.left_out), 'marker')} left out" if len(limbs.left_out) else ""
+    on_limbs = counted(limbs.n_markers - len(limbs.left_out), "marker")
+    return f"{on_limbs} sit on {counted(limbs.n_limbs, 'rigid limb')}{left_out}."
+
+
+def _tree_sentence(project: Project) -> str:
+    topology = project.topology
+    roots = listed(f"limb {root}" for root in topology.roots)
+    kinds = Counter(joint.kind for joint in project.skeleton.joints) if project.has("skeleton") else Counter[str]()
+    named = listed(f"{kinds[kind]} {kind}" for kind in JOINT_KINDS if kinds[kind])
+    joints = counted(topology.n_joints, "joint") + (f" ({named})" if named else "")
+    shape = "a tree" if len(topology.roots) == 1 else f"{len(topology.roots)} separate trees"
+    return f"{joints} connect them to {shape} with {roots} as root."
+
+
+def _fit_sentence(project: Project) -> str:
+    motion = project.motion
+    mean, rms, largest = measures.summary(motion.residuals[~np.isnan(motion.residuals)])
+    frame, marker = measures.worst_residual(motion)
+    return (
+        f"The rigid skeleton meets the measured markers within {digits(mean)} mm in the mean "
+        f"({digits(rms)} mm rms); it misses them most, by {digits(largest)} mm, "
+        f"at marker {project.trajectories.names[marker]} in frame {frame} ({digits(frame / motion.rate)} s)."
+    )
+
+
+def _tiles(project: Project) -> list[tuple[str, str]]:
+    tiles = [(str(project.take.n_frames), "frames"), (f"{digits(project.take.rate)} Hz", "frame rate")]
+    if project.has("labels"):
+        tiles.append((str(project.trajectories.n_markers), "markers"))
+    if project.has("limbs"):
+        tiles.append((str(project.limbs.n_limbs), "limbs"))
+    if project.has("joints"):
+        tiles.append((str(project.topology.n_joints), "joints"))
+    if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
+        mean, rms, _ = measures.summary(project.motion.residuals[~np.isnan(project.motion.residuals)])
+        tiles += [(f"{digits(mean)} mm", "mean residual"), (f"{digits(rms)} mm", "rms residual")]
+    if project.reports:
+        tiles.append((duration(sum(report.seconds for report in project.reports.values())), "computing time"))
+    return tiles
+
+
+def _taken(project: Project) -> Content:
+    take = project.take
+    facts = [("Name", take.name or "–"), ("Content", _KIND_WORDS[type(take).__name__])]
+    suffix = PurePath(take.name).suffix
+    if suffix:
+        facts.append(("File suffix", suffix))
+    facts += [("Frames", str(take.n_frames)), ("Rate", f"{digits(take.rate, 4)} Hz")]
+    facts.append(("Duration", _length_in_time(project)))
+    if isinstance(take, PointCloud):
+        per_frame = take.points_per_frame
+        spread = f"{per_frame.min()} to {per_frame.max()}" if take.n_frames else "–"
+        facts += [("Points", str(take.n_points)), ("Points per frame", spread)]
+        return {"facts": facts, "figure": points_figure(take) if take.n_points else ""}
+    if isinstance(take, Poses):
+        return {"facts": [*facts, ("Bodies", str(take.n_bodies))], "figure": ""}
+    return {"facts": [*facts, ("Markers", str(take.n_markers))], "figure": ""}
+
+
+def _gap_facts(project: Project) -> list[tuple[str, str]]:
+    rows = column_rows(project.trajectories)
+    longest = max(rows, key=lambda row: row["longest_gap"])
+    complete = sum(not row["gaps"] for row in rows)
+    facts = [
+        ("Seen", percent(float(project.trajectories.seen.mean()))),
+        ("Gaps", str(sum(row["gaps"] for row in rows))),
+        ("Markers without a gap", f"{complete} of {len(rows)}"),
+    ]
+    if longest["longest_gap"]:
+        frames = longest["longest_gap"]
+        time = duration(frames / project.trajectories.rate)
+        facts.append(("Longest gap", f"{counted(frames, 'frame')} ({time}) at {longest['name']}"))
+    return facts
+
+
+def _notices(project: Project) -> list[tuple[str, str]]:
+    spoken = [("reading", sentence) for sentence in project.take.notices]
+    if project.has("labels"):
+        known = set(project.take.notices)
+        spoken += [("labels", sentence) for sentence in project.trajectories.notices if sentence not in known]
+    for stage, report in project.reports.items():
+        spoken += [(stage, sentence) for sentence in report.notices]
+    return list(dict.fromkeys(spoken))
+
+
+def _colours(project: Project) -> list[tuple[int, str, str]]:
+    n_limbs = project.limbs.n_limbs if project.has("limbs") else 0
+    return [(limb, limb_colour(limb), limb_colour(limb, dark=True)) for limb in range(n_limbs)]
+
+
+def _limbs(project: Project) -> Content:
+    names, parents = project.trajectories.names, project.topology.parents if project.has("joints") else None
+    rows = []
+    for limb in measures.limb_order(project):
+        markers = project.limbs.markers_of(limb)
+        parent = "" if parents is None else "root" if parents[limb] < 0 else str(parents[limb])
+        inside = project.limbs.distance_deviation[np.ix_(markers, markers)][np.triu_indices(len(markers), 1)]
+        inside = inside[~np.isnan(inside)]
+        mean = digits(float(inside.mean())) if len(inside) else "–"
+        rows.append({"limb": limb, "parent": parent, "names": [names[marker] for marker in markers], "inside": mean})
+    return {
+        "rows": rows,
+        "has_parents": parents is not None,
+        "left_out": [names[marker] for marker in project.limbs.left_out],
+        "figure": deviation_figure(project),
+    }
+
+
+def _tree(project: Project, lengths: list[measures.Length]) -> Content:
+    kinds = JOINT_KINDS if project.has("skeleton") else ()
+    used = {joint.kind for joint in project.skeleton.joints} if project.has("skeleton") else set()
+    return {
+        "figure": tree_figure(project, lengths),
+        "signs": [(kind, _sign(kind)) for kind in kinds if kind in used],
+        "graph": cost_graph(project),
+        "matrix": cost_figure(project),
+    }
+
+
+def _sign(kind: str) -> Markup:
+    return svg.drawing(_SIGN_SIDE, _SIGN_SIDE, f"sign of a {kind} joint", joint_sign(kind, 9, 9), least=_SIGN_SIDE)
+
+
+def _joints(project: Project) -> Content:
+    topology = project.topology
+    rivals = measures.runners_up(topology)
+    fitted = project.skeleton.joints if project.has("skeleton") else ()
+    rows = []
+    for index, (parent, child) in enumerate(topology.edges.tolist()):
+        cost = float(topology.values[index])
+        row: Content = {"joint": index, "parent": parent, "child": child, "cost": digits(cost)}
+        row |= {"iterations": int(topology.n_iterations[index]), "rival": _rival(rivals[index], topology, index)}
+        rows.append(row | (_fitted(fitted[index]) if fitted else {}))
+    return {"rows": rows, "fitted": bool(fitted), "alpha": digits(topology.alpha)}
+
+
+def _rival(rival: measures.RunnerUp | None, topology: Any, joint: int) -> str:
+    if rival is None:
+        return "none"
+    parent, child = topology.edges[joint].tolist()
+    own = float(topology.joint_costs[parent, child])
+    ratio = f" (×{digits(rival.cost / own, 2)})" if own > 0 else ""
+    return f"{rival.limbs[0]}–{rival.limbs[1]}: {digits(rival.cost)}{ratio}"
+
+
+def _fitted(joint: Joint) -> Content:
+    axis = "" if joint.axis is None else ", ".join(fixed(value, 2) for value in joint.axis.tolist())
+    return {"kind": joint.kind, "axis": axis, "std": [digits(value, 2) for value in joint.std.tolist()]}
+
+
+def _lengths(project: Project, lengths: list[measures.Length]) -> Content:
+    reach = common_reach(lengths)
+    rows = [
+        {
+            "limb": each.limb,
+            "joints": f"J{each.first} – J{each.second}",
+            "rigid": digits(each.rigid, 4),
+            "raw": digits(each.raw_mean, 4),
+            "spread": digits(each.spread),
+            "figure": spread_figure(each, reach),
+        }
+        for each in lengths
+    ]
+    return {"rows": rows, "reach": digits(reach, 2), "has_rigid": project.has("skeleton")}
+
+
+def _deviations(project: Project) -> Content:
+    order = measures.subtree_markers(project)
+    rows = measures.marker_deviations(project.trajectories, project.limbs, project.motion, order)
+    groups: list[Content] = []
+    for limb in measures.limb_order(project):
+        own = [row for row in rows if row.limb == limb]
+        values = project.motion.residuals[:, [row.marker for row in own]]
+        mean, rms, largest = measures.summary(values[~np.isnan(values)])
+        whole = {"mean": digits(mean), "rms": digits(rms), "largest": digits(largest)}
+        groups.append({"limb": limb, "rows": [_deviation_row(row) for row in own], "whole": whole})
+    return {
+        "groups": groups,
+        "bars": deviation_bars([row for row in rows if row.limb >= 0]),
+        "residual": residual_figure(project.motion),
+        "interpolated": _interpolated(project),
+    }
+
+
+def _deviation_row(row: measures.MarkerDeviation) -> Content:
+    numbers = {"mean": digits(row.mean), "rms": digits(row.rms), "largest": digits(row.largest)}
+    return {"name": row.name, "seen": percent(row.seen)} | numbers
+
+
+def _interpolated(project: Project) -> str:
+    unseen = ~project.motion.limb_seen
+    if not unseen.any():
+        return "Every limb's rotation rests on markers seen in the frame, in every frame."
+    worst = int(unseen.sum(axis=0).argmax())
+    return (
+        f"{percent(float(unseen.mean()))} of the limb rotations are interpolated in time because too few markers were "
+        f"seen; most often limb {worst}, in {counted(int(unseen[:, worst].sum()), 'frame')}."
+    )

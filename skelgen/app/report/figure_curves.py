@@ -1,0 +1,142 @@
+"""Curves over time and bars over markers, in one frame of axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from skelgen.app.report import measures, svg
+from skelgen.app.report.wording import clipped, digits
+from skelgen.model import Motion, PointCloud
+from skelgen.model.arrays import Floats
+
+_WIDTH, _HEIGHT = 900.0, 260.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 10.0, 22.0, 36.0
+_MOST_BINS = 760  # about one per pixel
+_LEAST_WIDTH = 560.0
+_HEADROOM = 1.05
+_BAR_STEP, _WIDEST_BAR_STEP = 14.0, 40.0
+_BAR_LABELS = 78.0  # px below the bars for marker names, turned upright
+_NAME_ROOM = 14
+
+
+@dataclass(frozen=True)
+class Axes:
+    """A plot area with linear axes; y begins at zero.
+
+    Attributes
+    ----------
+    width, height, bottom : float, px
+        The whole drawing, and the space below the plot area.
+    last_x, last_y : float
+        Largest values on the axes.
+    """
+
+    width: float
+    height: float
+    bottom: float
+    last_x: float
+    last_y: float
+
+    def x(self, value: float) -> float:
+        """Return the place [px] of a value on the x axis."""
+        return _LEFT + (self.width - _LEFT - _RIGHT) * value / self.last_x
+
+    def y(self, value: float) -> float:
+        """Return the place [px] of a value on the y axis."""
+        return self.height - self.bottom - (self.height - self.bottom - _TOP) * value / self.last_y
+
+    def frame(self, y_title: str, x_title: str = "") -> Markup:
+        """Draw grid, tick labels and titles; without a title the x axis has no ticks."""
+        right, floor = self.width - _RIGHT, self.height - self.bottom
+        parts = [svg.text(4, 12, y_title, "small")]
+        for value in svg.ticks(0.0, self.last_y, 4):
+            parts += [
+                svg.line(_LEFT, self.y(value), right, self.y(value), "grid"),
+                svg.text(_LEFT - 6, self.y(value) + 3.5, digits(value), "small", anchor="end"),
+            ]
+        if x_title:
+            parts += [
+                svg.text(self.x(value), floor + 15, digits(value), "small", anchor="middle")
+                for value in svg.ticks(0.0, self.last_x, 8)
+            ]
+            parts.append(svg.text((_LEFT + right) / 2, floor + 31, x_title, "small", anchor="middle"))
+        parts.append(svg.line(_LEFT, floor, right, floor, "axis"))
+        return svg.group(*parts)
+
+
+def residual_figure(motion: Motion) -> Markup:
+    """Draw mean and largest residual of every frame over time; long takes as envelopes that lose no peak."""
+    mean, largest = measures.residual_per_frame(motion)
+    axes = _time_axes(largest, motion.rate)
+    parts = [
+        axes.frame("residual [mm]", "time [s]"),
+        _curve(axes, largest, motion.rate, "curve-max"),
+        _curve(axes, mean, motion.rate, "curve-mean"),
+        _legend(axes, (("curve-max", "largest of all markers"), ("curve-mean", "mean of all markers"))),
+    ]
+    return svg.drawing(_WIDTH, _HEIGHT, "Residual over time", *parts, least=_LEAST_WIDTH)
+
+
+def points_figure(cloud: PointCloud) -> Markup:
+    """Draw the number of points in every frame of an unlabelled take."""
+    counts = cloud.points_per_frame.astype(np.float64)
+    axes = _time_axes(counts, cloud.rate)
+    parts = [axes.frame("points in the frame", "time [s]"), _curve(axes, counts, cloud.rate, "curve-mean")]
+    return svg.drawing(_WIDTH, _HEIGHT, "Points per frame over time", *parts, least=_LEAST_WIDTH)
+
+
+def _time_axes(values: Floats, rate: float) -> Axes:
+    highest = float(np.nanmax(values)) if np.isfinite(values).any() else 0.0
+    return Axes(_WIDTH, _HEIGHT, _BOTTOM, max(len(values) - 1, 1) / rate, _HEADROOM * highest or 1.0)
+
+
+def _curve(axes: Axes, values: Floats, rate: float, cls: str) -> Markup:
+    """One path: up and down each stretch between its extremes, or simply through the frames where all fit."""
+    centres, low, high = measures.envelope(values, _MOST_BINS)
+    across = np.array([axes.x(centre / rate) for centre in centres.tolist()])
+    tops, floors = (np.array([axes.y(value) for value in ends.tolist()]) for ends in (high, low))
+    if np.array_equal(low, high, equal_nan=True):
+        return svg.tag("path", d=svg.path_through(across, tops), cls=f"{cls} curve")
+    zigzag = np.stack([tops, floors], axis=1)
+    zigzag[1::2] = zigzag[1::2, ::-1]  # neighbours meet at the same end, so that the line adds nothing between them
+    return svg.tag("path", d=svg.path_through(np.repeat(across, 2), zigzag.ravel()), cls=f"{cls} curve")
+
+
+def _legend(axes: Axes, entries: Sequence[tuple[str, str]]) -> Markup:
+    parts = []
+    for index, (cls, name) in enumerate(entries):
+        x = axes.width - _RIGHT - 330 + 170 * index
+        parts += [svg.line(x, 8, x + 18, 8, f"{cls} curve thick"), svg.text(x + 24, 12, name, "small")]
+    return svg.group(*parts)
+
+
+def deviation_bars(rows: Sequence[measures.MarkerDeviation]) -> Markup:
+    """Draw the mean deviation of every marker as a bar in its limb's colour, the root mean square as a tick."""
+    step = min(max(_BAR_STEP, (_WIDTH - _LEFT - _RIGHT) / len(rows)), _WIDEST_BAR_STEP)
+    width = _LEFT + _RIGHT + step * len(rows)
+    highest = max((row.rms for row in rows if not np.isnan(row.rms)), default=0.0)
+    axes = Axes(max(width, 240.0), _HEIGHT + _BAR_LABELS, _BAR_LABELS, 1.0, _HEADROOM * highest or 1.0)
+    bars = [_bar(axes, row, _LEFT + step * index, step) for index, row in enumerate(rows)]
+    parts = [axes.frame("deviation [mm]: bar = mean, tick = root mean square"), *bars]
+    return svg.drawing(axes.width, axes.height, "Deviation of every marker", *parts, least=0.8 * axes.width)
+
+
+def _bar(axes: Axes, row: measures.MarkerDeviation, x: float, step: float) -> Markup:
+    floor = axes.height - axes.bottom
+    middle = x + step / 2
+    name = svg.text(middle + 3.5, floor + 7, clipped(row.name, _NAME_ROOM), "small", anchor="end", turn=-90)
+    if np.isnan(row.mean):
+        return svg.group(name)
+    hint = f"{row.name}: mean {digits(row.mean)}, rms {digits(row.rms)}, max {digits(row.largest)} mm"
+    left, right, tick = x + 0.15 * step, x + 0.85 * step, axes.y(row.rms)
+    return svg.group(
+        svg.tag("title", hint),
+        svg.rect(left, axes.y(row.mean), right - left, floor - axes.y(row.mean), "fill"),
+        svg.line(left, tick, right, tick, "rms"),
+        name,
+        cls=f"limb{row.limb}",
+    )

@@ -1,0 +1,149 @@
+"""Matrices as small embedded pictures: distance deviations of markers, joint costs of limbs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from skelgen.app.report import measures, svg
+from skelgen.app.report.colours import ramp_rgba
+from skelgen.app.report.png import png_uri
+from skelgen.app.report.wording import clipped, counted, digits
+from skelgen.model import Project
+from skelgen.model.arrays import Floats, Ints
+
+_DECADES = 4.0  # range of the colours: numerical noise far below the largest value is not worth a colour
+_WIDTH = 640.0  # of the matrix of markers, without its labels
+_LARGEST_CELL, _SMALLEST_LABELLED_CELL = 26.0, 8.5
+_LABEL_WIDTH, _STRIP, _SPACE = 108.0, 12.0, 4.0
+_NAME_ROOM = 16
+_SCALE_WIDTH, _SCALE_HEIGHT, _SCALE_STEPS = 220.0, 10.0, 64
+_COST_CELL = 26.0
+_MOST_COST_WIDTH = 420.0
+_LEAST_SCALE = 0.75
+
+
+@dataclass(frozen=True)
+class _Colours:
+    """A logarithmic scale from `low` to `high`."""
+
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, values: Floats) -> _Colours:
+        positive = values[values > 0]
+        high = float(positive.max()) if len(positive) else 1.0
+        low = max(float(positive.min()), high / 10**_DECADES) if len(positive) else high
+        return cls(low, high) if low < high else cls(high / 10, high)
+
+    def fractions(self, values: Floats) -> Floats:
+        span = np.log10(self.high / self.low)
+        clipped_low: Floats = np.maximum(values, self.low)  # keeps NaN
+        return np.asarray(np.log10(clipped_low / self.low) / span)
+
+
+def deviation_figure(project: Project) -> Markup:
+    """Draw the matrix of distance deviations, ordered by limb, with the limbs' boundaries and colours."""
+    order = measures.subtree_markers(project)
+    matrix = project.limbs.distance_deviation[np.ix_(order, order)].copy()
+    np.fill_diagonal(matrix, 0.0)
+    cell = min(_WIDTH / len(order), _LARGEST_CELL)
+    side = cell * len(order)
+    colours = _Colours.of(matrix)
+    left, top = _LABEL_WIDTH + _STRIP + _SPACE, _STRIP + 18
+    parts = [
+        svg.image(left, top, side, side, png_uri(ramp_rgba(colours.fractions(matrix)))),
+        *_limb_marks(project.limbs.limb_of_marker[order], cell, left, top),
+        *_marker_labels([project.trajectories.names[marker] for marker in order], cell, left, top),
+        _scale(colours, "mm", left, top + side + 14),
+    ]
+    width, height = left + max(side, _SCALE_WIDTH + 40) + 4, top + side + 48
+    label = f"Distance deviation of {counted(len(order), 'marker')}, ordered by limb"
+    return svg.drawing(width, height, label, *parts, least=_LEAST_SCALE * width)
+
+
+def _limb_marks(limb_of_row: Ints, cell: float, left: float, top: float) -> list[Markup]:
+    """Strips in the limbs' colours at the left and above, and a frame about each limb's block."""
+    marks = []
+    starts = [0, *(np.flatnonzero(np.diff(limb_of_row)) + 1).tolist()]
+    for start, stop in zip(starts, [*starts[1:], len(limb_of_row)], strict=True):
+        limb, offset, size = int(limb_of_row[start]), start * cell, (stop - start) * cell
+        marks.append(
+            svg.group(
+                svg.rect(left - _STRIP - _SPACE, top + offset + 0.5, _STRIP, size - 1, "fill"),
+                svg.rect(left + offset + 0.5, top - _STRIP - _SPACE, size - 1, _STRIP, "fill"),
+                svg.rect(left + offset, top + offset, size, size, "block"),
+                svg.text(left + offset + size / 2, top - _STRIP - 8, _limb_name(limb), "small", anchor="middle"),
+                cls=_limb_class(limb),
+            )
+        )
+    return marks
+
+
+def _limb_name(limb: int) -> str:
+    return str(limb) if limb >= 0 else "–"
+
+
+def _limb_class(limb: int) -> str:
+    return f"limb{limb}" if limb >= 0 else "limbless"
+
+
+def _marker_labels(names: Sequence[str], cell: float, left: float, top: float) -> list[Markup]:
+    if cell < _SMALLEST_LABELLED_CELL:
+        return []
+    right = left - _STRIP - 2 * _SPACE
+    return [
+        svg.text(right, top + (row + 0.5) * cell + 3.5, clipped(name, _NAME_ROOM), "small", anchor="end")
+        for row, name in enumerate(names)
+    ]
+
+
+def _scale(colours: _Colours, unit: str, x: float, y: float) -> Markup:
+    steps = np.linspace(0.0, 1.0, _SCALE_STEPS)[np.newaxis]
+    middle = (colours.low * colours.high) ** 0.5
+    below = y + _SCALE_HEIGHT + 13
+    return svg.group(
+        svg.image(x, y, _SCALE_WIDTH, _SCALE_HEIGHT, png_uri(ramp_rgba(steps)), crisp=False),
+        svg.rect(x, y, _SCALE_WIDTH, _SCALE_HEIGHT, "frame"),
+        svg.text(x, below, f"≤ {digits(colours.low, 2)}", "small"),
+        svg.text(x + _SCALE_WIDTH / 2, below, digits(middle, 2), "small", anchor="middle"),
+        svg.text(x + _SCALE_WIDTH, below, f"{digits(colours.high, 2)} {unit}", "small", anchor="end"),
+    )
+
+
+def cost_figure(project: Project) -> Markup:
+    """Draw the matrix of joint costs, limbs in the order of the tree; frames mark the joints that were kept."""
+    topology = project.topology
+    order = measures.limb_order(project)
+    matrix = topology.joint_costs[np.ix_(order, order)].copy()
+    np.fill_diagonal(matrix, np.nan)
+    colours = _Colours.of(matrix)
+    cell = min(_COST_CELL, _MOST_COST_WIDTH / len(order))
+    side, left, top = cell * len(order), 30.0, 30.0
+    pixels = ramp_rgba(colours.fractions(matrix))
+    pixels[np.arange(len(order)), np.arange(len(order))] = 0  # a limb has no joint with itself: nothing is drawn
+    row_of_limb = np.argsort(order)
+    kept = [svg.rect(left, top, side, side, "frame")]
+    for parent, child in topology.edges.tolist():
+        first, second = row_of_limb[parent] * cell, row_of_limb[child] * cell
+        hint = svg.tag("title", f"{parent}–{child}: {digits(topology.joint_costs[parent, child])} mm²")
+        for x, y in ((first, second), (second, first)):
+            kept.append(svg.tag("rect", hint, x=left + x, y=top + y, width=cell, height=cell, cls="kept"))
+    heads = [mark for row, limb in enumerate(order) for mark in _heads(limb, (row + 0.5) * cell, left, top, cell)]
+    parts = [svg.image(left, top, side, side, png_uri(pixels)), *kept, *heads]
+    parts.append(_scale(colours, "mm²", left, top + side + 14))
+    width = left + max(side, _SCALE_WIDTH) + 8
+    return svg.drawing(width, top + side + 48, "Joint cost between each two limbs", *parts, least=300)
+
+
+def _heads(limb: int, along: float, left: float, top: float, cell: float) -> list[Markup]:
+    radius = min(10.0, cell / 2 - 1)
+    places = ((left - 14, top + along), (left + along, top - 14))
+    marks = [svg.circle(x, y, radius, "fill") for x, y in places]
+    if radius >= 7:
+        marks += [svg.text(x, y + 3.5, str(limb), "on-fill small", anchor="middle") for x, y in places]
+    return [svg.group(*marks, cls=f"limb{limb}")]

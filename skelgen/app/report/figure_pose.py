@@ -1,0 +1,185 @@
+"""The skeleton in its reference pose, seen from two sides at right angles, with markers, joints and bones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from skelgen.app.report import measures, svg
+from skelgen.app.report.wording import digits
+from skelgen.model import Project
+from skelgen.model.arrays import Floats
+
+_SIDE = 480.0  # px, of the longer side of a view
+_MARGIN = 34.0
+_LEAST_WIDTH = 150.0  # px: a slim side view still needs room for its scale bar
+_FLAT = 0.1  # an axis along which the body extends less than this share of its size is not taken for the vertical
+_TRIAD = 22.0
+_AXES = ("X", "Y", "Z")
+_LABEL_DISTANCE = 13.0
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One parallel projection.
+
+    Attributes
+    ----------
+    title : str
+        What it shows.
+    across, up, toward : ndarray, shape (3,)
+        Unit vectors of the world: to the right, upward, and toward the viewer.
+    """
+
+    title: str
+    across: Floats
+    up: Floats
+    toward: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    markers: Floats
+    joints: Floats
+    limb_of_marker: Floats
+
+    @property
+    def points(self) -> Floats:
+        everything = np.vstack([self.markers, self.joints])
+        return everything[~np.isnan(everything[:, 0])]
+
+
+def pose_figures(project: Project) -> list[tuple[str, Markup]]:
+    """Draw the widest and the narrowest side of the reference pose, at one scale.
+
+    Returns
+    -------
+    list of tuple
+        Title and drawing of each view.
+    """
+    skeleton = project.skeleton
+    body = _Body(measures.reference_markers(skeleton), measures.reference_joints(skeleton), skeleton.limb_of_marker)
+    views = find_views(body.points, project.motion.marker_positions)
+    spans = [np.ptp(body.points @ np.stack([view.across, view.up], axis=1), axis=0) for view in views]
+    scale = _SIDE / max(float(np.max(spans)), 1e-9)
+    return [(view.title, _view(project, body, view, scale)) for view in views]
+
+
+def find_views(points: Floats, marker_positions: Floats) -> tuple[View, View]:
+    """Choose a front and a side view.
+
+    The vertical is taken for the coordinate axis along which the lowest marker moves least over the take: feet stay
+    near the floor. The front is the horizontal direction in which the reference pose is widest.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3), mm
+        The reference pose.
+    marker_positions : ndarray, shape (n_frames, n_markers, 3), mm
+        The whole take; NaN allowed.
+    """
+    vertical = _vertical(points, marker_positions)
+    up = np.eye(3)[vertical]
+    level = points - points.mean(axis=0)
+    level = level - np.outer(level @ up, up)
+    across = np.linalg.svd(level, full_matrices=False)[2][0] if np.ptp(level) > 0 else np.eye(3)[vertical - 1]
+    across = across - (across @ up) * up
+    across /= np.linalg.norm(across)
+    across *= -1.0 if across[np.argmax(np.abs(across))] < 0 else 1.0
+    toward = np.cross(across, up)
+    return View("Front view (widest side)", across, up, toward), View("Side view", -toward, up, across)
+
+
+def _vertical(points: Floats, marker_positions: Floats) -> int:
+    lowest = np.fmin.reduce(marker_positions, axis=1)
+    lowest = lowest[~np.isnan(lowest[:, 0])]
+    extent = np.ptp(points, axis=0)
+    unrest = lowest.std(axis=0) + np.where(extent < _FLAT * extent.max(), np.inf, 0.0)
+    return int(np.argmin(unrest))
+
+
+def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:
+    plane = np.stack([view.across, -view.up], axis=1) * scale
+    low = (body.points @ plane).min(axis=0)
+    size = np.ptp(body.points @ plane, axis=0)
+    width = max(size[0] + 2 * _MARGIN, _LEAST_WIDTH)
+    corner = low - np.array([(width - size[0]) / 2, _MARGIN])
+    markers, joints = body.markers @ plane - corner, body.joints @ plane - corner
+    height = size[1] + 2 * _MARGIN + _TRIAD
+    parts = [
+        *[_limb(project, limb, markers, joints) for limb in range(project.skeleton.n_limbs)],
+        *[svg.circle(x, y, 3.5, "joint", f"joint J{index}") for index, (x, y) in enumerate(joints.tolist())],
+        *[_limb_number(project, limb, markers, joints) for limb in range(project.skeleton.n_limbs)],
+        _triad(view, 14, height - 12),
+        _scale_bar(scale, width, height - 8),
+    ]
+    return svg.drawing(width, height, view.title, *parts)
+
+
+def _limb(project: Project, limb: int, markers: Floats, joints: Floats) -> Markup:
+    own = project.skeleton.markers_of(limb)
+    bones = _bones(project, limb, markers, joints)
+    lines = [svg.line(*start, *end, "bone" if firm else "bone loose") for start, end, firm in bones]
+    names = project.trajectories.names
+    dots = [svg.circle(*markers[marker].tolist(), 3, "fill dot", names[marker]) for marker in own]
+    return svg.group(*lines, *dots, cls=f"limb{limb}")
+
+
+def _bones(project: Project, limb: int, markers: Floats, joints: Floats) -> list[tuple[list[float], list[float], bool]]:
+    """Lines of one limb: from its parent joint to each further joint; a leaf's points to the middle of its markers."""
+    skeleton = project.skeleton
+    own = [index for index, _ in skeleton.joints_of(limb)]
+    middle = _middle(project, limb, markers, joints).tolist()
+    inward = [index for index in own if skeleton.joints[index].child == limb]
+    outward = [joints[index].tolist() for index in own if index not in inward]
+    if inward and outward:
+        return [(joints[inward[0]].tolist(), end, True) for end in outward]
+    if len(outward) == 2:
+        return [(outward[0], outward[1], True)]
+    return [(middle, joints[index].tolist(), len(own) > 2) for index in own]
+
+
+def _middle(project: Project, limb: int, markers: Floats, joints: Floats) -> Floats:
+    """Middle of a root's joints where it has several, otherwise of the limb's markers."""
+    own = [index for index, _ in project.skeleton.joints_of(limb)]
+    places = joints[own] if len(own) > 2 else markers[project.skeleton.markers_of(limb)]
+    return np.asarray(places.mean(axis=0) if len(places) else np.zeros(2))
+
+
+def _limb_number(project: Project, limb: int, markers: Floats, joints: Floats) -> Markup:
+    """The limb's number beside the middle of its first bone."""
+    bones = _bones(project, limb, markers, joints)
+    if not bones:
+        x, y = _middle(project, limb, markers, joints).tolist()
+        return svg.text(x, y - _LABEL_DISTANCE, str(limb), f"halo tint limb{limb}", anchor="middle")
+    start, end = np.array(bones[0][0]), np.array(bones[0][1])
+    along = end - start
+    size = float(np.linalg.norm(along))
+    aside = np.array([along[1], -along[0]]) / size if size > 0 else np.array([1.0, 0.0])
+    x, y = ((start + end) / 2 + aside * _LABEL_DISTANCE).tolist()
+    return svg.text(x, y + 4, str(limb), f"halo tint limb{limb}", anchor="middle")
+
+
+def _triad(view: View, x: float, y: float) -> Markup:
+    """The world's axes as this view sees them; one that points at the viewer is not drawn."""
+    parts = []
+    for name, axis in zip(_AXES, np.eye(3), strict=True):
+        across, up = float(axis @ view.across), float(axis @ view.up)
+        if np.hypot(across, up) < 0.3:
+            continue
+        tip = (x + _TRIAD * across, y - _TRIAD * up)
+        label = (x + (_TRIAD + 8) * across, y - (_TRIAD + 8) * up + 3.5)
+        parts += [svg.line(x, y, *tip, "axis"), svg.text(*label, name, "small", anchor="middle")]
+    return svg.group(*parts)
+
+
+def _scale_bar(scale: float, width: float, y: float) -> Markup:
+    length = svg.ticks(0.0, 0.45 * width / scale, 1)[-1]
+    right = width - 10
+    left = right - length * scale
+    return svg.group(
+        svg.line(left, y, right, y, "axis thick"),
+        svg.text((left + right) / 2, y - 5, f"{digits(length)} mm", "small", anchor="middle"),
+    )

@@ -1,0 +1,118 @@
+"""The tree drawn from its roots outward: one box per limb, one joint sign per edge, lengths of the limbs between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from skelgen.app.report import measures, svg
+from skelgen.app.report.wording import counted, digits, shortened
+from skelgen.model import Project
+from skelgen.model.arrays import Ints
+
+_BOX_WIDTH, _BOX_HEIGHT = 142.0, 36.0
+_COLUMN, _ROW = 184.0, 62.0
+_MARGIN = 8.0
+_LABEL_SPACE = 20.0  # above a box, for its joint
+_NAME_ROOM = 18  # characters beside the limb's number
+_LEAST_SCALE = 0.8  # below this the labels are no longer readable: the drawing scrolls instead
+
+
+@dataclass(frozen=True)
+class _Place:
+    x: float
+    y: float
+
+
+def tree_figure(project: Project, lengths: list[measures.Length]) -> Markup:
+    """Draw the tree of limbs.
+
+    Parameters
+    ----------
+    project : Project
+        With joints; the kinds of joints appear when the skeleton is there too.
+    lengths : list of Length
+        What `measures.joint_lengths` gives.
+    """
+    parents = project.topology.parents
+    places = _places(parents)
+    width = max(place.x for place in places) + _BOX_WIDTH + _MARGIN
+    height = max(place.y for place in places) + _BOX_HEIGHT + _MARGIN
+    edges = [_edge(project, lengths, places, joint) for joint in range(project.topology.n_joints)]
+    boxes = [_box(project, limb, place) for limb, place in enumerate(places)]
+    label = f"Tree of {counted(len(parents), 'limb')}"
+    return svg.drawing(width, height, label, *edges, *boxes, least=_LEAST_SCALE * width)
+
+
+def joint_sign(kind: str, x: float, y: float) -> Markup:
+    """Draw the sign of a joint kind, centred at a place; an empty ring where the kind is not known yet."""
+    signs = {
+        "ball": svg.circle(x, y, 5, "sign"),
+        "hinge": svg.rect(x - 2.5, y - 8, 5, 16, "sign", rx=2),
+        "universal": svg.tag("path", d=_cross(x, y), cls="sign-line"),
+        "rigid": svg.rect(x - 5, y - 5, 10, 10, "sign"),
+    }
+    return signs.get(kind, svg.circle(x, y, 4.5, "sign-open"))
+
+
+def _cross(x: float, y: float) -> str:
+    left, right, top, bottom = (svg.number(value) for value in (x - 6, x + 6, y - 6, y + 6))
+    return f"M{left} {top}L{right} {bottom}M{left} {bottom}L{right} {top}"
+
+
+def _places(parents: Ints) -> list[_Place]:
+    """Leaves in rows of their own; every other limb in the middle of its children."""
+    rows = np.zeros(len(parents))
+    depths = np.zeros(len(parents), dtype=np.intp)
+    order = measures.branch_order(parents)
+    leaves = [limb for limb in order if not (parents == limb).any()]
+    rows[leaves] = np.arange(len(leaves))
+    for limb in order:
+        depths[limb] = depths[parents[limb]] + 1 if parents[limb] >= 0 else 0
+    for limb in reversed(order):
+        children = np.flatnonzero(parents == limb)
+        if len(children):
+            rows[limb] = (rows[children].min() + rows[children].max()) / 2
+    return [
+        _Place(_MARGIN + _COLUMN * depth, _MARGIN + _LABEL_SPACE + _ROW * row)
+        for depth, row in zip(depths.tolist(), rows.tolist(), strict=True)
+    ]
+
+
+def _box(project: Project, limb: int, place: _Place) -> Markup:
+    markers = project.limbs.markers_of(limb)
+    names = [project.trajectories.names[marker] for marker in markers]
+    middle = place.y + _BOX_HEIGHT / 2
+    parts = [
+        svg.tag("title", f"limb {limb}: {', '.join(names)}"),
+        svg.rect(place.x, place.y, _BOX_WIDTH, _BOX_HEIGHT, "box outline", rx=7),
+        svg.circle(place.x + 20, middle, 12, "fill"),
+        svg.text(place.x + 20, middle + 4, str(limb), "on-fill", anchor="middle"),
+        svg.text(place.x + 38, middle - 3, counted(len(markers), "marker"), "strong"),
+        svg.text(place.x + 38, middle + 10, shortened(names, _NAME_ROOM), "small"),
+    ]
+    return svg.group(*parts, cls=f"limb{limb}")
+
+
+def _edge(project: Project, lengths: list[measures.Length], places: list[_Place], joint: int) -> Markup:
+    parent, child = project.topology.edges[joint].tolist()
+    start = _Place(places[parent].x + _BOX_WIDTH, places[parent].y + _BOX_HEIGHT / 2)
+    end = _Place(places[child].x, places[child].y + _BOX_HEIGHT / 2)
+    bend = svg.number((start.x + end.x) / 2)
+    across, down, until, final = (svg.number(value) for value in (start.x, start.y, end.x, end.y))
+    curve = f"M{across} {down}C{bend} {down} {bend} {final} {until} {final}"
+    length = measures.bone_length(lengths, project.topology, joint)
+    kind = project.skeleton.joints[joint].kind if project.has("skeleton") else ""
+    parts = [
+        svg.tag("path", d=curve, cls="edge"),
+        joint_sign(kind, end.x - 12, end.y),
+        svg.text(places[child].x + 2, places[child].y - 6, _edge_label(joint, kind, length), "small"),
+    ]
+    return svg.group(*parts)
+
+
+def _edge_label(joint: int, kind: str, length: float) -> str:
+    parts = [f"J{joint}", kind, "" if np.isnan(length) else f"{digits(length)} mm"]
+    return " · ".join(part for part in parts if part)

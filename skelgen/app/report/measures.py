@@ -1,0 +1,254 @@
+"""What the report states of a project, as plain numbers: orders, deviations, lengths, runners-up, envelopes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model import Limbs, Motion, Project, Skeleton, Topology, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+
+
+@dataclass(frozen=True)
+class MarkerDeviation:
+    """How far one marker was measured from its place on the skeleton.
+
+    Attributes
+    ----------
+    marker, limb : int
+        Indices; limb -1 = left out.
+    name : str
+        Label.
+    mean, rms, largest : float, mm
+        Over the frames in which the marker was seen; NaN if it never was or is left out.
+    seen : float
+        Share of the frames in which it was seen, 0 .. 1.
+    """
+
+    marker: int
+    limb: int
+    name: str
+    mean: float
+    rms: float
+    largest: float
+    seen: float
+
+
+@dataclass(frozen=True, eq=False)
+class Length:
+    """The distance between two joints of one limb.
+
+    Attributes
+    ----------
+    limb, first, second : int
+        The limb, and the two joints as indices.
+    rigid : float, mm
+        Distance in the rigid skeleton; NaN before it is fitted.
+    raw_mean, spread : float, mm
+        Mean and standard deviation over frames of the distance between the raw joint positions.
+    deviations : ndarray, shape (n,), mm
+        Raw distance minus the rigid (or mean) length, in the frames in which both joints are known.
+    """
+
+    limb: int
+    first: int
+    second: int
+    rigid: float
+    raw_mean: float
+    spread: float
+    deviations: Floats
+
+
+@dataclass(frozen=True)
+class RunnerUp:
+    """The cheapest other joint that would connect what one joint of the tree connects.
+
+    Attributes
+    ----------
+    limbs : tuple of int
+        The two limbs that it would join.
+    cost : float, mm^2
+        Its cost.
+    """
+
+    limbs: tuple[int, int]
+    cost: float
+
+
+def branch_order(parents: Ints) -> list[int]:
+    """Return the limbs root first and branch by branch (depth first), so that neighbours stay near."""
+    order: list[int] = []
+    stack = [int(root) for root in np.flatnonzero(parents < 0)[::-1]]
+    while stack:
+        limb = stack.pop()
+        order.append(limb)
+        stack.extend(int(child) for child in np.flatnonzero(parents == limb)[::-1])
+    return order
+
+
+def limb_order(project: Project) -> list[int]:
+    """Return the limbs in the order of the tree where it is known, otherwise by index."""
+    if project.has("joints"):
+        return branch_order(project.topology.parents)
+    return list(range(project.limbs.n_limbs))
+
+
+def markers_by_limb(limb_of_marker: Ints, order: Iterable[int]) -> Ints:
+    """Return marker indices, limb after limb in the given order, those left out at the end."""
+    parts = [np.flatnonzero(limb_of_marker == limb) for limb in [*order, -1]]
+    return np.concatenate(parts).astype(np.intp)
+
+
+def subtree_markers(project: Project) -> Ints:
+    """Return the marker order of every picture: by limb where limbs are known, otherwise by index."""
+    if not project.has("limbs"):
+        return np.arange(project.trajectories.n_markers)
+    return markers_by_limb(project.limbs.limb_of_marker, limb_order(project))
+
+
+def marker_deviations(trajectories: Trajectories, limbs: Limbs, motion: Motion, order: Ints) -> list[MarkerDeviation]:
+    """Return the deviation of every marker, in the given order."""
+    seen = trajectories.seen.mean(axis=0) if trajectories.n_frames else np.zeros(trajectories.n_markers)
+    rows = []
+    for marker in order.tolist():
+        values = _known(motion.residuals[:, marker])
+        mean, rms, largest = summary(values)
+        limb, name = int(limbs.limb_of_marker[marker]), trajectories.names[marker]
+        rows.append(MarkerDeviation(marker, limb, name, mean, rms, largest, float(seen[marker])))
+    return rows
+
+
+def summary(values: Floats) -> tuple[float, float, float]:
+    """Return mean, root mean square and largest of known values; NaN three times where there are none."""
+    if not len(values):
+        return np.nan, np.nan, np.nan
+    return float(values.mean()), float(np.sqrt((values**2).mean())), float(values.max())
+
+
+def residual_per_frame(motion: Motion) -> tuple[Floats, Floats]:
+    """Return mean and largest residual [mm] of each frame, each of shape (n_frames,); NaN where nothing is seen."""
+    known = ~np.isnan(motion.residuals)
+    counts = known.sum(axis=1)
+    filled = np.where(known, motion.residuals, 0.0)
+    nothing = counts == 0
+    mean = np.where(nothing, np.nan, filled.sum(axis=1) / np.maximum(counts, 1))
+    largest = np.where(nothing, np.nan, filled.max(axis=1, initial=0.0))
+    return mean, largest
+
+
+def worst_residual(motion: Motion) -> tuple[int, int]:
+    """Return frame and marker of the largest residual."""
+    place = int(np.nanargmax(motion.residuals))
+    frame, marker = np.unravel_index(place, motion.residuals.shape)
+    return int(frame), int(marker)
+
+
+def joint_lengths(project: Project) -> list[Length]:
+    """Return the distance between each two joints of a limb, limb after limb in the order of the tree."""
+    topology = project.topology
+    rigid = project.skeleton.lengths if project.has("skeleton") else {}
+    lengths = []
+    for limb in limb_order(project):
+        joints = np.flatnonzero((topology.edges == limb).any(axis=1)).tolist() if topology.n_joints else []
+        pairs = [(first, second) for i, first in enumerate(joints) for second in joints[i + 1 :]]
+        lengths.extend(_length(topology, limb, pair, rigid.get(pair, np.nan)) for pair in pairs)
+    return lengths
+
+
+def _length(topology: Topology, limb: int, pair: tuple[int, int], rigid: float) -> Length:
+    raw = topology.raw_joint_positions
+    distances = _known(np.linalg.norm(raw[:, pair[0]] - raw[:, pair[1]], axis=1))
+    mean = float(distances.mean()) if len(distances) else np.nan
+    spread = float(distances.std()) if len(distances) else np.nan
+    centre = mean if np.isnan(rigid) else rigid
+    return Length(limb, *pair, rigid, mean, spread, distances - centre)
+
+
+def bone_length(lengths: list[Length], topology: Topology, joint: int) -> float:
+    """Return the length [mm] of the parent limb from its own parent joint to `joint`; NaN where that is a root."""
+    own = np.flatnonzero(topology.children == topology.edges[joint, 0])
+    if not len(own):
+        return np.nan
+    pair = {int(own[0]), joint}
+    found = next(length for length in lengths if {length.first, length.second} == pair)
+    return found.raw_mean if np.isnan(found.rigid) else found.rigid
+
+
+def runners_up(topology: Topology) -> list[RunnerUp | None]:
+    """Return, for each joint, the cheapest other joint between the two parts that it connects; None if there is none.
+
+    The further its cost lies above the joint's own, the surer this edge of the tree is.
+    """
+    found: list[RunnerUp | None] = []
+    for parent, child in topology.edges.tolist():
+        below = _branch(topology.parents, child)
+        allowed = below[:, np.newaxis] & ~below[np.newaxis, :] & ~np.isnan(topology.joint_costs)
+        allowed[child, parent] = False
+        if not allowed.any():
+            found.append(None)
+            continue
+        costs = np.where(allowed, topology.joint_costs, np.inf)
+        inside, outside = np.unravel_index(int(costs.argmin()), costs.shape)
+        found.append(RunnerUp((int(outside), int(inside)), float(costs.min())))
+    return found
+
+
+def _branch(parents: Ints, limb: int) -> Bools:
+    inside = np.arange(len(parents)) == limb
+    while True:
+        grown = inside | ((parents >= 0) & inside[parents])
+        if np.array_equal(grown, inside):
+            return inside
+        inside = grown
+
+
+def reference_joints(skeleton: Skeleton) -> Floats:
+    """Return the joints in the reference pose [mm], shape (n_joints, 3)."""
+    placed = [
+        skeleton.reference_pose[joint.parent, :3, :3] @ joint.position_in_parent
+        + skeleton.reference_pose[joint.parent, :3, 3]
+        for joint in skeleton.joints
+    ]
+    return np.array(placed).reshape(-1, 3)
+
+
+def reference_markers(skeleton: Skeleton) -> Floats:
+    """Return the markers in the reference pose [mm], shape (n_markers, 3); NaN for those that are left out."""
+    placed = np.full_like(skeleton.marker_offsets, np.nan)
+    on_limb = skeleton.limb_of_marker >= 0
+    poses = skeleton.reference_pose[skeleton.limb_of_marker[on_limb]]
+    placed[on_limb] = np.einsum("nij,nj->ni", poses[:, :3, :3], skeleton.marker_offsets[on_limb]) + poses[:, :3, 3]
+    return placed
+
+
+def envelope(values: Floats, n_bins: int) -> tuple[Floats, Floats, Floats]:
+    """Decimate a curve honestly: the smallest and the largest value of each stretch, so that no peak is lost.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        One value per frame, NaN where unknown.
+    n_bins : int
+        Number of stretches at most.
+
+    Returns
+    -------
+    centres, low, high : ndarray, shape (min(n, n_bins),)
+        Middle of each stretch as a frame index, and its extremes; NaN where no frame of it is known.
+    """
+    starts, stops = bin_edges(len(values), n_bins)
+    low = np.fmin.reduceat(values, starts) if len(starts) else np.zeros(0)
+    high = np.fmax.reduceat(values, starts) if len(starts) else np.zeros(0)
+    return (starts + stops - 1) / 2, low, high
+
+
+def bin_edges(n_frames: int, n_bins: int) -> tuple[Ints, Ints]:
+    """Return first frame and end of each of at most `n_bins` stretches of nearly equal length."""
+    edges = np.linspace(0, n_frames, min(n_frames, n_bins) + 1).astype(np.intp)
+    return edges[:-1], edges[1:]
+
+
+def _known(values: Floats) -> Floats:
+    return values[~np.isnan(values)]

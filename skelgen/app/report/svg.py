@@ -1,0 +1,97 @@
+"""Inline SVG in a few words; every text and attribute is escaped, colours come from the page's style sheet."""
+
+from __future__ import annotations
+
+import math
+
+from markupsafe import Markup, escape
+
+from skelgen.model.arrays import Floats
+
+_ATTRIBUTE_NAMES = {"cls": "class", "href": "href"}
+_ROUND_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+def tag(name: str, *children: Markup | str, **attributes: str | float) -> Markup:
+    """Return one element; underscores in attribute names become hyphens, ``cls`` becomes ``class``."""
+    pairs = [(_ATTRIBUTE_NAMES.get(key, key.replace("_", "-")), number(value)) for key, value in attributes.items()]
+    head = name + "".join(f' {key}="{escape(value)}"' for key, value in pairs)
+    if not children:
+        return Markup(f"<{head}/>")
+    return Markup(f"<{head}>{''.join(escape(child) for child in children)}</{name}>")
+
+
+def group(*children: Markup, **attributes: str | float) -> Markup:
+    """Return a group of elements."""
+    return tag("g", Markup("").join(children), **attributes)
+
+
+def line(x1: float, y1: float, x2: float, y2: float, cls: str, **attributes: str | float) -> Markup:
+    """Return a straight line [px]."""
+    return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, cls=cls, **attributes)
+
+
+def rect(x: float, y: float, width: float, height: float, cls: str, **attributes: str | float) -> Markup:
+    """Return a rectangle [px]."""
+    return tag("rect", x=x, y=y, width=width, height=height, cls=cls, **attributes)
+
+
+def circle(x: float, y: float, radius: float, cls: str, hint: str = "") -> Markup:
+    """Return a circle [px]; `hint` appears under the pointer."""
+    return tag("circle", *([tag("title", hint)] if hint else []), cx=x, cy=y, r=radius, cls=cls)
+
+
+def text(x: float, y: float, content: str, cls: str = "", *, anchor: str = "start", turn: float = 0.0) -> Markup:
+    """Return a text [px], turned clockwise by `turn` degrees about its own place."""
+    place: dict[str, str | float] = {"x": x, "y": y, "text_anchor": anchor}
+    if turn:
+        place["transform"] = f"rotate({number(turn)} {number(x)} {number(y)})"
+    if cls:
+        place["cls"] = cls
+    return tag("text", content, **place)
+
+
+def image(x: float, y: float, width: float, height: float, uri: str, *, crisp: bool = True) -> Markup:
+    """Return an embedded picture stretched to a rectangle [px]."""
+    cls = "crisp" if crisp else "smooth"
+    return tag("image", x=x, y=y, width=width, height=height, href=uri, preserveAspectRatio="none", cls=cls)
+
+
+def drawing(width: float, height: float, label: str, *children: Markup, least: float = 0.0) -> Markup:
+    """Return a complete drawing that scales with the page but not below `least` pixels of width (it scrolls then)."""
+    style = f"max-width:{number(width)}px;min-width:{number(least)}px"
+    box = f"0 0 {number(width)} {number(height)}"
+    inside = Markup("").join(children)
+    return tag(
+        "svg", inside, viewBox=box, role="img", aria_label=label, style=style, xmlns="http://www.w3.org/2000/svg"
+    )
+
+
+def path_through(x: Floats, y: Floats) -> str:
+    """Return path data through points [px], broken where y is NaN."""
+    words, drawing_on = [], False
+    for across, down in zip(x.tolist(), y.tolist(), strict=True):
+        if math.isnan(down):
+            drawing_on = False
+            continue
+        words.append(f"{'L' if drawing_on else 'M'}{number(across)} {number(down)}")
+        drawing_on = True
+    return "".join(words)
+
+
+def number(value: str | float) -> str:
+    """Return a coordinate with one decimal at most; strings pass."""
+    if isinstance(value, str):
+        return value
+    return f"{value:.1f}".rstrip("0").rstrip(".") if not float(value).is_integer() else str(int(value))
+
+
+def ticks(low: float, high: float, wanted: int) -> list[float]:
+    """Return about `wanted` round values that lie in low .. high."""
+    if not high > low:
+        return [low]
+    rough = (high - low) / wanted
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * factor for factor in _ROUND_STEPS if power * factor >= rough * (1 - 1e-9))
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [index * step for index in range(first, last + 1)]

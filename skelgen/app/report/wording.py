@@ -1,0 +1,107 @@
+"""Numbers and names as a reader wants them: three digits, a unit, no noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+_MINUS = "−"
+_DIGITS = 3
+_TINY = 1e-5  # below this a power of ten reads better than zeros
+_HUGE = 1e6
+
+
+def digits(value: float, significant: int = _DIGITS) -> str:
+    """Return a number with `significant` digits, but never fewer than its whole part has; a dash for NaN.
+
+    Examples
+    --------
+    >>> digits(520.703), digits(1234.5), digits(0.00123), digits(0.0), digits(float("nan"))
+    ('521', '1235', '0.00123', '0', '–')
+    """
+    if not math.isfinite(value):
+        return "–"
+    size = abs(value)
+    if size == 0:
+        return "0"
+    sign = _MINUS if value < 0 else ""
+    if size < _TINY or size >= _HUGE:
+        return sign + _with_power(size, significant)
+    decimals = max(0, significant - 1 - math.floor(math.log10(size)))
+    return f"{sign}{size:.{decimals}f}"
+
+
+def _with_power(size: float, significant: int) -> str:
+    mantissa, power = f"{size:.{significant - 1}e}".split("e")
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa}·10{raised}"
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Return a number with fixed decimals, a proper minus sign, and a dash for NaN."""
+    if not math.isfinite(value):
+        return "–"
+    shown = f"{value:.{decimals}f}"
+    return shown.replace("-", _MINUS) if float(shown) else shown.lstrip("-")
+
+
+def percent(share: float) -> str:
+    """Return a share of 1 as percent; what is not quite all or nothing does not read so.
+
+    Examples
+    --------
+    >>> percent(1.0), percent(0.9999), percent(0.123)
+    ('100 %', '99.9 %', '12.3 %')
+    """
+    if not math.isfinite(share):
+        return "–"
+    if share in (0.0, 1.0):
+        return f"{100 * share:.0f} %"
+    return f"{min(max(100 * share, 0.1), 99.9):.1f} %"
+
+
+def counted(count: int, singular: str, plural: str = "") -> str:
+    """Return a count with its noun.
+
+    Examples
+    --------
+    >>> counted(1, "limb"), counted(1200, "frame"), counted(0, "body", "bodies")
+    ('1 limb', '1200 frames', '0 bodies')
+    """
+    return f"{count} {singular if count == 1 else plural or singular + 's'}"
+
+
+def listed(parts: Iterable[str]) -> str:
+    """Join parts as a sentence does: ``a, b and c``."""
+    words = list(parts)
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1] if words else ""
+
+
+def shortened(names: Sequence[str], room: int) -> str:
+    """Return as many names as fit into `room` characters, and how many are left."""
+    shown: list[str] = []
+    for name in names:
+        if shown and len(", ".join([*shown, name])) > room:
+            return f"{', '.join(shown)} +{len(names) - len(shown)}"
+        shown.append(clipped(name, room))
+    return ", ".join(shown)
+
+
+def clipped(name: str, room: int) -> str:
+    """Return a name that fits into `room` characters."""
+    return name if len(name) <= room else name[: room - 1] + "…"
+
+
+def duration(seconds: float) -> str:
+    """Return a time span in the unit that suits it.
+
+    Examples
+    --------
+    >>> duration(0.0123), duration(4.2), duration(200)
+    ('12.3 ms', '4.20 s', '3 min 20 s')
+    """
+    if seconds < 1:
+        return f"{digits(1000 * seconds)} ms"
+    if seconds < 60:
+        return f"{digits(seconds)} s"
+    return f"{int(seconds // 60)} min {round(seconds % 60)} s"
