@@ -150,7 +150,7 @@ def ghosts(positions: Floats, per_frame: float, rng: np.random.Generator) -> tup
     n_frames = len(positions)
     shortest, longest = GHOST_FRAMES
     mean_life = (shortest + longest) / 2
-    n_births = rng.poisson(per_frame * (n_frames + mean_life - 1) / mean_life)
+    n_births = rng.poisson(per_frame * (n_frames + longest - 1) / mean_life)
     birth = rng.integers(1 - longest, n_frames, size=n_births)
     life = rng.integers(shortest, longest + 1, size=n_births)
     place = rng.random((n_births, 3))

@@ -15,7 +15,7 @@ from skelgen.simulation.articulated import Structure
 from skelgen.simulation.cameras import CAMERAS_NEEDED, camera_ring, seen_by_cameras
 from skelgen.simulation.markers import carried_markers, dropouts, ghosts, shuffled_points, soft_tissue_motion
 from skelgen.simulation.motion import random_angles, random_walk, world_from_limbs
-from skelgen.simulation.structures import STRUCTURE_NAMES, find_structure
+from skelgen.simulation.structures import find_structure
 from skelgen.simulation.truth import Truth
 
 _STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order")  # each has its own random numbers
@@ -23,11 +23,10 @@ _STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order")  # each 
 
 @dataclass(frozen=True)
 class SimulationParameters(StageParameters):
-    """What is simulated, and how badly it is seen."""
+    """How a structure is moved, and how badly it is seen."""
 
     stage: ClassVar[str] = "simulate"
 
-    structure: str = declare("human", f"What moves: {', '.join(STRUCTURE_NAMES)}; human:4 has 4 markers on each limb.")
     n_frames: int = declare(1000, "Length of the take.", unit="frames", low=1, high=1_000_000)
     rate: float = declare(100.0, "Frame rate.", unit="Hz", low=1e-3, high=1e5)
     noise: float = declare(0.0, "Standard deviation of each measured coordinate.", unit="mm", low=0.0, high=1000.0)
@@ -59,7 +58,7 @@ class SimulatedTake:
 
 
 def simulate(
-    structure: Structure | str | None = None,
+    structure: Structure | str = "human",
     *,
     seed: int = 0,
     parameters: SimulationParameters | None = None,
@@ -69,8 +68,8 @@ def simulate(
 
     Parameters
     ----------
-    structure : Structure or str, optional
-        What moves: a structure or its name; by default the one in `parameters`.
+    structure : Structure or str
+        What moves: a structure, or its name for `find_structure`, e.g. ``seed-human`` or ``tree:8``.
     seed : int
         Seed of the motion and of all faults. Each has random numbers of its own: more noise changes neither the motion
         nor the dropouts.
@@ -87,7 +86,7 @@ def simulate(
     Raises
     ------
     ParameterError
-        If an option is unknown or out of bounds.
+        If an option is unknown or out of bounds, or there is no such structure.
 
     Examples
     --------
@@ -97,8 +96,8 @@ def simulate(
     >>> simulated.truth.joint_names
     ('middle rod - rear rod', 'middle rod - front rod')
     """
-    settings = _settings(structure, parameters, options)
-    body = structure if isinstance(structure, Structure) else find_structure(settings.structure, seed)
+    settings = _settings(parameters or SimulationParameters(), options)
+    body = structure if isinstance(structure, Structure) else find_structure(structure, seed)
     scene = _moved(body, settings, seed)
     return _delivered(scene, _observed(scene))
 
@@ -125,12 +124,8 @@ def _moved(body: Structure, settings: SimulationParameters, seed: int) -> _Scene
     return _Scene(body, settings, streams, name, angles, poses, carried_markers(body, poses))
 
 
-def _settings(
-    structure: Structure | str | None, parameters: SimulationParameters | None, options: dict[str, Any]
-) -> SimulationParameters:
-    start = parameters or SimulationParameters()
-    name = {"structure": structure} if isinstance(structure, str) else {}
-    settings = SimulationParameters.from_mapping(start.as_mapping() | name | options)
+def _settings(parameters: SimulationParameters, options: dict[str, Any]) -> SimulationParameters:
+    settings = SimulationParameters.from_mapping(parameters.as_mapping() | options)
     if settings.labelled and settings.ghosts > 0:
         raise ParameterError("ghosts have no label: they need labelled = false")
     if 0 < settings.n_cameras < CAMERAS_NEEDED:
