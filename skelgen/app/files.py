@@ -9,7 +9,7 @@ from typing import Any
 
 from skelgen_formats.registry import Format, find_format, known_formats, read_take, recognise, write_file
 
-from skelgen.app.store import SUFFIX, is_project_file, open_project, save_project
+from skelgen.app.store import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.errors import InputError, WriteError
 from skelgen.model import Project, Take
 
@@ -23,7 +23,7 @@ def open_input(path: Path | str, format: str | None = None, seed: int | None = N
     Parameters
     ----------
     path : Path or str
-        The file; its format is found by content first and suffix second.
+        The file; its format is found by content first and suffix second. A folder stands for the project in it.
     format : str, optional
         Read as this format.
     seed : int, optional
@@ -44,7 +44,7 @@ def open_input(path: Path | str, format: str | None = None, seed: int | None = N
     if format == PROJECT_FORMAT or (format is None and is_project_file(path)):
         if options:
             raise InputError(f"{path}: a project file is read without options, not with {', '.join(options)}")
-        project = open_project(path)
+        project = open_project(find_result(path))
         return project if seed is None else replace(project, seed=seed)
     return Project(read_take(path, format, **options), seed or 0)
 

@@ -94,7 +94,7 @@ def _write_limbs(project: Project, path: Path) -> None:
 
 def _write_raw_joints(project: Project, path: Path) -> None:
     topology, trajectories = project.topology, project.trajectories
-    names = tuple(f"joint_{parent}_{child}" for parent, child in topology.edges.tolist())
+    names = tuple(f"limb{parent}-limb{child}" for parent, child in topology.edges.tolist())
     write_file(Trajectories(topology.raw_joint_positions, names, trajectories.rate, trajectories.name), path)
 
 
@@ -112,7 +112,7 @@ OUTPUTS = (
     Output(".xml", "skeleton", write_file),
     Output(".xsf", "skeleton", write_file),
     Output(".joints.csv", "skeleton", write_file),
-    Output(".json", "skeleton", write_file),
+    Output(".json", "labels", write_file),
     Output(".html", "labels", _write_report),
 )
 """All files of a run, in the order in which they are written."""
@@ -124,6 +124,7 @@ def _write_if_possible(output: Output, project: Project, path: Path, monitor: Mo
     except WriteError as error:
         if isinstance(error.__cause__, OSError):  # no rights, disk full: that is for the user to mend
             raise
+        path.unlink(missing_ok=True)
         monitor.notice(f"{path.name} is not written: {error}")
 
 

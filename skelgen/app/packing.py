@@ -1,12 +1,13 @@
 """Values as plain JSON data plus named arrays, and back: what the project file is made of.
 
 A dataclass becomes ``{"type": name, "fields": {...}}``, an array ``{"array": member}``, a mapping
-``{"mapping": {...}}``; tuples become lists.
+``{"mapping": {...}}``, a number that JSON does not know ``{"number": "nan"}``; tuples become lists.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -18,6 +19,8 @@ from skelgen.model import Joint, Limbs, Motion, PointCloud, Poses, Skeleton, Top
 _VALUES: dict[str, type] = {
     cls.__name__: cls for cls in (PointCloud, Trajectories, Poses, Limbs, Topology, Skeleton, Joint, Motion)
 }
+
+_ODD_NUMBERS = ("nan", "inf", "-inf")
 
 
 def packed(value: Any, member: str, arrays: dict[str, NDArray[Any]]) -> Any:
@@ -43,6 +46,8 @@ def packed(value: Any, member: str, arrays: dict[str, NDArray[Any]]) -> Any:
         names = [field.name for field in dataclasses.fields(value)]
         fields = {name: packed(getattr(value, name), f"{member}/{name}", arrays) for name in names}
         return {"type": type(value).__name__, "fields": fields}
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"number": str(value)}
     return value
 
 
@@ -69,6 +74,8 @@ def unpacked(data: Any, array: Callable[[str], NDArray[Any]]) -> Any:
         return data
     if set(data) == {"array"} and isinstance(data["array"], str):
         return array(data["array"])
+    if set(data) == {"number"} and data["number"] in _ODD_NUMBERS:
+        return float(data["number"])
     if set(data) == {"mapping"} and isinstance(data["mapping"], dict):
         return {key: unpacked(item, array) for key, item in data["mapping"].items()}
     if set(data) == {"type", "fields"} and isinstance(data["fields"], dict):

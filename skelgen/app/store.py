@@ -105,9 +105,9 @@ def open_project(path: Path | str) -> Project:
 
 
 def is_project_file(path: Path | str) -> bool:
-    """Tell whether a file is meant to be a project, by content first and suffix second."""
+    """Tell whether a path is meant to be a project: by its suffix, by its content, or as the folder of a run."""
     path = Path(path)
-    if path.suffix.lower() == SUFFIX:
+    if path.suffix.lower() == SUFFIX or path.is_dir():
         return True
     try:
         with path.open("rb") as stream:
@@ -165,7 +165,7 @@ class _Reader:
             results["trajectories"] = take
         seconds = run["seconds"]
         reports = {
-            name: StageReport(dict(facts["parameters"]), float(seconds[name]), tuple(facts["notices"]))
+            name: StageReport(unpacked(facts["parameters"], self._array), float(seconds[name]), tuple(facts["notices"]))
             for name, facts in structure["reports"].items()
         }
         chain = {f"_{name}": value for name, value in results.items()}
@@ -208,7 +208,7 @@ def _structure(project: Project, arrays: dict[str, NDArray[Any]]) -> dict[str, A
     if labelled:
         results["trajectories"] = None  # the take itself: kept once
     reports = {
-        name: {"parameters": dict(report.parameters), "notices": list(report.notices)}
+        name: {"parameters": packed(report.parameters, "", arrays), "notices": list(report.notices)}
         for name, report in project.reports.items()
     }
     structure = {"format": _FORMAT, "version": VERSION, "seed": project.seed, "labelled": labelled, "reports": reports}
@@ -222,7 +222,7 @@ def _run_facts(project: Project) -> dict[str, Any]:
 
 
 def _as_json(data: Mapping[str, Any]) -> bytes:
-    return json.dumps(data, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False).encode()
+    return json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False).encode()
 
 
 def _as_npy(array: NDArray[Any]) -> bytes:

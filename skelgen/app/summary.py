@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from skelgen.model import PointCloud, Poses, Project, Take
+from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats
 
 Row = dict[str, Any]
@@ -82,7 +82,12 @@ def _joint_rows(project: Project) -> list[Row]:
     topology = project.topology
     rows = []
     for index, (parent, child) in enumerate(topology.edges.tolist()):
-        row: Row = {"joint": index, "parent": parent, "child": child, "cost_mm2": float(topology.values[index])}
+        row: Row = {
+            "joint": f"limb{parent}-limb{child}",
+            "parent": parent,
+            "child": child,
+            "cost_mm2": float(topology.values[index]),
+        }
         if project.has("skeleton"):
             joint = project.skeleton.joints[index]
             row["kind"] = joint.kind
@@ -92,17 +97,22 @@ def _joint_rows(project: Project) -> list[Row]:
     return rows
 
 
+def _joint_name(joint: Joint) -> str:
+    return f"limb{joint.parent}-limb{joint.child}"
+
+
 def _length_rows(project: Project) -> list[Row]:
     raw, skeleton = project.topology.raw_joint_positions, project.skeleton
     rows = []
     for (first, second), length in skeleton.lengths.items():
         measured = np.linalg.norm(raw[:, first] - raw[:, second], axis=1)
         measured = measured[~np.isnan(measured)]
+        first_name, second_name = (_joint_name(skeleton.joints[index]) for index in (first, second))
         rows.append(
             {
                 "limb": skeleton.limb_of_length((first, second)),
-                "from_joint": first,
-                "to_joint": second,
+                "from_joint": first_name,
+                "to_joint": second_name,
                 "length_mm": length,
                 "spread_mm": float(measured.std()) if len(measured) else None,
             }
@@ -142,8 +152,3 @@ def _gap_lengths(seen: np.ndarray[Any, np.dtype[np.bool_]]) -> list[int]:
     padded = np.concatenate([[True], seen, [True]])
     edges = np.flatnonzero(np.diff(padded.astype(np.int8)))
     return [int(length) for length in edges[1::2] - edges[::2]]
-
-
-def evaluation_tables(evaluation: Any) -> dict[str, Any]:
-    """Return the scores of an evaluation."""
-    return {}

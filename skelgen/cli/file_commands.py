@@ -87,14 +87,14 @@ def evaluate(
 ) -> None:
     """Compare a result with the truth of its simulation."""
     from skelgen.app.store import find_result, open_project
-    from skelgen.app.summary import evaluation_tables
     from skelgen.evaluation import evaluate as scores_of
+    from skelgen.evaluation import evaluation_tables
     from skelgen.simulation import read_truth
 
     screen = Screen(as_json=as_json)
-    tables = evaluation_tables(scores_of(open_project(find_result(result)), read_truth(truth)))
-    show_evaluation(screen, tables)
-    screen.json(tables)
+    evaluation = scores_of(open_project(find_result(result)), read_truth(truth))
+    show_evaluation(screen, evaluation_tables(evaluation))
+    screen.json(evaluation.as_mapping())
 
 
 def formats(as_json: AsJson = False) -> None:

@@ -56,8 +56,8 @@ def generated(function: Callable[..., None], options: Iterable[inspect.Parameter
         From `parameter_options` or `reader_options`; names that the command already has are left out.
     """
     plain = [entry for entry in _parameters(function) if entry.kind is not inspect.Parameter.VAR_KEYWORD]
-    taken = {entry.name for entry in plain}
-    every = plain + [option for option in options if option.name not in taken]
+    by_name = {entry.name: entry for entry in (*options, *plain)}  # what the command has itself comes last and wins
+    every = plain + [entry for entry in by_name.values() if entry not in plain]
 
     @functools.wraps(function)
     def command(**values: Any) -> None:

@@ -67,9 +67,7 @@ class Screen:
         table = Table(title=title, title_justify="left", title_style="bold")
         for name in rows[0]:
             numeric = all(isinstance(row.get(name), int | float | None) for row in rows)
-            table.add_column(
-                name.replace("_mm2", " [mm²]").replace("_mm", " [mm]"), justify="right" if numeric else "left"
-            )
+            table.add_column(_heading(name), justify="right" if numeric else "left")
         for row in rows:
             table.add_row(*(Text(_cell(row.get(name))) for name in rows[0]))
         Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)

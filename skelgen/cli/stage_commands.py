@@ -22,7 +22,7 @@ from skelgen.cli.options import (
     given,
 )
 from skelgen.cli.screen import Screen
-from skelgen.cli.tables import show_files, show_project
+from skelgen.cli.tables import show_evaluation, show_files, show_project
 
 if TYPE_CHECKING:
     from skelgen.app.configuration import Settings
@@ -56,6 +56,8 @@ _DEFAULT_FILES = {
 }
 """Which of the configured file names a stage's command reads and writes when none is given."""
 
+_DEMO_TABLES = 2  # overview and joints: the lengths and markers stand in the tables above and in the report
+
 
 def run(
     take: InputFile,
@@ -78,8 +80,10 @@ def run(
     from skelgen.app.files import open_input
     from skelgen.app.outputs import stem_of
     from skelgen.app.stages import Wishes
+    from skelgen.app.store import find_result
 
     screen = Screen(quiet, as_json)
+    take = find_result(take)
     settings = settings_with(Settings(config), assignments or ())
     project = open_input(take, format_name, seed, **given(reader_values))
     wishes = Wishes(n_markers, n_limbs, jobs)
@@ -96,17 +100,17 @@ def demo(
 ) -> None:
     """Simulate a human, find its skeleton, compare with the truth, write every file and a report."""
     from skelgen.app.demo import run_demo
-    from skelgen.app.summary import evaluation_tables, project_tables
-    from skelgen.cli.tables import show_evaluation
+    from skelgen.app.summary import project_tables
+    from skelgen.evaluation import evaluation_tables
 
     screen = Screen(quiet, as_json)
     with screen.watching() as monitor:
         done = run_demo(output or Path("skelgen-demo"), seed=seed, n_jobs=jobs, monitor=monitor)
-    tables, scores = project_tables(done.project), evaluation_tables(done.evaluation)
+    tables = project_tables(done.project)
     show_project(screen, tables)
-    show_evaluation(screen, scores)
+    show_evaluation(screen, evaluation_tables(done.evaluation)[:_DEMO_TABLES])
     show_files(screen, done.files)
-    screen.json({**tables, "evaluation": scores, "files": [str(file) for file in done.files]})
+    screen.json({**tables, "evaluation": done.evaluation.as_mapping(), "files": [str(file) for file in done.files]})
 
 
 def stage_command(stage: Stage) -> Callable[..., None]:
@@ -129,9 +133,11 @@ def stage_command(stage: Stage) -> Callable[..., None]:
         from skelgen.app.files import open_input
         from skelgen.app.outputs import stem_of
         from skelgen.app.stages import Wishes
+        from skelgen.app.store import find_result
 
         settings = Settings(config)
         source, target = _default_files(settings.of("files"), stage.command)
+        take = find_result(take) if take else None
         names = {entry.name for entry in stage.parameters_class().declarations()}
         chosen = given(values)
         settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})

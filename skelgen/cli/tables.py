@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skelgen.cli.screen import Screen
+
+if TYPE_CHECKING:
+    from skelgen.evaluation import Table
 
 _TITLES = {"limbs": "Limbs", "joints": "Joints", "lengths": "Lengths between the joints of a limb"}
 
@@ -33,5 +36,7 @@ def show_files(screen: Screen, files: Sequence[Path]) -> None:
     screen.say("written: " + ", ".join(str(file) for file in files))
 
 
-def show_evaluation(screen: Screen, tables: Mapping[str, Any]) -> None:
+def show_evaluation(screen: Screen, tables: Iterable[Table]) -> None:
     """Print scores against the truth."""
+    for table in tables:
+        screen.table(table.title, [dict(zip(table.columns, row, strict=True)) for row in table.rows])

@@ -1,0 +1,302 @@
+"""The command line: exit codes, one-sentence errors, files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import skelgen
+from skelgen.app.stages import PIPELINE
+from skelgen.app.store import open_project
+from skelgen.cli import main
+from skelgen.cli.options import parameter_options, reader_options
+from skelgen.errors import Cancelled
+from skelgen.model import Trajectories
+
+
+@pytest.fixture
+def plain_report(monkeypatch):
+    """Replace the report, which takes a second to draw."""
+
+    def write_report(project, path):
+        path.write_text("<html></html>")
+        return path
+
+    module = ModuleType("skelgen.app.report")
+    module.write_report = write_report
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+
+
+@pytest.fixture
+def wave(waving, tmp_path, monkeypatch):
+    """The path of a take in an otherwise empty current folder."""
+    monkeypatch.chdir(tmp_path)
+    skelgen.write(waving, tmp_path / "wave.csm")
+    return "wave.csm"
+
+
+def names_in(folder):
+    return sorted(file.name for file in folder.iterdir())
+
+
+ALL_FILES = [
+    "wave.html",
+    "wave.joints.csv",
+    "wave.json",
+    "wave.labels.c3d",
+    "wave.limbs.csv",
+    "wave.raw-joints.c3d",
+    "wave.skelgen",
+    "wave.xaf",
+    "wave.xml",
+    "wave.xsf",
+]
+
+
+@pytest.mark.usefixtures("stand_ins", "plain_report")
+class TestRunning:
+    def test_run_writes_every_file(self, wave, tmp_path):
+        assert main(["run", wave, "-o", "out", "-q"]) == 0
+        assert names_in(tmp_path / "out") == ALL_FILES
+
+    def test_results_open_in_other_readers(self, wave, tmp_path):
+        main(["run", wave, "-o", "out", "-q"])
+        labels = skelgen.read(tmp_path / "out" / "wave.labels.c3d")
+        assert labels.names == tuple("abcdef")
+        assert skelgen.read(tmp_path / "out" / "wave.raw-joints.c3d").names == ("limb0-limb1",)
+
+    def test_json_is_one_object_and_nothing_else(self, wave, capsys):
+        assert main(["run", wave, "--json"]) == 0
+        out, err = capsys.readouterr()
+        data = json.loads(out)
+        assert [row["limb"] for row in data["limbs"]] == [0, 1]
+        assert len(data["files"]) == len(ALL_FILES)
+        assert err == ""
+
+    def test_quiet_run_says_nothing_on_stderr(self, wave, capsys):
+        main(["run", wave, "--quiet"])
+        assert capsys.readouterr().err == ""
+
+    def test_stage_by_stage_gives_what_run_gives(self, wave, tmp_path):
+        main(["run", wave, "-o", "whole", "-q"])
+        main(["label", wave, "-o", "steps", "-q"])
+        for command in ("cluster", "joints", "fit"):
+            assert main([command, "steps/wave.skelgen", "-q"]) == 0
+        assert names_in(tmp_path / "steps") == ALL_FILES
+        whole, steps = (open_project(tmp_path / folder / "wave.skelgen") for folder in ("whole", "steps"))
+        np.testing.assert_array_equal(whole.motion.world_from_limb, steps.motion.world_from_limb)
+
+    def test_stages_without_paths_use_the_configured_names(self, waving, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        skelgen.write(waving, tmp_path / "take.mfml")
+        for command in ("label", "cluster", "joints", "fit"):
+            assert main([command, "-q"]) == 0
+        found = names_in(tmp_path)
+        assert {"labels.skelgen", "limbs.skelgen", "joints.skelgen", "result.skelgen", "result.xml"} <= set(found)
+
+    def test_stage_option_reaches_the_stage(self, wave, tmp_path):
+        main(["run", wave, "-o", "out", "-q", "--until", "limbs"])
+        assert main(["joints", "out", "--alpha", "0.25", "-q"]) == 0
+        assert open_project(tmp_path / "out" / "wave.skelgen").topology.alpha == 0.25
+
+    def test_set_reaches_the_stage(self, wave, tmp_path):
+        assert main(["run", wave, "-o", "out", "-q", "--set", "joints.alpha=0.75"]) == 0
+        assert open_project(tmp_path / "out" / "wave.skelgen").topology.alpha == 0.75
+
+    def test_run_from_a_stage_keeps_what_was_before(self, wave, tmp_path):
+        main(["run", wave, "-o", "out", "-q", "--n-limbs", "3"])
+        assert main(["run", "out/wave.skelgen", "-q", "--from", "joints"]) == 0
+        assert open_project(tmp_path / "out" / "wave.skelgen").limbs.n_limbs == 3
+
+    def test_seed_is_kept_in_the_project(self, wave, tmp_path):
+        main(["run", wave, "-o", "out", "-q", "--seed", "11"])
+        main(["fit", "out", "-q"])
+        assert open_project(tmp_path / "out" / "wave.skelgen").seed == 11
+
+    def test_info_shows_format_and_gaps(self, wave, capsys):
+        assert main(["info", wave, "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["format"] == "csm"
+        assert data["columns"][0] == {"name": "a", "seen": 20, "gaps": 0, "longest_gap": 0}
+
+    def test_info_of_a_project_shows_its_results(self, wave, capsys):
+        main(["run", wave, "-o", "out", "-q"])
+        capsys.readouterr()
+        assert main(["info", "out/wave.skelgen"]) == 0
+        assert "limb0-limb1" in capsys.readouterr().out
+
+    def test_report_goes_beside_the_project(self, wave, tmp_path):
+        main(["run", wave, "-o", "out", "-q"])
+        (tmp_path / "out" / "wave.html").unlink()
+        assert main(["report", "out"]) == 0
+        assert (tmp_path / "out" / "wave.html").exists()
+
+    def test_interrupted_run_leaves_what_was_there(self, wave, tmp_path, monkeypatch):
+        (tmp_path / "out").mkdir()
+        (tmp_path / "out" / "wave.xml").write_text("precious")
+
+        def interrupt(*values, **options):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(sys.modules["skelgen.app.report"], "write_report", interrupt)
+        assert main(["run", wave, "-o", "out", "-q"]) == 130
+        assert names_in(tmp_path / "out") == ["wave.xml"]
+        assert (tmp_path / "out" / "wave.xml").read_text() == "precious"
+
+    def test_cancelled_run_exits_with_130(self, wave, monkeypatch):
+        def cancel(*values, **options):
+            raise Cancelled("stopped")
+
+        monkeypatch.setattr(sys.modules["skelgen.stages.joints"], "find_joints", cancel)
+        assert main(["run", wave, "-o", "out", "-q"]) == 130
+
+    def test_every_parameter_is_listed(self, capsys):
+        assert main(["config", "--json"]) == 0
+        rows = json.loads(capsys.readouterr().out)["parameters"]
+        assert {"stage": "joints", "name": "alpha"}.items() <= next(r for r in rows if r["stage"] == "joints").items()
+
+    def test_declared_parameter_is_in_the_help(self, capsys, monkeypatch):
+        monkeypatch.setenv("COLUMNS", "200")
+        assert main(["joints", "--help"]) == 0
+        out = capsys.readouterr().out
+        assert "--alpha" in out
+        assert "(0 .. 1); ALPHA in config.xml" in out
+
+
+def test_convert_keeps_markers(wave, waving, tmp_path):
+    assert main(["convert", wave, "wave.trc", "-q"]) == 0
+    np.testing.assert_allclose(skelgen.read(tmp_path / "wave.trc").positions, waving.positions, atol=1e-3)
+
+
+def test_convert_refuses_a_format_that_cannot_hold_it(wave, tmp_path, capsys):
+    assert main(["convert", wave, "wave.xsf"]) == 2
+    assert "skelgen: error:" in capsys.readouterr().err
+    assert names_in(tmp_path) == [wave]
+
+
+def test_simulated_take_and_truth_lie_side_by_side(tmp_path):
+    assert main(["simulate", "rods", "-o", str(tmp_path / "r.trc"), "--n-frames", "20", "--noise", "0.5", "-q"]) == 0
+    assert names_in(tmp_path) == ["r.trc", "r.truth.npz"]
+
+
+def test_formats_are_listed(capsys):
+    assert main(["formats", "--json"]) == 0
+    names = [row["name"] for row in json.loads(capsys.readouterr().out)["formats"]]
+    assert {"c3d", "csm", "mfml", "skelgen"} <= set(names)
+
+
+def bad_files(waving):
+    """Each way of being bad: file name and content, or a take to be written."""
+    positions = waving.positions
+    return {
+        "empty": ("bad.c3d", b""),
+        "wrong magic": ("bad.c3d", b"GIF89a" * 200),
+        "unknown": ("bad.xyz", b"\x00\x01\x02 nothing that anybody knows"),
+        "truncated": ("bad.skelgen", b"PK\x03\x04" + bytes(300)),
+        "binary nonsense": ("bad.mfml", b"\xff" * 500),
+        "nothing seen": ("bad.csm", Trajectories(positions * np.nan, waving.names, 50.0)),
+        "one marker": ("bad.csm", Trajectories(positions[:, 3:4], ("a",), 50.0)),
+        "two frames": ("bad.csm", Trajectories(positions[:2], waving.names, 50.0)),
+        "no motion": ("bad.trc", Trajectories(np.tile(positions[:1], (9, 1, 1)), waving.names, 50.0)),
+    }
+
+
+@pytest.fixture(params=list(bad_files(Trajectories(np.zeros((3, 6, 3)), tuple("abcdef"), 1.0))))
+def bad_file(request, waving, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    name, content = bad_files(waving)[request.param]
+    if isinstance(content, bytes):
+        (tmp_path / name).write_bytes(content)
+    else:
+        skelgen.write(content, tmp_path / name)
+    return name
+
+
+@pytest.mark.usefixtures("stand_ins", "plain_report")
+def test_bad_file_is_one_sentence_with_its_name_and_exit_code_2(bad_file, tmp_path, capsys):
+    assert main(["run", bad_file, "-o", "out", "-q"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("skelgen: error: ")
+    assert bad_file in err
+    assert err.count("\n") == 1
+    assert names_in(tmp_path) == [bad_file]
+
+
+def test_duplicate_label_is_an_error_that_names_file_and_label(wave, tmp_path, capsys):
+    lines = (tmp_path / wave).read_text().splitlines()
+    order = next(index for index, line in enumerate(lines) if line.lower().startswith("$order")) + 1
+    lines[order] = lines[order].replace("b", "a")
+    (tmp_path / wave).write_text("\n".join(lines))
+    assert main(["run", wave, "-o", "out"]) == 2
+    err = capsys.readouterr().err
+    assert wave in err
+    assert "a" in err
+    assert names_in(tmp_path) == [wave]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["walk"],
+        ["run"],
+        ["run", "absent.c3d"],
+        ["run", "absent.c3d", "--jobs", "0"],
+        ["run", "absent.c3d", "--set", "joints"],
+        ["simulate", "octopus", "-o", "a.c3d"],
+        ["simulate", "rods", "-o", "a.unknown", "--n-frames", "5"],
+        ["evaluate", ".", "absent.npz"],
+        ["config", "absent.xml"],
+    ],
+    ids=" ".join,
+)
+@pytest.mark.usefixtures("stand_ins")
+def test_wrong_usage_is_one_sentence_and_exit_code_2(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("skelgen: error: ")
+    assert err.count("\n") == 1
+    assert names_in(tmp_path) == []
+
+
+def test_help_and_version_exit_with_0(capsys):
+    assert main(["--help"]) == 0
+    assert main([]) == 0
+    assert "Exit codes" in capsys.readouterr().out
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"skelgen {skelgen.__version__}\n"
+
+
+def test_help_loads_nothing_heavy():
+    heavy = ("scipy", "sklearn", "numba", "matplotlib", "networkx", "ezc3d", "lxml")
+    code = (
+        f"import sys; from skelgen.cli import main; main(['--help']); print([m for m in {heavy} if m in sys.modules])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip().endswith("[]")
+
+
+def test_bug_is_one_sentence_and_exit_code_1(tmp_path):
+    code = (
+        "import sys, skelgen.cli.application as a, skelgen.app.files as f\n"
+        "def broken(*values, **options): return 1 / 0\n"
+        "f.open_input = broken\n"
+        "sys.exit(a.main(['info', 'walk.c3d']))\n"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert result.returncode == 1
+    assert result.stderr.startswith("skelgen: internal error: ZeroDivisionError")
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("stage", PIPELINE, ids=lambda stage: stage.command)
+@pytest.mark.usefixtures("stand_ins")
+def test_no_stage_parameter_hides_a_reader_option(stage):
+    declared = {option.name for option in parameter_options(stage.parameters_class())}
+    assert not declared & {option.name for option in reader_options()}

@@ -1,0 +1,89 @@
+"""The files of a run arrive together or not at all."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+
+from skelgen.app import outputs
+from skelgen.app.outputs import Output, stem_of, write_outputs
+from skelgen.app.store import save_project
+from skelgen.errors import WriteError
+
+SIMPLE = (
+    Output(".skelgen", "", save_project),
+    Output(".limbs.csv", "limbs", outputs._write_limbs),
+    Output(".xml", "skeleton", lambda project, path: path.write_text("<a/>")),
+)
+
+
+@pytest.fixture
+def simple(monkeypatch):
+    monkeypatch.setattr(outputs, "OUTPUTS", SIMPLE)
+
+
+def fail_last(monkeypatch, error):
+    def write(project, path):
+        path.write_text("half")
+        raise error
+
+    monkeypatch.setattr(outputs, "OUTPUTS", (*SIMPLE[:2], Output(".xml", "skeleton", write)))
+
+
+@pytest.mark.usefixtures("simple")
+def test_all_files_carry_the_stem(small_project, tmp_path):
+    files = write_outputs(small_project, tmp_path / "out", "walk")
+    assert [file.name for file in files] == ["walk.limbs.csv", "walk.skelgen", "walk.xml"]
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == [file.name for file in files]
+
+
+@pytest.mark.usefixtures("simple")
+def test_results_may_have_a_name_of_their_own(small_project, tmp_path):
+    files = write_outputs(small_project, tmp_path, "walk", result_name="result.xml")
+    assert "result.xml" in [file.name for file in files]
+
+
+def test_limbs_are_listed_by_marker(small_project, tmp_path):
+    outputs._write_limbs(small_project, tmp_path / "a.csv")
+    with (tmp_path / "a.csv").open(newline="") as stream:
+        rows = list(csv.reader(stream))
+    assert rows[:2] == [["marker", "limb"], ["M<0>&", "0"]]
+    assert rows[-1] == ["M<9>&", "-1"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), ZeroDivisionError(), OSError(28, "No space left on device")])
+def test_failure_leaves_everything_as_it_was(small_project, tmp_path, monkeypatch, error):
+    (tmp_path / "walk.skelgen").write_text("precious")
+    fail_last(monkeypatch, error)
+    with pytest.raises((KeyboardInterrupt, ZeroDivisionError, WriteError)):
+        write_outputs(small_project, tmp_path, "walk")
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("walk.skelgen", "precious")]
+
+
+def test_failure_removes_the_folders_it_made(small_project, tmp_path, monkeypatch):
+    fail_last(monkeypatch, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        write_outputs(small_project, tmp_path / "a" / "b", "walk")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_format_that_cannot_hold_the_project_is_left_out_with_a_notice(small_project, tmp_path, monkeypatch):
+    fail_last(monkeypatch, WriteError("no more than 5 limbs"))
+    notices = []
+    monitor = type("M", (), {"notice": lambda self, text: notices.append(text)})
+    monitor.begin = monitor.advance = lambda *values: None
+    files = write_outputs(small_project, tmp_path, "walk", monitor=monitor())
+    assert [file.name for file in files] == ["walk.limbs.csv", "walk.skelgen"]
+    assert notices == ["walk.xml is not written: no more than 5 limbs"]
+
+
+def test_folder_that_is_a_file_is_a_write_error(small_project, tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(WriteError, match="out: cannot be"):
+        write_outputs(small_project, tmp_path / "out", "walk")
+
+
+@pytest.mark.parametrize(("name", "stem"), [("a/walk.c3d", "walk"), ("b/walk.1.trc", "walk.1"), ("w.skelgen", "w")])
+def test_stem_is_the_name_without_suffix(name, stem):
+    assert stem_of(name) == stem

@@ -1,0 +1,181 @@
+"""The project file: exact, deterministic, whole or not at all, and never more than a `FormatError`."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from skelgen.app.store import VERSION, find_result, is_project_file, open_project, save_project
+from skelgen.errors import FormatError, WriteError
+from skelgen.model import PointCloud, Project
+
+CLOUD = PointCloud(np.arange(12.0).reshape(4, 3), [0, 2, 2, 4], [0.0, 0.01, 0.03], {"n_blobs": np.ones(4)}, "c.mfml")
+
+
+def values_of(value):
+    """Every array and plain value inside, in order."""
+    if isinstance(value, np.ndarray):
+        return [value.tobytes(), value.shape]
+    if hasattr(value, "__dataclass_fields__"):
+        return [values_of(getattr(value, name)) for name in value.__dataclass_fields__]
+    if hasattr(value, "items"):
+        return [(key, values_of(item)) for key, item in value.items()]
+    return [values_of(item) for item in value] if isinstance(value, tuple | list) else repr(value)
+
+
+@pytest.fixture
+def saved(small_project, tmp_path):
+    return save_project(small_project, tmp_path / "walk.skelgen")
+
+
+def with_member(source, member, content, target):
+    """Copy an archive with one member replaced (None leaves it out)."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            data = content if name == member else old.read(name)
+            if data is not None:
+                new.writestr(name, data)
+    return target
+
+
+def test_everything_comes_back_bit_for_bit(small_project, saved):
+    assert values_of(open_project(saved)) == values_of(small_project)
+
+
+def test_a_cloud_without_results_comes_back(tmp_path):
+    again = open_project(save_project(Project(CLOUD, seed=3), tmp_path / "c.skelgen"))
+    assert values_of(again.take) == values_of(CLOUD)
+    assert again.seed == 3
+    assert not again.has("labels")
+
+
+def test_labelled_take_stays_one_object(saved):
+    project = open_project(saved)
+    assert project.trajectories is project.take
+
+
+def test_same_project_gives_the_same_bytes(small_project, tmp_path):
+    first, second = (save_project(small_project, tmp_path / name).read_bytes() for name in ("a.skelgen", "b.skelgen"))
+    assert first == second
+
+
+def test_times_and_versions_are_in_a_member_of_their_own(saved):
+    with zipfile.ZipFile(saved) as archive:
+        assert set(json.loads(archive.read("run.json"))) == {"seconds", "versions"}
+        assert "seconds" not in archive.read("project.json").decode()
+
+
+def test_project_is_recognised_by_its_content(saved, tmp_path):
+    assert is_project_file(saved.rename(tmp_path / "renamed.dat"))
+    assert not is_project_file(tmp_path / "absent.c3d")
+
+
+@pytest.mark.parametrize("member", ["project.json", "run.json", "arrays/motion/residuals.npy"])
+def test_missing_member_is_named(saved, tmp_path, member):
+    with pytest.raises(FormatError, match=f"b.skelgen:{member}: .*missing"):
+        open_project(with_member(saved, member, None, tmp_path / "b.skelgen"))
+
+
+def test_newer_version_asks_for_an_update(saved, tmp_path):
+    with zipfile.ZipFile(saved) as archive:
+        structure = json.loads(archive.read("project.json")) | {"version": VERSION + 1}
+    newer = with_member(saved, "project.json", json.dumps(structure), tmp_path / "b.skelgen")
+    with pytest.raises(FormatError, match=r"b.skelgen:project.json: version 2.*update"):
+        open_project(newer)
+
+
+def test_compressed_bomb_is_refused_before_it_unfolds(tmp_path):
+    path = tmp_path / "bomb.skelgen"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("project.json", b" " * 10**7)
+    with pytest.raises(FormatError, match="declare 10000000 bytes"):
+        open_project(path)
+
+
+def test_array_that_claims_more_than_it_holds_is_named(saved, tmp_path):
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": (10**12, 3)})
+    member = "arrays/take/positions.npy"
+    with pytest.raises(FormatError, match=member):
+        open_project(with_member(saved, member, stream.getvalue(), tmp_path / "b.skelgen"))
+
+
+def test_pickled_array_is_refused(saved, tmp_path):
+    stream = io.BytesIO()
+    np.save(stream, np.array([{}], dtype=object), allow_pickle=True)
+    member = "arrays/take/positions.npy"
+    with pytest.raises(FormatError, match=member):
+        open_project(with_member(saved, member, stream.getvalue(), tmp_path / "b.skelgen"))
+
+
+def test_parts_that_do_not_fit_are_refused(saved, tmp_path):
+    stream = io.BytesIO()
+    np.save(stream, np.zeros((3, 5)))
+    with pytest.raises(FormatError, match=r"b.skelgen:project.json"):
+        open_project(with_member(saved, "arrays/motion/residuals.npy", stream.getvalue(), tmp_path / "b.skelgen"))
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_cut_or_changed_files_raise_only_format_errors(saved, tmp_path, data):
+    content = bytearray(saved.read_bytes())
+    if data.draw(st.booleans()):
+        content = content[: data.draw(st.integers(0, len(content) - 1))]
+    else:
+        for place in data.draw(st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=8)):
+            content[place] = data.draw(st.integers(0, 255))
+    (tmp_path / "odd.skelgen").write_bytes(content)
+    try:
+        open_project(tmp_path / "odd.skelgen")
+    except FormatError as error:
+        assert "odd.skelgen" in str(error)
+
+
+JSON_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-5, 5) | st.text(max_size=3), lambda inner: st.lists(inner, max_size=2)
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_changed_structure_raises_only_format_errors(saved, tmp_path, data):
+    with zipfile.ZipFile(saved) as archive:
+        structure = json.loads(archive.read("project.json"))
+    node = structure
+    while True:
+        key = data.draw(st.sampled_from(sorted(node) if isinstance(node, dict) else range(len(node))))
+        if not isinstance(node[key], dict | list) or not node[key] or data.draw(st.booleans()):
+            break
+        node = node[key]
+    node[key] = data.draw(JSON_VALUES)
+    odd = with_member(saved, "project.json", json.dumps(structure), tmp_path / "odd.skelgen")
+    try:
+        open_project(odd)
+    except FormatError as error:
+        assert "odd.skelgen" in str(error)
+
+
+def test_unwritable_place_leaves_nothing(small_project, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(WriteError):
+        save_project(small_project, tmp_path / "file" / "walk.skelgen")
+
+
+def test_absent_file_is_a_format_error(tmp_path):
+    with pytest.raises(FormatError, match="no such file"):
+        open_project(tmp_path / "absent.skelgen")
+
+
+def test_folder_with_one_project_is_enough(saved):
+    assert find_result(saved.parent) == saved
+
+
+def test_folder_without_project_is_an_error(tmp_path):
+    with pytest.raises(FormatError, match="none"):
+        find_result(tmp_path)
