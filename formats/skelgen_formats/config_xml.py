@@ -1,0 +1,212 @@
+"""The seed's ``config.xml`` (4.9): all parameters, grouped by the part of the program that they steer.
+
+The root is ``Parameters``. An element with the attributes ``value`` and ``type`` (``double``, ``int`` or ``string``) is
+a parameter, any other element a group. Parameters bear the seed's names where it has one, else their own in capitals.
+Truth values are 0 or 1; a choice that the seed codes as a number is written as that number and read as either.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+from skelgen.errors import FormatError, ParameterError, WriteError
+from skelgen.parameters import Declaration, StageParameters
+from skelgen_formats.atomic import replacing
+
+ROOT = "Parameters"
+
+_TYPES: Mapping[type, str] = {float: "double", int: "int", bool: "int", str: "string"}
+_INDENT = "  "
+_LARGEST_FILE = 1 << 20  # bytes; all parameters with their comments take some 20 kB
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
+
+AnyStage = type[StageParameters] | StageParameters
+
+
+@dataclass
+class _Group:
+    """One element that groups parameters and other groups; names in the order of the file."""
+
+    parameters: dict[str, tuple[AnyStage, Declaration]] = field(default_factory=dict)
+    groups: dict[str, _Group] = field(default_factory=dict)
+
+    @property
+    def names(self) -> list[str]:
+        return [*self.parameters, *self.groups]
+
+
+def write_config(path: Path | str, stages: Sequence[AnyStage]) -> None:
+    """Write parameters with their help, unit and bounds as comments.
+
+    Parameters
+    ----------
+    path : Path or str
+        File to write, replaced as a whole.
+    stages : sequence of StageParameters or of their classes
+        Values to write; a class stands for its defaults.
+
+    Raises
+    ------
+    WriteError
+        If a text holds a character that XML forbids, or the file cannot be written.
+    """
+    path = Path(path)
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', f"<{ROOT}>", *_group_lines(_tree(stages), _INDENT), f"</{ROOT}>"]
+    text = "\n".join(lines) + "\n"
+    if (found := _NOT_XML.search(text)) is not None:
+        raise WriteError(f"{path}: a value holds the character {found[0]!r}, which XML forbids")
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def read_config(path: Path | str, stages: Sequence[type[StageParameters]]) -> dict[str, StageParameters]:
+    """Read parameters; what the file does not mention keeps its default.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file.
+    stages : sequence of StageParameters classes
+        What is declared.
+
+    Returns
+    -------
+    dict of str to StageParameters
+        One per class, by the name of its stage.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read or is no well-formed XML.
+    ParameterError
+        If a group or a parameter is unknown or given twice, a value has the wrong type or lies out of its bounds.
+    """
+    path, tree = Path(path), _tree(stages)
+    values: dict[str, dict[str, Any]] = {cls.stage: {} for cls in stages}
+    for where, stage, declaration, value in _read_group(path, _parse(path), tree, ""):
+        if declaration.name in values[stage.stage]:
+            raise ParameterError(f"{where} is given twice; leave one")
+        values[stage.stage][declaration.name] = value
+    return {cls.stage: cls.from_mapping(values[cls.stage], str(path)) for cls in stages}
+
+
+def _tree(stages: Iterable[AnyStage]) -> _Group:
+    """Sort the declarations into the groups of the file."""
+    root = _Group()
+    for stage in stages:
+        group = root
+        for name in (stage.seed_section or stage.stage).split("/"):
+            group = group.groups.setdefault(name, _Group())
+        for declaration in stage.declarations():
+            name = declaration.seed_name or declaration.name.upper()
+            if name in group.names:
+                raise ParameterError(f"the stage {stage.stage!r} declares {name} twice in {ROOT}/{stage.seed_section}")
+            group.parameters[name] = (stage, declaration)
+    return root
+
+
+def _group_lines(group: _Group, indent: str) -> Iterator[str]:
+    for name, (stage, declaration) in group.parameters.items():
+        type_, text = _written(declaration, getattr(stage, declaration.name))
+        yield f"{indent}<!-- {_comment(declaration)} -->"
+        yield f'{indent}<{name} value={quoteattr(text)} type="{type_}"/>'
+    for name, inner in group.groups.items():
+        yield f"{indent}<{name}>"
+        yield from _group_lines(inner, indent + _INDENT)
+        yield f"{indent}</{name}>"
+
+
+def _comment(declaration: Declaration) -> str:
+    bounds = f"{declaration.bounds} {declaration.unit}".strip()
+    if declaration.seed_codes:
+        bounds += f" ({_codes(declaration)})"
+    text = f"{declaration.help} [{bounds}]" if bounds else declaration.help
+    return re.sub("-(?=-)", "- ", text).rstrip("-")  # two hyphens would end the comment
+
+
+def _codes(declaration: Declaration) -> str:
+    return ", ".join(f"{code} = {choice}" for code, choice in enumerate(declaration.seed_codes))
+
+
+def _written(declaration: Declaration, value: Any) -> tuple[str, str]:
+    """Type and text of a value in the file."""
+    if value in declaration.seed_codes:
+        return "int", str(declaration.seed_codes.index(value))
+    if declaration.kind is bool:
+        return "int", str(int(value))
+    return _TYPES[declaration.kind], repr(value) if declaration.kind is float else str(value)
+
+
+def _parse(path: Path) -> Any:
+    from lxml import etree  # noqa: PLC0415 - costs 50 ms, and most runs have no config.xml
+
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
+    try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise FormatError(path, "", f"the file is larger than {_LARGEST_FILE} bytes; no config.xml is")
+        root = etree.fromstring(path.read_bytes(), parser)
+    except OSError as error:
+        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+    except etree.XMLSyntaxError as error:
+        raise FormatError(path, error.lineno or "", f"broken XML: {error.msg}") from error
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise FormatError(path, 1, "a document type is declared; config.xml has none")
+    if root.tag != ROOT:
+        raise FormatError(path, root.sourceline or 1, f"the root element is <{root.tag}> where <{ROOT}> belongs")
+    return root
+
+
+def _read_group(path: Path, element: Any, group: _Group, at: str) -> Iterator[tuple[str, AnyStage, Declaration, Any]]:
+    for child in element:
+        name = f"{at}/{child.tag}" if at else str(child.tag)
+        where = f"{path}:{child.sourceline}: {name}"
+        if child.tag in group.parameters:
+            stage, declaration = group.parameters[child.tag]
+            yield where, stage, declaration, _value(where, child, declaration)
+        elif child.tag in group.groups and not child.attrib:
+            yield from _read_group(path, child, group.groups[child.tag], name)
+        elif child.tag in group.groups:
+            held = ", ".join(group.groups[child.tag].names)
+            raise ParameterError(f"{where} is a group of parameters and has no value; it holds {held}")
+        else:
+            raise ParameterError(f"{where} is unknown; {at or ROOT} has {', '.join(_closest_first(child.tag, group))}")
+
+
+def _closest_first(name: str, group: _Group) -> list[str]:
+    """Names of a group, those that are most alike first."""
+
+    def likeness(known: str) -> float:
+        return difflib.SequenceMatcher(None, str(name).lower(), known.lower()).ratio()
+
+    return sorted(group.names, key=likeness, reverse=True)
+
+
+def _value(where: str, element: Any, declaration: Declaration) -> Any:
+    if set(element.attrib) != {"value", "type"} or len(element):
+        found = ", ".join(map(str, element.attrib)) or "none"
+        raise ParameterError(f"{where} must have the attributes value and type, and hold nothing; it has {found}")
+    type_, text = element.get("type"), element.get("value")
+    if declaration.seed_codes and type_ == "int":
+        text = _choice(where, text, declaration)
+    elif type_ != _TYPES[declaration.kind]:
+        raise ParameterError(f"{where} has the type {type_!r}; it must be {_allowed_types(declaration)}")
+    if declaration.kind is bool and text not in {"0", "1"}:
+        raise ParameterError(f"{where} is {text!r}; it must be 0 or 1")
+    return declaration.check(text, where)
+
+
+def _allowed_types(declaration: Declaration) -> str:
+    own = repr(_TYPES[declaration.kind])
+    return f"'int' or {own}" if declaration.seed_codes else own
+
+
+def _choice(where: str, text: str, declaration: Declaration) -> str:
+    if not (text.isascii() and text.isdigit() and float(text) < len(declaration.seed_codes)):
+        raise ParameterError(f"{where} is {text!r}; it must be one of {_codes(declaration)}")
+    return declaration.seed_codes[int(text)]
