@@ -75,7 +75,9 @@ def find_limbs(
 
 def _clusters(deviation: Floats, parameters: LimbParameters, n_limbs: int | None, seed: int) -> Ints:
     if parameters.method == "rigidity":
-        return rigid_groups(deviation, parameters, n_limbs)
+        groups = rigid_groups(deviation, parameters)
+        if n_limbs in (None, int(groups.max()) + 1):
+            return groups
     k = n_limbs if n_limbs is not None else count_limbs(deviation, parameters, seed)
     if parameters.method == "greedy":
         return greedy_clusters(deviation, k)

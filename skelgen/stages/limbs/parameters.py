@@ -17,7 +17,8 @@ class LimbParameters(StageParameters):
 
     method: str = declare(
         "rigidity",
-        "rigidity merges groups that move as one rigid body; spectral is the seed's clustering; greedy its simple one",
+        "rigidity merges groups that move as one rigid body (and leaves a number of limbs that the user gives and it "
+        "does not find to spectral); spectral is the seed's clustering; greedy its simple one",
         choices=("rigidity", "spectral", "greedy"),
     )
     count: str = declare(
@@ -36,7 +37,7 @@ class LimbParameters(StageParameters):
     samples: int = declare(600, "sampled frames when `sampling` is 0", unit="frames", low=3, high=1e6)
     jitter: float = declare(0.5, "each sample is displaced by up to this part of a sampling interval", low=0, high=1)
     motion_factor: float = declare(
-        2.0,
+        1.5,
         "two groups are separate limbs when describing their relative motion, of this many times its observed size, "
         "costs less than the deviations it explains",
         low=1.0,

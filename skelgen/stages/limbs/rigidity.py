@@ -14,16 +14,18 @@ scale-free: it needs no threshold in millimetres, neither for a rigid plate nor 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.limbs.parameters import LimbParameters
 
 PRIOR_WEIGHT = 3.0
 """Degrees of freedom with which the take's noise steadies the noise estimate of a small group."""
 
-NEAREST = 2
-"""The noise of a take is the median deviation to this many nearest neighbours: a limb has three markers, mostly."""
+SINGLE_FACTOR = 2.0
+"""A limb of one marker is rare: markers left alone join a limb by the same criterion with c widened this much."""
 
 FEW_FREEDOMS = 3
 """Merged groups with no more residual freedoms (up to three markers) cannot tell noise from motion by themselves."""
@@ -33,7 +35,7 @@ TINY_VARIANCE = 1e-12
 
 
 def noise_variance(deviation: Floats) -> float:
-    """Estimate the variance [mm^2] of one coordinate's noise from the most rigid neighbours of each marker.
+    """Estimate the variance [mm^2] of one coordinate's noise: the median over markers of the most rigid neighbour.
 
     Parameters
     ----------
@@ -41,11 +43,10 @@ def noise_variance(deviation: Floats) -> float:
         Complete standard deviations of distances.
     """
     others = deviation**2 / 2 + np.diag(np.full(len(deviation), np.inf))
-    nearest = np.sort(others, axis=1)[:, : min(NEAREST, len(others) - 1)]
-    return max(float(np.median(nearest.mean(axis=1))), TINY_VARIANCE)
+    return max(float(np.median(others.min(axis=1))), TINY_VARIANCE)
 
 
-def rigid_groups(deviation: Floats, parameters: LimbParameters, n_groups: int | None = None) -> Ints:
+def rigid_groups(deviation: Floats, parameters: LimbParameters) -> Ints:
     """Group markers that move as rigid bodies.
 
     Parameters
@@ -54,29 +55,58 @@ def rigid_groups(deviation: Floats, parameters: LimbParameters, n_groups: int | 
         Complete standard deviations of distances.
     parameters : LimbParameters
         Their `motion_factor` (c) and `pair_limit`.
-    n_groups : int, optional
-        Merge until this many are left, the cheapest pair first, instead of asking the criterion.
 
     Returns
     -------
     ndarray of intp, shape (n_markers,)
         Group of each marker.
     """
-    variance = deviation**2 / 2
+    groups = _Groups(deviation**2 / 2)
     noise = noise_variance(deviation)
-    members = np.arange(len(variance))
-    sizes = np.ones(len(variance))
-    sums = variance.copy()
-    while len(sizes) > (n_groups or 1):
-        cost, across = _merge_costs(sums, sizes, noise, parameters)
-        order = cost if n_groups else np.where(cost < 0, across, np.inf)
-        first, second = np.unravel_index(np.argmin(order), order.shape)
-        if not np.isfinite(order[first, second]):
-            break
-        sums, sizes = _merged(sums, sizes, int(first), int(second))
-        members = np.where(members == second, first, members)
-        members = members - (members > second)
-    return members.astype(np.intp)
+    groups.merge_while(lambda: _merge_order(groups, noise, parameters))
+    wider = parameters.replace(motion_factor=parameters.motion_factor * SINGLE_FACTOR)
+    groups.merge_while(lambda: np.where(groups.has_single(), _merge_order(groups, noise, wider), np.inf))
+    return groups.members.astype(np.intp)
+
+
+class _Groups:
+    """Groups of markers while they are merged: sums of pair variances between and (diagonal, ordered pairs) within."""
+
+    def __init__(self, variance: Floats) -> None:
+        self.sums = variance.copy()
+        self.sizes = np.ones(len(variance))
+        self.members = np.arange(len(variance))
+
+    def has_single(self) -> Bools:
+        """Pairs of groups of which one is a single marker."""
+        single = self.sizes == 1
+        return np.asarray(single[:, np.newaxis] | single)
+
+    def merge_while(self, order: Callable[[], Floats]) -> None:
+        """Merge the pair with the smallest order, again and again, until none is finite."""
+        while len(self.sizes) > 1:
+            ranks = order()
+            first, second = np.unravel_index(np.argmin(ranks), ranks.shape)
+            if not np.isfinite(ranks[first, second]):
+                break
+            self._fold(int(first), int(second))
+
+    def _fold(self, first: int, second: int) -> None:
+        inner = self.sums[first, first] + self.sums[second, second] + 2 * self.sums[first, second]
+        self.sums[first] += self.sums[second]
+        self.sums[:, first] = self.sums[first]
+        self.sums[first, first] = inner
+        self.sizes[first] += self.sizes[second]
+        keep = np.arange(len(self.sizes)) != second
+        self.sums, self.sizes = self.sums[np.ix_(keep, keep)], self.sizes[keep]
+        self.members = np.where(self.members == second, first, self.members)
+        self.members = self.members - (self.members > second)
+
+
+def _merge_order(groups: _Groups, noise: float, parameters: LimbParameters) -> Floats:
+    """Mean variance across each two groups that pay to be merged; infinite for the others and below the diagonal."""
+    cost, across = _merge_costs(groups.sums, groups.sizes, noise, parameters)
+    return np.where(cost < 0, across, np.inf)
 
 
 def _merge_costs(sums: Floats, sizes: Floats, noise: float, parameters: LimbParameters) -> tuple[Floats, Floats]:
@@ -92,7 +122,7 @@ def _merge_costs(sums: Floats, sizes: Floats, noise: float, parameters: LimbPara
     cost -= alone[:, np.newaxis] + alone
     cost -= relative * np.log(parameters.motion_factor**2 * np.maximum(across, noise))
     loose = (_freedoms(both) <= FEW_FREEDOMS) & (across > parameters.pair_limit**2 * noise)
-    cost = np.where(loose, np.abs(cost) + across / noise, cost)
+    cost = np.where(loose, np.abs(cost), cost)
     lower = np.tri(len(sizes), dtype=bool)
     return np.where(lower, np.inf, cost / 2), np.where(lower, np.inf, across)
 
@@ -109,16 +139,3 @@ def _freedoms(sizes: Floats) -> Floats:
 
 def _pose_size(sizes: Floats) -> Floats:
     return np.where(sizes >= 3, 6.0, np.where(sizes == 2, 5.0, 3.0))
-
-
-def _merged(sums: Floats, sizes: Floats, first: int, second: int) -> tuple[Floats, Floats]:
-    """Fold group `second` into `first`; the diagonal of `sums` holds ordered pairs within a group."""
-    sums = sums.copy()
-    inner = sums[first, first] + sums[second, second] + 2 * sums[first, second]
-    sums[first] += sums[second]
-    sums[:, first] = sums[first]
-    sums[first, first] = inner
-    keep = np.arange(len(sizes)) != second
-    sizes = sizes.copy()
-    sizes[first] += sizes[second]
-    return sums[np.ix_(keep, keep)], sizes[keep]

@@ -1,0 +1,130 @@
+"""The rigid shape of a limb and its pose in every frame, from markers with gaps.
+
+Every frame is lined up with a common reference and averaged, again and again until the shape stays (generalised
+Procrustes analysis; the seed's 3.8.1 is its first round with the reference taken from one frame).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.orientation import Rotator, fit_transform, rotation_by_quaternion
+from skelgen.model.arrays import Bools, Floats, Ints
+
+MAX_ROUNDS = 30
+SHAPE_TOLERANCE = 1e-9
+"""mm; rounds stop when no point moves more."""
+
+FLATNESS = 0.02
+"""Points whose second extent is below this part of the first are on one line: their roll is not determined."""
+
+
+@dataclass(frozen=True, eq=False)
+class LimbShape:
+    """A rigid limb: its points and where it is.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        Points in the limb's frame, whose origin is their centroid.
+    world_from_limb : ndarray, shape (n_frames, 4, 4)
+        Poses; NaN in frames that do not determine one.
+    """
+
+    points: Floats
+    world_from_limb: Floats
+
+    @property
+    def posed(self) -> Bools:
+        """Frames with a pose, shape (n_frames,)."""
+        return np.asarray(~np.isnan(self.world_from_limb[:, 0, 0]))
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether any frame determines a pose."""
+        return bool(self.posed.any())
+
+
+def fit_shape(positions: Floats, frames: Ints, rotator: Rotator = rotation_by_quaternion) -> LimbShape:
+    """Estimate the shape of a limb and its poses.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_points, 3), mm
+        World positions of the limb's points, NaN where unseen.
+    frames : ndarray of intp
+        Frames from which the shape is estimated; poses are computed for all.
+    rotator : callable
+        Closed form of absolute orientation.
+
+    Returns
+    -------
+    LimbShape
+        Without any pose if the limb has fewer than three points that are not on one line.
+    """
+    n_frames, n_points = positions.shape[:2]
+    nowhere = np.full((n_frames, 4, 4), np.nan)
+    if n_points < 3:
+        return LimbShape(np.zeros((n_points, 3)), nowhere)
+    points = _average_shape(positions[frames], rotator)
+    known = ~np.isnan(points[:, 0])
+    seen = ~np.isnan(positions[:, :, 0]) & known
+    points = np.where(known[:, np.newaxis], points, 0.0)
+    determined = determines_pose(points, seen)
+    poses = nowhere
+    if determined.any():
+        poses[determined] = fit_transform(points, positions[determined], seen[determined], rotator)
+    return LimbShape(points, poses)
+
+
+def determines_pose(points: Floats, seen: Bools) -> Bools:
+    """Tell in which frames the seen points of a limb fix its pose: three that are not on one line.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        Points in the limb's frame.
+    seen : ndarray of bool, shape (n_frames, n_points)
+        Which are seen.
+    """
+    patterns, inverse = np.unique(seen, axis=0, return_inverse=True)
+    fixed = np.array([_spans_a_plane(points[pattern]) for pattern in patterns], dtype=bool)
+    return np.asarray(fixed[inverse.ravel()])
+
+
+def _spans_a_plane(points: Floats) -> bool:
+    if len(points) < 3:
+        return False
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(extents[1] > FLATNESS * extents[0] > 0)
+
+
+def _average_shape(positions: Floats, rotator: Rotator) -> Floats:
+    """Centred points, NaN for those that never appear together with three others."""
+    seen = ~np.isnan(positions[:, :, 0])
+    reference = int(np.argmax(seen.sum(axis=1)))
+    points = positions[reference] - np.nanmean(positions[reference], axis=0) if seen[reference].any() else positions[0]
+    for _ in range(MAX_ROUNDS):
+        known = ~np.isnan(points[:, 0])
+        filled = np.where(known[:, np.newaxis], points, 0.0)
+        usable = determines_pose(filled, seen & known)
+        if not usable.any():
+            break
+        average = _lined_up_mean(filled, positions[usable], seen[usable], known, rotator)
+        moved = np.nanmax(np.abs(average - points), initial=0.0)
+        gained = bool((np.isnan(points) & ~np.isnan(average)).any())
+        points = average
+        if moved < SHAPE_TOLERANCE and not gained:
+            break
+    return np.asarray(points)
+
+
+def _lined_up_mean(points: Floats, positions: Floats, seen: Bools, known: Bools, rotator: Rotator) -> Floats:
+    poses = fit_transform(points, positions, seen & known, rotator)
+    body = np.einsum("fij,fni->fnj", poses[:, :3, :3], positions - poses[:, np.newaxis, :3, 3])
+    count = seen.sum(axis=0)[:, np.newaxis]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(seen[..., np.newaxis], body, 0.0).sum(axis=0) / count
+    return np.asarray(mean - np.nanmean(mean, axis=0))
