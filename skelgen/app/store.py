@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
-from skelgen_formats.atomic import replacing
 
 import skelgen
 from skelgen.app.consistency import check_chain
 from skelgen.app.packing import packed, unpacked
 from skelgen.errors import FormatError, InputError
+from skelgen.files import replacing
 from skelgen.model import Project, StageReport
 
 SUFFIX = ".skelgen"

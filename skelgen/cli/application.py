@@ -110,7 +110,11 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
 
 
 def _stage_options(stage: Stage) -> Options:
-    return lambda: [*parameter_options(stage.parameters_class()), *reader_options()]
+    return lambda: [
+        *stage_commands.wish_options(stage),
+        *parameter_options(stage.parameters_class()),
+        *reader_options(),
+    ]
 
 
 def _simulation_options() -> list[inspect.Parameter]:

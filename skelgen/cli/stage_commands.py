@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -55,6 +56,19 @@ _DEFAULT_FILES = {
     "fit": ("joints_file", "result_file"),
 }
 """Which of the configured file names a stage's command reads and writes when none is given."""
+
+_WISHES: dict[str, tuple[str, ...]] = {
+    "label": ("n_markers",),
+    "cluster": ("n_limbs",),
+    "joints": ("n_jobs",),
+    "fit": (),
+}
+"""Which of the user's wishes a stage can heed."""
+
+_WISH_OPTIONS = {
+    name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+    for name, default, annotation in (("n_markers", None, NMarkers), ("n_limbs", None, NLimbs), ("n_jobs", 1, Jobs))
+}
 
 _DEMO_TABLES = 2  # overview and joints: the lengths and markers stand in the tables above and in the report
 
@@ -119,10 +133,7 @@ def stage_command(stage: Stage) -> Callable[..., None]:
     def command(
         take: OptionalInput = None,
         output: OutputFolder = None,
-        n_markers: NMarkers = None,
-        n_limbs: NLimbs = None,
         seed: Seed = None,
-        jobs: Jobs = 1,
         config: Config = None,
         format_name: FormatName = None,
         quiet: Quiet = False,
@@ -138,6 +149,7 @@ def stage_command(stage: Stage) -> Callable[..., None]:
         settings = Settings(config)
         source, target = _default_files(settings.of("files"), stage.command)
         take = find_result(take) if take else None
+        wishes = Wishes(**{name: values.pop(name) for name in _WISHES[stage.command]})
         names = {entry.name for entry in stage.parameters_class().declarations()}
         chosen = given(values)
         settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})
@@ -146,12 +158,16 @@ def stage_command(stage: Stage) -> Callable[..., None]:
         folder = output or (_folder_for(take) if take else Path())
         stem = stem_of(take or target)
         result_name = target.name if stage.command == "fit" and not take else ""
-        wishes = Wishes(n_markers, n_limbs, jobs)
         span = (stage.name, stage.name)
         _run_and_write(Screen(quiet, as_json), project, span, settings, wishes, folder, stem, result_name)
 
     command.__doc__ = stage.summary
     return command
+
+
+def wish_options(stage: Stage) -> list[inspect.Parameter]:
+    """Return the options beside its parameters that one stage understands."""
+    return [_WISH_OPTIONS[name] for name in _WISHES[stage.command]]
 
 
 def _run_and_write(
