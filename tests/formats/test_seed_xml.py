@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -240,3 +241,12 @@ def test_reading_takes_a_fraction_of_the_size_of_the_file(make_project, tmp_path
     assert int(size) > 10 * KB_PER_MB
     assert int(grown) < int(size)
     assert scipy == "False"
+
+
+def test_writing_takes_a_fraction_of_the_size_of_the_file(make_project, tmp_path):
+    project = make_project(n_frames=2000)
+    tracemalloc.start()
+    path = write_seed_xml(project, tmp_path / "long.xml")[0]
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < path.stat().st_size / 4
