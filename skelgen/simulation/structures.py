@@ -9,7 +9,8 @@ import numpy as np
 from skelgen.errors import ParameterError
 from skelgen.model.arrays import Floats
 from skelgen.simulation.articulated import DEGREES_OF_FREEDOM, LimbModel, Structure
-from skelgen.simulation.bodies import human, limb, markers_around, quadruped, seed_human, unit
+from skelgen.simulation.bodies import human, quadruped, seed_human
+from skelgen.simulation.limbs import markers_around, unit
 
 ROD_LENGTH = 350.0
 """Length [mm] of each rod of the seed's construction (seed, 5.1)."""
@@ -174,7 +175,6 @@ __all__ = [
     "Structure",
     "find_structure",
     "human",
-    "limb",
     "quadruped",
     "random_tree",
     "rods_chain",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import struct
 import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -21,7 +23,11 @@ TRUTH_SUFFIX = ".truth.npz"
 """Usual end of a truth file's name."""
 
 _VERSION = 1
-_BROKEN = (zipfile.BadZipFile, zlib.error, ValueError, KeyError, TypeError, EOFError, NotImplementedError)
+_BROKEN = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError),  # a damaged archive
+    *(ValueError, TypeError, SyntaxError, TokenError, OverflowError, MemoryError),  # a damaged array in it
+    KeyError,  # an archive of something else
+)
 
 
 @dataclass(frozen=True, eq=False)
