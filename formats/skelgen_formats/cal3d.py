@@ -18,7 +18,7 @@ from skelgen.errors import WriteError
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
 from skelgen_formats.atomic import replacing
-from skelgen_formats.quaternions import bone_transforms, xyzw_from_matrix
+from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.registry import Format
 
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"

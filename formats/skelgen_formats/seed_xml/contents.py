@@ -14,7 +14,7 @@ from skelgen.errors import FormatError, InputError
 from skelgen.model import Joint, Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import outward_order
-from skelgen_formats.quaternions import matrix_from_xyzw
+from skelgen_formats.bones import matrix_from_xyzw
 from skelgen_formats.seed_xml.values import JointStats, SeedXml
 
 _Key = TypeVar("_Key", int, tuple[int, int])
