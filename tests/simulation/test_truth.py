@@ -50,7 +50,7 @@ def test_a_cut_or_changed_file_is_a_format_error_or_the_same_truth(truth: Truth,
 def test_a_damaged_array_header_is_a_format_error(truth: Truth, tmp_path: Path) -> None:
     with zipfile.ZipFile(write_truth(truth, tmp_path / "walk.truth.npz")) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
-    for damage in (b"(", b"9", b"'", b"\xff"):
+    for damage in (b"[", b"9", b"'", b"\xff"):
         with zipfile.ZipFile(tmp_path / "damaged.npz", "w") as archive:
             for name, content in members.items():
                 changed = content.replace(b"(", damage, 1) if name == "parents.npy" else content
