@@ -27,8 +27,8 @@ from skelgen.errors import FormatError, WriteError
 from skelgen.model import Poses, Project, Take
 from skelgen.model.arrays import Bools, Floats
 from skelgen_formats.atomic import replacing
+from skelgen_formats.bones import matrix_from_xyzw, xyzw_from_matrix
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
-from skelgen_formats.quaternions import matrix_from_xyzw, xyzw_from_matrix
 from skelgen_formats.registry import Format
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
 
