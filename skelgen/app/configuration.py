@@ -123,7 +123,7 @@ def write_defaults(path: Path) -> None:
     """Write ``config.xml`` with every default, its help as comment."""
     from skelgen_formats.config_xml import write_config  # noqa: PLC0415 - lxml costs 50 ms
 
-    write_config(path, [cls() for cls in all_parameter_classes()])
+    write_config(path, all_parameter_classes())
 
 
 def parameter_rows(settings: Settings) -> list[dict[str, Any]]:

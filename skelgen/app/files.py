@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from skelgen_formats.registry import Format, find_format, known_formats, read_take, recognise, write_file
+from skelgen_formats.registry import find_format, read_take, recognise, write_file
+from skelgen_formats.table import COLUMNS, formats_table
 
 from skelgen.app.store import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.errors import InputError, WriteError
@@ -15,6 +16,9 @@ from skelgen.model import Project, Take
 
 PROJECT_FORMAT = "skelgen"
 """Name of the project file among the formats."""
+
+_PROJECT_NOTE = "Take and results of all stages, exactly; every stage resumes from it."
+_PROJECT_ROW = (PROJECT_FORMAT, "skelgen project", SUFFIX, "everything", "yes", "yes", "", _PROJECT_NOTE)
 
 
 def open_input(path: Path | str, format: str | None = None, seed: int | None = None, **options: Any) -> Project:
@@ -91,32 +95,9 @@ def name_of_format(path: Path) -> str:
     return PROJECT_FORMAT if is_project_file(path) else recognise(path).name
 
 
-def format_rows() -> list[dict[str, Any]]:
-    """Return one row per format: name, title, suffixes, what it holds, read, written, options, note."""
-    project_file = {
-        "name": PROJECT_FORMAT,
-        "title": "skelgen project",
-        "suffixes": SUFFIX,
-        "holds": "everything",
-        "read": "yes",
-        "written": "yes",
-        "options": "",
-        "note": "Take and results of all stages, exactly; every stage resumes from it.",
-    }
-    return [*(_format_row(entry) for entry in known_formats()), project_file]
-
-
-def _format_row(entry: Format) -> dict[str, Any]:
-    return {
-        "name": entry.name,
-        "title": entry.title,
-        "suffixes": " ".join(entry.suffixes),
-        "holds": entry.holds,
-        "read": "yes" if entry.read else "no",
-        "written": "yes" if entry.write else "no",
-        "options": ", ".join(option.name for option in entry.options),
-        "note": entry.note,
-    }
+def format_rows() -> list[dict[str, str]]:
+    """Return one row per format, with the columns of `skelgen_formats.table` as keys; the project file comes last."""
+    return [dict(zip(COLUMNS, row, strict=True)) for row in (*formats_table(), _PROJECT_ROW)]
 
 
 def _option_names(format_name: str) -> set[str]:

@@ -86,7 +86,7 @@ def stem_of(path: Path | str) -> str:
 
 def _write_limbs(project: Project, path: Path) -> None:
     limb_of_marker = project.limbs.limb_of_marker.tolist()
-    with path.open("w", newline="", encoding="utf-8") as stream:
+    with path.open("w", newline="", encoding="utf-8", errors="replace") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("marker", "limb"))
         rows.writerows(zip(project.trajectories.names, limb_of_marker, strict=True))

@@ -39,7 +39,8 @@ def packed(value: Any, member: str, arrays: dict[str, NDArray[Any]]) -> Any:
         arrays[member] = value
         return {"array": member}
     if isinstance(value, Mapping):
-        return {"mapping": {key: packed(item, f"{member}/{key}", arrays) for key, item in value.items()}}
+        items = enumerate(value.items())  # a key may hold what no file name can
+        return {"mapping": {key: packed(item, f"{member}/{index}", arrays) for index, (key, item) in items}}
     if isinstance(value, tuple | list):
         return [packed(item, f"{member}/{index}", arrays) for index, item in enumerate(value)]
     if dataclasses.is_dataclass(value):

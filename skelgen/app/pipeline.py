@@ -75,8 +75,11 @@ def _run(stage: Stage, project: Project, settings: Settings, wishes: Wishes, mon
     started = time.perf_counter()
     results = stage.compute(project, parameters, wishes, collecting)
     seconds = time.perf_counter() - started
-    used = parameters.as_mapping() if parameters else {}
-    return stage.attach(project, *results, StageReport(used, seconds, tuple(collecting.notices)))
+    if parameters is None:
+        report = StageReport({}, seconds, tuple(collecting.notices))
+    else:
+        report = StageReport(parameters.as_mapping(), seconds, (*wishes.notices(stage.name), *collecting.notices))
+    return stage.attach(project, *results, report)
 
 
 def _stages_between(project: Project, from_stage: str | None, until_stage: str | None) -> tuple[Stage, ...]:

@@ -37,6 +37,12 @@ class Wishes:
     n_limbs: int | None = None
     n_jobs: int = 1
 
+    def notices(self, stage: str) -> tuple[str, ...]:
+        """Return what a stage's report says of the numbers that the user gave."""
+        known = {"labels": ("markers", self.n_markers), "limbs": ("limbs", self.n_limbs)}
+        what, number = known.get(stage, ("", None))
+        return () if number is None else (f"the number of {what} was given: {number}",)
+
 
 @dataclass(frozen=True)
 class Stage:

@@ -222,7 +222,7 @@ def _run_facts(project: Project) -> dict[str, Any]:
 
 
 def _as_json(data: Mapping[str, Any]) -> bytes:
-    return json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False).encode()
+    return json.dumps(data, indent=1, allow_nan=False).encode("ascii")
 
 
 def _as_npy(array: NDArray[Any]) -> bytes:

@@ -7,6 +7,7 @@ a second to load, and ``skelgen --help`` shall not wait for it.
 from __future__ import annotations
 
 import inspect
+import io
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -45,6 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     _limit_threads()
+    _accept_any_name()
     if "--debug" not in words:
         sys.excepthook = _say_that_it_is_a_bug
     try:
@@ -56,6 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed("interrupted", EXIT_INTERRUPTED)
     except _USAGE_ERROR as error:
         return _failed(f"{_usage_sentence(error)}; `skelgen --help` lists what there is", EXIT_INPUT)
+    if code == EXIT_INTERRUPTED:  # newer typer answers Ctrl-C itself
+        return _failed("interrupted", EXIT_INTERRUPTED)
     return code if isinstance(code, int) else 0
 
 
@@ -127,6 +131,13 @@ def _limit_threads() -> None:
     """Keep linear algebra on one thread: the matrices are small, and workers are processes of their own."""
     for name in _THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
+
+
+def _accept_any_name() -> None:
+    """Let names from broken files, or a terminal without Unicode, cost a question mark rather than the run."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _failed(sentence: str, code: int) -> int:

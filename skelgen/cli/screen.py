@@ -64,10 +64,10 @@ class Screen:
         from rich.table import Table
         from rich.text import Text
 
-        table = Table(title=title, title_justify="left", title_style="bold")
+        table = Table(title=Text(title), title_justify="left", title_style="bold")
         for name in rows[0]:
             numeric = all(isinstance(row.get(name), int | float | None) for row in rows)
-            table.add_column(_heading(name), justify="right" if numeric else "left")
+            table.add_column(Text(_heading(name)), justify="right" if numeric else "left")
         for row in rows:
             table.add_row(*(Text(_cell(row.get(name))) for name in rows[0]))
         Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)

@@ -47,7 +47,8 @@ def test_labelled_markers_skip_the_labels(waving):
 def test_points_are_labelled_with_the_known_number(waving):
     project = run_stages(Project(cloud_from(waving)), wishes=Wishes(n_markers=5), until_stage="labels")
     assert project.trajectories.n_markers == 5
-    assert project.reports["labels"].notices == ("labelled by the order of points",)
+    given = "the number of markers was given: 5"
+    assert project.reports["labels"].notices == (given, "labelled by the order of points")
 
 
 def test_stages_resume_where_results_end(waving):

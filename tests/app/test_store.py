@@ -55,6 +55,12 @@ def test_a_cloud_without_results_comes_back(tmp_path):
     assert not again.has("labels")
 
 
+def test_names_that_no_encoding_knows_come_back(tmp_path):
+    cloud = PointCloud(CLOUD.points, CLOUD.frame_starts, CLOUD.times, {"\ud800/..": np.ones(4)}, name="\udcff")
+    again = open_project(save_project(Project(cloud), tmp_path / "c.skelgen")).take
+    assert values_of(again) == values_of(cloud)
+
+
 def test_labelled_take_stays_one_object(saved):
     project = open_project(saved)
     assert project.trajectories is project.take
