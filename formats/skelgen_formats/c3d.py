@@ -104,7 +104,7 @@ def _read_points(path: Path, layout: C3dLayout) -> tuple[Floats, Floats]:
     if layout.dec and not integers:
         words = dec_floats(raw)
     else:
-        words = np.frombuffer(raw, np.dtype("i2" if integers else "f4").newbyteorder(layout.order))
+        words = np.frombuffer(raw, f"{layout.order}{'i2' if integers else 'f4'}")
     frames = words.reshape(layout.n_frames, layout.frame_words)[:, : 4 * layout.n_points]
     points = frames.reshape(layout.n_frames, layout.n_points, 4).astype(np.float64)
     if layout.counted:

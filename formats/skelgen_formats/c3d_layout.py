@@ -134,7 +134,7 @@ def read_layout(path: Path) -> C3dLayout:
 def dec_floats(raw: bytes) -> NDArray[np.float32]:
     """Return numbers in DEC's 32-bit layout: 16-bit halves swapped, exponent biased by two more."""
     halves = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
-    return np.ascontiguousarray(halves).view("<f4").reshape(-1) / np.float32(4.0)
+    return np.asarray(np.ascontiguousarray(halves).view("<f4").reshape(-1) / 4, dtype=np.float32)
 
 
 def _parameter_section(path: Path, head: bytes, stream: Any, size: int) -> tuple[str, bool, bytes]:
@@ -190,7 +190,7 @@ def _value(path: Path, records: bytes, position: int, order: str, dec: bool) -> 
     shape = tuple(records[position + 2 : position + 2 + n_dimensions])
     if kind not in _TYPES or len(shape) < n_dimensions or n_dimensions > _MOST_DIMENSIONS:
         raise FormatError(path, place, f"a parameter has type {kind} and {n_dimensions} dimensions; it is damaged")
-    dtype = np.dtype(_TYPES[kind]).newbyteorder(order)
+    dtype = np.dtype(f"{order}{_TYPES[kind]}")
     count = math.prod(shape)
     start = position + 2 + n_dimensions
     end = start + count * dtype.itemsize

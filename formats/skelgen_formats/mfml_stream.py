@@ -165,17 +165,17 @@ def find_id_width(path: Path, view: mmap.mmap, id_width: str) -> int:
     FormatError
         If there is none (or the given one does not do); the error tells where the most promising one failed.
     """
-    failures: list[tuple[int, int, str]] = []
+    failures: list[tuple[int, UnparsableError]] = []
     for width in MARKER_DTYPES if id_width == "auto" else [int(id_width)]:
         try:
             for _ in frame_headers(view, width):
                 pass
         except UnparsableError as error:
-            failures.append((error.position, width, error.problem))
+            failures.append((width, error))
         else:
             return width
-    position, width, problem = max(failures, key=lambda failure: failure[0])
-    raise FormatError(path, f"byte {position}", f"{problem} (read with ids of {width} bytes)")
+    width, failure = max(failures, key=lambda pair: pair[1].n_markers)
+    raise FormatError(path, f"byte {failure.position}", f"{failure.problem} (read with ids of {width} bytes)")
 
 
 class UnparsableError(Exception):
@@ -185,13 +185,16 @@ class UnparsableError(Exception):
     ----------
     position : int
         Byte of the frame's header.
+    n_markers : int
+        Markers in the frames before it.
     problem : str
         What is wrong.
     """
 
-    def __init__(self, position: int, problem: str) -> None:
+    def __init__(self, position: int, n_markers: int, problem: str) -> None:
         super().__init__(problem)
         self.position = position
+        self.n_markers = n_markers
         self.problem = problem
 
 
@@ -205,19 +208,22 @@ def frame_headers(view: mmap.mmap | bytes, width: int) -> Iterator[tuple[int, in
     """
     size = len(view)
     marker_size = MARKER_DTYPES[width].itemsize
-    position, number, last_stamp = 0, 0, 0
+    position, number, n_markers, last_stamp = 0, 0, 0, 0
     while position < size:
         number += 1
         if position + _HEADER.size > size:
-            raise UnparsableError(position, f"the file ends in the header of frame {number}; it is cut off")
+            raise UnparsableError(position, n_markers, f"the file ends in the header of frame {number}; it is cut off")
         count, stamp = _HEADER.unpack_from(view, position)
         start = position + _HEADER.size
         if start + count * marker_size > size:
-            raise UnparsableError(position, f"frame {number} announces {count} markers and is cut off")
+            raise UnparsableError(position, n_markers, f"frame {number} announces {count} markers and is cut off")
         if stamp < last_stamp:
-            raise UnparsableError(position, f"the time stamp of frame {number} goes back from {last_stamp} to {stamp}")
+            raise UnparsableError(
+                position, n_markers, f"the time stamp of frame {number} goes back from {last_stamp} to {stamp}"
+            )
         yield start, count, stamp
         position, last_stamp = start + count * marker_size, stamp
+        n_markers += count
 
 
 def _stamp(path: Path, time: float, unit: str) -> int:

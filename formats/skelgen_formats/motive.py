@@ -32,6 +32,7 @@ from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, re
 _FIRST_CELL = "Format Version"
 _MARKER_TYPES = ("Marker", "Rigid Body Marker")  # in the order of preference: measured before modelled
 _MAX_TITLE_LINES = 12  # the version with most has 7 before the frames
+_FEWEST_TITLE_LINES = 3  # type, name, quantity
 _DEFAULT_UNIT = "meters"  # what Motive exports unless told otherwise
 _AXES = ("X", "Y", "Z")
 
@@ -117,11 +118,10 @@ def _arranged(path: Path, rows: list[list[str]], axes: list[str], first: int) ->
     width = len(axes)
     padded = [(row + [""] * width)[:width] for row in rows]
     labels = [row[1] if width > 1 else "" for row in padded]
-    if len(rows) < 3:
-        raise FormatError(
-            path, first, f"{len(rows)} lines of column titles; at least type, name and quantity belong there"
-        )
-    names = padded[labels.index("Name")] if "Name" in labels else padded[1]
+    unnamed = "Name" not in labels and any(labels)  # older exports label none of these lines
+    if len(rows) < _FEWEST_TITLE_LINES or unnamed:
+        raise FormatError(path, first, "above the frames belong lines with type, name and quantity of each column")
+    names = padded[labels.index("Name") if "Name" in labels else 1]
     ids = padded[labels.index("ID")] if "ID" in labels else [""] * width
     return _Titles(padded[0], names, ids, padded[-1], axes, first)
 

@@ -24,10 +24,10 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError, WriteError
+from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from skelgen.model import Poses, Project, Take
 from skelgen.model.arrays import Bools, Floats
 from skelgen_formats.atomic import replacing
-from skelgen_formats.bones import matrix_from_xyzw, xyzw_from_matrix
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
 from skelgen_formats.registry import Format
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
@@ -35,7 +35,6 @@ from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, 
 _MAGIC = "skelgen-poses"
 _VERSION = "1"
 _COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
-_XYZW = [4, 5, 6, 3]  # of those columns
 _LEADING_CELLS = 2  # frame and time
 _HEADER_LINES = 4
 _LENGTH_TOLERANCE = 1e-3  # quaternions printed with four digits are off by less
@@ -130,7 +129,7 @@ def _transforms(path: Path, numbers: Floats, factor: float) -> Floats:
         raise FormatError(path, f"frame {frame + 1}", f"body {body + 1} has no unit quaternion or no finite position")
     transforms = np.full((*numbers.shape[:2], 4, 4), np.nan)
     transforms[seen] = np.eye(4)
-    transforms[seen, :3, :3] = matrix_from_xyzw(numbers[seen][:, _XYZW])
+    transforms[seen, :3, :3] = matrix_from_quaternion(numbers[seen, 3:] / lengths[seen, np.newaxis])
     transforms[seen, :3, 3] = numbers[seen, :3] * factor
     return transforms
 
@@ -139,9 +138,8 @@ def _numbers(world_from_body: Floats) -> Floats:
     """Return position and quaternion (scalar first), shape (n_frames, n_bodies, 7)."""
     numbers = np.full((*world_from_body.shape[:2], len(_COLUMNS)), np.nan)
     seen = ~np.isnan(world_from_body[:, :, 0, 0])
-    xyzw = xyzw_from_matrix(world_from_body[seen, :3, :3])
-    wxyz = np.where(xyzw[:, 3:] < 0, -xyzw, xyzw)[:, [3, 0, 1, 2]]
-    numbers[seen] = np.concatenate([world_from_body[seen, :3, 3], wxyz], axis=1)
+    rotations = quaternion_from_matrix(world_from_body[seen, :3, :3])
+    numbers[seen] = np.concatenate([world_from_body[seen, :3, 3], rotations], axis=1)
     return numbers
 
 

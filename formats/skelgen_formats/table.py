@@ -11,8 +11,8 @@ _HEAD = """# File formats
 
 Generated from the formats' declarations by `skelgen_formats.table.formats_markdown`; do not edit by hand.
 
-A file is recognised by its content first and by its suffix second; `--format NAME` skips that. Inside skelgen everything
-is in mm, s and rad; a reader converts from the unit that the file names. Unseen markers are NaN inside.
+A file is recognised by its content first and by its suffix second; `--format NAME` skips that. Inside skelgen
+everything is in mm, s and rad; a reader converts from the unit that the file names. Unseen markers are NaN inside.
 """
 
 

@@ -78,9 +78,9 @@ def without_trailing_empty(cells: Sequence[str]) -> list[str]:
 
 
 def number_in(path: Path, place: str | int, text: str, what: str) -> float:
-    """Return a finite number that a header states, or raise `FormatError`."""
+    """Return a finite number that a header states, with a decimal point or comma, or raise `FormatError`."""
     try:
-        value = _parsed(text.strip())
+        value = _parsed(_with_point(text))
     except ValueError as error:
         raise FormatError(path, place, f"{what} is {_shown(text)}; a number belongs there") from error
     if not math.isfinite(value):
@@ -177,12 +177,14 @@ def _cell(path: Path, cell: str, number: int, column: int, delimiter: str) -> fl
     text = cell.strip()
     if text.lower() in _UNSEEN_WORDS:
         return math.nan
-    if delimiter != "," and "." not in text:
-        text = text.replace(",", ".", 1)
     try:
-        return _parsed(text)
+        return _parsed(text if delimiter == "," else _with_point(text))
     except ValueError as error:
         raise FormatError(path, number, f"{_shown(cell)} in value {column} is not a number") from error
+
+
+def _with_point(text: str) -> str:
+    return text.strip() if "." in text else text.strip().replace(",", ".", 1)
 
 
 def _parsed(text: str) -> float:

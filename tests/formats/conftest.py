@@ -1,0 +1,146 @@
+"""Small takes with known content, and one valid file of every format that can be read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from skelgen_formats.registry import find_format, read_take, write_file
+
+from skelgen.model import PointCloud, Poses, Trajectories
+
+RECORDINGS = Path(__file__).parents[3] / "shared" / "data"
+
+
+@pytest.fixture
+def recording() -> Callable[[str], Path]:
+    """The path of a real recording, or a skip where the recordings are absent."""
+
+    def path_of(name: str) -> Path:
+        if not (RECORDINGS / name).exists():
+            pytest.skip(f"the recording {name} is not on this machine")
+        return RECORDINGS / name
+
+    return path_of
+
+
+@pytest.fixture
+def walk() -> Trajectories:
+    """Six markers in twelve frames at 120 Hz within a metre; LFHD is unseen in frames 3 to 5, T10 in the last."""
+    positions = np.random.default_rng(1).uniform(-1000, 1000, (12, 6, 3))
+    positions[3:6, 0] = np.nan
+    positions[11, 4] = np.nan
+    return Trajectories(positions, ("LFHD", "RFHD", "C7", "CLAV", "T10", "STRN"), 120.0, "walk")
+
+
+@pytest.fixture
+def cloud() -> PointCloud:
+    """Twenty frames at 100 Hz with 2, 3, 4, 2, 3, 4 ... points, all attributes, ids from a billion up."""
+    generator = np.random.default_rng(2)
+    counts = 2 + np.arange(20) % 3
+    n_points = int(counts.sum())
+    attributes = {
+        "reprojection_error": generator.uniform(0, 1, n_points).astype(np.float32),
+        "n_blobs": generator.integers(2, 9, n_points),
+        "id": 10**9 + np.arange(n_points),
+    }
+    points = generator.uniform(-1000, 1000, (n_points, 3)).astype(np.float32)
+    return PointCloud(points, np.concatenate(([0], np.cumsum(counts))), np.arange(20) / 100.0, attributes, "cloud")
+
+
+@pytest.fixture
+def sensors() -> Poses:
+    """Two sensors in eight frames at 60 Hz with random orientations; the second is unseen in frame 4."""
+    generator = np.random.default_rng(3)
+    rotations, _ = np.linalg.qr(generator.normal(size=(8, 2, 3, 3)))
+    rotations *= np.linalg.det(rotations)[..., np.newaxis, np.newaxis]
+    transforms = np.tile(np.eye(4), (8, 2, 1, 1))
+    transforms[:, :, :3, :3] = rotations
+    transforms[:, :, :3, 3] = generator.uniform(-500, 500, (8, 2, 3))
+    transforms[4, 1] = np.nan
+    return Poses(transforms, ("pelvis", "left thigh"), 60.0, "sensors")
+
+
+@pytest.fixture
+def put(tmp_path: Path) -> Callable[[str, bytes | str], Path]:
+    """Write content to a file of this name and return its path."""
+
+    def write(name: str, content: bytes | str) -> Path:
+        path = tmp_path / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    return write
+
+
+@pytest.fixture
+def edited(put: Callable[[str, bytes | str], Path]) -> Callable[[str, str, str, str], Path]:
+    """Write text in which one part, which must occur, is replaced."""
+
+    def write(name: str, text: str, old: str, new: str) -> Path:
+        assert old in text
+        return put(name, text.replace(old, new, 1))
+
+    return write
+
+
+@pytest.fixture
+def refused() -> Callable[..., str]:
+    """Read a file that must be refused and return the sentence."""
+    from skelgen.errors import FormatError
+
+    def message(path: Path, format_name: str | None = None) -> str:
+        with pytest.raises(FormatError) as caught:
+            read_take(path, format_name)
+        assert str(path) in str(caught.value)
+        return str(caught.value).removeprefix(str(path))
+
+    return message
+
+
+@pytest.fixture
+def qualisys_text() -> str:
+    """Two markers in three frames at 100 Hz, in mm; the second marker is unseen in the last frame."""
+    return (
+        "NO_OF_FRAMES\t3\r\nNO_OF_CAMERAS\t7\r\nNO_OF_MARKERS\t2\r\nFREQUENCY\t100\r\nDATA_INCLUDED\t3D\r\n"
+        "MARKER_NAMES\thip\tknee\r\nFrame\tTime\thip X\thip Y\thip Z\tknee X\tknee Y\tknee Z\r\n"
+        "1\t0.00\t1.5\t2.5\t3.5\t4.5\t5.5\t6.5\r\n2\t0.01\t1.6\t2.6\t3.6\t4.6\t5.6\t6.6\r\n"
+        "3\t0.02\t1.7\t2.7\t3.7\t0.000\t0.000\t0.000\r\n"
+    )
+
+
+@pytest.fixture
+def motive_text() -> str:
+    """Two markers and a rigid body in three frames at 120 Hz, in metres; the second marker is unseen in frame 1."""
+    return (
+        "Format Version,1.23,Take Name,walk,Capture Frame Rate,240.000000,Export Frame Rate,120.000000,"
+        "Total Exported Frames,3,Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global\r\n\r\n"
+        ",,Rigid Body,Rigid Body,Marker,Marker,Marker,Marker,Marker,Marker\r\n"
+        ",Name,Foot,Foot,Bob:LKNE,Bob:LKNE,Bob:LKNE,Bob:RKNE,Bob:RKNE,Bob:RKNE\r\n"
+        ",ID,F1,F1,A0,A0,A0,A1,A1,A1\r\n"
+        ",,Rotation,Position,Position,Position,Position,Position,Position,Position\r\n"
+        "Frame,Time (Seconds),X,X,X,Y,Z,X,Y,Z\r\n"
+        "0,0.0000,0.1,0.2,0.5,0.6,0.7,-0.5,-0.6,-0.7\r\n1,0.0083,0.1,0.2,0.51,0.61,0.71,,,\r\n"
+        "2,0.0167,0.1,0.2,0.52,0.62,0.72,-0.52,-0.62,-0.72\r\n"
+    )
+
+
+@pytest.fixture
+def valid_file(
+    tmp_path: Path, walk: Trajectories, cloud: PointCloud, sensors: Poses, qualisys_text: str, motive_text: str
+) -> Callable[[str], Path]:
+    """A small valid file of the named format."""
+
+    def make(name: str) -> Path:
+        path = tmp_path / f"valid{find_format(name).suffixes[0]}"
+        texts = {"qualisys": qualisys_text, "motive": motive_text}
+        values: dict[str, Trajectories | PointCloud | Poses] = {"mfml": cloud, "poses-csv": sensors}
+        if name in texts:
+            path.write_bytes(texts[name].encode())
+        else:
+            write_file(values.get(name, walk), path, name)
+        return path
+
+    return make
