@@ -19,7 +19,7 @@ from skelgen.app.report.figure_matrix import cost_figure, deviation_figure
 from skelgen.app.report.figure_pose import pose_figures
 from skelgen.app.report.figure_tree import joint_sign, tree_figure
 from skelgen.app.report.run_facts import stage_tables, versions
-from skelgen.app.report.wording import counted, digits, duration, fixed, listed, percent
+from skelgen.app.report.wording import counted, digits, duration, fixed, listed, millimetres, percent, plain
 from skelgen.app.summary import column_rows
 from skelgen.model import Joint, PointCloud, Poses, Project
 from skelgen.model.skeleton import JOINT_KINDS
@@ -82,14 +82,15 @@ def _take_sentence(project: Project) -> str:
     take = project.take
     frames = f"{counted(take.n_frames, 'frame')} in {_length_in_time(project)}"
     if isinstance(take, PointCloud):
-        found = f", in which {counted(project.trajectories.n_markers, 'marker')} were followed"
-        return f"The take holds {counted(take.n_points, 'unlabelled point')} in {frames}" + (
-            f"{found}." if project.has("labels") else "."
-        )
+        points = f"The take holds {counted(take.n_points, 'unlabelled point')} in {frames}"
+        if not project.has("labels"):
+            return f"{points}."
+        return f"{points}, in which {counted(project.trajectories.n_markers, 'marker')} were followed."
     if isinstance(take, Poses):
         return f"The take holds {counted(take.n_bodies, 'body', 'bodies')} with orientation over {frames}."
     seen = percent(float(take.seen.mean())) if take.seen.size else "–"
-    return f"The take holds {counted(take.n_markers, 'labelled marker')} over {frames}; {seen} of the positions are seen."
+    markers = counted(take.n_markers, "labelled marker")
+    return f"The take holds {markers} over {frames}; {seen} of the positions are seen."
 
 
 def _length_in_time(project: Project) -> str:
@@ -118,14 +119,14 @@ def _fit_sentence(project: Project) -> str:
     mean, rms, largest = measures.summary(motion.residuals[~np.isnan(motion.residuals)])
     frame, marker = measures.worst_residual(motion)
     return (
-        f"The rigid skeleton meets the measured markers within {digits(mean)} mm in the mean "
-        f"({digits(rms)} mm rms); it misses them most, by {digits(largest)} mm, "
-        f"at marker {project.trajectories.names[marker]} in frame {frame} ({digits(frame / motion.rate)} s)."
+        f"The rigid skeleton meets the measured markers within {millimetres(mean)} on average "
+        f"({millimetres(rms)} rms); it misses them most, by {millimetres(largest)}, "
+        f"at marker {project.trajectories.names[marker]} in frame {frame} ({duration(frame / motion.rate)})."
     )
 
 
 def _tiles(project: Project) -> list[tuple[str, str]]:
-    tiles = [(str(project.take.n_frames), "frames"), (f"{digits(project.take.rate)} Hz", "frame rate")]
+    tiles = [(str(project.take.n_frames), "frames"), (f"{plain(project.take.rate)} Hz", "frame rate")]
     if project.has("labels"):
         tiles.append((str(project.trajectories.n_markers), "markers"))
     if project.has("limbs"):
@@ -133,8 +134,8 @@ def _tiles(project: Project) -> list[tuple[str, str]]:
     if project.has("joints"):
         tiles.append((str(project.topology.n_joints), "joints"))
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
-        mean, rms, _ = measures.summary(project.motion.residuals[~np.isnan(project.motion.residuals)])
-        tiles += [(f"{digits(mean)} mm", "mean residual"), (f"{digits(rms)} mm", "rms residual")]
+        mean, _, _ = measures.summary(project.motion.residuals[~np.isnan(project.motion.residuals)])
+        tiles.append((millimetres(mean), "mean residual"))
     if project.reports:
         tiles.append((duration(sum(report.seconds for report in project.reports.values())), "computing time"))
     return tiles
@@ -146,7 +147,7 @@ def _taken(project: Project) -> Content:
     suffix = PurePath(take.name).suffix
     if suffix:
         facts.append(("File suffix", suffix))
-    facts += [("Frames", str(take.n_frames)), ("Rate", f"{digits(take.rate, 4)} Hz")]
+    facts += [("Frames", str(take.n_frames)), ("Rate", f"{plain(take.rate)} Hz")]
     facts.append(("Duration", _length_in_time(project)))
     if isinstance(take, PointCloud):
         per_frame = take.points_per_frame
@@ -232,7 +233,7 @@ def _joints(project: Project) -> Content:
         row: Content = {"joint": index, "parent": parent, "child": child, "cost": digits(cost)}
         row |= {"iterations": int(topology.n_iterations[index]), "rival": _rival(rivals[index], topology, index)}
         rows.append(row | (_fitted(fitted[index]) if fitted else {}))
-    return {"rows": rows, "fitted": bool(fitted), "alpha": digits(topology.alpha)}
+    return {"rows": rows, "fitted": bool(fitted), "alpha": plain(topology.alpha)}
 
 
 def _rival(rival: measures.RunnerUp | None, topology: Any, joint: int) -> str:
@@ -246,7 +247,7 @@ def _rival(rival: measures.RunnerUp | None, topology: Any, joint: int) -> str:
 
 def _fitted(joint: Joint) -> Content:
     axis = "" if joint.axis is None else ", ".join(fixed(value, 2) for value in joint.axis.tolist())
-    return {"kind": joint.kind, "axis": axis, "std": [digits(value, 2) for value in joint.std.tolist()]}
+    return {"kind": joint.kind, "axis": axis, "std": ", ".join(digits(value, 2) for value in joint.std.tolist())}
 
 
 def _lengths(project: Project, lengths: list[measures.Length]) -> Content:

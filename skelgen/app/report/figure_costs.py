@@ -14,6 +14,8 @@ from skelgen.model import Project
 _SIDE = 440.0
 _RADIUS = 175.0
 _NODE = 14.0
+_LABEL_PLACE = 0.4  # along a line from the child: the middle of a longer one may lie behind another limb
+_CHARACTER = 6.0  # px, width of a digit in a label
 _STRONGEST, _FAINTEST = 0.55, 0.05  # opacity of the cheapest and the dearest joint that was not kept
 _CANDIDATES_PER_LIMB = 6  # drawn beside the tree: dearer joints would only blacken the picture
 
@@ -45,9 +47,11 @@ def _candidates(project: Project, places: dict[int, tuple[float, float]]) -> lis
     kept = {frozenset(edge) for edge in topology.edges.tolist()}
     first, second = np.triu_indices(topology.n_limbs, 1)
     costs = topology.joint_costs[first, second]
-    order = np.argsort(costs, kind="stable")  # NaN, never seen together, comes last
-    order = [pair for pair in order.tolist() if costs[pair] > 0 and {first[pair], second[pair]} not in kept]
-    shown = order[: _CANDIDATES_PER_LIMB * topology.n_limbs]
+    cheapest_first = np.argsort(costs, kind="stable").tolist()
+    known = [pair for pair in cheapest_first if not np.isnan(costs[pair])]
+    shown = [pair for pair in known if {int(first[pair]), int(second[pair])} not in kept][
+        : _CANDIDATES_PER_LIMB * topology.n_limbs
+    ]
     lines = []
     for rank, pair in enumerate(shown):
         opacity = _STRONGEST + (_FAINTEST - _STRONGEST) * (rank / max(len(shown) - 1, 1)) ** 0.5
@@ -64,8 +68,12 @@ def _kept(project: Project, places: dict[int, tuple[float, float]], joint: int) 
 def _cost_label(project: Project, places: dict[int, tuple[float, float]], joint: int) -> Markup:
     parent, child = project.topology.edges[joint].tolist()
     near, far = places[child], places[parent]
-    x, y = 0.5 * (near[0] + far[0]), 0.5 * (near[1] + far[1])
-    return svg.text(x, y + 3.5, digits(project.topology.joint_costs[parent, child], 2), "small halo", anchor="middle")
+    x, y = (end + _LABEL_PLACE * (start - end) for start, end in zip(far, near, strict=True))
+    label = digits(project.topology.joint_costs[parent, child], 2)
+    width = _CHARACTER * len(label) + 6
+    return svg.group(
+        svg.rect(x - width / 2, y - 7, width, 14, "plate", rx=7), svg.text(x, y + 4, label, "small", anchor="middle")
+    )
 
 
 def _node(limb: int, x: float, y: float) -> Markup:

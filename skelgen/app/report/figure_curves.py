@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.report import measures, svg
-from skelgen.app.report.wording import clipped, digits
+from skelgen.app.report.wording import clipped, digits, plain
 from skelgen.model import Motion, PointCloud
 from skelgen.model.arrays import Floats
 
@@ -19,8 +19,8 @@ _MOST_BINS = 760  # about one per pixel
 _LEAST_WIDTH = 560.0
 _HEADROOM = 1.05
 _BAR_STEP, _WIDEST_BAR_STEP = 14.0, 40.0
-_BAR_LABELS = 78.0  # px below the bars for marker names, turned upright
-_NAME_ROOM = 14
+_BAR_LABELS = 104.0  # px below the bars for marker names, turned upright
+_NAME_ROOM = 16
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,11 @@ class Axes:
         for value in svg.ticks(0.0, self.last_y, 4):
             parts += [
                 svg.line(_LEFT, self.y(value), right, self.y(value), "grid"),
-                svg.text(_LEFT - 6, self.y(value) + 3.5, digits(value), "small", anchor="end"),
+                svg.text(_LEFT - 6, self.y(value) + 3.5, plain(value), "small", anchor="end"),
             ]
         if x_title:
             parts += [
-                svg.text(self.x(value), floor + 15, digits(value), "small", anchor="middle")
+                svg.text(self.x(value), floor + 15, plain(value), "small", anchor="middle")
                 for value in svg.ticks(0.0, self.last_x, 8)
             ]
             parts.append(svg.text((_LEFT + right) / 2, floor + 31, x_title, "small", anchor="middle"))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skelgen.app.report import measures, svg
 from skelgen.app.report.png import png_uri
-from skelgen.app.report.wording import clipped, digits, percent
+from skelgen.app.report.wording import clipped, percent, plain
 from skelgen.model import Project
 from skelgen.model.arrays import Bools, Ints
 
@@ -88,6 +88,6 @@ def _time_axis(project: Project, width: float, height: float) -> Markup:
     last = max(trajectories.n_frames - 1, 1) / trajectories.rate
     parts = [svg.line(_LEFT, height + 2, _LEFT + width, height + 2, "axis")]
     for value in svg.ticks(0.0, last, 8):
-        parts.append(svg.text(_LEFT + width * value / last, height + 16, digits(value), "small", anchor="middle"))
+        parts.append(svg.text(_LEFT + width * value / last, height + 16, plain(value), "small", anchor="middle"))
     parts.append(svg.text(_LEFT + width / 2, height + 32, "time [s]", "small", anchor="middle"))
     return svg.group(*parts)

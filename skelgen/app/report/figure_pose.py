@@ -8,17 +8,19 @@ import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.report import measures, svg
-from skelgen.app.report.wording import digits
+from skelgen.app.report.wording import plain
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 
-_SIDE = 480.0  # px, of the longer side of a view
+_SIDE = 560.0  # px, of the longer side of a view
 _MARGIN = 34.0
 _LEAST_WIDTH = 150.0  # px: a slim side view still needs room for its scale bar
 _FLAT = 0.1  # an axis along which the body extends less than this share of its size is not taken for the vertical
 _TRIAD = 22.0
 _AXES = ("X", "Y", "Z")
 _LABEL_DISTANCE = 13.0
+_BAR_SHARE = 0.45  # of the width, the longest scale bar
+_NEARLY_IN_PLANE = 0.85  # of an axis's length: more oblique ones would only be misread
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,6 @@ class View:
 class _Body:
     markers: Floats
     joints: Floats
-    limb_of_marker: Floats
 
     @property
     def points(self) -> Floats:
@@ -60,7 +61,7 @@ def pose_figures(project: Project) -> list[tuple[str, Markup]]:
         Title and drawing of each view.
     """
     skeleton = project.skeleton
-    body = _Body(measures.reference_markers(skeleton), measures.reference_joints(skeleton), skeleton.limb_of_marker)
+    body = _Body(measures.reference_markers(skeleton), measures.reference_joints(skeleton))
     views = find_views(body.points, project.motion.marker_positions)
     spans = [np.ptp(body.points @ np.stack([view.across, view.up], axis=1), axis=0) for view in views]
     scale = _SIDE / max(float(np.max(spans)), 1e-9)
@@ -112,18 +113,23 @@ def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:
         *[_limb(project, limb, markers, joints) for limb in range(project.skeleton.n_limbs)],
         *[svg.circle(x, y, 3.5, "joint", f"joint J{index}") for index, (x, y) in enumerate(joints.tolist())],
         *[_limb_number(project, limb, markers, joints) for limb in range(project.skeleton.n_limbs)],
-        _triad(view, 14, height - 12),
+        _triad(view, _TRIAD + 14, height - 12),
         _scale_bar(scale, width, height - 8),
     ]
-    return svg.drawing(width, height, view.title, *parts)
+    return svg.drawing(width, height, view.title, *parts, least=width)
 
 
 def _limb(project: Project, limb: int, markers: Floats, joints: Floats) -> Markup:
     own = project.skeleton.markers_of(limb)
     bones = _bones(project, limb, markers, joints)
-    lines = [svg.line(*start, *end, "bone" if firm else "bone loose") for start, end, firm in bones]
+    lines = [
+        svg.line(start[0], start[1], end[0], end[1], "bone" if firm else "bone loose") for start, end, firm in bones
+    ]
     names = project.trajectories.names
-    dots = [svg.circle(*markers[marker].tolist(), 3, "fill dot", names[marker]) for marker in own]
+    dots = [
+        svg.circle(x, y, 3, "fill dot", names[marker])
+        for marker, (x, y) in zip(own, markers[own].tolist(), strict=True)
+    ]
     return svg.group(*lines, *dots, cls=f"limb{limb}")
 
 
@@ -163,11 +169,11 @@ def _limb_number(project: Project, limb: int, markers: Floats, joints: Floats) -
 
 
 def _triad(view: View, x: float, y: float) -> Markup:
-    """The world's axes as this view sees them; one that points at the viewer is not drawn."""
+    """The world's axes that lie nearly in the plane of this view."""
     parts = []
     for name, axis in zip(_AXES, np.eye(3), strict=True):
         across, up = float(axis @ view.across), float(axis @ view.up)
-        if np.hypot(across, up) < 0.3:
+        if np.hypot(across, up) < _NEARLY_IN_PLANE:
             continue
         tip = (x + _TRIAD * across, y - _TRIAD * up)
         label = (x + (_TRIAD + 8) * across, y - (_TRIAD + 8) * up + 3.5)
@@ -176,10 +182,10 @@ def _triad(view: View, x: float, y: float) -> Markup:
 
 
 def _scale_bar(scale: float, width: float, y: float) -> Markup:
-    length = svg.ticks(0.0, 0.45 * width / scale, 1)[-1]
+    length = svg.round_below(_BAR_SHARE * width / scale)
     right = width - 10
     left = right - length * scale
     return svg.group(
         svg.line(left, y, right, y, "axis thick"),
-        svg.text((left + right) / 2, y - 5, f"{digits(length)} mm", "small", anchor="middle"),
+        svg.text((left + right) / 2, y - 5, f"{plain(length)} mm", "small", anchor="middle"),
     )

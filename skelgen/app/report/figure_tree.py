@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.report import measures, svg
-from skelgen.app.report.wording import counted, digits, shortened
+from skelgen.app.report.wording import clipped, counted, digits, shortened
 from skelgen.model import Project
 from skelgen.model.arrays import Ints
 
-_BOX_WIDTH, _BOX_HEIGHT = 142.0, 36.0
-_COLUMN, _ROW = 184.0, 62.0
+_BOX_WIDTH, _BOX_HEIGHT = 148.0, 36.0
+_COLUMN, _ROW = 190.0, 62.0
 _MARGIN = 8.0
 _LABEL_SPACE = 20.0  # above a box, for its joint
-_NAME_ROOM = 18  # characters beside the limb's number
+_NAME_ROOM = 17  # characters beside the limb's number
+_LEAST_COMMON = 4  # characters that make a common beginning a name
 _LEAST_SCALE = 0.8  # below this the labels are no longer readable: the drawing scrolls instead
 
 
@@ -91,9 +93,18 @@ def _box(project: Project, limb: int, place: _Place) -> Markup:
         svg.circle(place.x + 20, middle, 12, "fill"),
         svg.text(place.x + 20, middle + 4, str(limb), "on-fill", anchor="middle"),
         svg.text(place.x + 38, middle - 3, counted(len(markers), "marker"), "strong"),
-        svg.text(place.x + 38, middle + 10, shortened(names, _NAME_ROOM), "small"),
+        svg.text(place.x + 38, middle + 10, _caption(names), "small"),
     ]
     return svg.group(*parts, cls=f"limb{limb}")
+
+
+def _caption(names: list[str]) -> str:
+    """What the markers' names have in common, where that says something, otherwise the first names."""
+    same = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    common = "".join(letters[0] for letters in same).rstrip(" 0123456789_-.:")
+    if len(names) > 1 and len(common) >= _LEAST_COMMON:
+        return clipped(common, _NAME_ROOM)
+    return shortened(names, _NAME_ROOM)
 
 
 def _edge(project: Project, lengths: list[measures.Length], places: list[_Place], joint: int) -> Markup:

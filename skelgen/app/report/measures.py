@@ -9,6 +9,7 @@ import numpy as np
 
 from skelgen.model import Limbs, Motion, Project, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.topology import outward_order
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ def joint_lengths(project: Project) -> list[Length]:
     """Return the distance between each two joints of a limb, limb after limb in the order of the tree."""
     topology = project.topology
     rigid = project.skeleton.lengths if project.has("skeleton") else {}
-    lengths = []
+    lengths: list[Length] = []
     for limb in limb_order(project):
         joints = np.flatnonzero((topology.edges == limb).any(axis=1)).tolist() if topology.n_joints else []
         pairs = [(first, second) for i, first in enumerate(joints) for second in joints[i + 1 :]]
@@ -196,12 +197,10 @@ def runners_up(topology: Topology) -> list[RunnerUp | None]:
 
 
 def _branch(parents: Ints, limb: int) -> Bools:
-    inside = np.arange(len(parents)) == limb
-    while True:
-        grown = inside | ((parents >= 0) & inside[parents])
-        if np.array_equal(grown, inside):
-            return inside
-        inside = grown
+    inside: Bools = np.arange(len(parents)) == limb
+    for other in outward_order(parents).tolist():
+        inside[other] |= parents[other] >= 0 and inside[parents[other]]
+    return inside
 
 
 def reference_joints(skeleton: Skeleton) -> Floats:

@@ -8,7 +8,7 @@ from importlib import metadata
 from typing import Any
 
 import skelgen
-from skelgen.app.report.wording import duration
+from skelgen.app.report.wording import duration, plain
 from skelgen.app.stages import PIPELINE, Stage
 from skelgen.model import Project, StageReport
 
@@ -58,4 +58,4 @@ def _row(name: str, value: Any, declared: Mapping[str, Any]) -> Row:
 def _shown(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return plain(value) if isinstance(value, float) else str(value)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 _MINUS = "−"
+_FIXED_SPACE = "\N{NO-BREAK SPACE}"  # between a number and its unit
 _DIGITS = 3
 _TINY = 1e-5  # below this a power of ten reads better than zeros
 _HUGE = 1e6
@@ -37,6 +38,24 @@ def _with_power(size: float, significant: int) -> str:
     return f"{mantissa}·10{raised}"
 
 
+def millimetres(value: float) -> str:
+    """Return a length with its unit."""
+    return f"{digits(value)}{_FIXED_SPACE}mm"
+
+
+def plain(value: float) -> str:
+    """Return a round number, such as one at an axis or a parameter, without needless zeros.
+
+    Examples
+    --------
+    >>> plain(2.50), plain(0.1 + 0.2), plain(1500.0)
+    ('2.5', '0.3', '1500')
+    """
+    if value and not _TINY <= abs(value) < _HUGE:
+        return digits(value, 2)
+    return f"{value:.6g}".replace("-", _MINUS)
+
+
 def fixed(value: float, decimals: int) -> str:
     """Return a number with fixed decimals, a proper minus sign, and a dash for NaN."""
     if not math.isfinite(value):
@@ -50,14 +69,14 @@ def percent(share: float) -> str:
 
     Examples
     --------
-    >>> percent(1.0), percent(0.9999), percent(0.123)
-    ('100 %', '99.9 %', '12.3 %')
+    >>> [percent(share).replace("\N{NO-BREAK SPACE}", " ") for share in (1.0, 0.9999, 0.123)]
+    ['100 %', '99.9 %', '12.3 %']
     """
     if not math.isfinite(share):
         return "–"
     if share in (0.0, 1.0):
-        return f"{100 * share:.0f} %"
-    return f"{min(max(100 * share, 0.1), 99.9):.1f} %"
+        return f"{100 * share:.0f}{_FIXED_SPACE}%"
+    return f"{min(max(100 * share, 0.1), 99.9):.1f}{_FIXED_SPACE}%"
 
 
 def counted(count: int, singular: str, plural: str = "") -> str:
@@ -88,8 +107,17 @@ def shortened(names: Sequence[str], room: int) -> str:
 
 
 def clipped(name: str, room: int) -> str:
-    """Return a name that fits into `room` characters."""
-    return name if len(name) <= room else name[: room - 1] + "…"
+    """Return a name that fits into `room` characters; the middle goes, since names often differ at their end.
+
+    Examples
+    --------
+    >>> clipped("right upper arm 2", 11)
+    'right…arm 2'
+    """
+    if len(name) <= room:
+        return name
+    tail = room // 2
+    return f"{name[: room - 1 - tail]}…{name[-tail:]}"
 
 
 def duration(seconds: float) -> str:
@@ -97,11 +125,12 @@ def duration(seconds: float) -> str:
 
     Examples
     --------
-    >>> duration(0.0123), duration(4.2), duration(200)
-    ('12.3 ms', '4.20 s', '3 min 20 s')
+    >>> [duration(span).replace("\N{NO-BREAK SPACE}", " ") for span in (0.0123, 4.2, 200.0)]
+    ['12.3 ms', '4.20 s', '3 min 20 s']
     """
     if seconds < 1:
-        return f"{digits(1000 * seconds)} ms"
+        return f"{digits(1000 * seconds)}{_FIXED_SPACE}ms"
     if seconds < 60:
-        return f"{digits(seconds)} s"
-    return f"{int(seconds // 60)} min {round(seconds % 60)} s"
+        return f"{digits(seconds)}{_FIXED_SPACE}s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}{_FIXED_SPACE}min {rest}{_FIXED_SPACE}s"

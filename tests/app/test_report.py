@@ -1,0 +1,379 @@
+"""The report: complete in itself, honest about what is there, and safe against what files contain."""
+
+import base64
+import io
+import re
+import struct
+import zlib
+from html.parser import HTMLParser
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from skelgen.app.report import measures, report_html, svg, write_report
+from skelgen.app.report.colours import limb_colour, ramp_rgba
+from skelgen.app.report.contents import report_content
+from skelgen.app.report.figure_pose import find_views
+from skelgen.app.report.png import png_uri
+from skelgen.app.report.wording import counted, digits, duration, percent, shortened
+from skelgen.errors import WriteError
+from skelgen.model import (
+    Joint,
+    Limbs,
+    Motion,
+    PointCloud,
+    Poses,
+    Project,
+    Skeleton,
+    StageReport,
+    Topology,
+    Trajectories,
+)
+
+N_FRAMES = 120
+RATE = 60.0
+PARENTS = np.array([-1, 0, 1, 0])  # a root with an arm of two limbs and a single limb
+JOINT_AT = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 300.0], [0.0, 0.0, 250.0], [200.0, 0.0, 0.0]])  # in the parent, mm
+CORNERS = np.array([[40.0, 0.0, 80.0], [-40.0, 10.0, 100.0], [0.0, 50.0, 120.0]])  # markers on each limb, mm
+NAMES = ("C7", "<script>alert(1)</script>", 'LSHO" onload="x', "a&b", *(f"M{index}" for index in range(4, 12)))
+SECTIONS = {
+    "labels": {"input", "gaps", "run"},
+    "limbs": {"input", "gaps", "run", "limbs"},
+    "joints": {"input", "gaps", "run", "limbs", "tree", "joints", "lengths"},
+    "skeleton": {
+        *("input", "gaps", "run", "limbs", "tree", "joints", "lengths"),
+        *("pose", "residual", "deviations"),
+    },
+}
+
+
+def swing(n_frames, axis, phase):
+    """Rotations about one axis that swing back and forth: shape (n_frames, 3, 3)."""
+    angles = 0.7 * np.sin(np.linspace(0.0, 9.0, n_frames) + phase)
+    cross = np.cross(np.eye(3), np.eye(3)[axis])
+    return np.eye(3) + np.sin(angles)[:, None, None] * cross + (1 - np.cos(angles))[:, None, None] * cross @ cross
+
+
+def moved(n_frames):
+    """Poses of the four limbs by forward kinematics, shape (n_frames, 4, 4, 4); frame 0 is not special."""
+    poses = np.tile(np.eye(4), (n_frames, len(PARENTS), 1, 1))
+    for limb, parent in enumerate(PARENTS):
+        above = poses[:, parent] if parent >= 0 else np.tile(np.eye(4), (n_frames, 1, 1))
+        poses[:, limb, :3, :3] = above[:, :3, :3] @ swing(n_frames, limb % 3, float(limb))
+        poses[:, limb, :3, 3] = above[:, :3, 3] + above[:, :3, :3] @ JOINT_AT[limb]
+    return poses
+
+
+def carried(poses, offsets):
+    return np.einsum("flij,lmj->flmi", poses[..., :3, :3], offsets) + poses[:, :, np.newaxis, :3, 3]
+
+
+def build_project(until="skeleton", noise=0.5, n_frames=N_FRAMES, names=NAMES):
+    """A project whose every result is known, because it is made from the poses rather than found."""
+    rng = np.random.default_rng(0)
+    poses = moved(n_frames)
+    rigid = carried(poses, np.tile(CORNERS, (4, 1, 1))).reshape(n_frames, 12, 3)
+    measured = rigid + noise * rng.normal(size=rigid.shape)
+    measured[10:20, 3] = np.nan
+    take = Trajectories(measured, names, RATE, name="walk <1>.c3d", notices=("one marker was <empty>",))
+    project = Project(take, seed=7).with_trajectories(take, StageReport(seconds=0.1))
+    limb_of_marker = np.repeat(np.arange(4), 3)
+    steps = [lambda p: p, lambda p: add_limbs(p, limb_of_marker), lambda p: add_joints(p, poses)]
+    steps.append(lambda p: add_skeleton(p, poses, rigid, limb_of_marker))
+    for step in steps[: list(SECTIONS).index(until) + 1]:
+        project = step(project)
+    return project
+
+
+def add_limbs(project, limb_of_marker):
+    between = project.take.positions[:, :, None] - project.take.positions[:, None]
+    deviation = np.nanstd(np.linalg.norm(between, axis=3), axis=0)
+    return project.with_limbs(Limbs(limb_of_marker, deviation), StageReport(seconds=0.2, notices=("4 limbs found",)))
+
+
+def add_joints(project, poses):
+    costs = np.array([[0, 2, 50, 3], [2, 0, 4, 60], [50, 4, 0, 90], [3, 60, 90, 0]], dtype=float)
+    raw = poses[..., :3, 3][:, [1, 3, 2]].copy()
+    along = (raw[:, 2] - raw[:, 0]) / 250.0  # of limb 1, whose two joints are 250 mm apart
+    raw[0::2, 0] += along[0::2]  # 1 mm nearer and 1 mm farther in turn: the distance spreads by 1 mm
+    raw[1::2, 0] -= along[1::2]
+    topology = Topology(PARENTS, costs, raw, np.array([9, 8, 7]), np.array([2.1, 3.1, 4.1]), 0.02)
+    return project.with_topology(topology, StageReport(seconds=0.3))
+
+
+def add_skeleton(project, poses, rigid, limb_of_marker):
+    kinds = {1: "ball", 3: "universal", 2: "hinge"}
+    axis = {2: np.array([0.0, 0.0, 1.0])}
+    joints = tuple(
+        Joint(int(PARENTS[child]), child, JOINT_AT[child], np.zeros(3), kind, axis.get(child), np.full(3, 0.25))
+        for child, kind in kinds.items()
+    )
+    reference = np.tile(np.eye(4), (4, 1, 1))
+    for limb in (1, 2, 3):
+        reference[limb, :3, 3] = reference[PARENTS[limb], :3, 3] + JOINT_AT[limb]
+    offsets = np.tile(CORNERS, (4, 1))
+    residuals = np.linalg.norm(project.take.positions - rigid, axis=2)
+    skeleton = Skeleton(PARENTS, joints, limb_of_marker, offsets, np.nanmean(residuals, axis=0), reference)
+    seen = np.ones((len(poses), 4), dtype=bool)
+    motion = Motion(poses, poses[..., :3, 3][:, [1, 3, 2]], rigid, residuals, seen, RATE)
+    return project.with_skeleton(skeleton, motion, StageReport(seconds=0.4))
+
+
+@pytest.fixture(scope="module")
+def project():
+    return build_project()
+
+
+@pytest.fixture(scope="module")
+def html(project):
+    return report_html(project)
+
+
+class Reader(HTMLParser):
+    """Collects elements, ids and addresses, and checks that elements close in order."""
+
+    EMPTY = frozenset({"meta", "col", "img", "br", "link"})
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.ids, self.addresses, self.texts = [], [], [], [], []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.open += [] if tag in self.EMPTY else [tag]
+        self.note(dict(attributes))
+
+    def handle_startendtag(self, tag, attributes):
+        self.tags.append(tag)
+        self.note(dict(attributes))
+
+    def note(self, attributes):
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        self.addresses += [attributes[key] for key in ("href", "src") if key in attributes]
+        assert not [key for key in attributes if key.startswith("on")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def test_elements_close_in_order(html):
+    assert Reader(html).open == []
+
+
+def test_ids_are_unique(html):
+    ids = Reader(html).ids
+    assert len(ids) == len(set(ids))
+
+
+def test_nothing_is_loaded_from_elsewhere(html):
+    addresses = Reader(html).addresses
+    assert addresses
+    assert all(address.startswith(("#", "data:image/png;base64,")) for address in addresses)
+    assert "@import" not in html
+    assert set(re.findall(r"url\(([^)]*)\)", html)) <= {"#seen-mask"}
+
+
+def test_navigation_leads_to_sections_that_exist(html):
+    reader = Reader(html)
+    links = {address[1:] for address in reader.addresses if address.startswith("#")}
+    assert links == SECTIONS["skeleton"]
+    assert links <= set(reader.ids)
+
+
+def test_marker_named_script_is_text(html):
+    reader = Reader(html)
+    assert "script" not in reader.tags
+    assert any("<script>alert(1)</script>" in text for text in reader.texts)
+
+
+def test_hostile_take_name_and_notice_are_text(html):
+    texts = "".join(Reader(html).texts)
+    assert "walk <1>.c3d" in texts
+    assert "one marker was <empty>" in texts
+
+
+@pytest.mark.parametrize("until", SECTIONS)
+def test_only_sections_of_stages_that_ran_are_shown(until):
+    html = report_html(build_project(until))
+    sections = set(re.findall(r'<section id="(\w+)"', html))
+    assert sections == SECTIONS[until]
+
+
+@pytest.mark.parametrize(
+    "take",
+    [
+        PointCloud(np.arange(12.0).reshape(4, 3), np.array([0, 1, 4]), np.array([0.0, 0.1])),
+        PointCloud(np.zeros((0, 3)), np.array([0]), np.zeros(0)),
+        Poses(np.tile(np.eye(4), (3, 2, 1, 1)), ("a", "b"), RATE),
+        Trajectories(np.full((3, 2, 3), np.nan), ("a", "b"), RATE),
+        Trajectories(np.zeros((0, 2, 3)), ("a", "b"), RATE),
+    ],
+    ids=["points", "no points", "poses", "all unseen", "no frames"],
+)
+def test_bare_take_has_a_report(take):
+    assert set(re.findall(r'<section id="(\w+)"', report_html(Project(take)))) == {"input", "run"}
+
+
+def test_take_without_frames_has_no_timeline():
+    take = Trajectories(np.zeros((0, 2, 3)), ("a", "b"), RATE)
+    project = Project(take).with_trajectories(take, StageReport())
+    assert 'id="gaps"' not in report_html(project)
+
+
+def test_markers_left_out_and_pairs_never_seen_together_are_shown():
+    project = build_project("labels")
+    deviation = np.full((12, 12), np.nan)
+    limbs = Limbs(np.array([0, 0, 0, -1, 1, 1, 1, 1, 1, 1, 1, 1]), deviation)
+    content = report_content(project.with_limbs(limbs, StageReport()))
+    assert content["limbs"]["left_out"] == ["a&b"]
+    assert content["sentences"][-1] == "11 markers sit on 2 rigid limbs, 1 marker left out."
+
+
+def test_single_limb_without_joints_has_a_report():
+    project = build_project("labels")
+    project = project.with_limbs(Limbs(np.zeros(12, dtype=int), np.zeros((12, 12))), StageReport())
+    topology = Topology(
+        np.array([-1]), np.zeros((1, 1)), np.zeros((N_FRAMES, 0, 3)), np.zeros(0, dtype=int), np.zeros(0), 0.0
+    )
+    html = report_html(project.with_topology(topology, StageReport()))
+    assert 'id="tree"' not in html
+    assert 'id="limbs"' in html
+
+
+def test_same_project_gives_same_bytes(html):
+    assert report_html(build_project()) == html
+
+
+def test_long_take_stays_small(tmp_path):
+    names = tuple(f"marker {index}" for index in range(12))
+    path = write_report(build_project(n_frames=20_000, names=names), tmp_path / "long.html")
+    assert path.stat().st_size < 300_000  # far below what mail and browsers mind; the curves alone would be megabytes
+
+
+def test_report_that_cannot_be_written_is_an_error(project, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(WriteError):
+        write_report(project, tmp_path / "file" / "report.html")
+
+
+def test_half_characters_in_names_do_not_stop_the_report(tmp_path):
+    names = ("bad\udce9name", *NAMES[1:])
+    path = write_report(build_project("labels", names=names), tmp_path / "report.html")
+    assert "bad?name" in path.read_text(encoding="utf-8")
+
+
+def test_changed_parameters_are_marked_and_defaults_are_not():
+    from skelgen.app.stages import find_stage
+
+    declared = find_stage("limbs").parameters_class()()
+    number = next(each for each in declared.declarations() if each.kind is int and not each.choices)
+    values = declared.as_mapping() | {number.name: number.default + 1}
+    project = build_project("limbs")
+    project = project.with_limbs(project.limbs, StageReport(values))
+    rows = {row["name"]: row["changed"] for row in report_content(project)["stages"][1]["parameters"]}
+    assert [name for name, changed in rows.items() if changed] == [number.name]
+
+
+def test_spread_is_the_deviation_of_the_raw_distance(project):
+    lengths = {(each.first, each.second): each for each in measures.joint_lengths(project)}
+    assert lengths[0, 2].rigid == pytest.approx(250.0)
+    assert lengths[0, 2].raw_mean == pytest.approx(250.0)
+    assert lengths[0, 2].spread == pytest.approx(1.0)
+    assert set(lengths) == {(0, 1), (0, 2)}
+
+
+def test_deviations_are_those_of_the_residuals(project):
+    rows = measures.marker_deviations(project.trajectories, project.limbs, project.motion, np.arange(12))
+    known = project.motion.residuals[:, 3][~np.isnan(project.motion.residuals[:, 3])]
+    assert rows[3].mean == pytest.approx(known.mean())
+    assert rows[3].rms == pytest.approx(np.sqrt((known**2).mean()))
+    assert rows[3].largest == known.max()
+    assert rows[3].seen == pytest.approx(110 / 120)
+
+
+def test_rival_of_a_joint_is_the_cheapest_other_edge_across_its_cut(project):
+    rivals = measures.runners_up(project.topology)
+    assert [rival.limbs for rival in rivals] == [(0, 2), (1, 3), (0, 2)]
+    assert [rival.cost for rival in rivals] == [50.0, 60.0, 50.0]
+
+
+@pytest.mark.parametrize("n_frames", [1, 7, 760, 761, 5000])
+def test_envelope_loses_no_extreme_and_no_gap(n_frames):
+    values = np.random.default_rng(n_frames).normal(size=n_frames)
+    values[: n_frames // 3] = np.nan
+    centres, low, high = measures.envelope(values, 760)
+    assert len(centres) == min(n_frames, 760)
+    assert np.nanmax(high) == np.nanmax(values)
+    assert np.nanmin(low) == np.nanmin(values)
+    assert np.isnan(low[0]) == np.isnan(values[: max(n_frames // 760, 1)]).all()
+
+
+def test_branches_stay_together_in_the_order_of_limbs():
+    assert measures.branch_order(np.array([-1, 0, 0, 1, 2, -1])) == [0, 1, 3, 2, 4, 5]
+
+
+def test_vertical_is_the_axis_along_which_the_lowest_marker_rests():
+    rng = np.random.default_rng(1)
+    body = rng.normal(size=(20, 3)) * [300, 600, 100]
+    body[:, 1] -= body[:, 1].min()
+    walk = np.cumsum(rng.normal(size=(200, 1, 3)) * [30, 0, 30], axis=0)
+    front, side = find_views(body, body + walk)
+    assert front.up.tolist() == [0.0, 1.0, 0.0]
+    assert abs(front.across[0]) > abs(front.across[2])
+    axes = np.stack([side.across, side.up, side.toward])
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+
+
+def test_png_is_read_back_as_the_same_pixels():
+    pixels = np.random.default_rng(2).integers(0, 256, size=(5, 7, 4), dtype=np.uint8)
+    data = base64.b64decode(png_uri(pixels).split(",")[1])
+    read = matplotlib.image.imread(io.BytesIO(data), format="png")
+    np.testing.assert_array_equal(np.round(read * 255).astype(np.uint8), pixels)
+
+
+def test_png_chunks_carry_right_checksums():
+    data = base64.b64decode(png_uri(np.zeros((2, 3), dtype=np.uint8)).split(",")[1])[8:]
+    while data:
+        (length,) = struct.unpack(">I", data[:4])
+        assert struct.unpack(">I", data[8 + length : 12 + length])[0] == zlib.crc32(data[4 : 8 + length])
+        data = data[12 + length :]
+
+
+def test_limb_colours_differ_from_each_other_and_between_pages():
+    colours = [limb_colour(limb, dark=dark) for limb in range(30) for dark in (False, True)]
+    assert len(set(colours)) == len(colours)
+    assert all(re.fullmatch("#[0-9a-f]{6}", colour) for colour in colours)
+
+
+def test_unknown_cells_are_grey_and_large_ones_fade():
+    small, large, unknown = ramp_rgba(np.array([0.0, 1.0, np.nan]))
+    assert small[3] > large[3]
+    assert unknown[:3].tolist() == [128, 128, 128]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "wanted"), [(0.0, 1.0, 4), (0.0, 3e-7, 4), (0.0, 12345.0, 8), (-5.0, 5.0, 4), (2.0, 2.0, 4)]
+)
+def test_ticks_are_few_and_inside(low, high, wanted):
+    values = svg.ticks(low, high, wanted)
+    assert 1 <= len(values) <= wanted + 1
+    assert all(low - 1e-9 <= value <= high + 1e-9 for value in values)
+
+
+def test_svg_attributes_are_escaped():
+    assert str(svg.text(0, 0, "<b>", 'x"y')) == '<text x="0" y="0" text-anchor="start" class="x&#34;y">&lt;b&gt;</text>'
+
+
+def test_numbers_read_well():
+    assert [digits(value) for value in (520.703, 0.00123, -4.0, 0.0, np.nan, 2.5e-9)] == [
+        *("521", "0.00123", "−4.00", "0", "–", "2.50·10⁻⁹")
+    ]
+    assert counted(1, "limb") == "1 limb"
+    assert duration(59.999).endswith("s")
+    assert percent(0.99999) != percent(1.0)
+    assert shortened(["LANK", "LHEE", "LTOE"], 10) == "LANK, LHEE +1"
