@@ -141,5 +141,5 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}" if abs(value) < 0.01 else f"{value:.3f}"
     if isinstance(value, list | tuple):
-        return " ".join(_cell(item) for item in value)
+        return ", ".join(_cell(item) for item in value)
     return str(value)
