@@ -1,0 +1,106 @@
+"""Stage 4: fit a skeleton of rigid limbs, and fit it back to every frame.
+
+Limbs are lined up over all frames and averaged, joined from the root, and posed from the root outward in closed form
+(Schönauer 2007, 3.8). From there, limbs, joints and poses are refined together by maximum likelihood, which removes the
+errors that add up from limb to limb (Gaschler 2011, 5.3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.geometry.orientation import ROTATORS
+from skelgen.model import Limbs, Motion, Skeleton, Topology, Trajectories
+from skelgen.model.topology import outward_order
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.skeleton.assemble import Body
+from skelgen.stages.skeleton.fitting import FittedBody, fit_body
+from skelgen.stages.skeleton.parameters import SkeletonParameters
+from skelgen.stages.skeleton.result import make_motion, make_skeleton
+
+__all__ = ["SkeletonParameters", "fit_skeleton"]
+
+
+def fit_skeleton(
+    trajectories: Trajectories,
+    limbs: Limbs,
+    topology: Topology,
+    parameters: SkeletonParameters | None = None,
+    *,
+    monitor: Monitor = SILENT,
+) -> tuple[Skeleton, Motion]:
+    """Fit a rigid skeleton and its motion.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    limbs : Limbs
+        Which marker is on which limb.
+    topology : Topology
+        The tree and the raw joints.
+    parameters : SkeletonParameters, optional
+        How.
+    monitor : Monitor
+        Told of progress.
+
+    Returns
+    -------
+    tuple of Skeleton and Motion
+        The motion is complete: limbs that cannot be seen are interpolated and marked.
+
+    Raises
+    ------
+    InputError
+        If no marker of a tree is ever seen.
+    """
+    parameters = parameters or SkeletonParameters()
+    monitor.begin("skeleton")
+    fitted = []
+    for index, root in enumerate(topology.roots):
+        body = _cut_out(trajectories, limbs, topology, int(root))
+        if not (~np.isnan(body.positions[:, :, 0])).any():
+            raise InputError(f"{trajectories.name or 'the take'}: no marker of limb {root} is seen in any frame")
+        fitted.append(fit_body(body, parameters, ROTATORS[parameters.rotation]))
+        monitor.advance(index + 1, len(topology.roots))
+    _report_unseen(fitted, monitor)
+    skeleton = make_skeleton(fitted, limbs, topology)
+    return skeleton, make_motion(fitted, trajectories, skeleton)
+
+
+def _cut_out(trajectories: Trajectories, limbs: Limbs, topology: Topology, root: int) -> Body:
+    """Cut the tree with one root out of the take."""
+    order = [limb for limb in outward_order(topology.parents) if _root_of(topology, int(limb)) == root]
+    index = {int(limb): position for position, limb in enumerate(order)}
+    parents = np.array([index.get(int(topology.parents[limb]), -1) for limb in order], dtype=np.intp)
+    markers = np.flatnonzero([int(limb) in index for limb in limbs.limb_of_marker])
+    raw = np.full((trajectories.n_frames, len(order), 3), np.nan)
+    for column, child in enumerate(topology.children):
+        if int(child) in index:
+            raw[:, index[int(child)]] = topology.raw_joint_positions[:, column]
+    return Body(
+        limbs=np.array(order, dtype=np.intp),
+        parents=parents,
+        markers=markers,
+        limb_of_marker=np.array([index[int(limb)] for limb in limbs.limb_of_marker[markers]], dtype=np.intp),
+        positions=trajectories.positions[:, markers],
+        raw_joints=raw,
+    )
+
+
+def _root_of(topology: Topology, limb: int) -> int:
+    while (parent := int(topology.parents[limb])) >= 0:
+        limb = parent
+    return limb
+
+
+def _report_unseen(fitted: list[FittedBody], monitor: Monitor) -> None:
+    for body in fitted:
+        for position, limb in enumerate(body.body.limbs):
+            unseen = int((~body.seen[:, position]).sum())
+            if unseen:
+                share = 100 * unseen / len(body.seen)
+                monitor.notice(
+                    f"limb {limb} is interpolated in {unseen} frames ({share:.1f} %) that show too little of it"
+                )

@@ -1,0 +1,131 @@
+"""Put a skeleton of rigid limbs together: each limb lined up with itself over all frames, then joined from the root.
+
+Markers and raw joints of a limb are brought into the limb's frame in every frame; their means, with outliers beyond one
+standard deviation left out, are the limb's shape (seed 3.8.1). Joining the limbs at their joints gives the skeleton.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.orientation import Rotator
+from skelgen.geometry.rotations import fill_rotations
+from skelgen.kinematics.chain import Chain
+from skelgen.kinematics.shape import LimbShape, fit_shape
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.skeleton.parameters import SkeletonParameters
+
+ROBUST_ROUNDS = 1
+"""The seed leaves outliers out once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One tree of limbs, cut out of the take.
+
+    Attributes
+    ----------
+    limbs : ndarray of intp, shape (n_limbs,)
+        Indices in the take's topology, outward from the root.
+    parents : ndarray of intp, shape (n_limbs,)
+        Parents by position in `limbs`.
+    markers : ndarray of intp, shape (n_markers,)
+        Indices of the body's markers in the take.
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        Limb of each marker by position in `limbs`.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers.
+    raw_joints : ndarray, shape (n_frames, n_limbs, 3), mm
+        Raw joint between each limb and its parent; NaN for the root.
+    """
+
+    limbs: Ints
+    parents: Ints
+    markers: Ints
+    limb_of_marker: Ints
+    positions: Floats
+    raw_joints: Floats
+
+
+def assemble(body: Body, parameters: SkeletonParameters, rotator: Rotator, frames: Ints) -> tuple[Chain, int]:
+    """Make a chain of a body's mean limbs, their frames turned to the world's axes in the reference frame.
+
+    Parameters
+    ----------
+    body : Body
+        The tree with its markers and raw joints.
+    parameters : SkeletonParameters
+        Their `outlier` and `joints_for_poses`.
+    rotator : callable
+        Closed form of absolute orientation.
+    frames : ndarray of intp
+        Frames that are averaged.
+
+    Returns
+    -------
+    tuple
+        The chain, and the index of the reference frame: the first that shows as many markers as any.
+    """
+    reference = int(np.argmax((~np.isnan(body.positions[:, :, 0])).sum(axis=1)))
+    offsets = np.zeros((len(body.markers), 3))
+    joints = np.zeros((len(body.limbs), 3))
+    for limb in range(len(body.limbs)):
+        markers = np.flatnonzero(body.limb_of_marker == limb)
+        children = np.flatnonzero(body.parents == limb)
+        inner = [limb] if body.parents[limb] >= 0 else []
+        attached = np.array([*inner, *children], dtype=np.intp)
+        points = np.concatenate([body.positions[:, markers], body.raw_joints[:, attached]], axis=1)
+        shape = _lined_up(points, len(markers), frames, parameters, rotator)
+        mean = _mean_points(points[frames], shape, frames, parameters.outlier) @ _turn_at(shape, reference).T
+        origin = mean[len(markers)] if inner else mean[: len(markers)].mean(axis=0)
+        offsets[markers] = mean[: len(markers)] - origin
+        joints[children] = mean[len(markers) + len(inner) :] - origin
+    return Chain(body.parents, body.limb_of_marker, joints, offsets), reference
+
+
+def _lined_up(
+    points: Floats, n_markers: int, frames: Ints, parameters: SkeletonParameters, rotator: Rotator
+) -> LimbShape:
+    """Pose the limb by its markers alone where they suffice: raw joints are less certain."""
+    if not parameters.joints_for_poses:
+        shape = fit_shape(points[:, :n_markers], frames, rotator)
+        if shape.has_pose:
+            return shape
+    return fit_shape(points, frames, rotator)
+
+
+def _turn_at(shape: LimbShape, frame: int) -> Floats:
+    if not shape.has_pose:
+        return np.eye(3)
+    return np.asarray(fill_rotations(shape.world_from_limb[:, :3, :3], shape.posed)[frame])
+
+
+def _mean_points(points: Floats, shape: LimbShape, frames: Ints, outlier: float) -> Floats:
+    """Mean place of each point in the limb's frame [mm], outliers left out, shape (n_points, 3)."""
+    poses = shape.world_from_limb[frames]
+    if not shape.has_pose:
+        return _places_without_pose(points)
+    local = np.einsum("fji,fnj->fni", poses[:, :3, :3], points - poses[:, np.newaxis, :3, 3])
+    known = ~np.isnan(local[:, :, 0])
+    mean = _mean(local, known)
+    for _ in range(ROBUST_ROUNDS):
+        distance = np.linalg.norm(np.where(known[..., np.newaxis], local - mean, 0.0), axis=2)
+        spread = np.sqrt((distance**2).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+        mean = _mean(local, known & (distance <= outlier * spread + np.finfo(np.float64).eps * np.abs(mean).max()))
+    return mean
+
+
+def _mean(local: Floats, known: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Floats:
+    count = np.maximum(known.sum(axis=0), 1)[:, np.newaxis]
+    return np.asarray(np.where(known[..., np.newaxis], local, 0.0).sum(axis=0) / count)
+
+
+def _places_without_pose(points: Floats) -> Floats:
+    """Points of a limb that never shows an orientation: on a line, as far apart as they are on average."""
+    first = points[:, :1]
+    distance = np.linalg.norm(points - first, axis=2)
+    known = ~np.isnan(distance)
+    along = np.where(known, distance, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return np.asarray(along[:, np.newaxis] * np.array([0.0, 0.0, 1.0]))

@@ -1,0 +1,137 @@
+"""The joints of a fitted chain: kinds, places along hinge axes, uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.geometry.rotations import cross_matrix
+from skelgen.kinematics.calibration import Calibration
+from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations
+from skelgen.kinematics.kind import JointKind, find_kind
+from skelgen.model.arrays import Floats
+from skelgen.stages.skeleton.parameters import SkeletonParameters
+
+CENTROID_WEIGHT = 0.1
+"""Of the pull to a limb's markers beside the pull of its joints to each other, along axes that leave a choice."""
+
+RANK_TOLERANCE = 1e-10
+"""Relative eigenvalue below which the information of the constants is that of free frames: none."""
+
+
+def find_kinds(chain: Chain, poses: ChainPoses, noise: Floats, parameters: SkeletonParameters) -> list[JointKind]:
+    """Classify the joint above each limb but the root; `noise` [rad] has shape (n_limbs,)."""
+    kinds = []
+    for limb in range(1, chain.n_limbs):
+        relative = poses.rotations[:, chain.parents[limb]].swapaxes(1, 2) @ poses.rotations[:, limb]
+        limits = {"noise_factor": parameters.noise_factor, "hinge_wobble": parameters.hinge_wobble}
+        kinds.append(find_kind(relative, float(noise[limb]), **limits))
+    return kinds
+
+
+def relative_rotation_noise(chain: Chain, poses: ChainPoses, positions: Floats, noise: float) -> Floats:
+    """Standard deviation [rad] of each limb's rotation against its parent about one axis, shape (n_limbs,)."""
+    hessian, _ = normal_equations(chain, chain.arms(), poses, positions)
+    ridge = RANK_TOLERANCE * np.einsum("fii->f", hessian)[:, np.newaxis, np.newaxis]
+    covariance = np.linalg.inv(hessian + np.maximum(ridge, np.finfo(np.float64).tiny) * np.eye(hessian.shape[1]))
+    result = np.zeros(chain.n_limbs)
+    for limb in range(1, chain.n_limbs):
+        pick = np.zeros((3, hessian.shape[1]))
+        pick[:, 3 + 3 * limb : 6 + 3 * limb] = np.eye(3)
+        parent = 3 + 3 * int(chain.parents[limb])
+        pick[:, parent : parent + 3] = -np.eye(3)
+        variances = np.einsum("ij,fjk,ik->f", pick, covariance, pick) / 3
+        result[limb] = noise * np.sqrt(np.median(np.maximum(variances, 0.0)))
+    return result
+
+
+def settle_along_axes(chain: Chain, kinds: list[JointKind]) -> Chain:
+    """Move hinges along their axes, where data leave the choice, to where the skeleton is most compact.
+
+    The joints of a limb are drawn to each other and, weakly, to the centroid of the limb's markers: two parallel hinges
+    end face to face, and their distance is that of their axes.
+    """
+    hinges = [index for index, kind in enumerate(kinds) if kind.kind == "hinge"]
+    if not hinges:
+        return chain
+    column = {limb + 1: position for position, limb in enumerate(hinges)}
+    rows: list[Floats] = []
+    right: list[Floats] = []
+    for limb in range(chain.n_limbs):
+        places = _attachments(chain, kinds, limb, column)
+        own = chain.limb_of_marker == limb
+        centre = (chain.offsets[own].mean(axis=0), np.zeros((3, len(hinges))))
+        pulls = [(1.0, a, b) for i, a in enumerate(places) for b in places[i + 1 :]]
+        pulls += [(CENTROID_WEIGHT, place, centre) for place in places]
+        for weight, first, second in pulls:
+            rows.append(weight * (first[1] - second[1]))
+            right.append(weight * (second[0] - first[0]))
+    shifts = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
+    return _shifted(chain, kinds, {limb: float(shifts[position]) for limb, position in column.items()})
+
+
+def _attachments(
+    chain: Chain, kinds: list[JointKind], limb: int, column: dict[int, int]
+) -> list[tuple[Floats, Floats]]:
+    """Joints of a limb: place before any shift, and how it follows the shifts, shape (3, n_hinges)."""
+    places = []
+    children = [child for child in range(1, chain.n_limbs) if chain.parents[child] == limb]
+    for joint in ([limb] if limb else []) + children:
+        follows = np.zeros((3, len(column)))
+        if joint in column:
+            kind = kinds[joint - 1]
+            follows[:, column[joint]] = kind.axis_in_child if joint == limb else kind.axis_in_parent
+        places.append((np.zeros(3) if joint == limb else chain.joints[joint], follows))
+    return places
+
+
+def _shifted(chain: Chain, kinds: list[JointKind], shifts: dict[int, float]) -> Chain:
+    joints, offsets = chain.joints.copy(), chain.offsets.copy()
+    for limb, shift in shifts.items():
+        kind = kinds[limb - 1]
+        joints[limb] += shift * kind.axis_in_parent
+        offsets[chain.limb_of_marker == limb] -= shift * kind.axis_in_child
+        joints[chain.parents == limb] -= shift * kind.axis_in_child
+    return chain.moved(joints, offsets)
+
+
+def joint_covariances(calibration: Calibration) -> Floats:
+    """Covariance [mm^2] of each joint in its parent's frame, against the parent's markers, shape (n_limbs, 3, 3).
+
+    The limbs' own frames are free to turn in the estimate. That freedom is taken off: a joint's change counts relative
+    to the rigid motion that best fits the change of the parent's other points.
+    """
+    chain = calibration.chain
+    values, vectors = np.linalg.eigh(calibration.information)
+    known = values > RANK_TOLERANCE * max(values[-1], np.finfo(np.float64).tiny)
+    root = vectors[:, known] * (calibration.noise / np.sqrt(values[known]))
+    result = np.zeros((chain.n_limbs, 3, 3))
+    for limb in range(1, chain.n_limbs):
+        change = _change_in_parent(chain, limb) @ root
+        result[limb] = change @ change.T
+    return result
+
+
+def _change_in_parent(chain: Chain, limb: int) -> Floats:
+    """Linear map from the constants to the joint's change against its parent's points, shape (3, n_constants)."""
+    parent = int(chain.parents[limb])
+    markers = np.flatnonzero(chain.limb_of_marker == parent)
+    others = [child for child in range(1, chain.n_limbs) if chain.parents[child] == parent and child != limb]
+    columns = [int(marker) for marker in markers]
+    places = [chain.offsets[marker] for marker in markers]
+    if len(markers) < 3:
+        columns += [chain.n_markers + child - 1 for child in others]
+        places += [chain.joints[child] for child in others]
+    n_constants = 3 * (chain.n_markers + chain.n_limbs - 1)
+    motion = np.concatenate([np.tile(np.eye(3), (len(places), 1)), -_stack_cross(places)], axis=1)
+    fitted = np.linalg.pinv(motion, rcond=1e-6)
+    at_joint = np.concatenate([np.eye(3), -cross_matrix(chain.joints[limb])], axis=1)
+    result = np.zeros((3, n_constants))
+    for position, column in enumerate(columns):
+        result[:, 3 * column : 3 * column + 3] = -at_joint @ fitted[:, 3 * position : 3 * position + 3]
+    own = 3 * (chain.n_markers + limb - 1)
+    result[:, own : own + 3] += np.eye(3)
+    return result
+
+
+def _stack_cross(places: list[Floats]) -> Floats:
+    return cross_matrix(np.stack(places)).reshape(-1, 3)

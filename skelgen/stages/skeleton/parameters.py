@@ -1,0 +1,53 @@
+"""The declared parameters of the stage that fits a rigid skeleton."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from skelgen.parameters import StageParameters, declare
+
+
+@dataclass(frozen=True)
+class SkeletonParameters(StageParameters):
+    """How a rigid skeleton is assembled and fitted back to the take."""
+
+    stage: ClassVar[str] = "skeleton"
+    seed_section: ClassVar[str] = "SkeletonFitter"
+
+    rotation: str = declare(
+        "horn",
+        "closed form of absolute orientation: Horn's unit quaternion or Umeyama's singular value decomposition",
+        choices=("horn", "umeyama"),
+        seed_name="RUNTESTSVAR",
+        seed_codes=("horn", "umeyama"),
+    )
+    fit: str = declare(
+        "whole-chain",
+        "root-outward poses one limb after the other as the seed does; whole-chain then refines limbs, joints and "
+        "poses together by maximum likelihood",
+        choices=("root-outward", "whole-chain"),
+    )
+    outlier: float = declare(
+        1.0,
+        "points farther from their mean place on the limb than this many standard deviations are left out of it",
+        low=0.1,
+        high=100.0,
+    )
+    joints_for_poses: bool = declare(
+        False,
+        "line limbs up by their joints as well, not only where they have too few markers",
+        seed_name="USE_JOINTS_FOR_CENTROID",
+    )
+    samples: int = declare(
+        300, "frames from which limbs and joints are estimated together", unit="frames", low=10, high=1e6
+    )
+    hinge_wobble: float = declare(
+        0.08,
+        "a joint is a hinge when it turns about other axes by less than this part of its main turn, noise apart",
+        low=0.0,
+        high=0.5,
+    )
+    noise_factor: float = declare(
+        3.0, "turns below this many times the noise of rotations count as none", low=1.0, high=100.0
+    )
