@@ -198,8 +198,10 @@ def check_writable_names(
     """Return the names as `clean` makes them; refuse those that the format cannot hold or that become equal."""
     cleaned = [clean(name) for name in names]
     for name in cleaned:
-        if any(character in name for character in forbidden + "\r\n\0"):
-            raise WriteError(f"{path}: the name {name!r} holds a character that this format cannot hold; rename it")
+        if not name or any(character in name for character in forbidden + "\r\n\0"):
+            raise WriteError(
+                f"{path}: the name {name!r} is empty or holds a character that this format cannot hold; rename it"
+            )
     twice = [name for name, count in Counter(cleaned).items() if count > 1]
     if twice:
         raise WriteError(f"{path}: two names would both be written as {twice[0]!r}; rename one")

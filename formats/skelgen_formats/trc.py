@@ -91,7 +91,7 @@ def write_trc(value: Project | Take, path: Path) -> list[Path]:
         If the value has no labelled markers, or a name holds a tab or line end.
     """
     take = trajectories_of(value, "TRC")
-    names = check_writable_names(path, take.names, "\t")
+    names = check_writable_names(path, take.names, "\t", str.strip)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(path, take, names))
         for number, (time, row) in enumerate(zip(take.times.tolist(), take.positions, strict=True), start=1):

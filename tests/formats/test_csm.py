@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from skelgen_formats.csm import read_csm, write_csm
 from skelgen_formats.registry import read_take, write_file
 
+from skelgen.errors import WriteError
 from skelgen.model import Trajectories
 
 # As House of Moves delivers it: other keywords, capitals, two spaces between markers, names ending in a blank.
@@ -81,6 +82,11 @@ def test_blanks_in_names_become_underscores(tmp_path):
     path = tmp_path / "blank.csm"
     write_file(Trajectories(np.ones((2, 1, 3)), ("left hip",), 50.0), path)
     assert read_take(path).names == ("left_hip",)
+
+
+def test_name_of_which_nothing_is_left_cannot_be_written(tmp_path):
+    with pytest.raises(WriteError, match="rename"):
+        write_file(Trajectories(np.ones((2, 1, 3)), ("$",), 50.0), tmp_path / "dollar.csm")
 
 
 @settings(max_examples=30, derandomize=True, deadline=None)
