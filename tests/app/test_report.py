@@ -376,4 +376,4 @@ def test_numbers_read_well():
     assert counted(1, "limb") == "1 limb"
     assert duration(59.999).endswith("s")
     assert percent(0.99999) != percent(1.0)
-    assert shortened(["LANK", "LHEE", "LTOE"], 10) == "LANK, LHEE +1"
+    assert shortened(["LANK", "LHEE", "LTOE"], 13) == "LANK, LHEE +1"

@@ -229,8 +229,8 @@ def _joints(project: Project) -> Content:
     fitted = project.skeleton.joints if project.has("skeleton") else ()
     rows = []
     for index, (parent, child) in enumerate(topology.edges.tolist()):
-        cost = float(topology.values[index])
-        row: Content = {"joint": index, "parent": parent, "child": child, "cost": digits(cost)}
+        costs = {"cost": digits(topology.joint_costs[parent, child]), "value": digits(topology.values[index])}
+        row: Content = {"joint": index, "parent": parent, "child": child, **costs}
         row |= {"iterations": int(topology.n_iterations[index]), "rival": _rival(rivals[index], topology, index)}
         rows.append(row | (_fitted(fitted[index]) if fitted else {}))
     return {"rows": rows, "fitted": bool(fitted), "alpha": plain(topology.alpha)}

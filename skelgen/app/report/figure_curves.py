@@ -18,8 +18,9 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 10.0, 22.0, 36.0
 _MOST_BINS = 760  # about one per pixel
 _LEAST_WIDTH = 560.0
 _HEADROOM = 1.05
+_LEAST_BAR_WIDTH = 290.0  # px, for the title of the axis
 _BAR_STEP, _WIDEST_BAR_STEP = 14.0, 40.0
-_BAR_LABELS = 104.0  # px below the bars for marker names, turned upright
+_CHARACTER = 6.2  # px of a marker name below its bar, turned upright
 _NAME_ROOM = 16
 
 
@@ -119,7 +120,8 @@ def deviation_bars(rows: Sequence[measures.MarkerDeviation]) -> Markup:
     step = min(max(_BAR_STEP, (_WIDTH - _LEFT - _RIGHT) / len(rows)), _WIDEST_BAR_STEP)
     width = _LEFT + _RIGHT + step * len(rows)
     highest = max((row.rms for row in rows if not np.isnan(row.rms)), default=0.0)
-    axes = Axes(max(width, 240.0), _HEIGHT + _BAR_LABELS, _BAR_LABELS, 1.0, _HEADROOM * highest or 1.0)
+    labels = 14 + _CHARACTER * min(max(len(row.name) for row in rows), _NAME_ROOM)
+    axes = Axes(max(width, _LEAST_BAR_WIDTH), _HEIGHT + labels, labels, 1.0, _HEADROOM * highest or 1.0)
     bars = [_bar(axes, row, _LEFT + step * index, step) for index, row in enumerate(rows)]
     parts = [axes.frame("deviation [mm]: bar = mean, tick = root mean square"), *bars]
     return svg.drawing(axes.width, axes.height, "Deviation of every marker", *parts, least=0.8 * axes.width)

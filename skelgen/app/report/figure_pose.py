@@ -15,7 +15,7 @@ from skelgen.model.arrays import Floats
 _SIDE = 560.0  # px, of the longer side of a view
 _MARGIN = 34.0
 _LEAST_WIDTH = 150.0  # px: a slim side view still needs room for its scale bar
-_FLAT = 0.1  # an axis along which the body extends less than this share of its size is not taken for the vertical
+_FLAT = 0.3  # an axis along which the body extends less than this share of its size is hardly the vertical
 _TRIAD = 22.0
 _AXES = ("X", "Y", "Z")
 _LABEL_DISTANCE = 13.0

@@ -17,7 +17,7 @@ _BOX_WIDTH, _BOX_HEIGHT = 148.0, 36.0
 _COLUMN, _ROW = 190.0, 62.0
 _MARGIN = 8.0
 _LABEL_SPACE = 20.0  # above a box, for its joint
-_NAME_ROOM = 17  # characters beside the limb's number
+_NAME_ROOM = 18  # characters beside the limb's number
 _LEAST_COMMON = 4  # characters that make a common beginning a name
 _LEAST_SCALE = 0.8  # below this the labels are no longer readable: the drawing scrolls instead
 

@@ -10,6 +10,7 @@ _FIXED_SPACE = "\N{NO-BREAK SPACE}"  # between a number and its unit
 _DIGITS = 3
 _TINY = 1e-5  # below this a power of ten reads better than zeros
 _HUGE = 1e6
+_SHORTEST = 1e-3  # s
 
 
 def digits(value: float, significant: int = _DIGITS) -> str:
@@ -17,7 +18,7 @@ def digits(value: float, significant: int = _DIGITS) -> str:
 
     Examples
     --------
-    >>> digits(520.703), digits(1234.5), digits(0.00123), digits(0.0), digits(float("nan"))
+    >>> digits(520.703), digits(1234.6), digits(0.00123), digits(0.0), digits(float("nan"))
     ('521', '1235', '0.00123', '0', '–')
     """
     if not math.isfinite(value):
@@ -97,13 +98,22 @@ def listed(parts: Iterable[str]) -> str:
 
 
 def shortened(names: Sequence[str], room: int) -> str:
-    """Return as many names as fit into `room` characters, and how many are left."""
-    shown: list[str] = []
-    for name in names:
-        if shown and len(", ".join([*shown, name])) > room:
-            return f"{', '.join(shown)} +{len(names) - len(shown)}"
-        shown.append(clipped(name, room))
-    return ", ".join(shown)
+    """Return as many names as fit into `room` characters, and how many are left.
+
+    Examples
+    --------
+    >>> shortened(["LANK", "LHEE", "LTOE"], 13), shortened(["LANK", "LHEE", "LTOE"], 30)
+    ('LANK, LHEE +1', 'LANK, LHEE, LTOE')
+    """
+    whole = ", ".join(names)
+    if len(whole) <= room:
+        return whole
+    for shown in range(len(names) - 1, 1, -1):
+        short = f"{', '.join(names[:shown])} +{len(names) - shown}"
+        if len(short) <= room:
+            return short
+    rest = f" +{len(names) - 1}" if len(names) > 1 else ""
+    return clipped(names[0], room - len(rest)) + rest
 
 
 def clipped(name: str, room: int) -> str:
@@ -128,6 +138,8 @@ def duration(seconds: float) -> str:
     >>> [duration(span).replace("\N{NO-BREAK SPACE}", " ") for span in (0.0123, 4.2, 200.0)]
     ['12.3 ms', '4.20 s', '3 min 20 s']
     """
+    if 0 < seconds < _SHORTEST:
+        return f"< 1{_FIXED_SPACE}ms"
     if seconds < 1:
         return f"{digits(1000 * seconds)}{_FIXED_SPACE}ms"
     if seconds < 60:
