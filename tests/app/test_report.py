@@ -245,6 +245,12 @@ def test_single_limb_without_joints_has_a_report():
     assert 'id="limbs"' in html
 
 
+def test_perfect_fit_has_a_report():
+    html = report_html(build_project(noise=0.0))
+    assert "within 0\N{NO-BREAK SPACE}mm on average" in html
+    assert "nan" not in html
+
+
 def test_same_project_gives_same_bytes(html):
     assert report_html(build_project()) == html
 
