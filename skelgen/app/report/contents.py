@@ -80,7 +80,7 @@ def _sentences(project: Project) -> list[str]:
 
 def _take_sentence(project: Project) -> str:
     take = project.take
-    frames = f"{counted(take.n_frames, 'frame')} in {_length_in_time(project)}"
+    frames = f"{counted(take.n_frames, 'frame')} ({_length_in_time(project)})"
     if isinstance(take, PointCloud):
         points = f"The take holds {counted(take.n_points, 'unlabelled point')} in {frames}"
         if not project.has("labels"):

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from skelgen.app.report import measures, svg
 from skelgen.app.report.colours import ramp_rgba
 from skelgen.app.report.png import png_uri
-from skelgen.app.report.wording import clipped, counted, digits
+from skelgen.app.report.wording import clipped, counted, digits, plain
 from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
 
@@ -109,10 +109,14 @@ def _scale(colours: _Colours, unit: str, x: float, y: float) -> Markup:
     return svg.group(
         svg.image(x, y, _SCALE_WIDTH, _SCALE_HEIGHT, png_uri(ramp_rgba(steps)), crisp=False),
         svg.rect(x, y, _SCALE_WIDTH, _SCALE_HEIGHT, "frame"),
-        svg.text(x, below, f"≤ {digits(colours.low, 2)}", "small"),
-        svg.text(x + _SCALE_WIDTH / 2, below, digits(middle, 2), "small", anchor="middle"),
-        svg.text(x + _SCALE_WIDTH, below, f"{digits(colours.high, 2)} {unit}", "small", anchor="end"),
+        svg.text(x, below, f"≤ {_rounded(colours.low)}", "small"),
+        svg.text(x + _SCALE_WIDTH / 2, below, _rounded(middle), "small", anchor="middle"),
+        svg.text(x + _SCALE_WIDTH, below, f"{_rounded(colours.high)} {unit}", "small", anchor="end"),
     )
+
+
+def _rounded(value: float) -> str:
+    return plain(float(f"{value:.2g}"))
 
 
 def cost_figure(project: Project) -> Markup:

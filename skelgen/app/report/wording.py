@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 _MINUS = "−"
 _FIXED_SPACE = "\N{NO-BREAK SPACE}"  # between a number and its unit
 _DIGITS = 3
-_TINY = 1e-5  # below this a power of ten reads better than zeros
+_TINY = 1e-5  # mm: far below what any camera measures; what is smaller is told as such
 _HUGE = 1e6
 _SHORTEST = 1e-3  # s
 
@@ -27,7 +27,9 @@ def digits(value: float, significant: int = _DIGITS) -> str:
     if size == 0:
         return "0"
     sign = _MINUS if value < 0 else ""
-    if size < _TINY or size >= _HUGE:
+    if size < _TINY:
+        return "< 10⁻⁵"
+    if size >= _HUGE:
         return sign + _with_power(size, significant)
     decimals = max(0, significant - 1 - math.floor(math.log10(size)))
     return f"{sign}{size:.{decimals}f}"
@@ -53,7 +55,7 @@ def plain(value: float) -> str:
     ('2.5', '0.3', '1500')
     """
     if value and not _TINY <= abs(value) < _HUGE:
-        return digits(value, 2)
+        return (_MINUS if value < 0 else "") + _with_power(abs(value), 2)
     return f"{value:.6g}".replace("-", _MINUS)
 
 
