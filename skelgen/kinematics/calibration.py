@@ -12,8 +12,10 @@ The inverse of S, times the noise variance, is the covariance of the constants: 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain import (
@@ -35,11 +37,11 @@ MAX_ROUNDS = 12
 STEP_TOLERANCE = 1e-7
 """mm; rounds stop when no constant moves more."""
 
+GAIN_TOLERANCE = 1e-6
+"""Rounds stop when the sum of squares falls by less than this part."""
+
 PRIOR_SPREAD = 30.0
 """mm; constants that the frames do not determine (a joint along its hinge) lean to the start with this spread."""
-
-FREE_RIDGE = 1e-9
-"""Relative ridge of the information matrix: only its frames' own orientations, which mean nothing, are as weak."""
 
 LEAST_NOISE = 1e-12
 """mm^2; keeps the prior's weight above zero for exact takes."""
@@ -85,20 +87,20 @@ def calibrate(chain: Chain, start: ChainPoses, positions: Floats, n_rounds: int 
     first = chain
     squares, noise = _noise(chain, poses, positions)
     for _ in range(MAX_ROUNDS if n_rounds is None else n_rounds):
-        information, right = _reduced(chain, poses, positions)
+        reduced = _reduced(chain, poses, positions)
         prior = max(noise, LEAST_NOISE) / PRIOR_SPREAD**2
         away = _packed(first) - _packed(chain)
-        step = np.linalg.solve(information + prior * np.eye(len(right)), right + prior * away)
+        step = np.linalg.solve(reduced.information + prior * np.eye(len(away)), reduced.right_side + prior * away)
         trial = _unpacked(chain, _packed(chain) + step)
-        new_poses = fit_poses(trial, ChainPoses(poses.root.copy(), poses.rotations.copy()), positions)
-        new_squares, new_noise = _noise(trial, new_poses, positions)
+        trial_poses = poses.stepped(reduced.pose_steps(step))
+        new_squares, new_noise = _noise(trial, trial_poses, positions)
         if new_squares > squares:
             break
-        chain, poses, noise = trial, new_poses, new_noise
+        chain, poses, noise = trial, trial_poses, new_noise
         gain, squares = squares - new_squares, new_squares
-        if np.abs(step).max() < STEP_TOLERANCE or gain <= 1e-6 * squares:
+        if np.abs(step).max() < STEP_TOLERANCE or gain <= GAIN_TOLERANCE * squares:
             break
-    information, _ = _reduced(chain, poses, positions)
+    information = _reduced(chain, poses, positions).information
     return Calibration(chain, poses, float(np.sqrt(noise)), information)
 
 
@@ -122,38 +124,58 @@ def _noise(chain: Chain, poses: ChainPoses, positions: Floats) -> tuple[float, f
     return squares, squares / freedoms
 
 
-def _reduced(chain: Chain, poses: ChainPoses, positions: Floats) -> tuple[Floats, Floats]:
-    """Schur complement of the constants and its right-hand side, summed over frames."""
+@dataclass(frozen=True, eq=False)
+class _Reduced:
+    """Normal equations of the constants after the poses are eliminated, and how the poses follow."""
+
+    information: Floats
+    right_side: Floats
+    own_steps: Floats
+    """Pose steps with the constants held, shape (n_frames, d)."""
+    couplings: Floats
+    """How the pose steps fall with the constants, shape (n_frames, d, n_constants)."""
+
+    def pose_steps(self, constants: NDArray[np.floating[Any]]) -> Floats:
+        """Pose steps that go with a step of the constants, shape (n_frames, d)."""
+        return np.asarray(self.own_steps - self.couplings @ constants)
+
+
+def _reduced(chain: Chain, poses: ChainPoses, positions: Floats) -> _Reduced:
     n_constants = 3 * (chain.n_markers + chain.n_limbs - 1)
-    information = np.zeros((n_constants, n_constants))
-    right = np.zeros(n_constants)
     step = max(1, CHUNK_FLOATS // (3 * chain.n_markers * n_constants))
-    for start in range(0, len(positions), step):
-        part = slice(start, start + step)
-        block, side = _reduced_chunk(chain, poses[part], positions[part])
-        information += block
-        right += side
-    return information, right
+    parts = [
+        _reduced_chunk(chain, poses[slice(start, start + step)], positions[start : start + step])
+        for start in range(0, len(positions), step)
+    ]
+    return _Reduced(
+        information=np.sum([part.information for part in parts], axis=0),
+        right_side=np.sum([part.right_side for part in parts], axis=0),
+        own_steps=np.concatenate([part.own_steps for part in parts]),
+        couplings=np.concatenate([part.couplings for part in parts]),
+    )
 
 
-def _reduced_chunk(chain: Chain, poses: ChainPoses, positions: Floats) -> tuple[Floats, Floats]:
+def _reduced_chunk(chain: Chain, poses: ChainPoses, positions: Floats) -> _Reduced:
     n_frames = len(positions)
     body_arms = chain.arms()
     hessian, gradient = normal_equations(chain, body_arms, poses, positions)
-    seen = (~np.isnan(positions[:, :, 0])).astype(np.float64)
-    constants = _constant_jacobian(chain, poses) * seen[:, :, np.newaxis, np.newaxis]
-    pose = _pose_jacobian(body_arms, poses) * seen[:, :, np.newaxis, np.newaxis]
-    constants = constants.reshape(n_frames, -1, constants.shape[-1])
-    pose = pose.reshape(n_frames, -1, pose.shape[-1])
-    error = residuals(chain, poses, positions).reshape(n_frames, -1)
+    seen = (~np.isnan(positions[:, :, 0])).astype(np.float64)[:, :, np.newaxis, np.newaxis]
+    constants = (_constant_jacobian(chain, poses) * seen).reshape(n_frames, 3 * chain.n_markers, -1)
+    pose = (_pose_jacobian(body_arms, poses) * seen).reshape(n_frames, 3 * chain.n_markers, -1)
     border = pose.swapaxes(1, 2) @ constants
-    damping = np.full(n_frames, DAMPING)
-    both = np.concatenate([border, gradient[..., np.newaxis]], axis=2)
-    solved = solve_damped(hessian, both, damping)
-    flat = constants.reshape(-1, constants.shape[-1])
-    schur = flat.T @ flat - border.reshape(-1, border.shape[-1]).T @ solved[..., :-1].reshape(-1, border.shape[-1])
-    side = flat.T @ error.ravel() - np.einsum("fdc,fd->c", border, solved[..., -1])
-    return (schur + schur.T) / 2, side
+    solved = solve_damped(
+        hessian, np.concatenate([border, gradient[..., np.newaxis]], axis=2), np.full(n_frames, DAMPING)
+    )
+    couplings, own_steps = np.ascontiguousarray(solved[..., :-1]), solved[..., -1]
+    flat, flat_border = constants.reshape(-1, constants.shape[-1]), border.reshape(-1, border.shape[-1])
+    schur = flat.T @ flat - flat_border.T @ couplings.reshape(flat_border.shape)
+    error = residuals(chain, poses, positions).ravel()
+    return _Reduced(
+        information=(schur + schur.T) / 2,
+        right_side=flat.T @ error - flat_border.T @ own_steps.ravel(),
+        own_steps=own_steps,
+        couplings=couplings,
+    )
 
 
 def _pose_jacobian(body_arms: Floats, poses: ChainPoses) -> Floats:

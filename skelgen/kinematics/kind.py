@@ -17,7 +17,7 @@ LEAST_TURN = 1e-4
 """rad; two limbs that turn less against each other are rigid, however exact the take."""
 
 CLEARLY_LESS = 0.5
-"""A wobble within the noise makes a hinge only if the main turn is this clearly larger."""
+"""A wobble within the noise makes a hinge only if it is less than this part of the main turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +57,11 @@ def find_kind(relative: Floats, noise: float, *, noise_factor: float, hinge_wobb
     """
     u, singular, vt = np.linalg.svd(relative.mean(axis=0))
     wobble, main = (float(np.sqrt(max(2 * (1 - value), 0.0))) for value in singular[:2])
-    level = float(np.sqrt(2.0)) * noise
+    level = noise_factor * float(np.sqrt(2.0)) * noise
     clean_wobble = float(np.sqrt(max(wobble**2 - level**2, 0.0)))
     kind = "ball"
-    if main < max(noise_factor * level, LEAST_TURN):
+    if main < max(level, LEAST_TURN):
         kind = "rigid"
-    elif clean_wobble < hinge_wobble * main or (wobble < noise_factor * level and wobble < CLEARLY_LESS * main):
+    elif clean_wobble < hinge_wobble * main and wobble < CLEARLY_LESS * main:
         kind = "hinge"
     return JointKind(kind, u[:, 0], vt[0], main, wobble)

@@ -11,8 +11,9 @@ from skelgen.kinematics.kind import JointKind, find_kind
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
-CENTROID_WEIGHT = 0.1
-"""Of the pull to a limb's markers beside the pull of its joints to each other, along axes that leave a choice."""
+NEIGHBOUR_WEIGHT = 0.1
+"""Of the pull to a limb's other joints beside the pull to its markers, along axes that leave a choice. It is weak: near
+the markers an axis is known best, and an error of its direction grows with the way along it."""
 
 RANK_TOLERANCE = 1e-10
 """Relative eigenvalue below which the information of the constants is that of free frames: none."""
@@ -45,10 +46,9 @@ def relative_rotation_noise(chain: Chain, poses: ChainPoses, positions: Floats, 
 
 
 def settle_along_axes(chain: Chain, kinds: list[JointKind]) -> Chain:
-    """Move hinges along their axes, where data leave the choice, to where the skeleton is most compact.
+    """Move hinges along their axes, where data leave the choice, to the markers of both limbs.
 
-    The joints of a limb are drawn to each other and, weakly, to the centroid of the limb's markers: two parallel hinges
-    end face to face, and their distance is that of their axes.
+    Each hinge is drawn to the centroids of its two limbs' markers and, weakly, to the other joints of these limbs.
     """
     hinges = [index for index, kind in enumerate(kinds) if kind.kind == "hinge"]
     if not hinges:
@@ -60,8 +60,8 @@ def settle_along_axes(chain: Chain, kinds: list[JointKind]) -> Chain:
         places = _attachments(chain, kinds, limb, column)
         own = chain.limb_of_marker == limb
         centre = (chain.offsets[own].mean(axis=0), np.zeros((3, len(hinges))))
-        pulls = [(1.0, a, b) for i, a in enumerate(places) for b in places[i + 1 :]]
-        pulls += [(CENTROID_WEIGHT, place, centre) for place in places]
+        pulls = [(1.0, place, centre) for place in places]
+        pulls += [(NEIGHBOUR_WEIGHT, a, b) for i, a in enumerate(places) for b in places[i + 1 :]]
         for weight, first, second in pulls:
             rows.append(weight * (first[1] - second[1]))
             right.append(weight * (second[0] - first[0]))

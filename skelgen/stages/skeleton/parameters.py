@@ -43,11 +43,11 @@ class SkeletonParameters(StageParameters):
         300, "frames from which limbs and joints are estimated together", unit="frames", low=10, high=1e6
     )
     hinge_wobble: float = declare(
-        0.08,
+        0.12,
         "a joint is a hinge when it turns about other axes by less than this part of its main turn, noise apart",
         low=0.0,
         high=0.5,
     )
     noise_factor: float = declare(
-        3.0, "turns below this many times the noise of rotations count as none", low=1.0, high=100.0
+        1.3, "turns below this many times the noise of rotations count as none", low=1.0, high=100.0
     )
