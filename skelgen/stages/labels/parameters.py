@@ -1,0 +1,117 @@
+"""What a user can set about labelling, with the seed's names (tables 4.13-4.16)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from skelgen.parameters import StageParameters, declare
+
+
+@dataclass(frozen=True)
+class LabelParameters(StageParameters):
+    """Parameters of the labels stage; 0 means "found from the data" where the help says so.
+
+    Attributes
+    ----------
+    assignment, prediction, smoothing, max_jump, mute, max_gap
+        How points are followed from frame to frame.
+    min_range, trim_range, remove_distance, stand_alone
+        Which Marker Sets are good enough to be used.
+    alignment, n_neighbours, misfit_weight, sampling
+        How the distance between two Marker Sets is found.
+    clustering
+        How Marker Sets are grouped into markers.
+    add_random, max_jitter, time_one_frame
+        Test jitter, and the clock of takes whose time stamps do not rise.
+    """
+
+    stage: ClassVar[str] = "labels"
+    seed_section: ClassVar[str] = "TemporalCorrespondence"
+
+    assignment: str = declare(
+        "optimal",
+        "How points of successive frames are matched: smallest distance first, or least sum of squared distances.",
+        choices=("greedy", "optimal"),
+    )
+    prediction: str = declare(
+        "double_exponential",
+        "Where a marker is expected next: where it was, moved on by its last step, or by its smoothed trend.",
+        choices=("none", "constant_velocity", "double_exponential"),
+    )
+    smoothing: float = declare(
+        0.8,
+        "Smoothing of the double exponential prediction; 1 trusts the last point alone.",
+        low=0.05,
+        high=1.0,
+    )
+    max_jump: float = declare(
+        0.0,
+        "Farthest that a point may lie from where its marker was expected; 0 = found from the take.",
+        unit="mm",
+        low=0.0,
+    )
+    mute: int = declare(2, "How long a marker that jumped farther is ignored.", unit="frames", low=0, high=1000)
+    max_gap: int = declare(
+        5, "Longest gap over which a marker is followed by prediction alone.", unit="frames", low=0, high=50
+    )
+    min_range: int = declare(
+        0,
+        "Marker Sets with fewer frames are removed; 0 = half a second, at most a quarter of the take.",
+        unit="frames",
+        low=0,
+        seed_name="MINRANGE",
+    )
+    trim_range: int = declare(
+        2,
+        "Frames cut off at both ends of every Marker Set, except where the take itself begins or ends.",
+        unit="frames",
+        low=0,
+        seed_name="TRIMRANGE",
+    )
+    remove_distance: float = declare(
+        0.0,
+        "Marker Sets farther apart than this are never joined, and those that are so far from all others go first "
+        "where there are too many; 0 = the median distance between neighbouring markers.",
+        unit="mm",
+        low=0.0,
+    )
+    stand_alone: float = declare(
+        3.0, "Marker Sets at least this long need no partner to be trusted.", unit="s", low=0.0
+    )
+    alignment: str = declare(
+        "local",
+        "What is aligned before two Marker Sets are compared: all markers, or those next to the compared one.",
+        choices=("whole", "local"),
+    )
+    n_neighbours: int = declare(5, "Markers that the local alignment rests on.", unit="markers", low=3, high=50)
+    misfit_weight: float = declare(
+        1.0,
+        "How much the misfit of the aligned poses counts in the distance of two Marker Sets; 0 = not, as in the seed.",
+        low=0.0,
+        high=100.0,
+    )
+    sampling: int = declare(
+        10,
+        "Interval of the frames that are picked to compare Marker Sets.",
+        unit="frames",
+        low=1,
+        seed_name="SAMPLINGMSTC",
+    )
+    clustering: str = declare(
+        "average",
+        "How Marker Sets are grouped into markers: spectral clustering with local scaling, or joining the nearest two "
+        "groups by their average or largest distance; sets that overlap in time are never joined.",
+        choices=("spectral", "average", "complete"),
+    )
+    add_random: bool = declare(False, "Add jitter to the points, to test with clean data.", seed_name="ADDRANDOMTC")
+    max_jitter: float = declare(
+        0.5, "Largest jitter added to each coordinate.", unit="mm", low=0.0, seed_name="MAXJITTERTC"
+    )
+    time_one_frame: int = declare(
+        5,
+        "Time between two frames where the take's time stamps do not rise.",
+        unit="ms",
+        low=1,
+        seed_name="TIMEONEFRAME",
+    )
