@@ -1,0 +1,107 @@
+"""Takes with truth, made once per session, and the results of the stages on them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from skelgen.model import Limbs, Project, StageReport, Trajectories
+from skelgen.progress import SilentMonitor
+from skelgen.simulation import SimulatedTake, simulate
+from skelgen.stages.joints import find_joints
+from skelgen.stages.limbs import find_limbs
+from skelgen.stages.skeleton import fit_skeleton
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+
+
+class Notices(SilentMonitor):
+    """A monitor that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.sentences: list[str] = []
+
+    def notice(self, sentence: str) -> None:
+        self.sentences.append(sentence)
+
+
+@pytest.fixture
+def notices() -> Notices:
+    """A monitor that keeps what it is told."""
+    return Notices()
+
+
+@pytest.fixture(scope="session")
+def simulated() -> Callable[..., SimulatedTake]:
+    """`simulate`, which makes each take only once: `simulated(name, seed=0, n_frames=300, **options)`."""
+
+    @functools.cache
+    def make(name: str, seed: int = 0, n_frames: int = 300, **options: float) -> SimulatedTake:
+        return simulate(name, seed=seed, n_frames=n_frames, **options)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def true_limbs() -> Callable[[SimulatedTake], Limbs]:
+    """The limbs as they truly are."""
+
+    def make(simulated: SimulatedTake) -> Limbs:
+        truth = simulated.truth
+        return Limbs(truth.limb_of_marker, np.zeros((truth.n_markers, truth.n_markers)))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def reconstructed() -> Callable[..., Project]:
+    """Run the stages on labelled markers: `reconstructed(take, limbs=..., joints=..., skeleton=..., n_limbs=...)`."""
+
+    def run(take: Trajectories, limbs=None, joints=None, skeleton=None, n_limbs=None, given_limbs=None) -> Project:
+        report = StageReport()
+        project = Project(take).with_trajectories(take, report)
+        found = given_limbs or find_limbs(take, limbs, n_limbs=n_limbs)
+        project = project.with_limbs(found, report)
+        project = project.with_topology(find_joints(take, found, joints), report)
+        return project.with_skeleton(*fit_skeleton(take, found, project.topology, skeleton), report)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def recording() -> Callable[[str], Trajectories]:
+    """Read a real recording, or skip."""
+
+    def read(path: str) -> Trajectories:
+        import skelgen
+
+        if not (DATA / path).exists():
+            pytest.skip(f"the real recording {path} is not here: ../shared/data is absent")
+        return skelgen.read(DATA / path)
+
+    return read
+
+
+def partition(labels: np.ndarray) -> set[frozenset[int]]:
+    """Groups of indices, whatever their numbers."""
+    return {frozenset(np.flatnonzero(labels == label).tolist()) for label in np.unique(labels)}
+
+
+@pytest.fixture(scope="session")
+def same_partition() -> Callable[[np.ndarray, np.ndarray], bool]:
+    """Whether two labellings group the same things."""
+    return lambda first, second: partition(np.asarray(first)) == partition(np.asarray(second))
+
+
+@pytest.fixture(scope="session")
+def moved_world() -> SimpleNamespace:
+    """A rigid motion of the world: `moved_world.rotation`, `.shift` [mm] and `.points(array)`."""
+    from skelgen.geometry.rotations import matrix_from_vector
+
+    rotation, shift = matrix_from_vector(np.array([0.7, -1.1, 2.0])), np.array([3000.0, -500.0, 120.0])
+    return SimpleNamespace(rotation=rotation, shift=shift, points=lambda points: points @ rotation.T + shift)
