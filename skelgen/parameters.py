@@ -40,6 +40,8 @@ class Declaration:
         Name in the seed's ``config.xml`` (tables 4.13-4.16), empty when the seed has none.
     seed_codes : tuple of str
         For a choice that the seed codes as an integer: the choice that each integer means.
+    seed_section : str
+        Element of ``config.xml`` that holds it, where that is not the one of its stage, e.g. ``JointFinder/NLCG``.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Declaration:
     choices: tuple[str, ...] = ()
     seed_name: str = ""
     seed_codes: tuple[str, ...] = ()
+    seed_section: str = ""
 
     @property
     def bounds(self) -> str:
@@ -123,10 +126,11 @@ def declare(
     choices: tuple[str, ...] = (),
     seed_name: str = "",
     seed_codes: tuple[str, ...] = (),
+    seed_section: str = "",
 ) -> Any:
     """Declare one parameter as a dataclass field; the arguments are those of `Declaration`."""
     facts = {"help": help, "unit": unit, "low": low, "high": high, "choices": choices}
-    facts |= {"seed_name": seed_name, "seed_codes": seed_codes}
+    facts |= {"seed_name": seed_name, "seed_codes": seed_codes, "seed_section": seed_section}
     return dataclasses.field(default=default, metadata={_KEY: facts})
 
 

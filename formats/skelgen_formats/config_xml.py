@@ -100,13 +100,14 @@ def _tree(stages: Iterable[AnyStage]) -> _Group:
     """Sort the declarations into the groups of the file."""
     root = _Group()
     for stage in stages:
-        group = root
-        for name in (stage.seed_section or stage.stage).split("/"):
-            group = group.groups.setdefault(name, _Group())
         for declaration in stage.declarations():
+            section = declaration.seed_section or stage.seed_section or stage.stage
+            group = root
+            for name in section.split("/"):
+                group = group.groups.setdefault(name, _Group())
             name = declaration.seed_name or declaration.name.upper()
             if name in group.names:
-                raise ParameterError(f"the stage {stage.stage!r} declares {name} twice in {ROOT}/{stage.seed_section}")
+                raise ParameterError(f"the stage {stage.stage!r} declares {name} twice in {ROOT}/{section}")
             group.parameters[name] = (stage, declaration)
     return root
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 
+from threadpoolctl import threadpool_limits
+
 from skelgen.app.configuration import Settings
 from skelgen.app.inputs import check_take
 from skelgen.app.monitors import CollectingMonitor
@@ -57,8 +59,9 @@ def run_stages(
     for stage in stages:
         if not stage.given(project):
             settings.of(stage.name)  # loads the module here, so that the times below are those of the work alone
-    for stage in stages:
-        project = _run(stage, project, settings, wishes, monitor)
+    with threadpool_limits(limits=1):  # batches of small matrices: more threads only wait for each other
+        for stage in stages:
+            project = _run(stage, project, settings, wishes, monitor)
     return project
 
 

@@ -13,9 +13,6 @@ import numpy as np
 
 from skelgen.model.arrays import Floats
 
-LEAST_TURN = 1e-4
-"""rad; two limbs that turn less against each other are rigid, however exact the take."""
-
 CLEARLY_LESS = 0.5
 """A wobble within the noise makes a hinge only if it is less than this part of the main turn."""
 
@@ -41,7 +38,26 @@ class JointKind:
     wobble: float
 
 
-def find_kind(relative: Floats, noise: float, *, noise_factor: float, hinge_wobble: float) -> JointKind:
+@dataclass(frozen=True)
+class KindLimits:
+    """Where one kind ends and the next begins.
+
+    Attributes
+    ----------
+    noise_factor : float
+        Turns below this many times the noise count as none.
+    hinge_wobble : float
+        Largest wobble of a hinge, noise apart, as a part of its main turn.
+    least_turn : float, rad
+        Limbs that turn less against each other are rigid, however exact the take.
+    """
+
+    noise_factor: float
+    hinge_wobble: float
+    least_turn: float
+
+
+def find_kind(relative: Floats, noise: float, limits: KindLimits) -> JointKind:
     """Classify a joint.
 
     Parameters
@@ -50,18 +66,16 @@ def find_kind(relative: Floats, noise: float, *, noise_factor: float, hinge_wobb
         Rotations parent from child.
     noise : float, rad
         Standard deviation of the relative rotation about one axis.
-    noise_factor : float
-        Turns below this many times the noise count as none.
-    hinge_wobble : float
-        Largest wobble of a hinge, noise apart, as a part of its main turn.
+    limits : KindLimits
+        Where one kind ends and the next begins.
     """
     u, singular, vt = np.linalg.svd(relative.mean(axis=0))
     wobble, main = (float(np.sqrt(max(2 * (1 - value), 0.0))) for value in singular[:2])
-    level = noise_factor * float(np.sqrt(2.0)) * noise
+    level = limits.noise_factor * float(np.sqrt(2.0)) * noise
     clean_wobble = float(np.sqrt(max(wobble**2 - level**2, 0.0)))
     kind = "ball"
-    if main < max(level, LEAST_TURN):
+    if main < max(level, limits.least_turn):
         kind = "rigid"
-    elif clean_wobble < hinge_wobble * main and wobble < CLEARLY_LESS * main:
+    elif clean_wobble < limits.hinge_wobble * main and wobble < CLEARLY_LESS * main:
         kind = "hinge"
     return JointKind(kind, u[:, 0], vt[0], main, wobble)

@@ -47,7 +47,9 @@ class LimbShape:
         return bool(self.posed.any())
 
 
-def fit_shape(positions: Floats, frames: Ints, rotator: Rotator = rotation_by_quaternion) -> LimbShape:
+def fit_shape(
+    positions: Floats, frames: Ints, rotator: Rotator = rotation_by_quaternion, flatness: float = FLATNESS
+) -> LimbShape:
     """Estimate the shape of a limb and its poses.
 
     Parameters
@@ -58,6 +60,8 @@ def fit_shape(positions: Floats, frames: Ints, rotator: Rotator = rotation_by_qu
         Frames from which the shape is estimated; poses are computed for all.
     rotator : callable
         Closed form of absolute orientation.
+    flatness : float
+        Points whose second extent is below this part of the first fix no pose.
 
     Returns
     -------
@@ -68,18 +72,18 @@ def fit_shape(positions: Floats, frames: Ints, rotator: Rotator = rotation_by_qu
     nowhere = np.full((n_frames, 4, 4), np.nan)
     if n_points < 3:
         return LimbShape(np.zeros((n_points, 3)), nowhere)
-    points = _average_shape(positions[frames], rotator)
+    points = _average_shape(positions[frames], rotator, flatness)
     known = ~np.isnan(points[:, 0])
     seen = ~np.isnan(positions[:, :, 0]) & known
     points = np.where(known[:, np.newaxis], points, 0.0)
-    determined = determines_pose(points, seen)
+    determined = determines_pose(points, seen, flatness)
     poses = nowhere
     if determined.any():
         poses[determined] = fit_transform(points, positions[determined], seen[determined], rotator)
     return LimbShape(points, poses)
 
 
-def determines_pose(points: Floats, seen: Bools) -> Bools:
+def determines_pose(points: Floats, seen: Bools, flatness: float = FLATNESS) -> Bools:
     """Tell in which frames the seen points of a limb fix its pose: three that are not on one line.
 
     Parameters
@@ -88,20 +92,22 @@ def determines_pose(points: Floats, seen: Bools) -> Bools:
         Points in the limb's frame.
     seen : ndarray of bool, shape (n_frames, n_points)
         Which are seen.
+    flatness : float
+        Points whose second extent is below this part of the first are on one line.
     """
     patterns, inverse = np.unique(seen, axis=0, return_inverse=True)
-    fixed = np.array([_spans_a_plane(points[pattern]) for pattern in patterns], dtype=bool)
+    fixed = np.array([_spans_a_plane(points[pattern], flatness) for pattern in patterns], dtype=bool)
     return np.asarray(fixed[inverse.ravel()])
 
 
-def _spans_a_plane(points: Floats) -> bool:
+def _spans_a_plane(points: Floats, flatness: float) -> bool:
     if len(points) < 3:
         return False
     extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(extents[1] > FLATNESS * extents[0] > 0)
+    return bool(extents[1] > flatness * extents[0] and extents[1] > 0)
 
 
-def _average_shape(positions: Floats, rotator: Rotator) -> Floats:
+def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floats:
     """Centred points, NaN for those that never appear together with three others."""
     seen = ~np.isnan(positions[:, :, 0])
     reference = int(np.argmax(seen.sum(axis=1)))
@@ -109,7 +115,7 @@ def _average_shape(positions: Floats, rotator: Rotator) -> Floats:
     for _ in range(MAX_ROUNDS):
         known = ~np.isnan(points[:, 0])
         filled = np.where(known[:, np.newaxis], points, 0.0)
-        usable = determines_pose(filled, seen & known)
+        usable = determines_pose(filled, seen & known, flatness)
         if not usable.any():
             break
         average = _lined_up_mean(filled, positions[usable], seen[usable], known, rotator)

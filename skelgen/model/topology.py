@@ -27,9 +27,9 @@ class Topology:
     n_iterations : ndarray of intp, shape (n_joints,)
         Iterations that the minimisation of each joint took.
     values : ndarray, shape (n_joints,), mm^2
-        Joint cost at each solution, over all frames.
+        Joint cost at each solution over all frames, with the weight that places joints (0 by default) for `alpha`.
     alpha : float
-        Weight of the mean marker-joint distance in the cost.
+        Weight of the mean marker-joint distance in `joint_costs`.
     """
 
     parents: Ints

@@ -33,6 +33,7 @@ class LimbParameters(StageParameters):
         low=0,
         high=1e6,
         seed_name="SAMPLING",
+        seed_section="TemporalCorrespondence",
     )
     samples: int = declare(600, "sampled frames when `sampling` is 0", unit="frames", low=3, high=1e6)
     jitter: float = declare(0.5, "each sample is displaced by up to this part of a sampling interval", low=0, high=1)

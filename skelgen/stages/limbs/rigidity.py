@@ -18,14 +18,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs.parameters import LimbParameters
 
 PRIOR_WEIGHT = 3.0
 """Degrees of freedom with which the take's noise steadies the noise estimate of a small group."""
 
-SINGLE_FACTOR = 2.0
-"""A limb of one marker is rare: markers left alone join a limb by the same criterion with c widened this much."""
+SINGLE_PART = 1 / 3
+"""A limb of one marker is rare: a marker left alone joins the limb against which it moves least, if it moves less than
+this part of what neighbouring limbs usually do. Skin moves markers that are no part of a rigid plate."""
 
 FEW_FREEDOMS = 3
 """Merged groups with no more residual freedoms (up to three markers) cannot tell noise from motion by themselves."""
@@ -64,8 +65,8 @@ def rigid_groups(deviation: Floats, parameters: LimbParameters) -> Ints:
     groups = _Groups(deviation**2 / 2)
     noise = noise_variance(deviation)
     groups.merge_while(lambda: _merge_order(groups, noise, parameters))
-    wider = parameters.replace(motion_factor=parameters.motion_factor * SINGLE_FACTOR)
-    groups.merge_while(lambda: np.where(groups.has_single(), _merge_order(groups, noise, wider), np.inf))
+    usual = groups.usual_motion()
+    groups.merge_while(lambda: _single_order(groups, usual))
     return groups.members.astype(np.intp)
 
 
@@ -77,10 +78,19 @@ class _Groups:
         self.sizes = np.ones(len(variance))
         self.members = np.arange(len(variance))
 
-    def has_single(self) -> Bools:
-        """Pairs of groups of which one is a single marker."""
-        single = self.sizes == 1
-        return np.asarray(single[:, np.newaxis] | single)
+    @property
+    def across(self) -> Floats:
+        """Mean variance [mm^2] across each two groups; infinite on and below the diagonal."""
+        mean = self.sums / (self.sizes[:, np.newaxis] * self.sizes)
+        return np.where(np.tri(len(self.sizes), dtype=bool), np.inf, mean)
+
+    def usual_motion(self) -> float:
+        """Median over limbs with several markers of the variance [mm^2] against their nearest neighbour."""
+        several = self.sizes > 1
+        if several.sum() < 2:
+            return 0.0
+        upper = self.across[np.ix_(several, several)]
+        return float(np.median(np.minimum(upper, upper.T).min(axis=1)))
 
     def merge_while(self, order: Callable[[], Floats]) -> None:
         """Merge the pair with the smallest order, again and again, until none is finite."""
@@ -105,12 +115,18 @@ class _Groups:
 
 def _merge_order(groups: _Groups, noise: float, parameters: LimbParameters) -> Floats:
     """Mean variance across each two groups that pay to be merged; infinite for the others and below the diagonal."""
-    cost, across = _merge_costs(groups.sums, groups.sizes, noise, parameters)
-    return np.where(cost < 0, across, np.inf)
+    return np.where(_merge_costs(groups.sums, groups.sizes, noise, parameters) < 0, groups.across, np.inf)
 
 
-def _merge_costs(sums: Floats, sizes: Floats, noise: float, parameters: LimbParameters) -> tuple[Floats, Floats]:
-    """Cost of merging each two groups [nats per frame], and the mean variance across; infinite below the diagonal."""
+def _single_order(groups: _Groups, usual: float) -> Floats:
+    """Mean variance across each single marker and a limb that it hardly moves against; infinite for other pairs."""
+    single = groups.sizes == 1
+    joins = (single[:, np.newaxis] ^ single) & (groups.across < SINGLE_PART**2 * usual)
+    return np.where(joins, groups.across, np.inf)
+
+
+def _merge_costs(sums: Floats, sizes: Floats, noise: float, parameters: LimbParameters) -> Floats:
+    """Cost of merging each two groups [nats per frame]."""
     inner = np.diag(sums)
     freedoms, poses = _freedoms(sizes), _pose_size(sizes)
     both = sizes[:, np.newaxis] + sizes
@@ -123,8 +139,7 @@ def _merge_costs(sums: Floats, sizes: Floats, noise: float, parameters: LimbPara
     cost -= relative * np.log(parameters.motion_factor**2 * np.maximum(across, noise))
     loose = (_freedoms(both) <= FEW_FREEDOMS) & (across > parameters.pair_limit**2 * noise)
     cost = np.where(loose, np.abs(cost), cost)
-    lower = np.tri(len(sizes), dtype=bool)
-    return np.where(lower, np.inf, cost / 2), np.where(lower, np.inf, across)
+    return np.asarray(cost / 2)
 
 
 def _group_variance(sums: Floats, sizes: Floats, noise: float) -> Floats:

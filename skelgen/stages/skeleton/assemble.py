@@ -90,10 +90,10 @@ def _lined_up(
 ) -> LimbShape:
     """Pose the limb by its markers alone where they suffice: raw joints are less certain."""
     if not parameters.joints_for_poses:
-        shape = fit_shape(points[:, :n_markers], frames, rotator)
+        shape = fit_shape(points[:, :n_markers], frames, rotator, parameters.flatness)
         if shape.has_pose:
             return shape
-    return fit_shape(points, frames, rotator)
+    return fit_shape(points, frames, rotator, parameters.flatness)
 
 
 def _turn_at(shape: LimbShape, frame: int) -> Floats:

@@ -58,14 +58,14 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator) -> Fi
     frames = _well_seen_frames(body, parameters.samples)
     chain, reference = assemble(body, parameters, rotator, frames)
     sampled = body.positions[frames]
-    start, _ = pose_outward(chain, sampled, rotator)
+    start, _ = pose_outward(chain, sampled, body.raw_joints[frames], rotator, parameters.flatness)
     refine = parameters.fit == "whole-chain"
     calibration = calibrate(chain, start, sampled, n_rounds=None if refine else 0)
     chain = calibration.chain
-    covariances = joint_covariances(calibration)
+    covariances = joint_covariances(calibration, parameters.rank_tolerance)
     noise = relative_rotation_noise(chain, calibration.poses, sampled, calibration.noise)
     chain = settle_along_axes(chain, find_kinds(chain, calibration.poses, noise, parameters))
-    poses, seen = pose_outward(chain, body.positions, rotator)
+    poses, seen = pose_outward(chain, body.positions, body.raw_joints, rotator, parameters.flatness)
     if refine:
         poses = fit_poses(chain, poses, body.positions)
     chain, poses, turn = _with_reference_axes(chain, poses, reference)

@@ -7,7 +7,7 @@ import numpy as np
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.calibration import Calibration
 from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations
-from skelgen.kinematics.kind import JointKind, find_kind
+from skelgen.kinematics.kind import JointKind, KindLimits, find_kind
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
@@ -15,8 +15,8 @@ NEIGHBOUR_WEIGHT = 0.1
 """Of the pull to a limb's other joints beside the pull to its markers, along axes that leave a choice. It is weak: near
 the markers an axis is known best, and an error of its direction grows with the way along it."""
 
-RANK_TOLERANCE = 1e-10
-"""Relative eigenvalue below which the information of the constants is that of free frames: none."""
+RIDGE = 1e-10
+"""Relative ridge under a frame's normal matrix: rotations that nothing determines get a large but finite noise."""
 
 
 def find_kinds(chain: Chain, poses: ChainPoses, noise: Floats, parameters: SkeletonParameters) -> list[JointKind]:
@@ -24,15 +24,15 @@ def find_kinds(chain: Chain, poses: ChainPoses, noise: Floats, parameters: Skele
     kinds = []
     for limb in range(1, chain.n_limbs):
         relative = poses.rotations[:, chain.parents[limb]].swapaxes(1, 2) @ poses.rotations[:, limb]
-        limits = {"noise_factor": parameters.noise_factor, "hinge_wobble": parameters.hinge_wobble}
-        kinds.append(find_kind(relative, float(noise[limb]), **limits))
+        limits = KindLimits(parameters.noise_factor, parameters.hinge_wobble, parameters.least_turn)
+        kinds.append(find_kind(relative, float(noise[limb]), limits))
     return kinds
 
 
 def relative_rotation_noise(chain: Chain, poses: ChainPoses, positions: Floats, noise: float) -> Floats:
     """Standard deviation [rad] of each limb's rotation against its parent about one axis, shape (n_limbs,)."""
     hessian, _ = normal_equations(chain, chain.arms(), poses, positions)
-    ridge = RANK_TOLERANCE * np.einsum("fii->f", hessian)[:, np.newaxis, np.newaxis]
+    ridge = RIDGE * np.einsum("fii->f", hessian)[:, np.newaxis, np.newaxis]
     covariance = np.linalg.inv(hessian + np.maximum(ridge, np.finfo(np.float64).tiny) * np.eye(hessian.shape[1]))
     result = np.zeros(chain.n_limbs)
     for limb in range(1, chain.n_limbs):
@@ -94,7 +94,7 @@ def _shifted(chain: Chain, kinds: list[JointKind], shifts: dict[int, float]) -> 
     return chain.moved(joints, offsets)
 
 
-def joint_covariances(calibration: Calibration) -> Floats:
+def joint_covariances(calibration: Calibration, rank_tolerance: float) -> Floats:
     """Covariance [mm^2] of each joint in its parent's frame, against the parent's markers, shape (n_limbs, 3, 3).
 
     The limbs' own frames are free to turn in the estimate. That freedom is taken off: a joint's change counts relative
@@ -102,7 +102,7 @@ def joint_covariances(calibration: Calibration) -> Floats:
     """
     chain = calibration.chain
     values, vectors = np.linalg.eigh(calibration.information)
-    known = values > RANK_TOLERANCE * max(values[-1], np.finfo(np.float64).tiny)
+    known = values > rank_tolerance * max(values[-1], np.finfo(np.float64).tiny)
     root = vectors[:, known] * (calibration.noise / np.sqrt(values[known]))
     result = np.zeros((chain.n_limbs, 3, 3))
     for limb in range(1, chain.n_limbs):

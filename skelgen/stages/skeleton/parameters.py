@@ -48,6 +48,39 @@ class SkeletonParameters(StageParameters):
         low=0.0,
         high=0.5,
     )
+    flatness: float = declare(
+        0.02,
+        "points whose second extent is below this part of their first are on one line and fix no pose",
+        low=0.0,
+        high=0.5,
+        seed_name="SOLVEPS",
+        seed_section="JointFinder",
+    )
+    least_turn: float = declare(
+        1e-4,
+        "two limbs that turn less than this against each other are rigid, however exact the take",
+        unit="rad",
+        low=0.0,
+        high=1.0,
+        seed_name="TINYEPS",
+        seed_section="JointFinder",
+    )
+    rank_tolerance: float = declare(
+        1e-10,
+        "directions of the skeleton's constants whose information is below this part of the largest are not determined",
+        low=1e-15,
+        high=1e-2,
+        seed_name="POLYEPS",
+        seed_section="JointFinder",
+    )
+    pi: float = declare(
+        3.141592653589793,
+        "the mathematical constant, kept so that the seed's files can be read; it changes nothing",
+        low=3.14159,
+        high=3.1416,
+        seed_name="PI",
+        seed_section="JointFinder",
+    )
     noise_factor: float = declare(
         1.3, "turns below this many times the noise of rotations count as none", low=1.0, high=100.0
     )
