@@ -42,7 +42,7 @@ def _assign_greedy(gain: Floats) -> Ints:
 def _assign_optimal(gain: Floats) -> Ints:
     """Pair rows with columns for the largest total gain: the Hungarian method by shortest augmenting paths.
 
-    Needs at least as many columns as rows; returns the column of each row.
+    Needs at least as many columns as rows; returns the row of each column or -1.
     """
     n_rows, n_columns = gain.shape
     row_price = np.zeros(n_rows)
@@ -76,11 +76,7 @@ def _assign_optimal(gain: Floats) -> Ints:
         while column != n_columns:
             row_of_column[column] = row_of_column[came_from[column]]
             column = came_from[column]
-    column_of_row = np.full(n_rows, -1, dtype=np.intp)
-    for column in range(n_columns):
-        if row_of_column[column] >= 0:
-            column_of_row[row_of_column[column]] = column
-    return column_of_row
+    return row_of_column[:n_columns]
 
 
 @_compile
@@ -103,13 +99,14 @@ def _match(gain: Floats, optimal: bool) -> Ints:
     n_tracks, n_points = gain.shape
     if not optimal:
         return _assign_greedy(gain)
-    point_of_track = np.full(n_tracks, -1, dtype=np.intp)
-    if n_tracks <= n_points:
-        point_of_track[:] = _assign_optimal(gain)
+    if n_tracks > n_points:
+        point_of_track = _assign_optimal(np.ascontiguousarray(gain.T))
     else:
-        track_of_point = _assign_optimal(np.ascontiguousarray(gain.T))
+        point_of_track = np.full(n_tracks, -1, dtype=np.intp)
+        track_of_point = _assign_optimal(gain)
         for point in range(n_points):
-            point_of_track[track_of_point[point]] = point
+            if track_of_point[point] >= 0:
+                point_of_track[track_of_point[point]] = point
     for track in range(n_tracks):
         if point_of_track[track] >= 0 and gain[track, point_of_track[track]] <= 0.0:
             point_of_track[track] = -1

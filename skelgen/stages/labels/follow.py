@@ -17,8 +17,8 @@ from skelgen.stages.labels.tracks import Rules, Tracks
 
 # More points than this in a frame are no markers but a scanner's surface or noise; it bounds the work per frame.
 MOST_POINTS_PER_FRAME = 1000
-# Below this number of points the plain twin is done before numba is imported.
-_WORTH_COMPILING = 50_000
+# Below this number of pairs of points the plain twin is done before numba is imported, let alone has compiled.
+_WORTH_COMPILING = 40_000_000
 # Work between two calls of the monitor, in pairs of points; about a tenth of a second plain.
 _PAIRS_PER_CHUNK = 2_000_000
 # Frames that the automatic jump threshold is found from.
@@ -69,7 +69,7 @@ def follow_points(
             "markers; raise the tracker's threshold or remove stray points"
         )
     if compiled is None:
-        compiled = cloud.n_points > _WORTH_COMPILING
+        compiled = float((cloud.points_per_frame**2).sum()) > _WORTH_COMPILING
     follow = (_compiled_twin() if compiled else None) or plain.follow_frames
     reach = parameters.max_jump or _find_reach(cloud, parameters, follow, monitor)
     owner, _ = _follow(cloud.points, cloud.frame_starts, rules_of(parameters, reach), follow, monitor)

@@ -13,6 +13,8 @@ from skelgen.stages.labels.parameters import LabelParameters
 # The seed removes sets shorter than half a second; a take of less than two seconds would lose all, hence the share.
 _LEAST_SECONDS = 0.5
 _LEAST_SHARE = 0.25
+# Share of the shortest set's frames in which the number of markers must be seen.
+_COUNTED_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,13 +132,13 @@ def least_length(n_frames: int, rate: float, parameters: LabelParameters) -> int
 
 
 def count_markers(sets: MarkerSets, least: int) -> int:
-    """Return the largest number of sets that are seen at once in at least `least` frames, not less than 1.
+    """Return the largest number of sets that are seen at once, not less than 1.
 
-    The demand for `least` frames, the length of the shortest set that counts, keeps a moment in which a marker was
-    seen double from adding a marker.
+    It must be reached in a tenth as many frames as the shortest set has, `least`: that keeps a moment in which a marker
+    was seen double from adding a marker.
     """
     seen_at_once = np.sort(np.bincount(sets.frames, minlength=sets.n_frames))[::-1]
-    return max(1, int(seen_at_once[min(least, sets.n_frames) - 1]))
+    return max(1, int(seen_at_once[int(least * _COUNTED_SHARE)]))
 
 
 def _trimmed(sets: MarkerSets, trim: int) -> MarkerSets:

@@ -90,14 +90,18 @@ def _match(gain: Floats, optimal: bool) -> tuple[Ints, Ints]:
 
 def _assign_greedy(gain: Floats) -> tuple[Ints, Ints]:
     """Pair rows with columns, largest gain first."""
-    free_rows, free_columns = np.ones(gain.shape[0], dtype=np.bool_), np.ones(gain.shape[1], dtype=np.bool_)
     rows, columns = np.nonzero(gain)
-    chosen = []
-    for pair in np.argsort(-gain[rows, columns], kind="stable"):
-        if free_rows[rows[pair]] and free_columns[columns[pair]]:
-            free_rows[rows[pair]] = free_columns[columns[pair]] = False
-            chosen.append(pair)
-    return rows[chosen], columns[chosen]
+    order = np.argsort(-gain[rows, columns], kind="stable")
+    column_of_row: dict[int, int] = {}
+    taken: set[int] = set()
+    for row, column in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
+        if row not in column_of_row and column not in taken:
+            column_of_row[row] = column
+            taken.add(column)
+            if len(taken) == min(gain.shape):
+                break
+    pairs = np.array(list(column_of_row.items()), dtype=np.intp).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
 
 
 def _correct(motion: Floats, rows: Ints, expected: Floats, error: Floats, counters: Ints, rules: Rules) -> None:
