@@ -155,7 +155,8 @@ def fit_poses(chain: Chain, start: ChainPoses, positions: Floats) -> ChainPoses:
     )
 
 
-def _fit_chunk(chain: Chain, poses: ChainPoses, positions: Floats) -> ChainPoses:
+def _fit_chunk(chain: Chain, start: ChainPoses, positions: Floats) -> ChainPoses:
+    poses = ChainPoses(start.root.copy(), start.rotations.copy())
     body_arms = chain.arms()
     active = np.arange(len(positions))
     loss = _squares(residuals(chain, poses, positions))
