@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain import (
-    DAMPING,
     Chain,
     ChainPoses,
     fit_poses,
@@ -37,11 +36,17 @@ MAX_ROUNDS = 12
 STEP_TOLERANCE = 1e-7
 """mm; rounds stop when no constant moves more."""
 
-GAIN_TOLERANCE = 1e-6
-"""Rounds stop when the sum of squares falls by less than this part."""
+STEP_PARTS = (1.0, 0.5, 0.25, 0.1)
+"""Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
+
+LEAST_GAIN = 0.01
+"""Rounds stop when the log-likelihood rises by less than this per constant: less is nothing but noise."""
 
 PRIOR_SPREAD = 30.0
 """mm; constants that the frames do not determine (a joint along its hinge) lean to the start with this spread."""
+
+POSE_DAMPING = 1e-6
+"""Relative damping of the eliminated poses; it holds the free turns of the limbs' own frames in place."""
 
 LEAST_NOISE = 1e-12
 """mm^2; keeps the prior's weight above zero for exact takes."""
@@ -83,25 +88,42 @@ def calibrate(chain: Chain, start: ChainPoses, positions: Floats, n_rounds: int 
     n_rounds : int, optional
         Rounds at most; 0 keeps the chain and only finds poses, noise and information.
     """
-    poses = fit_poses(chain, start, positions)
-    first = chain
-    squares, noise = _noise(chain, poses, positions)
+    state = _State(chain, fit_poses(chain, start, positions), positions)
     for _ in range(MAX_ROUNDS if n_rounds is None else n_rounds):
-        reduced = _reduced(chain, poses, positions)
-        prior = max(noise, LEAST_NOISE) / PRIOR_SPREAD**2
-        away = _packed(first) - _packed(chain)
-        step = np.linalg.solve(reduced.information + prior * np.eye(len(away)), reduced.right_side + prior * away)
-        trial = _unpacked(chain, _packed(chain) + step)
-        trial_poses = poses.stepped(reduced.pose_steps(step))
-        new_squares, new_noise = _noise(trial, trial_poses, positions)
-        if new_squares > squares:
+        better = _improved(state, chain, positions)
+        if better is None:
             break
-        chain, poses, noise = trial, trial_poses, new_noise
-        gain, squares = squares - new_squares, new_squares
-        if np.abs(step).max() < STEP_TOLERANCE or gain <= GAIN_TOLERANCE * squares:
+        moved = float(np.abs(_packed(better.chain) - _packed(state.chain)).max())
+        gain = (state.squares - better.squares) / (2 * max(better.noise, LEAST_NOISE))
+        state = better
+        if moved < STEP_TOLERANCE or gain <= LEAST_GAIN * len(_packed(chain)):
             break
-    information = _reduced(chain, poses, positions).information
-    return Calibration(chain, poses, float(np.sqrt(noise)), information)
+    information = _reduced(state.chain, state.poses, positions).information
+    return Calibration(state.chain, state.poses, float(np.sqrt(state.noise)), information)
+
+
+class _State:
+    """A chain with poses, and how well they explain the markers."""
+
+    def __init__(self, chain: Chain, poses: ChainPoses, positions: Floats) -> None:
+        self.chain, self.poses = chain, poses
+        self.squares, self.noise = _noise(chain, poses, positions)
+
+
+def _improved(state: _State, first: Chain, positions: Floats) -> _State | None:
+    """One Gauss-Newton step of constants and poses, halved until it lowers the sum of squares; None if it does not."""
+    reduced = _reduced(state.chain, state.poses, positions)
+    prior = max(state.noise, LEAST_NOISE) / PRIOR_SPREAD**2
+    constants = _packed(state.chain)
+    right = reduced.right_side + prior * (_packed(first) - constants)
+    step = np.linalg.solve(reduced.information + prior * np.eye(len(right)), right)
+    for part in STEP_PARTS:
+        trial = _unpacked(state.chain, constants + part * step)
+        poses = state.poses.stepped(part * reduced.pose_steps(step))
+        better = _State(trial, poses if part == 1 else fit_poses(trial, poses, positions), positions)
+        if better.squares <= state.squares:
+            return better
+    return None
 
 
 def _packed(chain: Chain) -> Floats:
@@ -164,7 +186,7 @@ def _reduced_chunk(chain: Chain, poses: ChainPoses, positions: Floats) -> _Reduc
     pose = (_pose_jacobian(body_arms, poses) * seen).reshape(n_frames, 3 * chain.n_markers, -1)
     border = pose.swapaxes(1, 2) @ constants
     solved = solve_damped(
-        hessian, np.concatenate([border, gradient[..., np.newaxis]], axis=2), np.full(n_frames, DAMPING)
+        hessian, np.concatenate([border, gradient[..., np.newaxis]], axis=2), np.full(n_frames, POSE_DAMPING)
     )
     couplings, own_steps = np.ascontiguousarray(solved[..., :-1]), solved[..., -1]
     flat, flat_border = constants.reshape(-1, constants.shape[-1]), border.reshape(-1, border.shape[-1])

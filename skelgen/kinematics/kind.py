@@ -13,6 +13,12 @@ import numpy as np
 
 from skelgen.model.arrays import Floats
 
+AXIS_WAY = 10.0
+"""mm; a hinge is free along its axis if moving it this far disturbs the markers by less than their noise."""
+
+ROUNDING_TURN = 1e-6
+"""rad; rotations in double precision wobble by the square root of their rounding."""
+
 CLEARLY_LESS = 0.5
 """A wobble within the noise makes a hinge only if it is less than this part of the main turn."""
 
@@ -29,6 +35,8 @@ class JointKind:
         Unit direction that moves least; the axis of a hinge.
     main_turn, wobble : float, rad
         Root mean square turn about the axis, and of the axis.
+    true_wobble : float, rad
+        The wobble without what noise explains; 0 for a perfect hinge.
     """
 
     kind: str
@@ -36,6 +44,24 @@ class JointKind:
     axis_in_child: Floats
     main_turn: float
     wobble: float
+    true_wobble: float
+
+    def freedom_along_axis(self, noise: float) -> float:
+        """How free the joint is to lie anywhere along its axis: 1 for a perfect hinge, 0 where its wobble fixes it.
+
+        A joint that is moved along its axis tears its limbs apart by the wobble times the way. That counts as nothing
+        when it stays within the noise: the many frames that could average the noise do not average the errors of a
+        real hinge.
+
+        Parameters
+        ----------
+        noise : float, mm
+            Standard deviation of a marker's coordinate.
+        """
+        if self.kind != "hinge":
+            return 0.0
+        torn = self.true_wobble * AXIS_WAY
+        return noise**2 / (noise**2 + torn**2) if torn > 0 else 1.0
 
 
 @dataclass(frozen=True)
@@ -78,4 +104,4 @@ def find_kind(relative: Floats, noise: float, limits: KindLimits) -> JointKind:
         kind = "rigid"
     elif clean_wobble < limits.hinge_wobble * main and wobble < CLEARLY_LESS * main:
         kind = "hinge"
-    return JointKind(kind, u[:, 0], vt[0], main, wobble)
+    return JointKind(kind, u[:, 0], vt[0], main, wobble, clean_wobble if wobble > ROUNDING_TURN else 0.0)

@@ -96,11 +96,16 @@ def _root_of(topology: Topology, limb: int) -> int:
 
 
 def _report_unseen(fitted: list[FittedBody], monitor: Monitor) -> None:
-    for body in fitted:
-        for position, limb in enumerate(body.body.limbs):
-            unseen = int((~body.seen[:, position]).sum())
-            if unseen:
-                share = 100 * unseen / len(body.seen)
-                monitor.notice(
-                    f"limb {limb} is interpolated in {unseen} frames ({share:.1f} %) that show too little of it"
-                )
+    """Say in one sentence which limbs are interpolated, the worst first."""
+    unseen = {
+        int(limb): int((~body.seen[:, position]).sum())
+        for body in fitted
+        for position, limb in enumerate(body.body.limbs)
+    }
+    worst = sorted((limb for limb in unseen if unseen[limb]), key=lambda limb: (-unseen[limb], limb))
+    if worst:
+        n_frames = len(fitted[0].seen)
+        parts = [f"limb {limb} in {unseen[limb]} ({100 * unseen[limb] / n_frames:.1f} %)" for limb in worst]
+        monitor.notice(
+            f"interpolated where a frame shows too little of a limb: {', '.join(parts)} of {n_frames} frames"
+        )

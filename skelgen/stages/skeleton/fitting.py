@@ -13,6 +13,7 @@ from skelgen.kinematics.kind import JointKind
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
 from skelgen.stages.skeleton.joints import (
+    axis_freedom,
     find_kinds,
     joint_covariances,
     relative_rotation_noise,
@@ -20,6 +21,9 @@ from skelgen.stages.skeleton.joints import (
 )
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
+
+LEAST_FRAMES = 30
+"""Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,8 @@ class FittedBody:
         Whether rotations rest on markers of the frame.
     kinds : list of JointKind
         Of the joints above limbs 1, 2, ...
+    freedom : ndarray, shape (n_limbs,)
+        How free each joint is along its hinge axis, 0 .. 1.
     covariances : ndarray, shape (n_limbs, 3, 3), mm^2
         Of the joints in their parents' frames.
     reference : int
@@ -49,22 +55,25 @@ class FittedBody:
     poses: ChainPoses
     seen: Bools
     kinds: list[JointKind]
+    freedom: Floats
     covariances: Floats
     reference: int
 
 
 def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator) -> FittedBody:
     """Fit one tree of limbs to its markers."""
-    frames = _well_seen_frames(body, parameters.samples)
-    chain, reference = assemble(body, parameters, rotator, frames)
+    chain, reference = assemble(body, parameters, rotator, _well_seen_frames(body, parameters.samples))
+    start, posed = pose_outward(chain, body.positions, body.raw_joints, rotator, parameters.flatness)
+    frames = _determined_frames(posed, parameters.samples)
     sampled = body.positions[frames]
-    start, _ = pose_outward(chain, sampled, body.raw_joints[frames], rotator, parameters.flatness)
     refine = parameters.fit == "whole-chain"
-    calibration = calibrate(chain, start, sampled, n_rounds=None if refine else 0)
+    calibration = calibrate(chain, start[frames], sampled, n_rounds=None if refine else 0)
     chain = calibration.chain
     covariances = joint_covariances(calibration, parameters.rank_tolerance)
     noise = relative_rotation_noise(chain, calibration.poses, sampled, calibration.noise)
-    chain = settle_along_axes(chain, find_kinds(chain, calibration.poses, noise, parameters))
+    kinds = find_kinds(chain, calibration.poses, noise, parameters)
+    freedom = axis_freedom(kinds, calibration.noise)
+    chain = settle_along_axes(chain, kinds, freedom)
     poses, seen = pose_outward(chain, body.positions, body.raw_joints, rotator, parameters.flatness)
     if refine:
         poses = fit_poses(chain, poses, body.positions)
@@ -76,6 +85,7 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator) -> Fi
         poses=poses,
         seen=seen,
         kinds=kinds,
+        freedom=freedom,
         covariances=turn[np.maximum(chain.parents, 0)]
         @ covariances
         @ turn[np.maximum(chain.parents, 0)].swapaxes(1, 2),
@@ -87,7 +97,19 @@ def _well_seen_frames(body: Body, samples: int) -> Ints:
     """Evenly spread frames among those that show at least as many markers as half of all frames do."""
     count = (~np.isnan(body.positions[:, :, 0])).sum(axis=1)
     good = np.flatnonzero(count >= max(np.median(count), 1))
-    return good[np.unique(np.linspace(0, len(good) - 1, min(samples, len(good))).astype(np.intp))]
+    return _spread(good, samples)
+
+
+def _determined_frames(posed: Bools, samples: int) -> Ints:
+    """Evenly spread frames among those in which the most limbs are fixed by their own points."""
+    doubtful = (~posed).sum(axis=1)
+    wanted = min(len(doubtful), max(LEAST_FRAMES, len(doubtful) // 4))
+    good = np.flatnonzero(doubtful <= np.partition(doubtful, wanted - 1)[wanted - 1])
+    return _spread(good, samples)
+
+
+def _spread(frames: Ints, samples: int) -> Ints:
+    return frames[np.unique(np.linspace(0, len(frames) - 1, min(samples, len(frames))).astype(np.intp))]
 
 
 def _with_reference_axes(chain: Chain, poses: ChainPoses, reference: int) -> tuple[Chain, ChainPoses, Floats]:

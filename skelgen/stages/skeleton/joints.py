@@ -45,10 +45,19 @@ def relative_rotation_noise(chain: Chain, poses: ChainPoses, positions: Floats, 
     return result
 
 
-def settle_along_axes(chain: Chain, kinds: list[JointKind]) -> Chain:
+def settle_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> Chain:
     """Move hinges along their axes, where data leave the choice, to the markers of both limbs.
 
     Each hinge is drawn to the centroids of its two limbs' markers and, weakly, to the other joints of these limbs.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    kinds : list of JointKind
+        Of the joints above limbs 1, 2, ...
+    freedom : ndarray, shape (n_limbs,)
+        How much of the way each joint may go, see `axis_freedom`.
     """
     hinges = [index for index, kind in enumerate(kinds) if kind.kind == "hinge"]
     if not hinges:
@@ -66,7 +75,12 @@ def settle_along_axes(chain: Chain, kinds: list[JointKind]) -> Chain:
             rows.append(weight * (first[1] - second[1]))
             right.append(weight * (second[0] - first[0]))
     shifts = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
-    return _shifted(chain, kinds, {limb: float(shifts[position]) for limb, position in column.items()})
+    return _shifted(chain, kinds, {limb: float(freedom[limb] * shifts[position]) for limb, position in column.items()})
+
+
+def axis_freedom(kinds: list[JointKind], noise: float) -> Floats:
+    """How free the joint above each limb is along its axis, 0 .. 1, shape (n_limbs,)."""
+    return np.array([0.0] + [kind.freedom_along_axis(noise) for kind in kinds])
 
 
 def _attachments(

@@ -66,7 +66,7 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
         kind = one.kinds[limb - 1]
         covariance = one.covariances[limb]
         if kind.kind == "hinge":
-            covariance = covariance + _along_axis(one, limb)
+            covariance = covariance + one.freedom[limb] * _along_axis(one, limb)
         child = int(one.body.limbs[limb])
         found[child] = Joint(
             parent=int(one.body.limbs[one.chain.parents[limb]]),
@@ -81,7 +81,7 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
 
 
 def _along_axis(one: FittedBody, limb: int) -> Floats:
-    """Nothing fixes a hinge along its axis: its place there is uncertain by the size of the limb."""
+    """Nothing fixes a perfect hinge along its axis: its place there is uncertain by the size of the limb."""
     offsets = one.chain.offsets[one.chain.limb_of_marker == limb]
     size = float(np.mean(offsets**2) * 3)
     axis = one.kinds[limb - 1].axis_in_parent
