@@ -1,0 +1,103 @@
+"""How exact the skeleton is when the truth is known: ``python tests/benchmarks/accuracy.py``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from shown import show, show_machine, verdict
+
+import skelgen
+from skelgen.evaluation import Evaluation, evaluate
+from skelgen.simulation import simulate
+
+N_FRAMES = 1000
+SEEDS = (0, 1, 2)
+STRUCTURES = ("human", "seed-human", "quadruped", "rods", "tree:8")
+FAULTS = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
+WANTED_OF_EXACT = {"marker": 0.001, "joint": 0.01}  # mm
+WANTED_OF_NOISY = 0.55  # mm, asked of the human alone
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The worst of several seeds for one structure."""
+
+    limbs: int
+    trees: int
+    marker: float
+    worst_joint: float
+    mean_joints: tuple[float, ...]
+
+
+def main() -> None:
+    """Print both tables."""
+    show_machine()
+    show_exact()
+    show_noisy()
+
+
+def show_exact() -> None:
+    """Takes without any fault: markers and joints against the truth."""
+    rows = []
+    for name in STRUCTURES:
+        found = outcome(name)
+        is_reached = found.marker <= WANTED_OF_EXACT["marker"] and found.worst_joint <= WANTED_OF_EXACT["joint"]
+        figures = (f"{found.marker:.2g}", f"{found.worst_joint:.2g}")
+        rows.append((name, *counts(found), *figures, verdict(is_reached and all_exact(found))))
+    columns = ("structure", "limbs exact", "tree exact", "worst limb [mm]", "worst joint [mm]", "")
+    show(
+        f"Exact takes, {N_FRAMES} frames; wanted: all exact, mean deviation of a limb's markers <= "
+        f"{WANTED_OF_EXACT['marker']} mm, joint <= {WANTED_OF_EXACT['joint']} mm (hinges across their axis)",
+        columns,
+        rows,
+    )
+
+
+def show_noisy() -> None:
+    """Takes with noise and dropouts: structure and joints against the truth."""
+    rows = []
+    for name in STRUCTURES:
+        found = outcome(name, **FAULTS)
+        is_asked = name == "human"
+        is_reached = all_exact(found) and max(found.mean_joints) <= WANTED_OF_NOISY
+        means = " ".join(f"{mean:.3f}" for mean in found.mean_joints)
+        asked = verdict(is_reached) if is_asked else "(not asked)"
+        rows.append((name, *counts(found), means, f"{found.worst_joint:.3f}", asked))
+    columns = ("structure", "limbs exact", "tree exact", "mean joint error by seed [mm]", "worst joint [mm]", "")
+    show(
+        f"0.5 mm noise, 5 % dropouts, {N_FRAMES} frames; wanted of the human: all exact, mean <= {WANTED_OF_NOISY} mm",
+        columns,
+        rows,
+    )
+
+
+def outcome(name: str, **faults: float) -> Outcome:
+    """Reconstruct one structure with every seed."""
+    scores = [score(name, seed, faults) for seed in SEEDS]
+    return Outcome(
+        limbs=sum(one.limbs is not None and one.limbs.is_exact for one in scores),
+        trees=sum(one.topology is not None and one.topology.is_exact for one in scores),
+        marker=max(deviation or 0.0 for one in scores for deviation in one.limb_deviations.values()),
+        worst_joint=max(one.worst_joint_error or 0.0 for one in scores),
+        mean_joints=tuple(one.mean_joint_error or 0.0 for one in scores),
+    )
+
+
+def score(name: str, seed: int, faults: dict[str, float]) -> Evaluation:
+    """Simulate, reconstruct, compare."""
+    case = simulate(name, seed=seed, n_frames=N_FRAMES, **faults)
+    return evaluate(skelgen.reconstruct(case.take, seed=seed), case.truth)
+
+
+def counts(found: Outcome) -> tuple[str, str]:
+    """How many seeds gave the true limbs and the true tree."""
+    return f"{found.limbs} of {len(SEEDS)}", f"{found.trees} of {len(SEEDS)}"
+
+
+def all_exact(found: Outcome) -> bool:
+    """Whether limbs and tree are exact for all seeds."""
+    return found.limbs == found.trees == len(SEEDS)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,145 @@
+"""What the stages make of real recordings: ``python tests/benchmarks/real_recordings.py [folder]``.
+
+The recordings are looked for in ``../shared/data`` beside the project unless a folder is named; those that are absent
+are left out, which is said.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from shown import show, show_machine, verdict
+
+import skelgen
+
+USUAL_PLACE = Path(__file__).parents[3] / "shared" / "data"
+HINGE_TO_HINGE, LENGTH_TOLERANCE = 520.7, 2.0  # mm, of the pendulum
+BONES = dict.fromkeys(("ij", "ijc", "centijc7", "centpxt8"), "thorax") | dict.fromkeys(
+    ("ac", "acc", "ai", "ts"), "scapula"
+)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a recording: the limb of each marker by its name, and whether the limbs, as listed, are a chain."""
+
+    limb_of: Callable[[str], str]
+    limbs: tuple[str, ...]
+    is_chain: bool = True
+
+
+RECORDINGS: dict[str, Known | None] = {
+    "rods_pendulum/pendulum_01.c3d": Known(
+        lambda name: name.rstrip("OXY0123456789"), ("Static", "Upper", "Middle", "Lower")
+    ),
+    "arm/arm-4-4-4_clean_30fps.c3d": Known(
+        lambda name: ("torso", "upper arm", "forearm")[int(name[1:]) // 4], ("torso", "upper arm", "forearm")
+    ),
+    "arm/arm-4-2-3_clean_120fps.c3d": Known(
+        lambda name: ("torso", "upper arm", "forearm")[(int(name[1:]) > 3) + (int(name[1:]) > 5)],
+        ("torso", "upper arm", "forearm"),
+    ),
+    "wheelchair/walkingOptiTrack.c3d": Known(lambda name: name.split("_")[0], ("Foot", "Leg", "Knee"), is_chain=False),
+    "bone_pin/abdbonepin.trc": Known(lambda name: BONES.get(name, "humerus"), ("thorax", "scapula", "humerus")),
+    "wheelchair/racing_full.c3d": None,
+    "human/nick_freeform_001.c3d": None,
+    "human/markers_Squat2.trc": None,
+    "hand/recording.tsv": None,
+    "mouse/mouse_S15.c3d": None,
+}
+
+
+def main() -> None:
+    """Print what was found in every recording, then the limbs of those of which nothing is known."""
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else USUAL_PLACE
+    show_machine()
+    projects: dict[str, skelgen.Project] = {}
+    rows = []
+    for path, known in RECORDINGS.items():
+        if not (folder / path).exists():
+            rows.append((path, "absent", *[""] * 7))
+            continue
+        started = time.perf_counter()
+        project = projects[path] = skelgen.reconstruct(skelgen.read(folder / path))
+        rows.append((path, *summary(project, known), f"{time.perf_counter() - started:.1f}"))
+    columns = ("recording", "frames", "markers", "limbs", "wanted", "tree", "residual [mm]", "interpolated", "s")
+    show("Real recordings: limbs, tree, mean residual, part of all poses that is interpolated", columns, rows)
+    show_pendulum(projects)
+    for path, project in projects.items():
+        if RECORDINGS[path] is None:
+            show_limbs(path, project)
+
+
+def summary(project: skelgen.Project, known: Known | None) -> tuple[str, ...]:
+    """One row of the first table."""
+    take, motion = project.trajectories, project.motion
+    figures = (f"{np.nanmean(motion.residuals):.2f}", f"{100 * (~motion.limb_seen).mean():.1f} %")
+    counts = (str(take.n_frames), str(take.n_markers), str(project.limbs.n_limbs))
+    if known is None:
+        return (*counts, "-", f"{len(project.topology.roots)} root(s)", *figures)
+    limbs = verdict(groups(project) == true_groups(take.names, known))
+    tree = verdict(is_chain(project, known)) if known.is_chain else "not known"
+    return (*counts, f"{len(known.limbs)}: {limbs}", tree, *figures)
+
+
+def groups(project: skelgen.Project) -> set[frozenset[str]]:
+    """Names of the markers on each limb found."""
+    names = project.trajectories.names
+    limbs = project.limbs
+    return {frozenset(names[marker] for marker in limbs.markers_of(limb)) for limb in range(limbs.n_limbs)}
+
+
+def true_groups(names: tuple[str, ...], known: Known) -> set[frozenset[str]]:
+    """Names of the markers on each limb known."""
+    return {frozenset(name for name in names if known.limb_of(name) == limb) for limb in known.limbs}
+
+
+def is_chain(project: skelgen.Project, known: Known) -> bool:
+    """Whether the limbs found are joined in the known order."""
+    limbs, names = project.limbs, project.trajectories.names
+    called = [known.limb_of(names[limbs.markers_of(limb)[0]]) for limb in range(limbs.n_limbs)]
+    found = {frozenset((called[parent], called[child])) for parent, child in project.topology.edges}
+    return found == {frozenset(pair) for pair in pairwise(known.limbs)}
+
+
+def show_pendulum(projects: dict[str, skelgen.Project]) -> None:
+    """The pendulum's lengths against those that were built."""
+    project = projects.get("rods_pendulum/pendulum_01.c3d")
+    if project is None:
+        return
+    kinds = ", ".join(joint.kind for joint in project.skeleton.joints)
+    rows = [
+        ("hinge to hinge [mm]", f"{HINGE_TO_HINGE} ± {LENGTH_TOLERANCE:g}", f"{length:.2f}", verdict(is_right(length)))
+        for length in project.skeleton.lengths.values()
+    ]
+    rows.append(("kinds of the joints", "hinge, hinge, hinge", kinds, verdict(kinds == "hinge, hinge, hinge")))
+    show("Pendulum", ("figure", "wanted", "reached", ""), rows)
+
+
+def is_right(length: float) -> bool:
+    """Whether a length is as near to the built one as is asked."""
+    return abs(length - HINGE_TO_HINGE) <= LENGTH_TOLERANCE
+
+
+def show_limbs(path: str, project: skelgen.Project) -> None:
+    """The limbs that were found, for the eye."""
+    names, limbs, motion = project.trajectories.names, project.limbs, project.motion
+    kinds = {joint.child: joint.kind for joint in project.skeleton.joints}
+    rows = []
+    for limb, parent in enumerate(project.topology.parents.tolist()):
+        markers = limbs.markers_of(limb)
+        residuals = motion.residuals[:, markers]
+        mean = f"{np.nanmean(residuals):.2f}" if not np.isnan(residuals).all() else "-"
+        hangs = f"{kinds[limb]} on {parent}" if parent >= 0 else "root"
+        rows.append((str(limb), hangs, mean, " ".join(names[marker] for marker in markers)))
+    show(path, ("limb", "joint", "mean [mm]", "markers"), rows)
+
+
+if __name__ == "__main__":
+    main()
