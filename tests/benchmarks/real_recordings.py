@@ -27,7 +27,7 @@ BONES = dict.fromkeys(("ij", "ijc", "centijc7", "centpxt8"), "thorax") | dict.fr
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of a recording: the limb of each marker by its name, and whether the limbs, as listed, are a chain."""
+    """What is known of a recording: the limb of each marker by its name, and whether the limbs listed form a chain."""
 
     limb_of: Callable[[str], str]
     limbs: tuple[str, ...]
