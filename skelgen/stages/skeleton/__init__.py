@@ -65,6 +65,7 @@ def fit_skeleton(
         fitted.append(fit_body(body, parameters, ROTATORS[parameters.rotation]))
         monitor.advance(index + 1, len(topology.roots))
     _report_unseen(fitted, monitor)
+    _report_outliers(fitted, trajectories, monitor)
     skeleton = make_skeleton(fitted, limbs, topology)
     return skeleton, make_motion(fitted, trajectories, skeleton)
 
@@ -109,3 +110,16 @@ def _report_unseen(fitted: list[FittedBody], monitor: Monitor) -> None:
         monitor.notice(
             f"interpolated where a frame shows too little of a limb: {', '.join(parts)} of {n_frames} frames"
         )
+
+
+def _report_outliers(fitted: list[FittedBody], trajectories: Trajectories, monitor: Monitor) -> None:
+    """Say in one sentence which markers have positions that cannot be theirs, the worst first."""
+    counts = {
+        trajectories.names[marker]: int(body.outliers[:, column].sum())
+        for body in fitted
+        for column, marker in enumerate(body.body.markers)
+    }
+    worst = sorted((name for name in counts if counts[name]), key=lambda name: (-counts[name], name))
+    if worst:
+        parts = [f"{name} in {counts[name]}" for name in worst]
+        monitor.notice(f"left out of the fit because it cannot belong to the marker: {', '.join(parts)} frames")

@@ -19,6 +19,7 @@ from skelgen.stages.skeleton.joints import (
     relative_rotation_noise,
     settle_along_axes,
 )
+from skelgen.stages.skeleton.outliers import out_of_place, out_of_reach
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
@@ -40,6 +41,8 @@ class FittedBody:
         All frames.
     seen : ndarray of bool, shape (n_frames, n_limbs)
         Whether rotations rest on markers of the frame.
+    outliers : ndarray of bool, shape (n_frames, n_markers)
+        Positions that were left out because they cannot belong to their marker.
     kinds : list of JointKind
         Of the joints above limbs 1, 2, ...
     freedom : ndarray, shape (n_limbs,)
@@ -54,6 +57,7 @@ class FittedBody:
     chain: Chain
     poses: ChainPoses
     seen: Bools
+    outliers: Bools
     kinds: list[JointKind]
     freedom: Floats
     covariances: Floats
@@ -63,20 +67,19 @@ class FittedBody:
 def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator) -> FittedBody:
     """Fit one tree of limbs to its markers."""
     chain, reference = assemble(body, parameters, rotator, _well_seen_frames(body, parameters.samples))
-    start, posed = pose_outward(chain, body.positions, body.raw_joints, rotator, parameters.flatness)
+    trusted, start, posed = _without_outliers(body, chain, parameters, rotator)
     frames = _determined_frames(posed, parameters.samples)
-    sampled = body.positions[frames]
     refine = parameters.fit == "whole-chain"
-    calibration = calibrate(chain, start[frames], sampled, n_rounds=None if refine else 0)
+    calibration = calibrate(chain, start[frames], trusted[frames], n_rounds=None if refine else 0)
     chain = calibration.chain
     covariances = joint_covariances(calibration, parameters.rank_tolerance)
-    noise = relative_rotation_noise(chain, calibration.poses, sampled, calibration.noise)
+    noise = relative_rotation_noise(chain, calibration.poses, trusted[frames], calibration.noise)
     kinds = find_kinds(chain, calibration.poses, noise, parameters)
     freedom = axis_freedom(kinds, calibration.noise)
     chain = settle_along_axes(chain, kinds, freedom)
-    poses, seen = pose_outward(chain, body.positions, body.raw_joints, rotator, parameters.flatness)
+    poses, seen = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
     if refine:
-        poses = fit_poses(chain, poses, body.positions)
+        poses = fit_poses(chain, poses, trusted)
     chain, poses, turn = _with_reference_axes(chain, poses, reference)
     kinds = find_kinds(chain, poses[frames], noise, parameters)
     return FittedBody(
@@ -84,6 +87,7 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator) -> Fi
         chain=chain,
         poses=poses,
         seen=seen,
+        outliers=np.isnan(trusted[:, :, 0]) & ~np.isnan(body.positions[:, :, 0]),
         kinds=kinds,
         freedom=freedom,
         covariances=turn[np.maximum(chain.parents, 0)]
@@ -91,6 +95,20 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator) -> Fi
         @ turn[np.maximum(chain.parents, 0)].swapaxes(1, 2),
         reference=reference,
     )
+
+
+def _without_outliers(
+    body: Body, chain: Chain, parameters: SkeletonParameters, rotator: Rotator
+) -> tuple[Floats, ChainPoses, Bools]:
+    """Positions without those that cannot be right, and the poses from the root outward that rest on the others."""
+    trusted = body.positions
+    poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
+    for find in (out_of_reach, out_of_place):
+        outliers = find(chain, poses, posed, trusted, parameters.outlier_limit)
+        if outliers.any():
+            trusted = np.where(outliers[..., np.newaxis], np.nan, trusted)
+            poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
+    return trusted, poses, posed
 
 
 def _well_seen_frames(body: Body, samples: int) -> Ints:

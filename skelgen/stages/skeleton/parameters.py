@@ -34,6 +34,12 @@ class SkeletonParameters(StageParameters):
         low=0.1,
         high=100.0,
     )
+    outlier_limit: float = declare(
+        20.0,
+        "positions that are off their limb by more than this many typical deviations are left out of the fit",
+        low=3.0,
+        high=1e6,
+    )
     joints_for_poses: bool = declare(
         False,
         "line limbs up by their joints as well, not only where they have too few markers",
