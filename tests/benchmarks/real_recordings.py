@@ -69,7 +69,7 @@ def main() -> None:
         project = projects[path] = skelgen.reconstruct(skelgen.read(folder / path))
         rows.append((path, *summary(project, known), f"{time.perf_counter() - started:.1f}"))
     columns = ("recording", "frames", "markers", "limbs", "wanted", "tree", "residual [mm]", "interpolated", "s")
-    show("Real recordings: limbs, tree, mean residual, part of all poses that is interpolated", columns, rows)
+    show("Real recordings: limbs, tree, mean / median residual, part of all poses that is interpolated", columns, rows)
     show_pendulum(projects)
     for path, project in projects.items():
         if RECORDINGS[path] is None:
@@ -79,7 +79,8 @@ def main() -> None:
 def summary(project: skelgen.Project, known: Known | None) -> tuple[str, ...]:
     """One row of the first table."""
     take, motion = project.trajectories, project.motion
-    figures = (f"{np.nanmean(motion.residuals):.2f}", f"{100 * (~motion.limb_seen).mean():.1f} %")
+    average = f"{np.nanmean(motion.residuals):.2f} / {np.nanmedian(motion.residuals):.2f}"
+    figures = (average, f"{100 * (~motion.limb_seen).mean():.1f} %")
     counts = (str(take.n_frames), str(take.n_markers), str(project.limbs.n_limbs))
     if known is None:
         return (*counts, "-", f"{len(project.topology.roots)} root(s)", *figures)
