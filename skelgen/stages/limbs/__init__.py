@@ -20,6 +20,9 @@ from skelgen.stages.limbs.spectral import greedy_clusters, spectral_clusters
 
 __all__ = ["LimbParameters", "find_limbs"]
 
+HALF_BELIEVED = 20
+"""Sampled frames with which a pair of markers counts half: in fewer, limbs have hardly moved against each other."""
+
 
 def find_limbs(
     trajectories: Trajectories,
@@ -57,7 +60,7 @@ def find_limbs(
     parameters = parameters or LimbParameters()
     monitor.begin("limbs")
     frames = sample_frames(trajectories.n_frames, trajectories.rate, parameters, seed)
-    deviation = distance_deviation(trajectories.positions, frames)
+    deviation, common = distance_deviation(trajectories.positions, frames)
     usable = np.flatnonzero(_has_company(deviation))
     if len(usable) < 2:
         raise InputError(
@@ -66,18 +69,21 @@ def find_limbs(
     _report_lonely(trajectories, usable, monitor)
     if n_limbs is not None and not 1 <= n_limbs <= len(usable):
         raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
-    groups = _clusters(_complete(deviation[np.ix_(usable, usable)]), parameters, n_limbs, seed)
+    block = np.ix_(usable, usable)
+    groups = _clusters(deviation[block], common[block], parameters, n_limbs, seed)
     labels = np.full(trajectories.n_markers, -1, dtype=np.intp)
     labels[usable] = _numbered_by_first(groups)
     monitor.advance(1, 1)
     return Limbs(labels, deviation)
 
 
-def _clusters(deviation: Floats, parameters: LimbParameters, n_limbs: int | None, seed: int) -> Ints:
+def _clusters(deviation: Floats, common: Ints, parameters: LimbParameters, n_limbs: int | None, seed: int) -> Ints:
     if parameters.method == "rigidity":
-        groups = rigid_groups(deviation, parameters)
+        weight = np.where(np.isnan(deviation), 0.0, (common + 1) / (common + HALF_BELIEVED))
+        groups = rigid_groups(deviation, parameters, weight)
         if n_limbs in (None, int(groups.max()) + 1):
             return groups
+    deviation = _complete(deviation)
     k = n_limbs if n_limbs is not None else count_limbs(deviation, parameters, seed)
     if parameters.method == "greedy":
         return greedy_clusters(deviation, k)

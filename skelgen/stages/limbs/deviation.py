@@ -40,8 +40,8 @@ def sample_frames(n_frames: int, rate: float, parameters: LimbParameters, seed: 
     return np.unique(np.clip(np.rint(grid), 0, n_frames - 1).astype(np.intp))
 
 
-def distance_deviation(positions: Floats, frames: Ints) -> Floats:
-    """Return the standard deviation of each pairwise distance over the sampled frames.
+def distance_deviation(positions: Floats, frames: Ints) -> tuple[Floats, Ints]:
+    """Return the standard deviation of each pairwise distance over the sampled frames, and how many show the pair.
 
     Parameters
     ----------
@@ -52,8 +52,10 @@ def distance_deviation(positions: Floats, frames: Ints) -> Floats:
 
     Returns
     -------
-    ndarray, shape (n_markers, n_markers), mm
+    deviation : ndarray, shape (n_markers, n_markers), mm
         Symmetric, zero on the diagonal; NaN for pairs that share fewer than two frames.
+    common : ndarray of intp, shape (n_markers, n_markers)
+        Frames that the deviation rests on, in the density of the samples.
     """
     deviation, common = _deviation(positions[frames])
     rare = (common < MIN_COMMON_SAMPLES) & (len(frames) < len(positions))
@@ -62,7 +64,7 @@ def distance_deviation(positions: Floats, frames: Ints) -> Floats:
         over_all, _ = _deviation(positions[:, markers])
         block = np.ix_(markers, markers)
         deviation[block] = np.where(rare[block], over_all, deviation[block])
-    return deviation
+    return deviation, common
 
 
 def _deviation(positions: Floats) -> tuple[Floats, Ints]:

@@ -31,6 +31,12 @@ this part of what neighbouring limbs usually do. Skin moves markers that are no 
 FEW_FREEDOMS = 3
 """Merged groups with no more residual freedoms (up to three markers) cannot tell noise from motion by themselves."""
 
+FULL_POSE = 3
+"""Markers move only between limbs that have so many without them: then no limb's number of pose parameters changes."""
+
+LEAST_GAIN = 0.25
+"""nats per frame; a marker that moves to another limb must gain clearly: what rests for a while fits any limb."""
+
 TINY_VARIANCE = 1e-12
 """mm^2, keeps logarithms finite for markers that are copies of each other."""
 
@@ -41,48 +47,58 @@ def noise_variance(deviation: Floats) -> float:
     Parameters
     ----------
     deviation : ndarray, shape (n_markers, n_markers), mm
-        Complete standard deviations of distances.
+        Standard deviations of distances; NaN or infinite where unknown.
     """
-    others = deviation**2 / 2 + np.diag(np.full(len(deviation), np.inf))
-    return max(float(np.median(others.min(axis=1))), TINY_VARIANCE)
+    others = np.where(np.isnan(deviation), np.inf, deviation) ** 2 / 2 + np.diag(np.full(len(deviation), np.inf))
+    nearest = others.min(axis=1)
+    return max(float(np.median(nearest[np.isfinite(nearest)], axis=0)), TINY_VARIANCE)
 
 
-def rigid_groups(deviation: Floats, parameters: LimbParameters) -> Ints:
+def rigid_groups(deviation: Floats, parameters: LimbParameters, weight: Floats | None = None) -> Ints:
     """Group markers that move as rigid bodies.
 
     Parameters
     ----------
     deviation : ndarray, shape (n_markers, n_markers), mm
-        Complete standard deviations of distances.
+        Standard deviations of distances.
     parameters : LimbParameters
         Their `motion_factor` (c) and `pair_limit`.
+    weight : ndarray, shape (n_markers, n_markers), optional
+        How much each pair is to be believed, 0 where nothing is known of it; all alike by default.
 
     Returns
     -------
     ndarray of intp, shape (n_markers,)
         Group of each marker.
     """
-    groups = _Groups(deviation**2 / 2)
-    noise = noise_variance(deviation)
+    weight = np.ones_like(deviation) if weight is None else weight
+    known = weight > 0
+    noise = noise_variance(np.where(known, deviation, np.nan))
+    variance = np.where(known, deviation, 0.0) ** 2 / 2
+    groups = _Groups(variance, weight)
     groups.merge_while(lambda: _merge_order(groups, noise, parameters))
+    groups = _Groups(variance, weight, _moved_to_best(groups.members, variance, weight, noise))
     usual = groups.usual_motion()
     groups.merge_while(lambda: _single_order(groups, usual))
     return groups.members.astype(np.intp)
 
 
 class _Groups:
-    """Groups of markers while they are merged: sums of pair variances between and (diagonal, ordered pairs) within."""
+    """Groups of markers while they are merged: sums over pairs of markers, between groups and (diagonal) within."""
 
-    def __init__(self, variance: Floats) -> None:
-        self.sums = variance.copy()
-        self.sizes = np.ones(len(variance))
-        self.members = np.arange(len(variance))
+    def __init__(self, variance: Floats, weight: Floats, members: Ints | None = None) -> None:
+        self.members = np.arange(len(variance)) if members is None else members
+        one_hot = np.eye(self.members.max() + 1)[self.members]
+        off = ~np.eye(len(variance), dtype=bool)
+        self.sums = one_hot.T @ (variance * weight * off) @ one_hot
+        self.weights = one_hot.T @ (weight * off) @ one_hot
+        self.sizes = one_hot.sum(axis=0)
 
     @property
     def across(self) -> Floats:
-        """Mean variance [mm^2] across each two groups; infinite on and below the diagonal."""
-        mean = self.sums / (self.sizes[:, np.newaxis] * self.sizes)
-        return np.where(np.tri(len(self.sizes), dtype=bool), np.inf, mean)
+        """Mean variance [mm^2] across each two groups; infinite on and below the diagonal and where unknown."""
+        hidden = np.tri(len(self.sizes), dtype=bool) | (self.weights <= 0)
+        return np.where(hidden, np.inf, self.sums / np.where(hidden, 1.0, self.weights))
 
     def usual_motion(self) -> float:
         """Median over limbs with several markers of the variance [mm^2] against their nearest neighbour."""
@@ -90,7 +106,8 @@ class _Groups:
         if several.sum() < 2:
             return 0.0
         upper = self.across[np.ix_(several, several)]
-        return float(np.median(np.minimum(upper, upper.T).min(axis=1)))
+        nearest = np.minimum(upper, upper.T).min(axis=1)
+        return float(np.median(nearest[np.isfinite(nearest)])) if np.isfinite(nearest).any() else 0.0
 
     def merge_while(self, order: Callable[[], Floats]) -> None:
         """Merge the pair with the smallest order, again and again, until none is finite."""
@@ -102,20 +119,27 @@ class _Groups:
             self._fold(int(first), int(second))
 
     def _fold(self, first: int, second: int) -> None:
-        inner = self.sums[first, first] + self.sums[second, second] + 2 * self.sums[first, second]
-        self.sums[first] += self.sums[second]
-        self.sums[:, first] = self.sums[first]
-        self.sums[first, first] = inner
-        self.sizes[first] += self.sizes[second]
         keep = np.arange(len(self.sizes)) != second
-        self.sums, self.sizes = self.sums[np.ix_(keep, keep)], self.sizes[keep]
+        self.sums = _folded(self.sums, first, second)[np.ix_(keep, keep)]
+        self.weights = _folded(self.weights, first, second)[np.ix_(keep, keep)]
+        self.sizes[first] += self.sizes[second]
+        self.sizes = self.sizes[keep]
         self.members = np.where(self.members == second, first, self.members)
         self.members = self.members - (self.members > second)
 
 
+def _folded(table: Floats, first: int, second: int) -> Floats:
+    inner = table[first, first] + table[second, second] + 2 * table[first, second]
+    table = table.copy()
+    table[first] += table[second]
+    table[:, first] = table[first]
+    table[first, first] = inner
+    return table
+
+
 def _merge_order(groups: _Groups, noise: float, parameters: LimbParameters) -> Floats:
     """Mean variance across each two groups that pay to be merged; infinite for the others and below the diagonal."""
-    return np.where(_merge_costs(groups.sums, groups.sizes, noise, parameters) < 0, groups.across, np.inf)
+    return np.where(_merge_costs(groups, noise, parameters) < 0, groups.across, np.inf)
 
 
 def _single_order(groups: _Groups, usual: float) -> Floats:
@@ -125,27 +149,51 @@ def _single_order(groups: _Groups, usual: float) -> Floats:
     return np.where(joins, groups.across, np.inf)
 
 
-def _merge_costs(sums: Floats, sizes: Floats, noise: float, parameters: LimbParameters) -> Floats:
-    """Cost of merging each two groups [nats per frame]."""
-    inner = np.diag(sums)
-    freedoms, poses = _freedoms(sizes), _pose_size(sizes)
+def _merge_costs(groups: _Groups, noise: float, parameters: LimbParameters) -> Floats:
+    """Cost of merging each two groups [nats per frame]; only the entries above the diagonal count."""
+    sums, weights, sizes = groups.sums, groups.weights, groups.sizes
     both = sizes[:, np.newaxis] + sizes
-    across = sums / (sizes[:, np.newaxis] * sizes)
-    merged_inner = inner[:, np.newaxis] + inner + 2 * sums
-    relative = poses[:, np.newaxis] + poses - _pose_size(both)
-    alone = freedoms * np.log(_group_variance(inner, sizes, noise))
-    cost = _freedoms(both) * np.log(_group_variance(merged_inner, both, noise))
-    cost -= alone[:, np.newaxis] + alone
-    cost -= relative * np.log(parameters.motion_factor**2 * np.maximum(across, noise))
+    across = np.where(np.isfinite(groups.across), groups.across, noise)
+    alone = _misfit(np.diag(sums), np.diag(weights), sizes, noise)
+    together = [np.diag(table)[:, np.newaxis] + np.diag(table) + 2 * table for table in (sums, weights)]
+    relative = _pose_size(sizes)[:, np.newaxis] + _pose_size(sizes) - _pose_size(both)
+    cost = _misfit(together[0], together[1], both, noise) - alone[:, np.newaxis] - alone
+    cost -= relative * np.log(parameters.motion_factor**2 * np.maximum(across, noise)) / 2
     loose = (_freedoms(both) <= FEW_FREEDOMS) & (across > parameters.pair_limit**2 * noise)
-    cost = np.where(loose, np.abs(cost), cost)
-    return np.asarray(cost / 2)
+    return np.where(loose, np.abs(cost), cost)
 
 
-def _group_variance(sums: Floats, sizes: Floats, noise: float) -> Floats:
-    freedoms = _freedoms(sizes)
-    mean = sums / np.maximum(sizes * (sizes - 1), 1)
-    return np.asarray((PRIOR_WEIGHT * noise + freedoms * mean) / (PRIOR_WEIGHT + freedoms))
+def _moved_to_best(members: Ints, variance: Floats, weight: Floats, noise: float) -> Ints:
+    """Move markers, one at a time and the most profitable first, to the group that describes all groups best."""
+    members = members.copy()
+    off = ~np.eye(len(members), dtype=bool)
+    for _ in range(len(members)):
+        one_hot = np.eye(members.max() + 1)[members]
+        to_group = [(table * off) @ one_hot for table in (variance * weight, weight)]
+        inner = [np.einsum("mg,mg->g", one_hot, table) for table in to_group]
+        sizes = one_hot.sum(axis=0)
+        now = _misfit(inner[0], inner[1], sizes, noise)
+        with_it = _misfit(inner[0] + 2 * to_group[0], inner[1] + 2 * to_group[1], sizes + 1, noise) - now
+        own = np.arange(len(members)), members
+        left = [total[members] - 2 * table[own] for total, table in zip(inner, to_group, strict=True)]
+        without = _misfit(left[0], left[1], sizes[members] - 1, noise) - now[members]
+        gain = with_it + without[:, np.newaxis]
+        gain[own] = 0.0
+        full = (sizes[members] > FULL_POSE)[:, np.newaxis] & (sizes >= FULL_POSE)
+        gain[~full | (to_group[1] <= 0)] = 0.0
+        marker, group = np.unravel_index(np.argmin(gain), gain.shape)
+        if gain[marker, group] > -LEAST_GAIN:
+            break
+        members[marker] = group
+    return members.astype(np.intp)
+
+
+def _misfit(sums: Floats, weights: Floats, sizes: Floats, noise: float) -> Floats:
+    """Cost of a group's inner deviations [nats per frame]; `sums` and `weights` run over ordered pairs."""
+    freedoms = np.maximum(_freedoms(sizes), 0.0)
+    mean = np.where(weights > 0, sums / np.where(weights > 0, weights, 1.0), noise)
+    variance = (PRIOR_WEIGHT * noise + freedoms * np.maximum(mean, 0.0)) / (PRIOR_WEIGHT + freedoms)
+    return np.asarray(freedoms * np.log(variance) / 2)
 
 
 def _freedoms(sizes: Floats) -> Floats:

@@ -73,7 +73,7 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator) -> Fi
     calibration = calibrate(chain, start[frames], trusted[frames], n_rounds=None if refine else 0)
     chain = calibration.chain
     covariances = joint_covariances(calibration, parameters.rank_tolerance)
-    noise = relative_rotation_noise(chain, calibration.poses, trusted[frames], calibration.noise)
+    noise = relative_rotation_noise(chain, calibration.poses, trusted[frames], posed[frames], calibration.noise)
     kinds = find_kinds(chain, calibration.poses, noise, parameters)
     freedom = axis_freedom(kinds, calibration.noise)
     chain = settle_along_axes(chain, kinds, freedom)

@@ -8,7 +8,7 @@ from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.calibration import Calibration
 from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations
 from skelgen.kinematics.kind import JointKind, KindLimits, find_kind
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Bools, Floats
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
 NEIGHBOUR_WEIGHT = 0.1
@@ -29,8 +29,11 @@ def find_kinds(chain: Chain, poses: ChainPoses, noise: Floats, parameters: Skele
     return kinds
 
 
-def relative_rotation_noise(chain: Chain, poses: ChainPoses, positions: Floats, noise: float) -> Floats:
-    """Standard deviation [rad] of each limb's rotation against its parent about one axis, shape (n_limbs,)."""
+def relative_rotation_noise(chain: Chain, poses: ChainPoses, positions: Floats, posed: Bools, noise: float) -> Floats:
+    """Standard deviation [rad] of each limb's rotation against its parent about one axis, shape (n_limbs,).
+
+    Frames in which points fix both rotations count, all if there are none; `posed` has shape (n_frames, n_limbs).
+    """
     hessian, _ = normal_equations(chain, chain.arms(), poses, positions)
     ridge = RIDGE * np.einsum("fii->f", hessian)[:, np.newaxis, np.newaxis]
     covariance = np.linalg.inv(hessian + np.maximum(ridge, np.finfo(np.float64).tiny) * np.eye(hessian.shape[1]))
@@ -40,8 +43,9 @@ def relative_rotation_noise(chain: Chain, poses: ChainPoses, positions: Floats, 
         pick[:, 3 + 3 * limb : 6 + 3 * limb] = np.eye(3)
         parent = 3 + 3 * int(chain.parents[limb])
         pick[:, parent : parent + 3] = -np.eye(3)
-        variances = np.einsum("ij,fjk,ik->f", pick, covariance, pick) / 3
-        result[limb] = noise * np.sqrt(np.median(np.maximum(variances, 0.0)))
+        variances = np.maximum(np.einsum("ij,fjk,ik->f", pick, covariance, pick) / 3, 0.0)
+        fixed = posed[:, limb] & posed[:, chain.parents[limb]]
+        result[limb] = noise * np.sqrt(np.median(variances[fixed] if fixed.any() else variances))
     return result
 
 
