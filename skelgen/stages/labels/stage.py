@@ -14,6 +14,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels.articulated import refine_labels
 from skelgen.stages.labels.follow import follow_points, typical_spacing
 from skelgen.stages.labels.grouping import group_sets
 from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, find_marker_sets, least_length
@@ -79,11 +80,16 @@ def label_markers(
     stand_alone = min(parameters.stand_alone * rate, _STAND_ALONE_SHARE * cloud.n_frames)
     kept = _chosen(markers, (markers.lengths >= stand_alone) | (nearest <= limit), wanted)
     result = markers.chosen(kept)
-    notices += _losses(cloud, result, int((~kept)[group].sum()), n_markers)
+    names = tuple(f"M{index:03d}" for index in range(len(result)))
+    trajectories = Trajectories(_positions(cloud, result), names, rate, cloud.name)
+    if parameters.method == "rigidity":
+        trajectories = refine_labels(
+            cloud, owner, trajectories, parameters, n_markers=n_markers, seed=seed, monitor=monitor
+        )
+    notices += _losses(cloud, trajectories, int((~kept)[group].sum()), n_markers)
     for sentence in notices:
         monitor.notice(sentence)
-    names = tuple(f"M{index:03d}" for index in range(len(result)))
-    return Trajectories(_positions(cloud, result), names, rate, cloud.name, cloud.notices + notices)
+    return dataclasses.replace(trajectories, notices=cloud.notices + notices)
 
 
 def _check(cloud: PointCloud, n_markers: int | None) -> None:
@@ -138,16 +144,16 @@ def _positions(cloud: PointCloud, markers: MarkerSets) -> Floats:
     return positions
 
 
-def _losses(cloud: PointCloud, markers: MarkerSets, n_removed: int, n_markers: int | None) -> tuple[str, ...]:
+def _losses(cloud: PointCloud, markers: Trajectories, n_removed: int, n_markers: int | None) -> tuple[str, ...]:
     """Say what was left out."""
     notices = []
-    left_out = cloud.n_points - len(markers.points)
+    left_out = cloud.n_points - int(markers.seen.sum())
     if left_out:
         share = 100.0 * left_out / cloud.n_points
         notices.append(
             f"{left_out} of {cloud.n_points} points ({share:.1f} %) belong to no marker and are left out, among them "
             f"{n_removed} Marker Sets that were long enough"
         )
-    if n_markers is not None and len(markers) < n_markers:
-        notices.append(f"{n_markers} markers were asked for, but only {len(markers)} can be told apart")
+    if n_markers is not None and markers.n_markers < n_markers:
+        notices.append(f"{n_markers} markers were asked for, but only {markers.n_markers} can be told apart")
     return tuple(notices)
