@@ -13,7 +13,7 @@ from typing import Any
 
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, trajectories_from_poses
 from skelgen.errors import InputError
-from skelgen.model import PointCloud, Poses, Project, Trajectories
+from skelgen.model import PointCloud, Poses, Project
 from skelgen.parameters import StageParameters
 from skelgen.progress import Monitor
 
@@ -106,8 +106,9 @@ def _label(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) 
             "its axes), named body:o, body:x, body:y and body:z"
         )
         return (trajectories_from_poses(take),)
-    monitor.notice("the markers are labelled already: this stage is skipped")
-    return (take,)
+    from skelgen.stages.labels.repair import repair_take  # noqa: PLC0415 - see the module's docstring
+
+    return (repair_take(take, parameters, monitor=monitor),)
 
 
 def _cluster(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
@@ -148,7 +149,7 @@ PIPELINE = (
         summary="Follow unlabelled points over time and tell which belong to the same marker.",
         module="skelgen.stages.labels",
         class_name="LabelParameters",
-        given=lambda project: isinstance(project.take, Trajectories | Poses),
+        given=lambda project: isinstance(project.take, Poses),
         compute=_label,
         attach=Project.with_trajectories,
     ),

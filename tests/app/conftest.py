@@ -49,6 +49,11 @@ def _label_markers(cloud, parameters, *, n_markers=None, seed=0, monitor=None):
     return Trajectories(positions, [f"m{i}" for i in range(n_markers)], cloud.rate, cloud.name)
 
 
+def _repair_take(take, parameters, *, monitor=None):
+    monitor.notice("the markers are labelled already: no exchanged labels are found")
+    return take
+
+
 def _find_limbs(trajectories, parameters, *, n_limbs=None, seed=0, monitor=None):
     n_markers = trajectories.n_markers
     return Limbs(np.arange(n_markers) * (n_limbs or 2) // n_markers, np.zeros((n_markers, n_markers)))
@@ -82,6 +87,7 @@ def stand_ins(monkeypatch):
     """Replace the four stages by ones that answer at once; the parameters' classes by stage are returned."""
     parts = {
         "labels": {"LabelParameters": _Labels, "label_markers": _label_markers},
+        "labels.repair": {"repair_take": _repair_take},
         "limbs": {"LimbParameters": _Limbs, "find_limbs": _find_limbs},
         "joints": {"JointParameters": _Joints, "find_joints": _find_joints},
         "skeleton": {"SkeletonParameters": _Skeleton, "fit_skeleton": _fit_skeleton},

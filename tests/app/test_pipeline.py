@@ -37,11 +37,11 @@ def test_every_stage_runs_and_reports(waving):
     assert all(report.seconds >= 0 for report in project.reports.values())
 
 
-def test_labelled_markers_skip_the_labels(waving):
+def test_labelled_markers_are_searched_for_errors(waving):
     project = run_stages(Project(waving), until_stage="labels")
     assert project.trajectories is waving
-    assert project.reports["labels"].parameters == {}
-    assert "skipped" in project.reports["labels"].notices[0]
+    assert project.reports["labels"].parameters == {"min_range": 3}
+    assert "labelled already" in project.reports["labels"].notices[0]
 
 
 def test_points_are_labelled_with_the_known_number(waving):

@@ -1,0 +1,130 @@
+"""What a take says of its rigid limbs although some labels are wrong: robust groups, distances and their spread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model import Limbs, Trajectories
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.limbs import LimbParameters
+from skelgen.stages.limbs.rigidity import rigid_groups
+
+GROUPING_FRAMES = 400
+"""Frames from which limbs are grouped: more change nothing."""
+
+STATISTIC_FRAMES = 5000
+"""Frames from which medians are taken: bounds memory for long takes."""
+
+KEPT_PART = 0.9
+"""Part of a distance's samples, the densest, that its deviation rests on: wrong labels are among the others."""
+
+TRIMMED_DEVIATION = 0.789
+"""Standard deviation of the central nine tenths of a standard normal variable."""
+
+SIGMA_OF_MEDIAN = 1.4826
+"""Standard deviation of normal numbers with a median absolute value of 1."""
+
+LEAST_COMMON = 8
+"""Fewer common frames say nothing of a distance."""
+
+LEAST_SPREAD = 1e-3
+"""Of a distance: what even an exact take may vary without being told apart."""
+
+_STARTS = 11  # places at which the densest part of the samples may begin
+
+
+@dataclass(frozen=True, eq=False)
+class RigidModel:
+    """Limbs with their usual inner distances.
+
+    Attributes
+    ----------
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        -1 = on no limb.
+    distance : ndarray, shape (n_markers, n_markers), mm
+        Median distance of markers of one limb; NaN for others.
+    spread : ndarray, shape (n_markers, n_markers), mm
+        Robust standard deviation of these.
+    """
+
+    limb_of_marker: Ints
+    distance: Floats
+    spread: Floats
+
+    def partners(self, marker: int) -> Ints:
+        """Markers whose distance to one marker is known."""
+        return np.flatnonzero(~np.isnan(self.distance[marker]))
+
+
+def robust_limbs(trajectories: Trajectories) -> Limbs:
+    """Group markers into limbs, unmoved by labels that are wrong for up to a tenth of the time."""
+    n_markers = trajectories.n_markers
+    labels = np.full(n_markers, -1, dtype=np.intp)
+    deviation = _trimmed_deviations(trajectories.positions[_spaced(trajectories.n_frames, GROUPING_FRAMES)])
+    usable = np.flatnonzero((~np.isnan(deviation)).sum(axis=1) > 1)
+    if len(usable) > 1:
+        inner = deviation[np.ix_(usable, usable)]
+        inner = np.where(np.isnan(inner), np.nanmax(inner), inner)
+        groups = rigid_groups(inner, LimbParameters())
+        labels[usable] = np.unique(groups, return_inverse=True)[1]
+    return Limbs(labels, deviation)
+
+
+def rigid_model(trajectories: Trajectories, limbs: Limbs) -> RigidModel:
+    """Take the median and the spread of all distances within limbs."""
+    n_markers = trajectories.n_markers
+    distance, spread = np.full((2, n_markers, n_markers), np.nan)
+    first, second = limb_pairs(limbs)
+    if len(first):
+        positions = trajectories.positions[_spaced(trajectories.n_frames, STATISTIC_FRAMES)]
+        lengths = np.linalg.norm(positions[:, first] - positions[:, second], axis=2).T
+        middle, count = _sorted_median(lengths)
+        deviation = SIGMA_OF_MEDIAN * _sorted_median(np.abs(lengths - middle[:, np.newaxis]))[0]
+        usual = float(np.median(deviation[count >= LEAST_COMMON])) if (count >= LEAST_COMMON).any() else 0.0
+        deviation = np.maximum(deviation, np.maximum(usual / 2, LEAST_SPREAD * middle))
+        known = (count >= LEAST_COMMON) & (deviation > 0)
+        for matrix, values in ((distance, middle), (spread, deviation)):
+            matrix[first[known], second[known]] = matrix[second[known], first[known]] = values[known]
+    return RigidModel(limbs.limb_of_marker, distance, spread)
+
+
+def limb_pairs(limbs: Limbs) -> tuple[Ints, Ints]:
+    """All pairs of markers that share a limb."""
+    first, second = np.triu_indices(limbs.n_markers, 1)
+    same = (limbs.limb_of_marker[first] == limbs.limb_of_marker[second]) & (limbs.limb_of_marker[first] >= 0)
+    return first[same], second[same]
+
+
+def _spaced(n_frames: int, most: int) -> Ints:
+    return np.unique(np.linspace(0, max(n_frames - 1, 0), min(most, n_frames)).astype(np.intp))
+
+
+def _sorted_median(rows: Floats) -> tuple[Floats, Ints]:
+    """Median of each row without its NaN, and the number of values."""
+    ordered = np.sort(rows, axis=1)
+    count = (~np.isnan(rows)).sum(axis=1)
+    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, np.newaxis] // 2, axis=1)[:, 0]
+    return middle, count
+
+
+def _trimmed_deviations(positions: Floats) -> Floats:
+    """Standard deviations of the densest nine tenths of all distances, shape (n_markers, n_markers)."""
+    n_markers = positions.shape[1]
+    first, second = np.triu_indices(n_markers, 1)
+    values = np.sort(np.linalg.norm(positions[:, first] - positions[:, second], axis=2).T, axis=1)
+    count = (~np.isnan(values)).sum(axis=1)
+    kept = np.maximum((KEPT_PART * count).astype(np.intp), 1)
+    starts = (np.linspace(0, 1, _STARTS)[:, np.newaxis] * np.maximum(count - kept, 0)).astype(np.intp)
+    rows = np.arange(len(values))
+    widths = values[rows, starts + kept - 1] - values[rows, starts]
+    start = starts[np.argmin(np.where(np.isnan(widths), np.inf, widths), axis=0), rows]
+    index = np.arange(values.shape[1])
+    inside = (index >= start[:, np.newaxis]) & (index < (start + kept)[:, np.newaxis])
+    centred = np.where(inside, values - values[rows, start][:, np.newaxis], 0.0)
+    variance = (centred**2).sum(axis=1) / kept - (centred.sum(axis=1) / kept) ** 2
+    result = np.zeros((n_markers, n_markers))
+    deviation = np.sqrt(np.maximum(variance, 0.0)) / TRIMMED_DEVIATION
+    result[first, second] = result[second, first] = np.where(count >= LEAST_COMMON, deviation, np.nan)
+    return result
