@@ -110,6 +110,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("formats", file_commands.formats, tuple),
         ("config", file_commands.config, tuple),
         ("report", file_commands.report, tuple),
+        ("fill", file_commands.fill, tuple),
     ]
 
 

@@ -1,4 +1,4 @@
-"""Commands around files: `convert`, `info`, `simulate`, `evaluate`, `formats`, `config`, `report`."""
+"""Commands around files: `convert`, `info`, `simulate`, `evaluate`, `formats`, `config`, `report`, `fill`."""
 
 from __future__ import annotations
 
@@ -145,3 +145,20 @@ def report(
     source = find_result(result)
     target = write_report(open_project(source), output or source.with_suffix(".html"))
     show_files(Screen(), [target])
+
+
+def fill(
+    result: ProjectFile,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="Marker file to write; its suffix tells the format.")
+    ],
+    quiet: Quiet = False,
+) -> None:
+    """Fill the gaps of all markers; a table beside the file says which positions are filled, from what, how surely."""
+    from skelgen.app.filling import fill_project, write_filled
+    from skelgen.app.store import find_result, open_project
+
+    filled = fill_project(open_project(find_result(result)))
+    screen = Screen(quiet)
+    screen.note((filled.sentence,))
+    show_files(screen, write_filled(filled, output))

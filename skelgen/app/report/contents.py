@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from skelgen.app.filling import fill_project
 from skelgen.app.report import measures, svg
 from skelgen.app.report.colours import limb_colour
 from skelgen.app.report.figure_costs import cost_graph
@@ -22,6 +23,7 @@ from skelgen.app.report.run_facts import stage_tables, versions
 from skelgen.app.report.wording import counted, digits, duration, fixed, listed, millimetres, percent, plain
 from skelgen.app.summary import column_rows
 from skelgen.model import Joint, PointCloud, Poses, Project
+from skelgen.model.filled import Source
 from skelgen.model.skeleton import JOINT_KINDS
 
 Content = dict[str, Any]
@@ -30,6 +32,11 @@ _KIND_WORDS = {
     "PointCloud": "unlabelled points",
     "Trajectories": "labelled markers",
     "Poses": "bodies with position and orientation",
+}
+_SOURCE_WORDS = {
+    Source.LIMB: "Can be filled from the limb",
+    Source.JOINT: "Can be filled with a joint's help",
+    Source.INTERPOLATED: "Can be interpolated",
 }
 _SIGN_SIDE = 18.0
 
@@ -54,7 +61,7 @@ def report_content(project: Project) -> Content:
         "colours": _colours(project),
     }
     if project.has("labels") and project.trajectories.n_frames and project.trajectories.n_markers:
-        content["gaps"] = {"figure": gaps_figure(project), "facts": _gap_facts(project)}
+        content["gaps"] = _gaps(project)
     if project.has("limbs") and project.limbs.n_limbs:
         content["limbs"] = _limbs(project)
     if project.has("joints") and project.topology.n_joints:
@@ -157,6 +164,19 @@ def _taken(project: Project) -> Content:
     if isinstance(take, Poses):
         return {"facts": [*facts, ("Bodies", str(take.n_bodies))], "figure": ""}
     return {"facts": [*facts, ("Markers", str(take.n_markers))], "figure": ""}
+
+
+def _gaps(project: Project) -> Content:
+    """Timeline and facts; with a skeleton, what the gaps can be filled from."""
+    facts = _gap_facts(project)
+    if not project.has("skeleton") or project.trajectories.seen.all():
+        return {"figure": gaps_figure(project), "facts": facts, "can_fill": False}
+    filled = fill_project(project)
+    for source, words in _SOURCE_WORDS.items():
+        stds = filled.std[filled.source == source]
+        if len(stds):
+            facts.append((words, f"{len(stds)} positions, ± {millimetres(float(np.median(stds)))} in the median"))
+    return {"figure": gaps_figure(project, filled), "facts": facts, "can_fill": True}
 
 
 def _gap_facts(project: Project) -> list[tuple[str, str]]:

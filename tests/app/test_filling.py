@@ -1,0 +1,75 @@
+"""Filled markers as files: complete, and told apart by the table beside them."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+import skelgen
+from skelgen.app.filling import fill_project, write_filled
+from skelgen.app.report import report_html
+from skelgen.cli.application import main
+from skelgen.errors import MissingResultError, WriteError
+from skelgen.model import Project
+from skelgen.model.filled import Source
+from skelgen.simulation import simulate
+
+FILE_DIGITS = 1e-3  # mm; C3D keeps 7 digits of some metres
+
+
+@pytest.fixture(scope="module")
+def project():
+    """Three rods, 5 % of their positions lost, through all stages."""
+    return skelgen.reconstruct(simulate("rods", n_frames=200, noise=0.2, dropouts=0.05).take)
+
+
+def test_filled_markers_are_written_complete(project, tmp_path):
+    filled = fill_project(project)
+    write_filled(filled, tmp_path / "filled.c3d")
+    written = skelgen.read(tmp_path / "filled.c3d")
+    assert written.seen.all()
+    assert written.positions == pytest.approx(filled.positions, abs=FILE_DIGITS)
+
+
+def test_table_has_a_row_for_every_filled_position(project, tmp_path):
+    filled = fill_project(project)
+    _, table = write_filled(filled, tmp_path / "filled.trc")
+    with table.open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    names = project.trajectories.names
+    assert {(int(row["frame"]), names.index(row["marker"])) for row in rows} == {
+        (frame, marker) for frame, marker in np.argwhere(~project.trajectories.seen).tolist()
+    }
+    assert {row["source"] for row in rows} <= {source.word for source in Source}
+
+
+def test_a_suffix_without_markers_writes_nothing(project, tmp_path):
+    with pytest.raises(WriteError, match="joints-csv holds the joints"):
+        write_filled(fill_project(project), tmp_path / "filled.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_project_without_skeleton_is_told_what_to_run(project):
+    with pytest.raises(MissingResultError, match="run the stage 'skeleton' first"):
+        fill_project(Project(project.take).with_trajectories(project.trajectories, None))
+
+
+def test_command_fills_a_project(project, tmp_path, capsys):
+    skelgen.write(project, tmp_path / "take.skelgen")
+    assert main(["fill", str(tmp_path / "take.skelgen"), "-o", str(tmp_path / "filled.csm")]) == 0
+    assert skelgen.read(tmp_path / "filled.csm").seen.all()
+    assert (tmp_path / "filled.filled.csv").exists()
+    assert "positions are filled, not measured" in "".join(capsys.readouterr())
+
+
+def test_report_says_from_what_gaps_can_be_filled(project):
+    html = report_html(project)
+    assert "a joint&#39;s help" in html or "from the limb" in html
+    assert "<code>skelgen fill</code>" in html
+
+
+def test_report_of_a_take_without_gaps_speaks_of_no_filling():
+    complete = skelgen.reconstruct(simulate("rods", n_frames=100).take)
+    assert "skelgen fill" not in report_html(complete)
