@@ -18,6 +18,7 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.filled import Filled, Source
 
 _FEWEST_TOGETHER = 25  # frames in which a marker and its helpers are seen, to learn from
+_FEWEST_KNOWN = 10  # frames in which a marker is seen, to tell how far it strays from them
 _WORLD = -1
 
 
@@ -38,7 +39,8 @@ def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion) ->
     Filled
         Measured positions as they are, filled ones with source and standard deviation. Wherever three other markers
         pose the limb they are the source; elsewhere it is what has the smallest deviation: the limb with its joints,
-        or interpolation. Markers that are never seen stay empty.
+        or interpolation. Markers that are never seen stay empty, and those seen in fewer than ten frames where their
+        limb is not posed.
 
     Raises
     ------
@@ -89,6 +91,8 @@ def _interpolate(work: _Work, marker: int) -> None:
     """Bridge a marker itself, in the world and in the frame of the parent limb where that is posed."""
     series, seen = work.trajectories.positions[:, marker], work.seen[:, marker]
     missing = np.flatnonzero(~seen)
+    if seen.sum() < _FEWEST_KNOWN:
+        return
     work.put(marker, missing, *bridge(series, seen, missing, fit_memory(series, seen)), Source.INTERPOLATED)
     limb = int(work.skeleton.limb_of_marker[marker])
     parent = int(work.skeleton.parents[limb]) if limb >= 0 else _WORLD
@@ -96,7 +100,7 @@ def _interpolate(work: _Work, marker: int) -> None:
         return
     posed = work.motion.limb_seen[:, parent]
     frames = missing[posed[missing]]
-    if not (seen & posed).any() or len(frames) == 0:
+    if (seen & posed).sum() < _FEWEST_KNOWN or len(frames) == 0:
         return
     poses = work.motion.world_from_limb[:, parent]
     local = np.einsum("fji,fj->fi", poses[:, :3, :3], series - poses[:, :3, 3])

@@ -107,6 +107,11 @@ def test_a_marker_that_is_never_seen_stays_empty(case):
     assert np.isnan(filled.std[:, 0]).all()
 
 
+def test_one_seen_frame_is_not_taken_for_certainty(case):
+    filled = case([(0, slice(1, None))], noise=0.5).filled
+    assert (filled.std[1:, 0] >= 1.0).all()  # mm, the deviation of every marker of the skeleton made here
+
+
 def test_gaps_at_both_ends_are_filled(case):
     done = case([(0, slice(0, 40)), (1, slice(260, None))])
     assert done.filled.positions == pytest.approx(done.whole.positions, abs=EXACT)

@@ -34,9 +34,9 @@ _KIND_WORDS = {
     "Poses": "bodies with position and orientation",
 }
 _SOURCE_WORDS = {
-    Source.LIMB: "Can be filled from the limb",
-    Source.JOINT: "Can be filled with a joint's help",
-    Source.INTERPOLATED: "Can be interpolated",
+    Source.LIMB: "Filled from limb",
+    Source.JOINT: "Filled with joint",
+    Source.INTERPOLATED: "Interpolated",
 }
 _SIGN_SIDE = 18.0
 
@@ -175,7 +175,7 @@ def _gaps(project: Project) -> Content:
     for source, words in _SOURCE_WORDS.items():
         stds = filled.std[filled.source == source]
         if len(stds):
-            facts.append((words, f"{len(stds)} positions, ± {millimetres(float(np.median(stds)))} in the median"))
+            facts.append((words, f"{len(stds)} (± {millimetres(float(np.median(stds)))})"))
     return {"figure": gaps_figure(project, filled), "facts": facts, "can_fill": True}
 
 
