@@ -22,7 +22,7 @@ class LabelParameters(StageParameters):
         How the distance between two Marker Sets is found.
     clustering
         How Marker Sets are grouped into markers.
-    repair, swap_evidence
+    repair, swap_evidence, slip_seconds, slip_evidence
         How errors are searched for in takes that are labelled already.
     add_random, max_jitter, time_one_frame
         Test jitter, and the clock of takes whose time stamps do not rise.
@@ -121,6 +121,15 @@ class LabelParameters(StageParameters):
         "An exchange of labels is repaired when distances within limbs speak for it by this much.",
         unit="nats",
         low=0.0,
+        high=1000.0,
+    )
+    slip_seconds: float = declare(
+        1.0, "A marker has slipped when its new place on the limb lasts this long.", unit="s", low=0.05, high=100.0
+    )
+    slip_evidence: float = declare(
+        6.0,
+        "A marker has slipped when its place changes by this many times what it varies at random.",
+        low=3.0,
         high=1000.0,
     )
     add_random: bool = declare(False, "Add jitter to the points, to test with clean data.", seed_name="ADDRANDOMTC")
