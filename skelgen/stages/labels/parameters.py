@@ -113,9 +113,7 @@ class LabelParameters(StageParameters):
         "groups by their average or largest distance; sets that overlap in time are never joined.",
         choices=("spectral", "average", "complete"),
     )
-    repair: bool = declare(
-        True, "Whether takes that are labelled already are searched for exchanged labels."
-    )
+    repair: bool = declare(True, "Whether takes that are labelled already are searched for exchanged labels.")
     swap_evidence: float = declare(
         5.0,
         "An exchange of labels is repaired when distances within limbs speak for it by this much.",
