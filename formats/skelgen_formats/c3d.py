@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from skelgen.errors import WriteError
+from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen_formats.atomic import replacing
 from skelgen_formats.c3d_layout import MAGIC, MOST_HEADER_FRAMES, C3dLayout, dec_floats, read_layout
 from skelgen_formats.markers import (
     check_writable_names,

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import WriteError
+from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
-from skelgen_formats.atomic import replacing
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.registry import Format
 

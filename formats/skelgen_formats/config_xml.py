@@ -16,8 +16,8 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from skelgen.errors import FormatError, ParameterError, WriteError
+from skelgen.files import replacing
 from skelgen.parameters import Declaration, StageParameters
-from skelgen_formats.atomic import replacing
 
 ROOT = "Parameters"
 

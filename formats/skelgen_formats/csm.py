@@ -29,9 +29,9 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError
+from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen_formats.atomic import replacing
 from skelgen_formats.markers import (
     check_frames,
     check_writable_names,

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from skelgen.errors import WriteError
+from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
-from skelgen_formats.atomic import replacing
 from skelgen_formats.registry import Format
 
 

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.errors import FormatError, WriteError
-from skelgen_formats.atomic import replacing
+from skelgen.files import replacing
 
 FRAME_HEADER = np.dtype({"names": ["n_markers", "time"], "formats": ["<u4", "<u8"], "offsets": [0, 4], "itemsize": 12})
 """Layout of a frame's header."""

@@ -24,10 +24,10 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError, WriteError
+from skelgen.files import replacing
 from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from skelgen.model import Poses, Project, Take
 from skelgen.model.arrays import Bools, Floats
-from skelgen_formats.atomic import replacing
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
 from skelgen_formats.registry import Format
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from skelgen.errors import WriteError
+from skelgen.files import replacing
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Take
 from skelgen.model.arrays import Floats
-from skelgen_formats.atomic import replacing
 from skelgen_formats.joints_csv import joint_names
 from skelgen_formats.registry import Format
 

@@ -52,9 +52,7 @@ class BallFit:
     n_frames: int
 
 
-def fit_ball(
-    first: Floats, second: Floats, near_first: Floats, near_second: Floats, ridge: float = 0.0
-) -> BallFit | None:
+def fit_ball(first: Floats, second: Floats, near_first: Floats, near_second: Floats) -> BallFit | None:
     """Fit the point that is fixed in two bodies.
 
     Parameters
@@ -63,8 +61,6 @@ def fit_ball(
         world_from_body of both; NaN where unknown.
     near_first, near_second : ndarray, shape (3,), mm
         Where the bodies are in their own frames (centroids of their markers): undetermined directions lean there.
-    ridge : float
-        Extra weight of nearness; the square of the rotations' noise [rad^2] keeps noise from deciding along an axis.
 
     Returns
     -------
@@ -79,11 +75,10 @@ def fit_ball(
     relative = np.einsum("fji,fjk->ik", ra, rb) / len(ra)
     seen_from_first = np.einsum("fji,fj->i", ra, between) / len(ra)
     seen_from_second = np.einsum("fji,fj->i", rb, between) / len(rb)
-    weight = RELATIVE_RIDGE + ridge
     normal = np.block([[np.eye(3), -relative], [-relative.T, np.eye(3)]])
     right = np.concatenate([seen_from_first, -seen_from_second])
     near = np.concatenate([near_first, near_second])
-    point = near + np.linalg.solve(normal + weight * np.eye(6), right - normal @ near)
+    point = near + np.linalg.solve(normal + RELATIVE_RIDGE * np.eye(6), right - normal @ near)
     gap = (between**2).sum(axis=1).mean() - 2 * point @ right + point @ normal @ point
     u, singular, vt = np.linalg.svd(relative)
     return BallFit(

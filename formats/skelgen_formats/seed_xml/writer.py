@@ -17,9 +17,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from skelgen.errors import WriteError
+from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
-from skelgen_formats.atomic import replacing
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.seed_xml.statistics import centers_of_mass, joint_stats
 from skelgen_formats.seed_xml.values import JointStats, MarkerDistance

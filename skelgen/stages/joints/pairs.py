@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.orientation import Rotator, rotation_by_quaternion
-from skelgen.kinematics.ball import BallFit, fit_ball
+from skelgen.kinematics.ball import fit_ball
 from skelgen.kinematics.shape import LimbShape, fit_shape
 from skelgen.kinematics.sphere import fit_sphere
 from skelgen.model.arrays import Floats, Ints
@@ -102,11 +102,6 @@ def guess_joint(first: Segment, second: Segment, alpha: float, parameters: Joint
     return JointGuess(guess.positions, guess.cost + alpha * float(distances.mean()), guess.n_iterations)
 
 
-def ball_between(first: LimbShape, second: LimbShape, near_first: Floats, near_second: Floats) -> BallFit | None:
-    """Closed-form joint between two limbs with poses; None where they share too few frames."""
-    return fit_ball(first.world_from_limb, second.world_from_limb, near_first, near_second)
-
-
 def images(shape: LimbShape, point: Floats) -> Floats:
     """World positions of a point of a limb's frame, shape (n_frames, 3); NaN without a pose."""
     poses = shape.world_from_limb
@@ -114,7 +109,7 @@ def images(shape: LimbShape, point: Floats) -> Floats:
 
 
 def _from_poses(first: Segment, second: Segment) -> JointGuess | None:
-    fit = ball_between(first.shape, second.shape, first.centre, second.centre)
+    fit = fit_ball(first.shape.world_from_limb, second.shape.world_from_limb, first.centre, second.centre)
     if fit is None:
         return None
     both = np.stack([images(first.shape, fit.in_first), images(second.shape, fit.in_second)])

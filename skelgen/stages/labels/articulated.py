@@ -122,7 +122,7 @@ def refine_labels(
     widest = BLIND_GATE * typical_spacing(cloud)
     positions = markers.positions
     for turn in range(parameters.rounds):
-        model = fit_model(Trajectories(positions, _names(positions.shape[1]), markers.rate), widest, seed)
+        model = fit_model(Trajectories(positions, marker_names(positions.shape[1]), markers.rate), widest, seed)
         if model is None:
             break
         better = _relabelled(cloud, frame_of_point, owner, positions, model, n_markers)
@@ -130,7 +130,7 @@ def refine_labels(
         if _n_seen(better) < _n_seen(positions) or _same(better, positions):
             break
         positions = better
-    return Trajectories(positions, _names(positions.shape[1]), markers.rate, markers.name, markers.notices)
+    return Trajectories(positions, marker_names(positions.shape[1]), markers.rate, markers.name, markers.notices)
 
 
 def fit_model(markers: Trajectories, widest: float, seed: int) -> Model | None:
@@ -246,5 +246,6 @@ def _widened(known: Bools, frames: int) -> Bools:
     return np.asarray(binary_dilation(known, structure=np.ones((2 * frames + 1, 1))))
 
 
-def _names(n_markers: int) -> tuple[str, ...]:
+def marker_names(n_markers: int) -> tuple[str, ...]:
+    """Return the names of markers that have no labels: ``M000``, ``M001``, ..."""
     return tuple(f"M{index:03d}" for index in range(n_markers))

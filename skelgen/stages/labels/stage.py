@@ -14,7 +14,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.articulated import refine_labels
+from skelgen.stages.labels.articulated import marker_names, refine_labels
 from skelgen.stages.labels.follow import follow_points, typical_spacing
 from skelgen.stages.labels.grouping import group_sets
 from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, find_marker_sets, least_length
@@ -80,8 +80,7 @@ def label_markers(
     stand_alone = min(parameters.stand_alone * rate, _STAND_ALONE_SHARE * cloud.n_frames)
     kept = _chosen(markers, (markers.lengths >= stand_alone) | (nearest <= limit), wanted)
     result = markers.chosen(kept)
-    names = tuple(f"M{index:03d}" for index in range(len(result)))
-    trajectories = Trajectories(_positions(cloud, result), names, rate, cloud.name)
+    trajectories = Trajectories(_positions(cloud, result), marker_names(len(result)), rate, cloud.name)
     if parameters.method == "rigidity":
         trajectories = refine_labels(
             cloud, owner, trajectories, parameters, n_markers=n_markers, seed=seed, monitor=monitor

@@ -59,7 +59,7 @@ def find_limbs(
     """
     parameters = parameters or LimbParameters()
     monitor.begin("limbs")
-    frames = sample_frames(trajectories.n_frames, trajectories.rate, parameters, seed)
+    frames = sample_frames(trajectories.n_frames, parameters, seed)
     deviation, common = distance_deviation(trajectories.positions, frames)
     usable = np.flatnonzero(_has_company(deviation))
     if len(usable) < 2:

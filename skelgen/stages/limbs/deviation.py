@@ -14,15 +14,13 @@ MIN_COMMON_SAMPLES = 8
 """Fewer sampled frames with both markers say nothing about rigidity; all frames are then asked."""
 
 
-def sample_frames(n_frames: int, rate: float, parameters: LimbParameters, seed: int) -> Ints:
+def sample_frames(n_frames: int, parameters: LimbParameters, seed: int) -> Ints:
     """Choose frames at regular steps with jitter, so that periodic motion cannot hide (Kirk et al. 2005).
 
     Parameters
     ----------
     n_frames : int
         Frames in the take.
-    rate : float
-        Frame rate [Hz]; kept for the signature of samplers in time.
     parameters : LimbParameters
         Their `sampling`, `samples` and `jitter`.
     seed : int

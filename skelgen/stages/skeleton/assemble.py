@@ -17,9 +17,6 @@ from skelgen.kinematics.shape import LimbShape, fit_shape
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
-ROBUST_ROUNDS = 1
-"""The seed leaves outliers out once."""
-
 
 @dataclass(frozen=True, eq=False)
 class Body:
@@ -110,11 +107,10 @@ def _mean_points(points: Floats, shape: LimbShape, frames: Ints, outlier: float)
     local = np.einsum("fji,fnj->fni", poses[:, :3, :3], points - poses[:, np.newaxis, :3, 3])
     known = ~np.isnan(local[:, :, 0])
     mean = _mean(local, known)
-    for _ in range(ROBUST_ROUNDS):
-        distance = np.linalg.norm(np.where(known[..., np.newaxis], local - mean, 0.0), axis=2)
-        spread = np.sqrt((distance**2).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
-        mean = _mean(local, known & (distance <= outlier * spread + np.finfo(np.float64).eps * np.abs(mean).max()))
-    return mean
+    distance = np.linalg.norm(np.where(known[..., np.newaxis], local - mean, 0.0), axis=2)
+    spread = np.sqrt((distance**2).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
+    rounding = np.finfo(np.float64).eps * np.abs(mean).max()
+    return _mean(local, known & (distance <= outlier * spread + rounding))
 
 
 def _mean(local: Floats, known: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Floats:

@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.kinematics.chain import Chain, ChainPoses
 from skelgen.model.arrays import Bools, Floats
 
 LEAST_PART = 0.02
 """Of the markers' typical distance from the joint: less than this is no gross error, however exact the take."""
-
-SIGMA_OF_MEDIAN = 1.4826
-"""Standard deviation of normal numbers with a median absolute value of 1."""
 
 
 def out_of_reach(chain: Chain, poses: ChainPoses, posed: Bools, positions: Floats, factor: float) -> Bools:

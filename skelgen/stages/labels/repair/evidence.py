@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels.repair.jumps import Cycle, expectations
-from skelgen.stages.labels.repair.rigid import SIGMA_OF_MEDIAN, RigidModel
+from skelgen.stages.labels.repair.rigid import RigidModel
 
 FREEDOMS = 4.0
 """Degrees of freedom of the law of distances: heavier tails than normal, as skin has them."""

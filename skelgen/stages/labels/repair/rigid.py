@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs import LimbParameters
@@ -22,9 +23,6 @@ KEPT_PART = 0.9
 
 TRIMMED_DEVIATION = 0.789
 """Standard deviation of the central nine tenths of a standard normal variable."""
-
-SIGMA_OF_MEDIAN = 1.4826
-"""Standard deviation of normal numbers with a median absolute value of 1."""
 
 LEAST_COMMON = 8
 """Fewer common frames say nothing of a distance."""

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.kinematics.shape import fit_shape
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.repair.rigid import SIGMA_OF_MEDIAN, robust_limbs
+from skelgen.stages.labels.repair.rigid import robust_limbs
 
 STEP_FRAMES = 5
 """Frames on each side that a sudden step is measured over."""
