@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ Bools = NDArray[np.bool_]
 
 
 def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, finite: bool = False) -> Floats:
-    """Return a read-only float64 copy of the stated shape.
+    """Return a read-only float64 copy of the stated shape; what nobody can write to is not copied.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, f
     InputError
         If the shape or a number is wrong.
     """
-    array = np.array(values, dtype=np.float64)
+    array = values if _is_frozen(values) else np.array(values, dtype=np.float64)
     _check_shape(array, shape, what)
     if np.isinf(array).any() or (finite and np.isnan(array).any()):
         raise InputError(f"{what} holds values that are not finite numbers")
@@ -82,6 +82,16 @@ def check_rate(rate: Any, what: str) -> float:
     if not np.isfinite(value) or value <= 0:
         raise InputError(f"{what} has a rate of {value:g} Hz; it must be above 0")
     return value
+
+
+def _is_frozen(values: ArrayLike) -> TypeGuard[Floats]:
+    """Whether an array comes from another value: an hour of markers need not be held twice."""
+    return (
+        isinstance(values, np.ndarray)
+        and values.dtype == np.float64
+        and not values.flags.writeable
+        and bool(values.flags.owndata)
+    )
 
 
 def _check_shape(array: NDArray[Any], shape: Sequence[int | None], what: str) -> None:
