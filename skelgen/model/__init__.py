@@ -3,6 +3,7 @@
 Units inside are mm, s, rad and Hz; coordinates are right-handed; frames come first, xyz last; NaN means unseen.
 """
 
+from skelgen.model.labelling import Labelling
 from skelgen.model.limbs import Limbs
 from skelgen.model.project import Project, StageReport
 from skelgen.model.skeleton import Joint, Motion, Skeleton
@@ -11,6 +12,7 @@ from skelgen.model.topology import Topology
 
 __all__ = [
     "Joint",
+    "Labelling",
     "Limbs",
     "Motion",
     "PointCloud",

@@ -11,12 +11,13 @@ import dataclasses
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model import PointCloud, Trajectories
+from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.articulated import marker_names, refine_labels
 from skelgen.stages.labels.follow import follow_points, typical_spacing
 from skelgen.stages.labels.grouping import group_sets
+from skelgen.stages.labels.judged import Origin, labelling_of_cloud
 from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, find_marker_sets, least_length
 from skelgen.stages.labels.parameters import LabelParameters
 
@@ -62,6 +63,25 @@ def label_markers(
     InputError
         If there are no points, too many in a frame, impossible coordinates, or no marker that is seen long enough.
     """
+    return _labelled(cloud, parameters, n_markers, seed, monitor)[0]
+
+
+def label_and_judge(
+    cloud: PointCloud,
+    parameters: LabelParameters,
+    *,
+    n_markers: int | None = None,
+    seed: int = 0,
+    monitor: Monitor = SILENT,
+) -> tuple[Trajectories, Labelling]:
+    """Do as `label_markers` does, and tell how sure the identities are."""
+    trajectories, origin = _labelled(cloud, parameters, n_markers, seed, monitor)
+    return trajectories, labelling_of_cloud(cloud, trajectories, origin)
+
+
+def _labelled(
+    cloud: PointCloud, parameters: LabelParameters, n_markers: int | None, seed: int, monitor: Monitor
+) -> tuple[Trajectories, Origin]:
     _check(cloud, n_markers)
     cloud = _jittered(cloud, parameters, seed)
     rate, notices = _rate(cloud, parameters)
@@ -81,6 +101,7 @@ def label_markers(
     kept = _chosen(markers, (markers.lengths >= stand_alone) | (nearest <= limit), wanted)
     result = markers.chosen(kept)
     trajectories = Trajectories(_positions(cloud, result), marker_names(len(result)), rate, cloud.name)
+    origin = Origin(cloud, owner, trajectories if parameters.method != "sets" else None)
     if parameters.method == "rigidity":
         trajectories = refine_labels(
             cloud, owner, trajectories, parameters, n_markers=n_markers, seed=seed, monitor=monitor
@@ -88,7 +109,7 @@ def label_markers(
     notices += _losses(cloud, trajectories, int((~kept)[group].sum()), n_markers)
     for sentence in notices:
         monitor.notice(sentence)
-    return dataclasses.replace(trajectories, notices=cloud.notices + notices)
+    return dataclasses.replace(trajectories, notices=cloud.notices + notices), origin
 
 
 def _check(cloud: PointCloud, n_markers: int | None) -> None:
