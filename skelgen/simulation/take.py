@@ -13,12 +13,23 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.parameters import StageParameters, declare
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.cameras import CAMERAS_NEEDED, camera_ring, seen_by_cameras
-from skelgen.simulation.markers import carried_markers, dropouts, ghosts, shuffled_points, soft_tissue_motion
+from skelgen.simulation.markers import (
+    carried_markers,
+    dropouts,
+    duplicates,
+    edge_jumps,
+    ghosts,
+    merged_points,
+    shuffled_points,
+    soft_tissue_motion,
+)
 from skelgen.simulation.motion import random_angles, random_walk, world_from_limbs
 from skelgen.simulation.structures import find_structure
 from skelgen.simulation.truth import Truth
 
-_STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order")  # each has its own random numbers
+# Each has its own random numbers, by its place in the list.
+_STREAMS = ("motion", "tissue", "noise", "dropouts", "ghosts", "order", "edges", "duplicates")
+_UNLABELLED = ("ghosts", "merged", "duplicates")  # faults whose points cannot carry one label
 
 
 @dataclass(frozen=True)
@@ -36,6 +47,24 @@ class SimulationParameters(StageParameters):
     dropouts: float = declare(0.0, "Part of all marker positions that is lost, mostly in bursts.", low=0.0, high=0.95)
     n_cameras: int = declare(0, "Cameras around the volume that limbs can block; 0 sees everything.", low=0, high=64)
     ghosts: float = declare(0.0, "Mean number of false points per frame; needs labelled = false.", low=0.0, high=1000.0)
+    merged: float = declare(
+        0.0,
+        "Markers nearer than this become one point, their mean, which is no marker's in the truth; needs labelled = "
+        "false.",
+        unit="mm",
+        low=0.0,
+        high=1000.0,
+    )
+    duplicates: float = declare(
+        0.0, "Mean number of markers per frame that are seen as two points; needs labelled = false.", low=0.0, high=1e3
+    )
+    edge_jumps: float = declare(
+        0.0,
+        "Standard deviation of each coordinate in the first and last frames in which a marker is seen.",
+        unit="mm",
+        low=0.0,
+        high=1000.0,
+    )
     labelled: bool = declare(True, "Whether markers carry names; otherwise they are points in random order.")
     motion_range: float = declare(1.0, "Factor on the amplitude of all joint angles.", low=0.0, high=3.0)
     walk: float = declare(1000.0, "How far the root walks from the centre along x and y.", unit="mm", low=0.0, high=1e5)
@@ -126,8 +155,9 @@ def _moved(body: Structure, settings: SimulationParameters, seed: int) -> _Scene
 
 def _settings(parameters: SimulationParameters, options: dict[str, Any]) -> SimulationParameters:
     settings = SimulationParameters.from_mapping(parameters.as_mapping() | options)
-    if settings.labelled and settings.ghosts > 0:
-        raise ParameterError("ghosts have no label: they need labelled = false")
+    unnamed = [fault for fault in _UNLABELLED if getattr(settings, fault) > 0]
+    if settings.labelled and unnamed:
+        raise ParameterError(f"points of the fault {unnamed[0]} have no label of their own: it needs labelled = false")
     if 0 < settings.n_cameras < CAMERAS_NEEDED:
         raise ParameterError(f"one camera sees no positions; n_cameras must be 0 or at least {CAMERAS_NEEDED}")
     return settings
@@ -145,6 +175,8 @@ def _observed(scene: _Scene) -> Floats:
     if settings.dropouts > 0:
         n_frames, n_markers = positions.shape[:2]
         observed[dropouts(n_frames, n_markers, settings.dropouts, streams["dropouts"])] = np.nan
+    if settings.edge_jumps > 0:
+        observed = edge_jumps(observed, settings.edge_jumps, streams["edges"])
     return observed
 
 
@@ -153,10 +185,20 @@ def _delivered(scene: _Scene, observed: Floats) -> SimulatedTake:
     if settings.labelled:
         take = Trajectories(observed, scene.body.marker_names, settings.rate, scene.name)
         return SimulatedTake(take, _truth(scene, np.empty(0, dtype=np.intp)))
-    false_points = ghosts(scene.rigid, settings.ghosts, scene.streams["ghosts"])
-    points, starts, markers = shuffled_points(observed, *false_points, scene.streams["order"])
+    more = [_of_nobody(*ghosts(scene.rigid, settings.ghosts, scene.streams["ghosts"]))]
+    if settings.merged > 0:
+        observed, merged_frames, places = merged_points(observed, settings.merged)
+        more.append(_of_nobody(merged_frames, places))
+    if settings.duplicates > 0:
+        more.append(duplicates(observed, settings.duplicates, scene.streams["duplicates"]))
+    frames, owners, points = (np.concatenate(parts) for parts in zip(*more, strict=True))
+    points, starts, markers = shuffled_points(observed, (frames, owners, points), scene.streams["order"])
     cloud = PointCloud(points, starts, np.arange(settings.n_frames) / settings.rate, name=scene.name)
     return SimulatedTake(cloud, _truth(scene, markers))
+
+
+def _of_nobody(frames: Ints, points: Floats) -> tuple[Ints, Ints, Floats]:
+    return frames, np.full(len(frames), -1, dtype=np.intp), points
 
 
 def _truth(scene: _Scene, marker_of_point: Ints) -> Truth:

@@ -58,7 +58,8 @@ class Truth:
     marker_positions : ndarray, shape (n_frames, n_markers, 3), mm
         Where each marker is if it is rigidly fixed to its limb: without noise and soft-tissue motion, never unseen.
     marker_of_point : ndarray of intp, shape (n_points,)
-        Marker of each point of an unlabelled take, -1 for a ghost; empty for a labelled one.
+        Marker of each point of an unlabelled take, -1 for a ghost and for what two markers merged into; empty for a
+        labelled one.
     rate : float, Hz
         Frame rate.
     name : str

@@ -10,9 +10,17 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.simulation import SimulationParameters, Structure, Truth, simulate
 from skelgen.simulation.articulated import LimbModel
 from skelgen.simulation.cameras import camera_ring, seen_by_cameras
-from skelgen.simulation.markers import BURST_FRAMES, dropouts
+from skelgen.simulation.markers import (
+    BURST_FRAMES,
+    DUPLICATE_OFFSET,
+    EDGE_FRAMES,
+    dropouts,
+    edge_jumps,
+    merged_points,
+)
 
 FAULTS = {"noise": 1.0, "soft_tissue": 2.0, "dropouts": 0.1, "n_cameras": 4, "ghosts": 3.0, "labelled": False}
+FAULTS |= {"merged": 60.0, "duplicates": 1.0, "edge_jumps": 5.0}
 
 
 def runs_of(lost: np.ndarray) -> np.ndarray:
@@ -94,6 +102,52 @@ def test_ghosts_have_their_number_and_lie_near_the_body() -> None:
     assert ((ghosts >= body.min(axis=0)) & (ghosts <= body.max(axis=0))).all()
 
 
+def test_merged_markers_become_their_mean_and_are_nobody() -> None:
+    places = np.array([[0.0, 0, 0], [8, 0, 0], [16, 0, 0], [100, 0, 0], [np.nan] * 3])
+    apart, frames, points = merged_points(np.stack([places, places * 2]), 10.0)
+    assert frames.tolist() == [0]  # the third is near the second, so all three merge
+    assert points.tolist() == [[8.0, 0, 0]]
+    assert np.isnan(apart[0, :, 0]).tolist() == [True] * 3 + [False, True]
+    assert np.array_equal(apart[1], places * 2, equal_nan=True)
+
+
+def test_merged_takes_have_no_two_markers_nearer_than_the_resolution() -> None:
+    simulated = simulate("human", n_frames=300, labelled=False, merged=60.0)
+    markers, frames = simulated.truth.marker_of_point, np.repeat(np.arange(300), simulated.take.points_per_frame)
+    assert (markers < 0).sum() > 50
+    for frame in range(0, 300, 10):
+        own = simulated.take.points[(frames == frame) & (markers >= 0)]
+        apart = np.linalg.norm(own[:, None] - own, axis=2)
+        assert (apart[np.triu_indices(len(own), 1)] > 60.0).all()
+
+
+def test_duplicates_lie_beside_the_point_of_their_marker() -> None:
+    simulated = simulate("rods", n_frames=4000, labelled=False, duplicates=0.5, noise=1.0)
+    markers, frames = simulated.truth.marker_of_point, np.repeat(np.arange(4000), simulated.take.points_per_frame)
+    order = np.lexsort((markers, frames))
+    double = (np.diff(frames[order]) == 0) & (np.diff(markers[order]) == 0)
+    apart = np.linalg.norm(np.diff(simulated.take.points[order], axis=0)[double], axis=1)
+    assert apart == pytest.approx(DUPLICATE_OFFSET)
+    assert double.mean() * 9.5 == pytest.approx(0.5, rel=0.15)  # about 360 births, some at one marker: 5-10 %
+
+
+def test_positions_jump_only_where_visibility_begins_or_ends() -> None:
+    still = np.zeros((400, 3, 3))
+    still[100:150, 0] = np.nan
+    jumped = edge_jumps(still, 4.0, np.random.default_rng(0))
+    moved = np.flatnonzero(jumped[:, 0, 0] != 0)
+    expected = [*range(100 - EDGE_FRAMES, 150 + EDGE_FRAMES)]
+    assert moved.tolist() == expected
+    assert (jumped[:, 1:] == 0).all()
+
+
+def test_edge_jumps_have_their_standard_deviation() -> None:
+    options = {"n_frames": 3000, "dropouts": 0.3, "seed": 1}
+    with_jumps, without = (simulate("rods", edge_jumps=size, **options).take.positions for size in (4.0, 0.0))
+    jumps = (with_jumps - without)[(with_jumps != without) & ~np.isnan(without)]
+    assert jumps.std() == pytest.approx(4.0, rel=0.05)  # of some 3000 numbers: 1.3 %
+
+
 def test_more_cameras_see_more() -> None:
     seen = [simulate("human", n_frames=100, n_cameras=n).take.seen.mean() for n in (2, 4, 8, 16)]
     assert seen == sorted(seen)
@@ -154,7 +208,16 @@ def _sampled_clearance(structure: Structure, truth: Truth, camera: np.ndarray) -
 
 
 @pytest.mark.parametrize(
-    "options", [{"noise": -1.0}, {"n_frames": 0}, {"ghosts": 1.0}, {"n_cameras": 1}, {"dropouts": 1.0}, {"speed": 3}]
+    "options",
+    [
+        {"noise": -1.0},
+        {"n_frames": 0},
+        {"ghosts": 1.0},
+        {"n_cameras": 1},
+        {"merged": 5.0},
+        {"duplicates": 1.0},
+        {"speed": 3},
+    ],
 )
 def test_bad_options_are_parameter_errors(options: dict[str, float]) -> None:
     with pytest.raises(ParameterError):
