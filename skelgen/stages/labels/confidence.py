@@ -13,33 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-
-N_MATES = 6
-"""Mates of each marker: a point has three coordinates, the others stand in for mates that are hidden."""
-
-N_RIVALS = 4
-"""Other markers whose places are tried: the most similar ones."""
-
-SAMPLE_FRAMES = 300
-"""Frames from which the usual distances are taken."""
-
-MOST_SAMPLES = 20_000_000
-"""Distances looked at for the usual ones: with very many markers fewer frames are sampled."""
-
-LEAST_SAMPLES = 20
-"""Frames that are sampled in any case."""
-
-LEAST_COMMON = 8
-"""Fewer common frames say nothing of a distance."""
-
-LEAST_SPREAD = 1e-3
-"""Of a distance: what even an exact take may vary."""
-
-TINY_SPREAD = 1e-9
-"""mm; keeps the law of distances finite for markers that coincide."""
+from skelgen.stages.labels.usual import TINY_SPREAD, Usual, look_alikes, usual_distances
 
 FREEDOMS = 4.0
 """Degrees of freedom of the law of distances, Student's t: heavier tails than normal, as skin has them."""
@@ -50,8 +26,8 @@ FOUL_PART = 0.02
 COORDINATES = 3
 """A point has three: distances to more mates repeat each other."""
 
-CORRELATED_SECONDS = 0.1
-"""Evidence within this time repeats itself: together it counts as one frame's."""
+CORRELATED_SECONDS = 0.4
+"""Evidence within this time repeats itself, as a pose lasts: together it counts as one frame's."""
 
 MOST_NATS = 20.0
 """Evidence of one frame at most, either way."""
@@ -60,28 +36,23 @@ CHUNK_VALUES = 2_000_000
 """Distances weighed at once: 16 MB per array."""
 
 
-TOLD_APART = 2.0
-"""Standard deviations by which distances must differ, root mean square, for two markers to be told apart."""
-
-TWINS_APART = 1.0
-
-COMMON_PART = 0.02
-"""Part of its frames in which a piece of a marker may be seen together with the rest of it: false points."""
-
 PIECE_RIGHT = 0.1
 """Probability that a marker is one of its own although another one fits it and is never seen together with it."""
 
 ALONE_RIGHT = 0.3
 """Probability of a marker whose distance to no other one is known."""
 
-STAY_WRONG = 1e-4
-"""Probability per frame that a marker which is seen without a break changes between right and wrong."""
+CHANGE = 1e-4
+"""Probability per frame that a marker which is followed without a break changes between right and wrong."""
 
-LOST = 0.03
-"""Probability that another marker is taken for one that was out of sight."""
+LOST = 0.1
+"""Probability that another marker is taken for one that was out of sight, or was followed anew."""
 
 FOUND = 0.5
-"""Probability that a wrong marker is right again after a gap."""
+"""Probability that a wrong marker is right again after such a break."""
+
+JUMP_DEVIATIONS = 20.0
+"""A step that surprises by this many times what is usual is a break, where nothing else tells of tracks."""
 
 FIRST_RIGHT = 0.9
 """Probability of being right before anything is known."""
@@ -119,107 +90,18 @@ class Certainty:
     twins: tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Usual:
-    """Usual distances between all markers, and who is compared with whom.
-
-    Attributes
-    ----------
-    distance, spread : ndarray, shape (n_markers, n_markers), mm
-        Median and robust standard deviation; NaN where two are never seen together for long enough.
-    mates : ndarray of intp, shape (n_markers, n_mates)
-        Markers whose distances vary least; -1 = none.
-    rivals : ndarray of intp, shape (n_markers, n_rivals)
-        Markers with the most similar distances to the mates; -1 = none.
-    separation : ndarray, shape (n_markers, n_rivals)
-        By how many standard deviations their distances differ, root mean square.
-    reach : float, mm
-        How far markers are apart at most: where a point lies that is nowhere in particular.
-    """
-
-    distance: Floats
-    spread: Floats
-    mates: Ints
-    rivals: Ints
-    separation: Floats
-    reach: float
-
-
-def usual_distances(trajectories: Trajectories) -> Usual:
-    """Take median and spread of all distances, and find mates and rivals of each marker."""
-    n_markers = trajectories.n_markers
-    frames = _sampled(trajectories)
-    positions = trajectories.positions[frames]
-    distance, spread = np.full((2, n_markers, n_markers), np.nan)
-    reach = 0.0
-    for marker in range(n_markers - 1):
-        lengths = np.linalg.norm(positions[:, marker + 1 :] - positions[:, [marker]], axis=2)
-        middle, deviation = _median_and_spread(lengths)
-        distance[marker, marker + 1 :] = distance[marker + 1 :, marker] = middle
-        spread[marker, marker + 1 :] = spread[marker + 1 :, marker] = deviation
-        reach = max(reach, float(np.nanmax(middle, initial=0.0)))
-    spread = _with_floor(distance, spread)
-    n_mates, n_rivals = min(N_MATES, n_markers - 1), min(N_RIVALS, n_markers - 1)
-    order = np.argsort(np.where(np.isnan(spread), np.inf, spread), axis=1, kind="stable")[:, :n_mates]
-    mates = np.where(np.isfinite(np.take_along_axis(spread, order, axis=1)), order, -1)
-    rivals = np.full((n_markers, n_rivals), -1, dtype=np.intp)
-    separation = np.full((n_markers, n_rivals), np.inf)
-    for marker in range(n_markers):
-        apart = _separations(marker, mates[marker], distance, spread)
-        nearest = np.argsort(apart, kind="stable")[:n_rivals]
-        rivals[marker] = np.where(np.isfinite(apart[nearest]), nearest, -1)
-        separation[marker] = apart[nearest]
-    return Usual(distance, spread, mates, rivals, separation, max(reach, TINY_SPREAD))
-
-
-def _sampled(trajectories: Trajectories) -> Ints:
-    bounded = MOST_SAMPLES // max(1, trajectories.n_markers**2)
-    n_samples = min(trajectories.n_frames, SAMPLE_FRAMES, max(LEAST_SAMPLES, bounded))
-    return np.unique(np.linspace(0, max(trajectories.n_frames - 1, 0), n_samples).astype(np.intp))
-
-
-def _median_and_spread(values: Floats) -> tuple[Floats, Floats]:
-    """Median and robust standard deviation of each column without its NaN; NaN for columns with few values."""
-    count = (~np.isnan(values)).sum(axis=0)
-    place = np.maximum(count - 1, 0)[np.newaxis] // 2
-    middle = np.take_along_axis(np.sort(values, axis=0), place, axis=0)[0]
-    off = np.take_along_axis(np.sort(np.abs(values - middle), axis=0), place, axis=0)[0]
-    enough = count >= LEAST_COMMON
-    return np.where(enough, middle, np.nan), np.where(enough, SIGMA_OF_MEDIAN * off, np.nan)
-
-
-def _with_floor(distance: Floats, spread: Floats) -> Floats:
-    """No distance is surer than half of what the steadiest distance of a marker usually is."""
-    known = ~np.isnan(spread)
-    steadiest = np.where(known, spread, np.inf).min(axis=1, initial=np.inf)
-    steadiest = steadiest[np.isfinite(steadiest)]
-    usual = float(np.median(steadiest)) / 2 if len(steadiest) else 0.0
-    return np.asarray(np.maximum(spread, np.maximum(max(usual, TINY_SPREAD), LEAST_SPREAD * distance)))
-
-
-def _separations(marker: int, mates: Ints, distance: Floats, spread: Floats) -> Floats:
-    """How far, in standard deviations, each marker's distances to the mates of one differ from its own, (n_markers,)."""
-    mates = mates[mates >= 0]
-    result = np.full(len(distance), np.inf)
-    if not len(mates):
-        return result
-    apart = (distance[:, mates] - distance[marker, mates]) / np.hypot(spread[:, mates], spread[marker, mates])
-    told = ~np.isnan(apart)
-    squares = np.where(told, apart**2, 0.0).sum(axis=1)
-    some = told.any(axis=1)
-    result[some] = np.sqrt(squares[some] / told[some].sum(axis=1))
-    result[marker] = np.inf
-    return result
-
-
-def identity_confidence(trajectories: Trajectories) -> Certainty:
+def identity_confidence(trajectories: Trajectories, breaks: Bools | None = None) -> Certainty:
     """Judge the identity of every marker in every frame.
 
     Parameters
     ----------
     trajectories : Trajectories
         Labelled markers, however they were labelled.
+    breaks : ndarray of bool, shape (n_frames, n_markers), optional
+        Frames in which a marker is not simply followed from the frame before; by default after gaps and jumps.
     """
+    if breaks is None:
+        breaks = jumps(trajectories)
     n_frames, n_markers = trajectories.n_frames, trajectories.n_markers
     usual = usual_distances(trajectories)
     evidence, rival = np.zeros((n_frames, n_markers)), np.full((n_frames, n_markers), -1, dtype=np.intp)
@@ -228,10 +110,10 @@ def identity_confidence(trajectories: Trajectories) -> Certainty:
     for start in range(0, n_frames, step):
         part = slice(start, start + step)
         evidence[part], rival[part], n_seen[part] = _evidence(trajectories.positions[part], usual)
-    confidence = _smoothed(evidence, trajectories.seen, trajectories.rate)
-    original, twins = _look_alikes(usual, trajectories.seen)
+    confidence = _smoothed(evidence, trajectories.seen, breaks | _after_gaps(trajectories.seen), trajectories.rate)
+    original, twins = look_alikes(usual, trajectories.seen)
     confidence[:, original >= 0] *= PIECE_RIGHT
-    alone = (usual.mates < 0).all(axis=1)
+    alone: Bools = np.asarray((usual.mates < 0).all(axis=1))
     confidence[:, alone] *= ALONE_RIGHT
     return Certainty(confidence, rival, n_seen, evidence, original, alone, twins)
 
@@ -292,54 +174,37 @@ def _with_return(gain: Floats, rivals: Ints, seen: Bools) -> Floats:
     return result
 
 
-def _smoothed(evidence: Floats, seen: Bools, rate: float) -> Floats:
+def jumps(trajectories: Trajectories) -> Bools:
+    """Frames in which a marker is far from where its last step would have brought it, shape (n_frames, n_markers)."""
+    surprise = np.linalg.norm(np.diff(trajectories.positions, n=2, axis=0), axis=2)
+    known = surprise[~np.isnan(surprise)]
+    result = np.zeros(trajectories.seen.shape, dtype=np.bool_)
+    if len(known):
+        result[2:] = np.nan_to_num(surprise) > JUMP_DEVIATIONS * max(float(np.median(known)), TINY_SPREAD)
+    return result
+
+
+def _after_gaps(seen: Bools) -> Bools:
+    result = np.zeros(seen.shape, dtype=np.bool_)
+    result[1:] = seen[1:] & ~seen[:-1]
+    return result
+
+
+def _smoothed(evidence: Floats, seen: Bools, breaks: Bools, rate: float) -> Floats:
     """Probability of being right from the evidence of all frames; NaN where unseen, shape (n_frames, n_markers)."""
-    calm = max(1.0, CORRELATED_SECONDS * rate)
-    odds = np.where(seen, evidence / calm, 0.0)
-    forward, backward = np.zeros_like(odds), np.zeros_like(odds)
+    odds = np.where(seen, evidence / max(1.0, CORRELATED_SECONDS * rate), 0.0)
+    lose, find = np.where(breaks, LOST, CHANGE), np.where(breaks, FOUND, CHANGE)
     state = np.full(odds.shape[1], np.log(FIRST_RIGHT / (1.0 - FIRST_RIGHT)))
-    gone = np.zeros(odds.shape[1], dtype=np.bool_)
+    forward, backward = np.zeros_like(odds), np.zeros_like(odds)
     for frame in range(len(odds)):
         if frame:
-            state = _moved_on(state, gone & seen[frame])
-        state = np.clip(state + odds[frame], -MOST_NATS, MOST_NATS)
-        forward[frame] = state
-        gone = ~seen[frame]
-    state = np.zeros(odds.shape[1])
-    gone = np.zeros(odds.shape[1], dtype=np.bool_)
-    for frame in range(len(odds) - 1, -1, -1):
-        backward[frame] = state
-        state = np.clip(state + odds[frame], -MOST_NATS, MOST_NATS)
-        begins = seen[frame] & ~seen[frame - 1] if frame else gone
-        state = _moved_back(state, begins)
-    return np.where(seen, 1.0 / (1.0 + np.exp(-np.clip(forward + backward, -MOST_NATS, MOST_NATS))), np.nan)
-
-
-def _moved_on(state: Floats, after_gap: Bools) -> Floats:
-    """Log odds of being right, one frame later."""
-    lose, find = np.where(after_gap, LOST, STAY_WRONG), np.where(after_gap, FOUND, STAY_WRONG)
-    ratio = np.exp(state)
-    return np.asarray(np.log((ratio * (1.0 - lose) + find) / (ratio * lose + 1.0 - find)))
-
-
-def _moved_back(state: Floats, after_gap: Bools) -> Floats:
-    """Log likelihood ratio of what follows, one frame earlier."""
-    lose, find = np.where(after_gap, LOST, STAY_WRONG), np.where(after_gap, FOUND, STAY_WRONG)
-    ratio = np.exp(state)
-    return np.asarray(np.log((ratio * (1.0 - lose) + lose) / (ratio * find + 1.0 - find)))
-
-
-def _look_alikes(usual: Usual, seen: Bools) -> tuple[Ints, tuple[tuple[int, int], ...]]:
-    """Which marker each one is a piece of, and which pairs no distance tells apart."""
-    counts = seen.sum(axis=0)
-    original = np.full(len(counts), -1, dtype=np.intp)
-    twins = set()
-    for marker, slot in np.argwhere(usual.separation < TOLD_APART).tolist():
-        other = int(usual.rivals[marker, slot])
-        together = int((seen[:, marker] & seen[:, other]).sum())
-        if together > COMMON_PART * counts[marker]:
-            if usual.separation[marker, slot] < TWINS_APART:
-                twins.add((min(marker, other), max(marker, other)))
-        elif (counts[other], -other) > (counts[marker], -marker) and original[marker] < 0:
-            original[marker] = other
-    return original, tuple(sorted(twins))
+            ratio = np.exp(state)
+            right, wrong = ratio * (1.0 - lose[frame]) + find[frame], ratio * lose[frame] + 1.0 - find[frame]
+            state = np.log(right / wrong)
+        state = forward[frame] = np.clip(state + odds[frame], -MOST_NATS, MOST_NATS)
+    for frame in range(len(odds) - 1, 0, -1):
+        ratio = np.exp(np.clip(backward[frame] + odds[frame], -MOST_NATS, MOST_NATS))
+        right, wrong = ratio * (1.0 - lose[frame]) + lose[frame], ratio * find[frame] + 1.0 - find[frame]
+        backward[frame - 1] = np.log(right / wrong)
+    total = np.clip(forward + backward, -MOST_NATS, MOST_NATS)
+    return np.where(seen, 1.0 / (1.0 + np.exp(-total)), np.nan)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import Agreement, Labelling, Tracklets
 from skelgen.stages.labels.confidence import identity_confidence
 from skelgen.stages.labels.doubts import doubtful_spans, repaired_spans
@@ -52,8 +52,8 @@ def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Or
     origin : Origin
         What they were made of.
     """
-    certainty = identity_confidence(trajectories)
     marker_of_point = find_points(origin.cloud, trajectories.positions)
+    certainty = identity_confidence(trajectories, _track_changes(origin, marker_of_point, trajectories.seen))
     left_out = np.maximum(cloud.points_per_frame - trajectories.seen.sum(axis=1), 0)
     return Labelling(
         certainty.confidence,
@@ -80,6 +80,17 @@ def labelling_of_markers(trajectories: Trajectories, file: Trajectories) -> Labe
     nothing = np.zeros(trajectories.n_frames, dtype=np.intp)
     ordered = tuple(sorted(doubts, key=lambda doubt: doubt.first_frame))
     return Labelling(certainty.confidence, ordered, certainty.twins, nothing)
+
+
+def _track_changes(origin: Origin, marker_of_point: Ints, seen: Bools) -> Bools:
+    """Frames in which a marker's point is of another track than in the frame before, shape (n_frames, n_markers)."""
+    track = np.full(seen.shape, -1, dtype=np.intp)
+    frame_of_point = np.repeat(np.arange(origin.cloud.n_frames), origin.cloud.points_per_frame)
+    used = marker_of_point >= 0
+    track[frame_of_point[used], marker_of_point[used]] = origin.owner[used]
+    changes = np.zeros(seen.shape, dtype=np.bool_)
+    changes[1:] = seen[1:] & ((track[1:] != track[:-1]) | (track[1:] < 0))
+    return changes
 
 
 def find_points(cloud: PointCloud, positions: Floats) -> Ints:

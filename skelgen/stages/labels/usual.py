@@ -1,0 +1,173 @@
+"""Usual distances between markers: who is steadiest to whom, whose places are alike, which markers look like one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.model import Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+
+N_MATES = 6
+"""Mates of each marker: a point has three coordinates, the others stand in for mates that are hidden."""
+
+N_RIVALS = 4
+"""Other markers whose places are tried: the most similar ones."""
+
+SAMPLE_FRAMES = 300
+"""Frames from which the usual distances are taken."""
+
+MOST_SAMPLES = 20_000_000
+"""Distances looked at for the usual ones: with very many markers fewer frames are sampled."""
+
+LEAST_SAMPLES = 20
+"""Frames that are sampled in any case."""
+
+LEAST_COMMON = 8
+"""Fewer common frames say nothing of a distance."""
+
+LEAST_SPREAD = 1e-3
+"""Of a distance: what even an exact take may vary."""
+
+TINY_SPREAD = 1e-9
+"""mm; keeps the law of distances finite for markers that coincide."""
+
+TOLD_APART = 2.0
+"""Standard deviations by which distances must differ, root mean square, for two markers to be told apart."""
+
+COMMON_PART = 0.02
+"""Part of its frames in which a piece of a marker may be seen together with the rest of it: false points."""
+
+
+@dataclass(frozen=True, eq=False)
+class Usual:
+    """Usual distances between all markers, and who is compared with whom.
+
+    Attributes
+    ----------
+    distance, spread : ndarray, shape (n_markers, n_markers), mm
+        Median and robust standard deviation; NaN where two are never seen together for long enough.
+    mates : ndarray of intp, shape (n_markers, n_mates)
+        Markers whose distances vary least; -1 = none.
+    rivals : ndarray of intp, shape (n_markers, n_rivals)
+        Markers with the most similar distances to the mates; -1 = none.
+    separation : ndarray, shape (n_markers, n_rivals)
+        By how many standard deviations their distances differ, root mean square.
+    reach : float, mm
+        How far markers are apart at most: where a point lies that is nowhere in particular.
+    """
+
+    distance: Floats
+    spread: Floats
+    mates: Ints
+    rivals: Ints
+    separation: Floats
+    reach: float
+
+
+def usual_distances(trajectories: Trajectories) -> Usual:
+    """Take median and spread of all distances, and find mates and rivals of each marker."""
+    n_markers = trajectories.n_markers
+    frames = _sampled(trajectories)
+    positions = trajectories.positions[frames]
+    distance, spread = np.full((2, n_markers, n_markers), np.nan)
+    reach = 0.0
+    for marker in range(n_markers - 1):
+        lengths = np.linalg.norm(positions[:, marker + 1 :] - positions[:, [marker]], axis=2)
+        middle, deviation = _median_and_spread(lengths)
+        distance[marker, marker + 1 :] = distance[marker + 1 :, marker] = middle
+        spread[marker, marker + 1 :] = spread[marker + 1 :, marker] = deviation
+        reach = max(reach, float(np.nanmax(middle, initial=0.0)))
+    spread = _with_floor(distance, spread)
+    n_mates, n_rivals = min(N_MATES, n_markers - 1), min(N_RIVALS, n_markers - 1)
+    order = np.argsort(np.where(np.isnan(spread), np.inf, spread), axis=1, kind="stable")[:, :n_mates]
+    mates = np.where(np.isfinite(np.take_along_axis(spread, order, axis=1)), order, -1)
+    rivals = np.full((n_markers, n_rivals), -1, dtype=np.intp)
+    separation = np.full((n_markers, n_rivals), np.inf)
+    for marker in range(n_markers):
+        apart = _separations(marker, mates[marker], distance, spread)
+        nearest = np.argsort(apart, kind="stable")[:n_rivals]
+        rivals[marker] = np.where(np.isfinite(apart[nearest]), nearest, -1)
+        separation[marker] = apart[nearest]
+    return Usual(distance, spread, mates, rivals, separation, max(reach, TINY_SPREAD))
+
+
+def _sampled(trajectories: Trajectories) -> Ints:
+    bounded = MOST_SAMPLES // max(1, trajectories.n_markers**2)
+    n_samples = min(trajectories.n_frames, SAMPLE_FRAMES, max(LEAST_SAMPLES, bounded))
+    return np.unique(np.linspace(0, max(trajectories.n_frames - 1, 0), n_samples).astype(np.intp))
+
+
+def _median_and_spread(values: Floats) -> tuple[Floats, Floats]:
+    """Median and robust standard deviation of each column without its NaN; NaN for columns with few values."""
+    count = (~np.isnan(values)).sum(axis=0)
+    place = np.maximum(count - 1, 0)[np.newaxis] // 2
+    middle = np.take_along_axis(np.sort(values, axis=0), place, axis=0)[0]
+    off = np.take_along_axis(np.sort(np.abs(values - middle), axis=0), place, axis=0)[0]
+    enough = count >= LEAST_COMMON
+    return np.where(enough, middle, np.nan), np.where(enough, SIGMA_OF_MEDIAN * off, np.nan)
+
+
+def _with_floor(distance: Floats, spread: Floats) -> Floats:
+    """No distance is surer than half of what the steadiest distance of a marker usually is."""
+    known = ~np.isnan(spread)
+    steadiest = np.where(known, spread, np.inf).min(axis=1, initial=np.inf)
+    steadiest = steadiest[np.isfinite(steadiest)]
+    usual = float(np.median(steadiest)) / 2 if len(steadiest) else 0.0
+    return np.asarray(np.maximum(spread, np.maximum(max(usual, TINY_SPREAD), LEAST_SPREAD * distance)))
+
+
+def _separations(marker: int, mates: Ints, distance: Floats, spread: Floats) -> Floats:
+    """How many deviations each marker differs from one in the distances to that one's mates, shape (n_markers,)."""
+    mates = mates[mates >= 0]
+    result = np.full(len(distance), np.inf)
+    if not len(mates):
+        return result
+    apart = (distance[:, mates] - distance[marker, mates]) / np.hypot(spread[:, mates], spread[marker, mates])
+    told = ~np.isnan(apart)
+    squares = np.where(told, apart**2, 0.0).sum(axis=1)
+    some = told.any(axis=1)
+    result[some] = np.sqrt(squares[some] / told[some].sum(axis=1))
+    result[marker] = np.inf
+    return result
+
+
+def look_alikes(usual: Usual, seen: Bools) -> tuple[Ints, tuple[tuple[int, int], ...]]:
+    """Find which marker each one is probably a piece of, and which pairs no distance tells apart.
+
+    Parameters
+    ----------
+    usual : Usual
+        Usual distances.
+    seen : ndarray of bool, shape (n_frames, n_markers)
+        When each marker is seen.
+
+    Returns
+    -------
+    original : ndarray of intp, shape (n_markers,)
+        The marker that lies in the same place, is seen longer, and hardly ever together with this one; -1 = none.
+    twins : tuple of (int, int)
+        Pairs that are seen together.
+    """
+    counts = seen.sum(axis=0)
+    original = np.full(len(counts), -1, dtype=np.intp)
+    twins = set()
+    for marker, slot in np.argwhere(usual.separation < TOLD_APART).tolist():
+        other = int(usual.rivals[marker, slot])
+        together = int((seen[:, marker] & seen[:, other]).sum())
+        if together > COMMON_PART * min(counts[marker], counts[other]):
+            if not _is_told_apart(marker, other, usual):
+                twins.add((min(marker, other), max(marker, other)))
+        elif (counts[other], -other) > (counts[marker], -marker) and original[marker] < 0:
+            original[marker] = other
+    return original, tuple(sorted(twins))
+
+
+def _is_told_apart(first: int, second: int, usual: Usual) -> bool:
+    """Whether the distance to any third marker would change visibly if two were exchanged."""
+    change = np.abs(usual.distance[first] - usual.distance[second])
+    change /= np.hypot(usual.spread[first], usual.spread[second])
+    change[[first, second]] = np.nan
+    return bool((np.nan_to_num(change) > TOLD_APART).any())
