@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skelgen.errors import InputError
-from skelgen.model import Limbs, Motion, PointCloud, Poses, Project, Skeleton, Topology, Trajectories
+from skelgen.model import Labelling, Limbs, Motion, PointCloud, Poses, Project, Skeleton, Topology, Trajectories
 
 
 def check_chain(project: Project) -> None:
@@ -37,11 +37,19 @@ def _check_kinds(project: Project) -> None:
             raise InputError(f"a {type(part).__name__} stands where a {kind.__name__} belongs")
         elif missing:
             raise InputError(f"there is a {kind.__name__} but no {missing}")
+    if project._labelling is not None and not isinstance(project._labelling, Labelling):
+        raise InputError(f"a {type(project._labelling).__name__} stands where a Labelling belongs")
+    if project.has_labelling and not project.has("labels"):
+        raise InputError("there is a Labelling but no Trajectories")
     if missing == "Motion" and project._skeleton is not None:
         raise InputError("there is a Skeleton but no Motion")
 
 
 def _counts(project: Project) -> Iterator[tuple[str, int, int]]:
+    if project.has_labelling:
+        n_frames, n_markers = project.labelling.confidence.shape
+        yield "the number of markers of the labelling", n_markers, project.trajectories.n_markers
+        yield "the number of frames of the labelling", n_frames, project.trajectories.n_frames
     if project.has("limbs"):
         yield "the number of markers of the limbs", project.limbs.n_markers, project.trajectories.n_markers
     if project.has("joints"):

@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.model import Joint, Limbs, Motion, PointCloud, Poses, Skeleton, Topology, Trajectories
+from skelgen.model import Joint, Labelling, Limbs, Motion, PointCloud, Poses, Skeleton, Topology, Trajectories
+from skelgen.model.labelling import Agreement, Doubt, Tracklets
 
-_VALUES: dict[str, type] = {
-    cls.__name__: cls for cls in (PointCloud, Trajectories, Poses, Limbs, Topology, Skeleton, Joint, Motion)
-}
+_TAKES = (PointCloud, Trajectories, Poses)
+_RESULTS = (Labelling, Tracklets, Doubt, Agreement, Limbs, Topology, Skeleton, Joint, Motion)
+_VALUES: dict[str, type] = {cls.__name__: cls for cls in (*_TAKES, *_RESULTS)}
 
 _ODD_NUMBERS = ("nan", "inf", "-inf")
 

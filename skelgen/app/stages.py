@@ -13,7 +13,7 @@ from typing import Any
 
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, trajectories_from_poses
 from skelgen.errors import InputError
-from skelgen.model import PointCloud, Poses, Project
+from skelgen.model import Labelling, PointCloud, Poses, Project, StageReport, Trajectories
 from skelgen.parameters import StageParameters
 from skelgen.progress import Monitor
 
@@ -97,18 +97,26 @@ def find_stage(name: str) -> Stage:
 def _label(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
     take = project.take
     if isinstance(take, PointCloud):
-        from skelgen.stages.labels import label_markers  # noqa: PLC0415 - see the module's docstring
+        from skelgen.stages.labels import label_and_judge  # noqa: PLC0415 - see the module's docstring
 
-        return (label_markers(take, parameters, n_markers=wishes.n_markers, seed=project.seed, monitor=monitor),)
+        return label_and_judge(take, parameters, n_markers=wishes.n_markers, seed=project.seed, monitor=monitor)
     if isinstance(take, Poses):
         monitor.notice(
             "the take holds bodies with orientation: each becomes four virtual markers (its origin and the tips of "
             "its axes), named body:o, body:x, body:y and body:z"
         )
-        return (trajectories_from_poses(take),)
-    from skelgen.stages.labels.repair import repair_take  # noqa: PLC0415 - see the module's docstring
+        return trajectories_from_poses(take), None
+    from skelgen.stages.labels import labelling_of_markers  # noqa: PLC0415 - see the module's docstring
+    from skelgen.stages.labels.repair import repair_take  # noqa: PLC0415
 
-    return (repair_take(take, parameters, monitor=monitor),)
+    repaired = repair_take(take, parameters, monitor=monitor)
+    return repaired, labelling_of_markers(repaired, take)
+
+
+def _attach_labels(
+    project: Project, trajectories: Trajectories, labelling: Labelling | None, report: StageReport
+) -> Project:
+    return project.with_trajectories(trajectories, report, labelling)
 
 
 def _cluster(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
@@ -151,7 +159,7 @@ PIPELINE = (
         class_name="LabelParameters",
         given=lambda project: isinstance(project.take, Poses),
         compute=_label,
-        attach=Project.with_trajectories,
+        attach=_attach_labels,
     ),
     Stage(
         name="limbs",

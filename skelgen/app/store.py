@@ -38,7 +38,7 @@ _MAGIC = b"PK\x03\x04"
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold: the same bytes at any time of day
 _FILE_RIGHTS = 0o644 << 16  # what unzip gives the members; fixed, because the default depends on the platform
 _DTYPES = {"<f8", "<i8", "|b1"}
-_RESULTS = ("trajectories", "limbs", "topology", "skeleton", "motion")
+_RESULTS = ("trajectories", "labelling", "limbs", "topology", "skeleton", "motion")
 # what zipfile raises on damaged archives: absurd offsets, encrypted or unsupported members, odd names
 _DAMAGES = (zipfile.BadZipFile, ValueError, OSError, EOFError, KeyError, struct.error, RuntimeError, OverflowError)
 
@@ -159,6 +159,7 @@ class _Reader:
             raise FormatError(self._path, _STRUCTURE, f"damaged: {error}") from error
 
     def _assembled(self, structure: Mapping[str, Any], run: Mapping[str, Any]) -> Project:
+        structure = {"labelling": None, **structure}  # which the first files did not have
         take = unpacked(structure["take"], self._array)
         results = {name: unpacked(structure[name], self._array) for name in _RESULTS if structure[name] is not None}
         if structure["labelled"]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from skelgen.errors import MissingResultError
+from skelgen.model.labelling import Labelling
 from skelgen.model.limbs import Limbs
 from skelgen.model.skeleton import Motion, Skeleton
 from skelgen.model.takes import Take, Trajectories
@@ -64,6 +65,7 @@ class Project:
     seed: int = 0
     reports: Mapping[str, StageReport] = field(default_factory=dict)
     _trajectories: Trajectories | None = None
+    _labelling: Labelling | None = None
     _limbs: Limbs | None = None
     _topology: Topology | None = None
     _skeleton: Skeleton | None = None
@@ -78,6 +80,16 @@ class Project:
     def trajectories(self) -> Trajectories:
         """Labelled markers, the result of stage 1."""
         return _present(self._trajectories, "labelled markers", "labels")
+
+    @property
+    def labelling(self) -> Labelling:
+        """How sure the labels are, beside the trajectories; ask `has_labelling` first."""
+        return _present(self._labelling, "account of its labels", "labels")
+
+    @property
+    def has_labelling(self) -> bool:
+        """Whether it is known how sure the labels are: not for bodies with orientation, nor in older files."""
+        return self._labelling is not None
 
     @property
     def limbs(self) -> Limbs:
@@ -103,9 +115,11 @@ class Project:
         """Whether the result of ``labels``, ``limbs``, ``joints`` or ``skeleton`` is there."""
         return self._result(stage) is not None
 
-    def with_trajectories(self, trajectories: Trajectories, report: StageReport) -> Project:
-        """Return a project with the labels replaced and everything after them dropped."""
-        return replace(self._until("labels", report), _trajectories=trajectories)
+    def with_trajectories(
+        self, trajectories: Trajectories, report: StageReport, labelling: Labelling | None = None
+    ) -> Project:
+        """Return a project with the labels replaced, perhaps with how sure they are, and everything after dropped."""
+        return replace(self._until("labels", report), _trajectories=trajectories, _labelling=labelling)
 
     def with_limbs(self, limbs: Limbs, report: StageReport) -> Project:
         """Return a project with the limbs replaced and everything after them dropped."""
@@ -133,6 +147,7 @@ class Project:
             self,
             reports={**kept, stage: report},
             _trajectories=None if "labels" in later else self._trajectories,
+            _labelling=None if "labels" in later else self._labelling,
             _limbs=None if "limbs" in later else self._limbs,
             _topology=None if "joints" in later else self._topology,
             _skeleton=None,

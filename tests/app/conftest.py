@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
+from skelgen.model import Joint, Labelling, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.parameters import StageParameters, declare
 
 
@@ -47,6 +47,16 @@ def _label_markers(cloud, parameters, *, n_markers=None, seed=0, monitor=None):
     positions = np.stack([frame[:n_markers] for frame in cloud])
     monitor.notice("labelled by the order of points")
     return Trajectories(positions, [f"m{i}" for i in range(n_markers)], cloud.rate, cloud.name)
+
+
+def _label_and_judge(cloud, parameters, **wishes):
+    markers = _label_markers(cloud, parameters, **wishes)
+    return markers, _labelling_of_markers(markers, markers)
+
+
+def _labelling_of_markers(trajectories, file):
+    confidence = np.where(trajectories.seen, 0.75, np.nan)
+    return Labelling(confidence, (), (), np.zeros(trajectories.n_frames, dtype=int))
 
 
 def _repair_take(take, parameters, *, monitor=None):
@@ -86,7 +96,11 @@ def _fit_skeleton(trajectories, limbs, topology, parameters, *, monitor=None):
 def stand_ins(monkeypatch):
     """Replace the four stages by ones that answer at once; the parameters' classes by stage are returned."""
     parts = {
-        "labels": {"LabelParameters": _Labels, "label_markers": _label_markers},
+        "labels": {
+            "LabelParameters": _Labels,
+            "label_and_judge": _label_and_judge,
+            "labelling_of_markers": _labelling_of_markers,
+        },
         "labels.repair": {"repair_take": _repair_take},
         "limbs": {"LimbParameters": _Limbs, "find_limbs": _find_limbs},
         "joints": {"JointParameters": _Joints, "find_joints": _find_joints},
