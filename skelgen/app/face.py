@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from skelgen.app.configuration import Settings, Wanted
-from skelgen.app.files import open_input, write_any
+from skelgen.app.files import given_identities, open_input, write_any
 from skelgen.app.pipeline import run_stages
 from skelgen.app.stages import Wishes
 from skelgen.errors import InputError
-from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
 from skelgen.progress import SILENT, Monitor
 
 
@@ -54,6 +54,7 @@ def reconstruct(
     monitor: Monitor | None = None,
     *,
     n_jobs: int = 1,
+    identities: Identities | Path | str | None = None,
 ) -> Project:
     """Find limbs, joints and skeleton of a take, and the skeleton's motion.
 
@@ -74,6 +75,8 @@ def reconstruct(
         Told of progress and notices; may cancel.
     n_jobs : int
         Number of processes for work that can be shared.
+    identities : Identities, Path or str, optional
+        What you state of some points, or the file that states it; the labels obey.
 
     Returns
     -------
@@ -96,7 +99,8 @@ def reconstruct(
     if not isinstance(take, PointCloud | Trajectories | Poses):
         raise InputError(f"a take must be a PointCloud, Trajectories or Poses, not {type(take).__name__}")
     wishes = Wishes(n_markers=n_markers, n_limbs=n_limbs, n_jobs=n_jobs)
-    return run_stages(Project(take, seed), settings=Settings(parameters), wishes=wishes, monitor=monitor or SILENT)
+    project = Project(take, seed, identities=given_identities(identities))
+    return run_stages(project, settings=Settings(parameters), wishes=wishes, monitor=monitor or SILENT)
 
 
 def write(value: Project | Take, path: Path | str, format: str | None = None, **options: Any) -> list[Path]:

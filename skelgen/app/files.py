@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.registry import find_format, read_take, recognise, write_file
 from skelgen_formats.table import COLUMNS, formats_table
 
 from skelgen.app.store import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.errors import InputError, WriteError
-from skelgen.model import Project, Take
+from skelgen.model import Identities, Project, Take
 
 PROJECT_FORMAT = "skelgen"
 """Name of the project file among the formats."""
@@ -21,7 +22,13 @@ _PROJECT_NOTE = "Take and results of all stages, exactly; every stage resumes fr
 _PROJECT_ROW = (PROJECT_FORMAT, "skelgen project", SUFFIX, "everything", "yes", "yes", "", _PROJECT_NOTE)
 
 
-def open_input(path: Path | str, format: str | None = None, seed: int | None = None, **options: Any) -> Project:
+def open_input(
+    path: Path | str,
+    format: str | None = None,
+    seed: int | None = None,
+    identities: Path | None = None,
+    **options: Any,
+) -> Project:
     """Open what every stage starts from: a take in any format, or a project file with its results.
 
     Parameters
@@ -32,6 +39,8 @@ def open_input(path: Path | str, format: str | None = None, seed: int | None = N
         Read as this format.
     seed : int, optional
         Seed of the project; by default that of the project file, or 0 for a take.
+    identities : Path, optional
+        File of identities stated by hand; by default those of the project file.
     **options
         What the format's reader can be told.
 
@@ -49,8 +58,14 @@ def open_input(path: Path | str, format: str | None = None, seed: int | None = N
         if options:
             raise InputError(f"{path}: a project file is read without options, not with {', '.join(options)}")
         project = open_project(find_result(path))
-        return project if seed is None else replace(project, seed=seed)
-    return Project(read_take(path, format, **options), seed or 0)
+        stated = given_identities(identities) or project.identities
+        return replace(project, seed=project.seed if seed is None else seed, identities=stated)
+    return Project(read_take(path, format, **options), seed or 0, identities=given_identities(identities))
+
+
+def given_identities(identities: Identities | Path | str | None) -> Identities | None:
+    """Return what the user states of some points, read from a file if a path is given."""
+    return read_identities(identities) if isinstance(identities, Path | str) else identities
 
 
 def write_any(value: Project | Take, path: Path | str, format: str | None = None, **options: Any) -> list[Path]:

@@ -14,10 +14,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.model import Joint, Labelling, Limbs, Motion, PointCloud, Poses, Skeleton, Topology, Trajectories
+from skelgen.model import (
+    Identities,
+    Identity,
+    Joint,
+    Labelling,
+    Limbs,
+    Motion,
+    PointCloud,
+    Poses,
+    Skeleton,
+    Topology,
+    Trajectories,
+)
 from skelgen.model.labelling import Agreement, Doubt, Tracklets
 
-_TAKES = (PointCloud, Trajectories, Poses)
+_TAKES = (PointCloud, Trajectories, Poses, Identities, Identity)
 _RESULTS = (Labelling, Tracklets, Doubt, Agreement, Limbs, Topology, Skeleton, Joint, Motion)
 _VALUES: dict[str, type] = {cls.__name__: cls for cls in (*_TAKES, *_RESULTS)}
 

@@ -99,8 +99,13 @@ def _label(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) 
     if isinstance(take, PointCloud):
         from skelgen.stages.labels import label_and_judge  # noqa: PLC0415 - see the module's docstring
 
-        return label_and_judge(take, parameters, n_markers=wishes.n_markers, seed=project.seed, monitor=monitor)
+        stated = project.identities
+        return label_and_judge(
+            take, parameters, n_markers=wishes.n_markers, identities=stated, seed=project.seed, monitor=monitor
+        )
     if isinstance(take, Poses):
+        if project.identities is not None:
+            raise InputError(f"{project.name}: the take holds bodies with orientation; no point of it needs a name")
         monitor.notice(
             "the take holds bodies with orientation: each becomes four virtual markers (its origin and the tips of "
             "its axes), named body:o, body:x, body:y and body:z"
@@ -110,6 +115,10 @@ def _label(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) 
     from skelgen.stages.labels.repair import repair_take  # noqa: PLC0415
 
     repaired = repair_take(take, parameters, monitor=monitor)
+    if project.identities is not None:
+        from skelgen.stages.labels.obedience import obey_in_labelled  # noqa: PLC0415
+
+        repaired = obey_in_labelled(take, repaired, project.identities, parameters, monitor)
     return repaired, labelling_of_markers(repaired, take)
 
 

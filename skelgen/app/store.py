@@ -170,7 +170,8 @@ class _Reader:
             for name, facts in structure["reports"].items()
         }
         chain = {f"_{name}": value for name, value in results.items()}
-        project = Project(take, int(structure["seed"]), reports, **chain)
+        identities = unpacked(structure.get("identities"), self._array)  # older files have none
+        project = Project(take, int(structure["seed"]), reports, identities, **chain)
         check_chain(project)
         return project
 
@@ -214,6 +215,7 @@ def _structure(project: Project, arrays: dict[str, NDArray[Any]]) -> dict[str, A
     }
     structure = {"format": _FORMAT, "version": VERSION, "seed": project.seed, "labelled": labelled, "reports": reports}
     structure["take"] = packed(project.take, "take", arrays)
+    structure["identities"] = packed(project.identities, "identities", arrays)
     return structure | {name: packed(value, name, arrays) for name, value in results.items()}
 
 

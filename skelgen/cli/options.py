@@ -30,6 +30,10 @@ NLimbs = Annotated[
     int | None,
     typer.Option("--n-limbs", min=1, help="Number of rigid limbs.", show_default="found"),
 ]
+IdentitiesFile = Annotated[
+    Path | None,
+    typer.Option("--identities", metavar="FILE", help="CSV: which point is which marker.", show_default=False),
+]
 Config = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="Parameters of all stages: config.xml.", show_default=False),

@@ -13,6 +13,7 @@ from skelgen.cli.options import (
     AsJson,
     Config,
     FormatName,
+    IdentitiesFile,
     InputFile,
     Jobs,
     NLimbs,
@@ -58,7 +59,7 @@ _DEFAULT_FILES = {
 """Which of the configured file names a stage's command reads and writes when none is given."""
 
 _WISHES: dict[str, tuple[str, ...]] = {
-    "label": ("n_markers",),
+    "label": ("n_markers", "identities"),
     "cluster": ("n_limbs",),
     "joints": ("n_jobs",),
     "fit": (),
@@ -67,7 +68,12 @@ _WISHES: dict[str, tuple[str, ...]] = {
 
 _WISH_OPTIONS = {
     name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-    for name, default, annotation in (("n_markers", None, NMarkers), ("n_limbs", None, NLimbs), ("n_jobs", 1, Jobs))
+    for name, default, annotation in (
+        ("n_markers", None, NMarkers),
+        ("identities", None, IdentitiesFile),
+        ("n_limbs", None, NLimbs),
+        ("n_jobs", 1, Jobs),
+    )
 }
 
 _DEMO_TABLES = 2  # overview and joints: the lengths and markers stand in the tables above and in the report
@@ -78,6 +84,7 @@ def run(
     output: OutputFolder = None,
     n_markers: NMarkers = None,
     n_limbs: NLimbs = None,
+    identities: IdentitiesFile = None,
     seed: Seed = None,
     jobs: Jobs = 1,
     config: Config = None,
@@ -99,7 +106,7 @@ def run(
     screen = Screen(quiet, as_json)
     take = find_result(take)
     settings = settings_with(Settings(config), assignments or ())
-    project = open_input(take, format_name, seed, **given(reader_values))
+    project = open_input(take, format_name, seed, identities, **given(reader_values))
     wishes = Wishes(n_markers, n_limbs, jobs)
     folder = output or _folder_for(take)
     _run_and_write(screen, project, (from_stage, until_stage), settings, wishes, folder, stem_of(take))
@@ -149,12 +156,14 @@ def stage_command(stage: Stage) -> Callable[..., None]:
         settings = Settings(config)
         source, target = _default_files(settings.of("files"), stage.command)
         take = find_result(take) if take else None
-        wishes = Wishes(**{name: values.pop(name) for name in _WISHES[stage.command]})
+        wanted = {name: values.pop(name) for name in _WISHES[stage.command]}
+        identities = wanted.pop("identities", None)
+        wishes = Wishes(**wanted)
         names = {entry.name for entry in stage.parameters_class().declarations()}
         chosen = given(values)
         settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})
         reader_values = {name: value for name, value in chosen.items() if name not in names}
-        project = open_input(take or source, format_name, seed, **reader_values)
+        project = open_input(take or source, format_name, seed, identities, **reader_values)
         folder = output or (_folder_for(take) if take else Path())
         stem = stem_of(take or target)
         result_name = target.name if stage.command == "fit" and not take else ""

@@ -3,6 +3,7 @@
 Units inside are mm, s, rad and Hz; coordinates are right-handed; frames come first, xyz last; NaN means unseen.
 """
 
+from skelgen.model.identities import Identities, Identity
 from skelgen.model.labelling import Labelling
 from skelgen.model.limbs import Limbs
 from skelgen.model.project import Project, StageReport
@@ -11,6 +12,8 @@ from skelgen.model.takes import PointCloud, Poses, Take, Trajectories
 from skelgen.model.topology import Topology
 
 __all__ = [
+    "Identities",
+    "Identity",
     "Joint",
     "Labelling",
     "Limbs",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from skelgen.errors import MissingResultError
+from skelgen.model.identities import Identities
 from skelgen.model.labelling import Labelling
 from skelgen.model.limbs import Limbs
 from skelgen.model.skeleton import Motion, Skeleton
@@ -49,6 +50,8 @@ class Project:
         Seed of every random choice.
     reports : mapping of str to StageReport
         One per stage that has run, in order.
+    identities : Identities or None
+        What the user states of some points; the labels obey it.
 
     Notes
     -----
@@ -64,6 +67,7 @@ class Project:
     take: Take
     seed: int = 0
     reports: Mapping[str, StageReport] = field(default_factory=dict)
+    identities: Identities | None = None
     _trajectories: Trajectories | None = None
     _labelling: Labelling | None = None
     _limbs: Limbs | None = None

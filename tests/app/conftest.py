@@ -42,7 +42,7 @@ class _Skeleton(StageParameters):
     robust: bool = declare(True, "Leave outliers out.")
 
 
-def _label_markers(cloud, parameters, *, n_markers=None, seed=0, monitor=None):
+def _label_markers(cloud, parameters, *, n_markers=None, identities=None, seed=0, monitor=None):
     n_markers = n_markers or int(cloud.points_per_frame.min())
     positions = np.stack([frame[:n_markers] for frame in cloud])
     monitor.notice("labelled by the order of points")

@@ -23,7 +23,9 @@ from skelgen.model import Limbs, Motion, PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import Monitor
 from skelgen.stages.joints import JointParameters, find_joints
+from skelgen.stages.labels.by_hand import Fixed, fixed_scores, targets
 from skelgen.stages.labels.follow import typical_spacing
+from skelgen.stages.labels.judged import find_points
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.places import join_markers, new_markers
 from skelgen.stages.labels.votes import assign_tracks, fill_single_points, point_scores, split_where_marker_changes
@@ -95,6 +97,7 @@ def refine_labels(
     parameters: LabelParameters,
     *,
     n_markers: int | None,
+    fixed: Fixed | None = None,
     seed: int,
     monitor: Monitor,
 ) -> Trajectories:
@@ -112,6 +115,8 @@ def refine_labels(
         Their `rounds`.
     n_markers : int or None
         Number of markers, if the user knows it.
+    fixed : Fixed or None
+        What the user states of some points.
     seed : int
         Seed of the stages that build the model.
     monitor : Monitor
@@ -125,7 +130,7 @@ def refine_labels(
         model = fit_model(Trajectories(positions, marker_names(positions.shape[1]), markers.rate), widest, seed)
         if model is None:
             break
-        better = _relabelled(cloud, frame_of_point, owner, positions, model, n_markers)
+        better = _relabelled(cloud, frame_of_point, owner, positions, model, n_markers, fixed)
         monitor.advance(turn + 1, parameters.rounds)
         if _n_seen(better) < _n_seen(positions) or _same(better, positions):
             break
@@ -187,10 +192,13 @@ def _relabelled(
     positions: Floats,
     model: Model,
     n_markers: int | None,
+    fixed: Fixed | None,
 ) -> Floats:
     """Assign all points anew by the model; return positions of the markers, shape (n_frames, n_markers, 3)."""
     scores = point_scores(cloud.points, frame_of_point, model.predicted, model.gates)
     scores = _with_habit(scores, cloud.points, frame_of_point, positions, model.predicted)
+    if fixed is not None:
+        scores = fixed_scores(scores, fixed, targets(find_points(cloud, positions), fixed, positions.shape[1]))
     pieces = split_where_marker_changes(owner, scores)
     marker_of_point = assign_tracks(pieces, frame_of_point, scores, cloud.n_frames)
     marker_of_point = fill_single_points(marker_of_point, frame_of_point, scores, cloud.n_frames)

@@ -13,12 +13,15 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats
+from skelgen.model.identities import Identities
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.articulated import marker_names, refine_labels
+from skelgen.stages.labels.by_hand import fix_points
 from skelgen.stages.labels.follow import follow_points, typical_spacing
 from skelgen.stages.labels.grouping import group_sets
 from skelgen.stages.labels.judged import Origin, labelling_of_cloud
 from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, find_marker_sets, least_length
+from skelgen.stages.labels.obedience import obey
 from skelgen.stages.labels.parameters import LabelParameters
 
 # Coordinates beyond a thousand kilometres are a wrong unit or a broken file, and their squares lose the millimetre.
@@ -34,6 +37,7 @@ def label_markers(
     parameters: LabelParameters,
     *,
     n_markers: int | None = None,
+    identities: Identities | None = None,
     seed: int = 0,
     monitor: Monitor = SILENT,
 ) -> Trajectories:
@@ -47,6 +51,8 @@ def label_markers(
         How to label.
     n_markers : int or None
         Number of physical markers; None takes the largest number of Marker Sets seen at once.
+    identities : Identities or None
+        What the user states of some points; the result obeys it.
     seed : int
         Seed of the test jitter and of spectral clustering.
     monitor : Monitor
@@ -63,7 +69,7 @@ def label_markers(
     InputError
         If there are no points, too many in a frame, impossible coordinates, or no marker that is seen long enough.
     """
-    return _labelled(cloud, parameters, n_markers, seed, monitor)[0]
+    return _labelled(cloud, parameters, n_markers, identities, seed, monitor)[0]
 
 
 def label_and_judge(
@@ -71,22 +77,30 @@ def label_and_judge(
     parameters: LabelParameters,
     *,
     n_markers: int | None = None,
+    identities: Identities | None = None,
     seed: int = 0,
     monitor: Monitor = SILENT,
 ) -> tuple[Trajectories, Labelling]:
     """Do as `label_markers` does, and tell how sure the identities are."""
-    trajectories, origin = _labelled(cloud, parameters, n_markers, seed, monitor)
+    trajectories, origin = _labelled(cloud, parameters, n_markers, identities, seed, monitor)
     return trajectories, labelling_of_cloud(cloud, trajectories, origin)
 
 
 def _labelled(
-    cloud: PointCloud, parameters: LabelParameters, n_markers: int | None, seed: int, monitor: Monitor
+    cloud: PointCloud,
+    parameters: LabelParameters,
+    n_markers: int | None,
+    identities: Identities | None,
+    seed: int,
+    monitor: Monitor,
 ) -> tuple[Trajectories, Origin]:
     _check(cloud, n_markers)
     cloud = _jittered(cloud, parameters, seed)
     rate, notices = _rate(cloud, parameters)
     monitor.begin("following points")
     owner, _ = follow_points(cloud, parameters, monitor)
+    fixed = fix_points(cloud, owner, identities) if identities else None
+    owner = fixed.owner if fixed else owner
     sets = _longest(find_marker_sets(cloud, owner, rate, parameters))
     if len(sets) == 0:
         raise InputError(
@@ -104,8 +118,12 @@ def _labelled(
     origin = Origin(cloud, owner, trajectories if parameters.method != "sets" else None)
     if parameters.method == "rigidity":
         trajectories = refine_labels(
-            cloud, owner, trajectories, parameters, n_markers=n_markers, seed=seed, monitor=monitor
+            cloud, owner, trajectories, parameters, n_markers=n_markers, fixed=fixed, seed=seed, monitor=monitor
         )
+    if fixed is not None:
+        positions, names = obey(cloud, trajectories.positions, fixed, n_markers=n_markers)
+        trajectories = Trajectories(positions, names, rate, cloud.name)
+        notices += (f"{len(identities.entries)} identities stated by hand are obeyed",) if identities else ()
     notices += _losses(cloud, trajectories, int((~kept)[group].sum()), n_markers)
     for sentence in notices:
         monitor.notice(sentence)

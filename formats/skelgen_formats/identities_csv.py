@@ -1,0 +1,93 @@
+"""Identities CSV: which point in which frame is which marker, as the user says; skelgen's own layout.
+
+Layout, comma-separated text with a header that names the columns, in any order::
+
+    # lines that begin with # are ignored
+    name,frame,x,y,z
+    LKNE,0,120.4,33.0,510.2
+    LKNE,812,-300.1,41.7,508.8
+    nobody,57,0.0,0.0,12.5
+
+Columns are ``name`` (``nobody`` for a point that is no marker); ``frame``, or ``first_frame``, from 0; the position
+``x``, ``y``, ``z`` [mm], or ``point``, its index within the frame from 0; and, if wanted, ``last_frame``, which may be
+empty. It is no take and therefore none of the registered formats: `read_identities` reads it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from skelgen.errors import FormatError, InputError
+from skelgen.model.identities import Identities, Identity
+from skelgen_formats.text import count_in, number_in, read_lines, split_cells
+
+_COLUMNS = ("name", "frame", "last_frame", "x", "y", "z", "point")
+_SYNONYMS = {"first_frame": "frame", "marker": "name", "label": "name", "index": "point"}
+_AXES = ("x", "y", "z")
+_COMMENT = "#"
+
+
+def read_identities(path: Path | str) -> Identities:
+    """Read a file of identities.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file.
+
+    Raises
+    ------
+    FormatError
+        If a column is missing or unknown, or a line does not fit, with the line's number.
+    """
+    path = Path(path)
+    lines = [(number, line) for number, line in enumerate(read_lines(path), start=1) if _is_content(line)]
+    if not lines:
+        raise FormatError(path, "", "holds no line but comments; a header such as 'name,frame,x,y,z' was expected")
+    number, header = lines[0]
+    columns = _columns(path, number, split_cells(path, header, number, ","))
+    if len(lines) == 1:
+        raise FormatError(path, "", "holds a header and no identity below it")
+    return Identities(tuple(_entry(path, number, line, columns) for number, line in lines[1:]), str(path))
+
+
+def _is_content(line: str) -> bool:
+    return bool(line.strip(" \t,;")) and not line.lstrip().startswith(_COMMENT)
+
+
+def _columns(path: Path, number: int, cells: list[str]) -> tuple[str, ...]:
+    names = tuple(_SYNONYMS.get(cell.lower(), cell.lower()) for cell in cells)
+    odd = [cell for cell, name in zip(cells, names, strict=True) if name not in _COLUMNS]
+    if odd:
+        raise FormatError(path, number, f"the column {odd[0]!r} is unknown; columns are {', '.join(_COLUMNS)}")
+    if len(set(names)) < len(names):
+        raise FormatError(path, number, "a column stands there twice")
+    if not {"name", "frame"} <= set(names) or not ({"point"} <= set(names) or set(_AXES) <= set(names)):
+        raise FormatError(path, number, "the columns name, frame and x, y, z (or point) are needed")
+    return names
+
+
+def _entry(path: Path, number: int, line: str, columns: tuple[str, ...]) -> Identity:
+    cells = split_cells(path, line, number, ",")
+    if len(cells) != len(columns):
+        raise FormatError(path, number, f"{len(cells)} cells where {len(columns)} belong: {', '.join(columns)}")
+    row = dict(zip(columns, cells, strict=True))
+    by_position = any(row.get(axis) for axis in _AXES)
+    position = tuple(number_in(path, number, row[axis], axis) for axis in _AXES) if by_position else None
+    try:
+        return Identity(
+            row["name"],
+            count_in(path, number, row["frame"], "frame"),
+            position=(position[0], position[1], position[2]) if position else None,
+            point=_count(path, number, row, "point"),
+            last_frame=_count(path, number, row, "last_frame"),
+            line=number,
+        )
+    except InputError as error:
+        raise FormatError(path, number, str(error)) from error
+
+
+def _count(path: Path, number: int, row: Mapping[str, str], column: str) -> int | None:
+    text = row.get(column, "")
+    return count_in(path, number, text, column) if text else None
