@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from skelgen.app.face import read, reconstruct, write
     from skelgen.errors import SkelgenError
     from skelgen.model import Joint, Limbs, Motion, PointCloud, Poses, Project, Skeleton, Topology, Trajectories
+    from skelgen.stages.labels.online import Tracker
 
 __version__ = "0.1.0"
 
 _MODEL = ("Joint", "Limbs", "Motion", "PointCloud", "Poses", "Project", "Skeleton", "Topology", "Trajectories")
 _HOMES = dict.fromkeys(_MODEL, "skelgen.model")
 _HOMES |= dict.fromkeys(("read", "reconstruct", "write"), "skelgen.app.face")
-_HOMES |= {"SkelgenError": "skelgen.errors"}
+_HOMES |= {"SkelgenError": "skelgen.errors", "Tracker": "skelgen.stages.labels.online"}
 
 __all__ = [
     "Joint",
@@ -37,6 +38,7 @@ __all__ = [
     "Skeleton",
     "SkelgenError",
     "Topology",
+    "Tracker",
     "Trajectories",
     "read",
     "reconstruct",

@@ -1,0 +1,228 @@
+r"""The pose of a known skeleton, followed frame by frame.
+
+Limbs are rigid bodies that joints hold together like stiff springs. In each frame the small motions :math:`\delta_l` of
+all limbs minimise
+
+.. math::
+    \sum_m \frac{|x_m - T_{l(m)} q_m|^2}{\sigma_m^2}
+    + \sum_j \frac{|T_{p(j)} a_j - T_{c(j)} b_j|^2}{\sigma_j^2}
+    + \sum_j \frac{|\omega_{c(j)} - \omega_{p(j)}|^2}{s_j^2},
+
+the sum of what markers, joints and the last frame say, by a few Gauss-Newton steps with robust weights. The last sum
+lets a limb that shows no marker keep its angle to the parent; its variance :math:`s_j^2` grows while nothing is seen,
+as in a Kalman filter, and the inverse of the normal matrix says how surely each marker is predicted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.rotations import cross_matrix, matrix_from_vector
+from skelgen.model import Skeleton
+from skelgen.model.arrays import Bools, Floats, Ints
+
+STEPS = 3
+"""Gauss-Newton steps per fit; the start is the last frame's pose, moved on, and three reach the noise."""
+
+ROBUST = 4.0
+"""A marker this many deviations off has lost three quarters of its weight."""
+
+LEAST_DEVIATION = 0.005
+"""Of the typical distance of markers from the joint: deviations are no smaller, however exact the skeleton is."""
+
+JOINT_SHARE = 0.5
+"""Deviation of a joint in those of a typical marker: joints rest on many frames and markers."""
+
+DAMPING = 0.8
+"""Part of the last turn and step that is expected to go on; 1 would let unseen limbs spin on."""
+
+TURN_NOISE = 0.06
+"""rad per frame by which an angle that nobody sees may stray: 6 rad/s at 100 Hz, in a random walk."""
+
+MOST_SPREAD = 1.0
+"""rad; an angle that was not seen for long is not less certain than this, about half of what joints allow."""
+
+ROOT_STRAY = 200.0
+"""mm and (over a typical limb) rad that a root may move in a frame, beyond what it did before."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Where markers must be.
+
+    Attributes
+    ----------
+    positions : ndarray, shape (n_markers, 3), mm
+        Most likely places; NaN for markers that no limb carries.
+    covariances : ndarray, shape (n_markers, 3, 3), mm^2
+        How far a measured point may lie from there, the marker's own deviation included.
+    """
+
+    positions: Floats
+    covariances: Floats
+
+
+class Chain:
+    """Poses of a skeleton's limbs, from frame to frame.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Rigid limbs and their joints.
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self.n_limbs, self.n_markers = skeleton.n_limbs, len(skeleton.limb_of_marker)
+        self.carried: Bools = skeleton.limb_of_marker >= 0
+        self.limb: Ints = np.maximum(skeleton.limb_of_marker, 0)
+        self.offsets: Floats = np.where(self.carried[:, np.newaxis], skeleton.marker_offsets, 0.0)
+        self.parents: Ints = np.array([joint.parent for joint in skeleton.joints], dtype=np.intp)
+        self.children: Ints = np.array([joint.child for joint in skeleton.joints], dtype=np.intp)
+        self.at_parent = _rows([joint.position_in_parent for joint in skeleton.joints])
+        self.at_child = _rows([joint.position_in_child for joint in skeleton.joints])
+        self.roots: Ints = skeleton.roots
+        self.reference: Floats = np.array(skeleton.reference_pose)
+        self.size = _typical_size(self.offsets, self.carried)
+        self.deviation = _deviations(skeleton, self.carried, self.size)
+        self.joint_deviation = JOINT_SHARE * float(np.median(self.deviation))
+        self.rotations: Floats = self.reference[:, :3, :3].copy()
+        self.origins: Floats = self.reference[:, :3, 3].copy()
+        self._turns: Floats = np.zeros((self.n_limbs, 3))
+        self._steps: Floats = np.zeros((self.n_limbs, 3))
+        self._spread: Floats = np.full(len(self.children), MOST_SPREAD**2)
+
+    def set_pose(self, rotations: Floats, origins: Floats) -> None:
+        """Start at a pose: world from limb rotations (n_limbs, 3, 3) and origins (n_limbs, 3) [mm], NaN = unknown.
+
+        Unknown limbs take the angle of the reference pose to their parent.
+        """
+        self.rotations, self.origins = rotations.copy(), origins.copy()
+        for parent, child, at_parent, at_child in zip(
+            self.parents, self.children, self.at_parent, self.at_child, strict=True
+        ):
+            if np.isnan(self.origins[child, 0]) and not np.isnan(self.origins[parent, 0]):
+                relative = self.reference[parent, :3, :3].T @ self.reference[child, :3, :3]
+                self.rotations[child] = self.rotations[parent] @ relative
+                joint = self.rotations[parent] @ at_parent + self.origins[parent]
+                self.origins[child] = joint - self.rotations[child] @ at_child
+        lost = np.isnan(self.origins[:, 0])
+        self.rotations[lost], self.origins[lost] = np.eye(3), np.nanmean(self.origins, axis=0)
+        self._turns[:], self._steps[:] = 0.0, 0.0
+        self._spread[:] = MOST_SPREAD**2
+
+    def advance(self, n_steps: int) -> None:
+        """Move all limbs on by `n_steps` frames."""
+        fade = DAMPING * (1.0 - DAMPING**n_steps) / (1.0 - DAMPING)
+        self.rotations = matrix_from_vector(fade * self._turns) @ self.rotations
+        self.origins = self.origins + fade * self._steps
+        self._before = (self.rotations, self.origins, n_steps, fade)
+        self._spread = np.minimum(self._spread + n_steps * TURN_NOISE**2, MOST_SPREAD**2)
+
+    def fit(self, points: Floats, markers: Ints) -> Prediction:
+        """Move the limbs to the points of known markers and tell where all markers must be.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3), mm
+            What was seen.
+        markers : ndarray of intp, shape (n,)
+            The marker of each.
+        """
+        normal = np.empty(0)
+        for step in range(STEPS):
+            weights = self._weights(points, markers, is_robust=step > 0)
+            normal, gradient = self._equations(points, markers, weights)
+            change = np.asarray(np.linalg.solve(normal, gradient), dtype=np.float64).reshape(self.n_limbs, 2, 3)
+            self.rotations = matrix_from_vector(change[:, 0]) @ self.rotations
+            self.origins = self.origins + change[:, 1]
+        inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+        covariance = inverse.reshape(self.n_limbs, 6, self.n_limbs, 6)
+        own = covariance[np.arange(self.n_limbs), :, np.arange(self.n_limbs)]
+        self._seen_spread = np.trace(own[self.children, :3, :3], axis1=1, axis2=2) / 3
+        return self._prediction(own)
+
+    def settle(self, rotations: Floats, origins: Floats, n_steps: int) -> None:
+        """Learn the motion since the pose before (`rotations`, `origins`), `n_steps` frames ago."""
+        turned = self.rotations @ rotations.swapaxes(1, 2)
+        antisymmetric = (turned - turned.swapaxes(1, 2)) / 2
+        turns = np.stack([antisymmetric[:, 2, 1], antisymmetric[:, 0, 2], antisymmetric[:, 1, 0]], axis=1)
+        self._turns, self._steps = turns / n_steps, (self.origins - origins) / n_steps
+        self._spread = np.minimum(self._spread, self._seen_spread)
+
+    def positions_of(self, markers: Ints) -> Floats:
+        """Places [mm] of some markers in the present pose, shape (n, 3)."""
+        limb = self.limb[markers]
+        return np.asarray((self.rotations[limb] @ self.offsets[markers, :, np.newaxis])[..., 0] + self.origins[limb])
+
+    def _weights(self, points: Floats, markers: Ints, *, is_robust: bool) -> Floats:
+        variance = self.deviation[markers] ** 2
+        if not is_robust:
+            return np.asarray(1.0 / variance)
+        squares = ((points - self.positions_of(markers)) ** 2).sum(axis=1) / variance
+        return np.asarray(1.0 / (variance * (1.0 + squares / ROBUST**2) ** 2))
+
+    def _equations(self, points: Floats, markers: Ints, weights: Floats) -> tuple[Floats, Floats]:
+        """Normal matrix (6 n_limbs, 6 n_limbs) and right-hand side: turns [rad] about the origins and steps [mm]."""
+        count = self.n_limbs
+        normal = np.zeros((count, 6, count, 6))
+        gradient = np.zeros((count, 6))
+        diagonal = np.zeros((count, 6, 6))
+        limb = self.limb[markers]
+        places = self.positions_of(markers)
+        columns = _columns(places - self.origins[limb])
+        weighted = columns * weights[:, np.newaxis, np.newaxis]
+        np.add.at(diagonal, limb, weighted.swapaxes(1, 2) @ columns)
+        np.add.at(gradient, limb, (weighted.swapaxes(1, 2) @ (points - places)[..., np.newaxis])[..., 0])
+        self._add_joints(normal, diagonal, gradient)
+        diagonal[self.roots] += np.eye(6) * np.repeat([(self.size / ROOT_STRAY) ** 2, ROOT_STRAY**-2], 3)
+        every = np.arange(count)
+        normal[every, :, every] += diagonal
+        return normal.reshape(6 * count, 6 * count), gradient.ravel()
+
+    def _add_joints(self, normal: Floats, diagonal: Floats, gradient: Floats) -> None:
+        parents, children = self.parents, self.children
+        arm = (self.rotations[parents] @ self.at_parent[..., np.newaxis])[..., 0]
+        other = (self.rotations[children] @ self.at_child[..., np.newaxis])[..., 0]
+        apart = (self.origins[children] + other) - (self.origins[parents] + arm)
+        weight = self.joint_deviation**-2
+        first, second = _columns(arm), _columns(other)
+        keep = np.zeros((len(parents), 6, 6))
+        keep[:, [0, 1, 2], [0, 1, 2]] = (1.0 / self._spread)[:, np.newaxis]
+        np.add.at(diagonal, parents, weight * first.swapaxes(1, 2) @ first + keep)
+        np.add.at(diagonal, children, weight * second.swapaxes(1, 2) @ second + keep)
+        np.add.at(gradient, parents, weight * (first.swapaxes(1, 2) @ apart[..., np.newaxis])[..., 0])
+        np.add.at(gradient, children, -weight * (second.swapaxes(1, 2) @ apart[..., np.newaxis])[..., 0])
+        cross = weight * first.swapaxes(1, 2) @ second + keep
+        normal[parents, :, children] -= cross
+        normal[children, :, parents] -= cross.swapaxes(1, 2)
+
+    def _prediction(self, own: Floats) -> Prediction:
+        every = np.arange(self.n_markers)
+        places = self.positions_of(every)
+        columns = _columns(places - self.origins[self.limb])
+        spread = columns @ own[self.limb] @ columns.swapaxes(1, 2)
+        spread = spread + np.eye(3) * (self.deviation**2)[:, np.newaxis, np.newaxis]
+        return Prediction(np.where(self.carried[:, np.newaxis], places, np.nan), spread)
+
+
+def _rows(vectors: list[Floats]) -> Floats:
+    return np.array(vectors, dtype=np.float64).reshape(-1, 3)
+
+
+def _columns(arm: Floats) -> Floats:
+    """Derivative of a point by the turn and the step of its limb, shape (n, 3, 6)."""
+    return np.concatenate([-cross_matrix(arm), np.tile(np.eye(3), (len(arm), 1, 1))], axis=2)
+
+
+def _typical_size(offsets: Floats, carried: Bools) -> float:
+    """Root mean square distance [mm] of markers from the origin of their limb."""
+    return float(np.sqrt((offsets[carried] ** 2).sum(axis=1).mean())) or 1.0
+
+
+def _deviations(skeleton: Skeleton, carried: Bools, size: float) -> Floats:
+    """Deviation of each marker per coordinate [mm], none far below the usual one."""
+    known = np.where(carried, skeleton.marker_std, np.nan)
+    usual = float(np.nanmedian(known)) if carried.any() else 0.0
+    return np.asarray(np.maximum(np.nan_to_num(known), max(usual, LEAST_DEVIATION * size)))

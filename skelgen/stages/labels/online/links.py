@@ -1,0 +1,183 @@
+"""Points followed from frame to frame while they arrive.
+
+The prediction is that of the offline tracker (level and slope, double exponential smoothing); the reach is found from
+the innovations of the last seconds instead of those of the whole take, and the state has a fixed size.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels.parameters import LabelParameters
+
+MOST_POINTS = 200
+"""Points of a frame that are followed; where there are more, those nearest to where tracks are expected."""
+
+MOST_TRACKS = 2000
+"""Tracks that are followed at a time; only noise has more, and then the last seen are kept."""
+
+NEWBORN_REACH = 2.0
+"""A track that was seen once has only a neighbour's slope, so its next point may lie this much farther off."""
+
+REMEMBERED = 4096
+"""Innovations that the reach is found from: a second of fifty markers."""
+
+RENEWED = 25
+"""Frames after which the reach and the spacing are found anew."""
+
+QUANTILE, MARGIN = 0.999, 1.5
+"""The reach is this often the innovation that all but one in a thousand stay below."""
+
+LEAST_SPACINGS, MOST_SPACINGS = 0.25, 1.0
+"""Bounds of the reach in typical spacings: beyond one, identity is a guess; far below, bad points break tracks."""
+
+
+class Links:
+    """Tracks of points, one frame at a time, in bounded memory.
+
+    Parameters
+    ----------
+    parameters : LabelParameters
+        Their `prediction`, `smoothing`, `max_jump` and `max_gap`.
+    """
+
+    def __init__(self, parameters: LabelParameters) -> None:
+        self._level_gain, self._slope_gain = _gains(parameters)
+        self._max_gap, self._max_jump = parameters.max_gap, parameters.max_jump
+        self._level: Floats = np.empty((0, 3))
+        self._slope: Floats = np.empty((0, 3))
+        self._age: Ints = np.empty(0, dtype=np.intp)
+        self._missed: Ints = np.empty(0, dtype=np.intp)
+        self._number: Ints = np.empty(0, dtype=np.intp)
+        self._n_given = 0
+        self._surprises: deque[float] = deque(maxlen=REMEMBERED)
+        self._spacings: deque[float] = deque(maxlen=RENEWED)
+        self._reach = 0.0
+        self._n_frames = 0
+
+    @property
+    def spacing(self) -> float:
+        """Typical distance [mm] between a point and its nearest neighbour; 1 before any is known."""
+        return float(np.median(self._spacings)) if self._spacings else 1.0
+
+    @property
+    def reach(self) -> float:
+        """Farthest [mm] that a point may lie from where its track expected it."""
+        return self._reach
+
+    def follow(self, points: Floats, n_steps: int) -> Ints:
+        """Follow the tracks into the next frame.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3), mm
+            The frame.
+        n_steps : int
+            Frame periods since the frame before; more than 1 where frames are missing. After more than may be bridged
+            all tracks end.
+
+        Returns
+        -------
+        ndarray of intp, shape (n,)
+            Number of the track of each point; numbers are never used again. -1 for points that are not followed.
+        """
+        self._missed += n_steps
+        self._keep(self._missed <= np.minimum(self._max_gap, self._age) + 1)
+        expected = self._level + self._missed[:, np.newaxis] * self._slope
+        chosen = _nearest(points, expected)
+        self._renew(points[chosen])
+        numbers = np.full(len(points), -1, dtype=np.intp)
+        numbers[chosen] = self._followed(points[chosen], expected)
+        return numbers
+
+    def _followed(self, points: Floats, expected: Floats) -> Ints:
+        rows, columns = _matched(expected, self._reach * np.where(self._age == 1, NEWBORN_REACH, 1.0), points)
+        numbers = np.full(len(points), -1, dtype=np.intp)
+        numbers[columns] = self._number[rows]
+        self._correct(rows, points[columns], expected[rows])
+        free = np.flatnonzero(numbers < 0)
+        numbers[free] = self._begin(points[free])
+        return numbers
+
+    def _correct(self, rows: Ints, points: Floats, expected: Floats) -> None:
+        error = points - expected
+        new = self._age[rows] == 1
+        level_gain = np.where(new, 1.0, self._level_gain)[:, np.newaxis]
+        slope_gain = np.where(new, float(self._slope_gain > 0), self._slope_gain)[:, np.newaxis]
+        steady = ~new & (self._missed[rows] == 1)
+        self._surprises.extend((error[steady] ** 2).sum(axis=1).tolist())
+        self._level[rows] = expected + level_gain * error
+        self._slope[rows] += slope_gain * error / self._missed[rows, np.newaxis]
+        self._age[rows] += 1
+        self._missed[rows] = 0
+
+    def _begin(self, points: Floats) -> Ints:
+        """Begin tracks at points, with the slope of the nearest track that is seen and has one; their numbers."""
+        slope = np.zeros_like(points)
+        known = np.flatnonzero((self._age > 1) & (self._missed == 0))
+        if len(known) and len(points) and self._slope_gain > 0:
+            _, nearest = cKDTree(self._level[known]).query(points)
+            slope = self._slope[known[nearest]]
+        numbers = self._n_given + np.arange(len(points))
+        self._n_given += len(points)
+        self._level = np.concatenate([self._level, points])
+        self._slope = np.concatenate([self._slope, slope])
+        self._age = np.concatenate([self._age, np.ones(len(points), dtype=np.intp)])
+        self._missed = np.concatenate([self._missed, np.zeros(len(points), dtype=np.intp)])
+        self._number = np.concatenate([self._number, numbers])
+        if len(self._age) > MOST_TRACKS:
+            self._keep(np.argsort(np.argsort(self._missed, kind="stable"), kind="stable") < MOST_TRACKS)
+        return numbers
+
+    def _keep(self, kept: Bools) -> None:
+        if not kept.all():
+            self._level, self._slope = self._level[kept], self._slope[kept]
+            self._age, self._missed, self._number = self._age[kept], self._missed[kept], self._number[kept]
+
+    def _renew(self, points: Floats) -> None:
+        """Find spacing and reach from what was seen so far."""
+        self._n_frames += 1
+        is_time = self._n_frames % RENEWED == 1
+        if len(points) > 1 and (is_time or not self._spacings):
+            nearest, _ = cKDTree(points).query(points, k=2)
+            self._spacings.append(float(np.median(nearest[:, 1])) or 1.0)
+        if self._max_jump > 0:
+            self._reach = self._max_jump
+        elif is_time or len(self._surprises) < REMEMBERED // 4:
+            self._reach = self._found_reach()
+
+    def _found_reach(self) -> float:
+        spacing = self.spacing
+        if len(self._surprises) < REMEMBERED // 4:
+            return MOST_SPACINGS * spacing
+        usual = float(np.sqrt(np.quantile(np.array(self._surprises), QUANTILE)))
+        return float(np.clip(MARGIN * usual, LEAST_SPACINGS * spacing, MOST_SPACINGS * spacing))
+
+
+def _gains(parameters: LabelParameters) -> tuple[float, float]:
+    """Share of an innovation that goes into level and slope."""
+    rest = (1.0 - parameters.smoothing) ** 2
+    gains = {"none": (1.0, 0.0), "constant_velocity": (1.0, 1.0)}
+    return gains.get(parameters.prediction, (1.0 - rest, parameters.smoothing**2))
+
+
+def _nearest(points: Floats, expected: Floats) -> Ints:
+    """Indices of the points to follow: all, or the `MOST_POINTS` nearest to where tracks are expected."""
+    if len(points) <= MOST_POINTS or not len(expected):
+        return np.arange(min(len(points), MOST_POINTS))
+    distance, _ = cKDTree(expected).query(points)
+    return np.sort(np.argsort(distance, kind="stable")[:MOST_POINTS])
+
+
+def _matched(expected: Floats, reaches: Floats, points: Floats) -> tuple[Ints, Ints]:
+    """Tracks and their points, for the largest sum of squares by which points are nearer than the reach."""
+    apart = points - expected[:, np.newaxis]
+    gain = np.maximum((reaches**2)[:, np.newaxis] - (apart * apart).sum(axis=2), 0.0)
+    rows, columns = linear_sum_assignment(gain, maximize=True)
+    useful = gain[rows, columns] > 0.0
+    return rows[useful], columns[useful]

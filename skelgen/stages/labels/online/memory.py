@@ -1,0 +1,261 @@
+"""What is remembered of physical markers: distances between them, and poses in which they were seen together.
+
+Both are bounded. Distances have a running mean and variance over a window; a small distance variance makes two markers
+rigid neighbours. Of the poses a fixed number is kept, part of them recent and part spread over the past. A marker that
+is not seen is expected where the poses put it, once they are laid over its visible neighbours: rigid neighbours alone
+fix the place in every pose, others in those poses that resemble the present one (compare Kirk, O'Brien and Forsyth
+2005, who do the same for whole takes).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.geometry.rotations import nearest_rotation
+from skelgen.model.arrays import Floats, Ints
+
+RECENT, SPREAD = 24, 72
+"""Poses kept of the last seconds, and of the past before."""
+
+RECENT_SECONDS = 0.1
+"""Time between two recent poses."""
+
+NEIGHBOURS = 6
+"""Visible markers that a lost one is placed by, the most rigid first."""
+
+LEAST_NEIGHBOURS = 3
+"""Fewer do not fix a rotation."""
+
+PRIOR_FRAMES = 40.0
+"""A distance seen in so few frames is not yet known to be rigid: this many frames of the prior are added."""
+
+PRIOR_SHARE = 0.1
+"""Deviation of a distance of which nothing is known, in the distance: what joints do to near markers."""
+
+LEAST_COMMON = 5
+"""Frames in which two markers must have been seen together before their distance says anything."""
+
+LEAST_NOISE = 0.002
+"""Of the typical spacing: deviations of distances are no smaller, however exact the tracker is."""
+
+
+class Memory:
+    """Markers in numbered slots, their distances and poses; all arrays have a fixed size.
+
+    Parameters
+    ----------
+    n_slots : int
+        Most markers that are remembered at a time.
+
+    Attributes
+    ----------
+    window : int
+        Frames over which distances are averaged.
+    noise : float, mm
+        What distances within limbs vary by; 0 before it is known.
+    label : ndarray of intp, shape (n_slots,)
+        Label of the marker in each slot, -1 = free.
+    n_seen, last_seen : ndarray of intp, shape (n_slots,)
+        Frames in which it was seen, and the last of these.
+    common : ndarray, shape (n_slots, n_slots)
+        Frames in which two markers were seen together.
+    """
+
+    def __init__(self, n_slots: int) -> None:
+        self.label: Ints = np.full(n_slots, -1, dtype=np.intp)
+        self.n_seen: Ints = np.zeros(n_slots, dtype=np.intp)
+        self.last_seen: Ints = np.zeros(n_slots, dtype=np.intp)
+        self.common: Floats = np.zeros((n_slots, n_slots))
+        self._mean: Floats = np.zeros((n_slots, n_slots))
+        self._variance: Floats = np.zeros((n_slots, n_slots))
+        self._poses: Floats = np.full((RECENT + SPREAD, n_slots, 3), np.nan)
+        self._n_poses = 0
+        self.window = 1
+        self.noise = 0.0
+
+    def add(self, label: int, frame: int) -> int:
+        """Take a free slot for a marker, or that of the one least worth remembering; returns the slot."""
+        free = np.flatnonzero(self.label < 0)
+        lost = np.flatnonzero(self.last_seen < frame - 1)
+        if not len(free) and not len(lost):
+            return -1
+        slot = int(free[0]) if len(free) else int(lost[np.argmin(self.n_seen[lost])])
+        self.clear(slot)
+        self.label[slot] = label
+        self.last_seen[slot] = frame
+        return slot
+
+    def clear(self, slot: int) -> None:
+        """Forget a marker."""
+        self.label[slot], self.n_seen[slot] = -1, 0
+        for table in (self.common, self._mean, self._variance):
+            table[slot], table[:, slot] = 0.0, 0.0
+        self._poses[:, slot] = np.nan
+
+    def learn(self, slots: Ints, positions: Floats, frame: int) -> None:
+        """Learn from the markers of a frame: distances [mm], and that they were seen."""
+        pairs = np.ix_(slots, slots)
+        distance = _distances(positions, positions)
+        common = self.common[pairs] + 1.0
+        step = 1.0 / np.minimum(common, self.window)
+        surprise = distance - self._mean[pairs]
+        self.common[pairs] = common
+        self._mean[pairs] += step * surprise
+        self._variance[pairs] = (1.0 - step) * (self._variance[pairs] + step * surprise**2)
+        self.n_seen[slots] += 1
+        self.last_seen[slots] = frame
+
+    def keep_pose(self, slots: Ints, positions: Floats) -> None:
+        """Keep the frame as a pose; the oldest recent one moves to the past at times, or is overwritten."""
+        recent = self._n_poses % RECENT
+        turn = self._n_poses // RECENT
+        if turn > 0 and self._n_poses % 2 == 0:
+            past = RECENT + self._past_place()
+            self._poses[past] = self._poses[recent]
+        self._poses[recent] = np.nan
+        self._poses[recent, slots] = positions
+        self._n_poses += 1
+
+    def deviations(self, rows: Ints, columns: Ints) -> Floats:
+        """Deviation of the distances [mm] between markers, careful where little was seen; infinite if too little."""
+        pairs = np.ix_(rows, columns)
+        common = np.minimum(self.common[pairs], self.window)
+        prior = (PRIOR_SHARE * self._mean[pairs]) ** 2
+        variance = (common * self._variance[pairs] + PRIOR_FRAMES * prior) / (common + PRIOR_FRAMES)
+        return np.where(common >= LEAST_COMMON, np.sqrt(variance + self.noise**2), np.inf)
+
+    def distances(self, rows: Ints, columns: Ints) -> Floats:
+        """Mean distances [mm] between markers."""
+        return np.asarray(self._mean[np.ix_(rows, columns)])
+
+    def find_noise(self, slots: Ints, spacing: float) -> None:
+        """Estimate what distances within limbs vary by: for the usual marker, that to its most rigid neighbour."""
+        self.noise = LEAST_NOISE * spacing
+        if len(slots) < 2:
+            return
+        deviation = self.deviations(slots, slots)
+        np.fill_diagonal(deviation, np.inf)
+        least = deviation.min(axis=1)
+        if np.isfinite(least).any():
+            self.noise = max(self.noise, float(np.median(least[np.isfinite(least)])))
+
+    def misfits(self, slots: Ints, points: Floats, visible: Ints, positions: Floats) -> Floats:
+        """Root mean square deviation of the distances between points and a marker's most rigid visible neighbours.
+
+        Parameters
+        ----------
+        slots : ndarray of intp, shape (n_slots,)
+            Markers that points may be.
+        points : ndarray, shape (n_points, 3), mm
+            Points.
+        visible : ndarray of intp, shape (n_visible,)
+            Slots of other markers that are seen.
+        positions : ndarray, shape (n_visible, 3), mm
+            Where they are.
+
+        Returns
+        -------
+        ndarray, shape (n_points, n_slots)
+            In deviations; infinite where too few neighbours are seen.
+        """
+        result = np.full((len(points), len(slots)), np.inf)
+        if len(visible) < LEAST_NEIGHBOURS or not len(slots):
+            return result
+        deviation = self.deviations(slots, visible)
+        deviation[slots[:, np.newaxis] == visible] = np.inf
+        order = np.argsort(deviation, axis=1, kind="stable")[:, :NEIGHBOURS]
+        chosen = np.take_along_axis(deviation, order, axis=1)
+        mean = np.take_along_axis(self._mean[np.ix_(slots, visible)], order, axis=1)
+        apart = _distances(points, positions)[:, order]
+        squares = ((apart - mean) / chosen) ** 2
+        enough = np.isfinite(chosen).sum(axis=1) >= LEAST_NEIGHBOURS
+        known = np.isfinite(chosen).sum(axis=1).clip(1)
+        result[:, enough] = np.sqrt(squares.sum(axis=2) / known)[:, enough]
+        return result
+
+    def own_misfits(self, slots: Ints, positions: Floats) -> Floats:
+        """The like of `misfits` for visible markers at their own places: the median over neighbours, shape (n,)."""
+        deviation = self.deviations(slots, slots)
+        np.fill_diagonal(deviation, np.inf)
+        order = np.argsort(deviation, axis=1, kind="stable")[:, :LEAST_NEIGHBOURS]
+        off = np.abs(_distances(positions, positions) - self._mean[np.ix_(slots, slots)]) / deviation
+        return np.asarray(np.median(np.take_along_axis(off, order, axis=1), axis=1))
+
+    def expected(self, slot: int, visible: Ints, positions: Floats) -> tuple[Floats, float] | None:
+        """Where a lost marker must be, with the variance per coordinate [mm^2]; None if nothing tells.
+
+        Parameters
+        ----------
+        slot : int
+            The marker.
+        visible, positions
+            As in `misfits`.
+        """
+        deviation = self.deviations(np.array([slot]), visible)[0]
+        order = np.argsort(deviation, kind="stable")[:NEIGHBOURS]
+        order = order[np.isfinite(deviation[order])]
+        if len(order) < LEAST_NEIGHBOURS:
+            return None
+        poses = self._poses[~np.isnan(self._poses[:, slot, 0])]
+        seen = ~np.isnan(poses[:, visible[order], 0])
+        usable = seen.sum(axis=1) >= LEAST_NEIGHBOURS
+        if not usable.any():
+            return None
+        poses, seen = poses[usable], seen[usable]
+        weights = seen / deviation[order]
+        return _placed(poses[:, visible[order]], positions[order], weights, poses[:, slot], self.noise)
+
+    def join(self, young: int, old: int) -> None:
+        """Join two slots of one marker; the older keeps its label."""
+        fresh = self.common[young] > self.common[old]
+        for table in (self._mean, self._variance, self.common):
+            table[old, fresh] = table[young, fresh]
+            table[fresh, old] = table[fresh, young]
+        unknown = np.isnan(self._poses[:, old, 0])
+        self._poses[unknown, old] = self._poses[unknown, young]
+        self.n_seen[old] += self.n_seen[young]
+        self.last_seen[old] = max(self.last_seen[old], self.last_seen[young])
+        self.clear(young)
+
+    def _past_place(self) -> int:
+        """Which past pose is overwritten next: those in turn, so that the past reaches `2 SPREAD` poses back."""
+        return (self._n_poses // 2) % SPREAD
+
+
+def _distances(first: Floats, second: Floats) -> Floats:
+    apart = first[:, np.newaxis] - second
+    return np.asarray(np.sqrt((apart * apart).sum(axis=2)))
+
+
+def _placed(
+    poses: Floats, positions: Floats, weights: Floats, places: Floats, noise: float
+) -> tuple[Floats, float] | None:
+    """Lay poses over what is seen; mean and variance of where they put a marker, good poses counting more.
+
+    Parameters
+    ----------
+    poses : ndarray, shape (n_poses, n_neighbours, 3), mm
+        Neighbours in earlier poses.
+    positions : ndarray, shape (n_neighbours, 3), mm
+        Neighbours now.
+    weights : ndarray, shape (n_poses, n_neighbours)
+        0 for neighbours that a pose lacks.
+    places : ndarray, shape (n_poses, 3), mm
+        The marker in the poses.
+    noise : float, mm
+        What rigid distances vary by.
+    """
+    share = (weights / weights.sum(axis=1, keepdims=True))[..., np.newaxis]
+    known = np.where(share > 0, poses, 0.0)
+    centre, now = (share * known).sum(axis=1), (share * positions).sum(axis=1)
+    source, target = known - centre[:, np.newaxis], positions - now[:, np.newaxis]
+    rotation = nearest_rotation((share * target).swapaxes(1, 2) @ source)
+    placed = (rotation @ (places - centre)[..., np.newaxis])[..., 0] + now
+    left = target - source @ rotation.swapaxes(1, 2)
+    misfit = (share * left**2).sum(axis=(1, 2))
+    scale = misfit.min() + noise**2
+    trust = np.exp(-0.5 * (misfit - misfit.min()) / scale)
+    trust /= trust.sum()
+    mean = trust @ placed
+    spread = float(trust @ ((placed - mean) ** 2).sum(axis=1)) / 3
+    return mean, spread + scale
