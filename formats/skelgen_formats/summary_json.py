@@ -5,6 +5,7 @@ What has not been computed yet is null; so is every number that is not to be tol
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.metadata
 import json
 import math
@@ -52,6 +53,7 @@ def summary(project: Project) -> dict[str, Any]:
         "take": _take(project.take),
         "n_frames": project.trajectories.n_frames if project.has("labels") else project.take.n_frames,
         "rate": project.trajectories.rate if project.has("labels") else project.take.rate,
+        "labels": _labels(project) if project.has_labelling else None,
         "limbs": _limbs(project) if project.has("limbs") else None,
         "left_out_markers": _names(project, project.limbs.left_out) if project.has("limbs") else None,
         "tree": _tree(project) if project.has("joints") else None,
@@ -80,6 +82,31 @@ def _versions() -> dict[str, str | None]:
 def _take(take: Take) -> dict[str, Any]:
     counts = {"n_points": take.n_points} if isinstance(take, PointCloud) else {}
     return {"name": take.name, "kind": type(take).__name__, **counts, "notices": take.notices}
+
+
+def _labels(project: Project) -> dict[str, Any]:
+    labelling, names = project.labelling, project.trajectories.names
+    tracklets = labelling.tracklets
+    return {
+        "confidence": dict(zip(names, labelling.marker_confidence.tolist(), strict=True)),
+        "doubtful_spans": [
+            {
+                "marker": names[doubt.marker],
+                "first_frame": doubt.first_frame,
+                "last_frame": doubt.last_frame,
+                "kind": doubt.kind,
+                "rival": names[doubt.rival] if doubt.rival >= 0 else None,
+                "confidence": doubt.confidence,
+                "reason": doubt.reason,
+            }
+            for doubt in labelling.doubts
+        ],
+        "twins": [[names[marker] for marker in pair] for pair in labelling.twins],
+        "n_points_left_out": labelling.left_out.sum(),
+        "n_tracklets": tracklets.n_tracklets if tracklets is not None else None,
+        "n_tracklets_left_out": tracklets.n_left_out if tracklets is not None else None,
+        "seed_method": dataclasses.asdict(labelling.seed_method) if labelling.seed_method is not None else None,
+    }
 
 
 def _limbs(project: Project) -> list[dict[str, Any]]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from skelgen.app.advice import advice_on, doubtful_share, left_out_share
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats
 
@@ -48,6 +49,8 @@ def column_rows(take: Take) -> list[Row]:
 def project_tables(project: Project) -> dict[str, Any]:
     """Return the tables of everything that a project holds: stages, limbs, joints, lengths, residuals."""
     tables: dict[str, Any] = {"take": take_facts(project.take), "seed": project.seed, "stages": _stage_rows(project)}
+    if project.has_labelling:
+        tables["labelling"] = _labelling_facts(project)
     if project.has("limbs"):
         tables["limbs"] = _limb_rows(project)
     if project.has("joints"):
@@ -63,6 +66,23 @@ def _stage_rows(project: Project) -> list[Row]:
         {"stage": name, "seconds": report.seconds, "notices": list(report.notices)}
         for name, report in project.reports.items()
     ]
+
+
+def _labelling_facts(project: Project) -> Row:
+    labelling = project.labelling
+    facts: Row = {
+        "markers": project.trajectories.n_markers,
+        "doubtful_spans": len(labelling.doubts),
+        "doubtful_share": doubtful_share(labelling),
+        "advice": list(advice_on(project)),
+    }
+    if isinstance(project.take, PointCloud):
+        facts |= {"left_out": int(labelling.left_out.sum()), "left_out_share": left_out_share(project)}
+    if labelling.tracklets is not None:
+        facts |= {"tracklets": labelling.tracklets.n_tracklets}
+    if labelling.seed_method is not None:
+        facts |= {"seed_markers": labelling.seed_method.n_markers, "seed_agreement": labelling.seed_method.share}
+    return facts
 
 
 def _limb_rows(project: Project) -> list[Row]:

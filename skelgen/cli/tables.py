@@ -23,12 +23,30 @@ def show_take(screen: Screen, facts: Mapping[str, Any]) -> None:
 def show_project(screen: Screen, tables: Mapping[str, Any]) -> None:
     """Print what a project holds: take, limbs, joints, lengths, residuals, times."""
     show_take(screen, tables["take"])
+    if "labelling" in tables:
+        _show_labelling(screen, tables["labelling"])
     for key, title in _TITLES.items():
         screen.table(title, tables.get(key, ()))
     if "residuals" in tables:
         screen.table("Residuals of all markers", [tables["residuals"]])
     times = ", ".join(f"{row['stage']} {row['seconds']:.2f} s" for row in tables["stages"])
     screen.say(f"stages: {times or 'none has run'}")
+
+
+def _show_labelling(screen: Screen, facts: Mapping[str, Any]) -> None:
+    """Print how sure the labels are in a line, and what could be done about it."""
+    parts = [f"{facts['markers']} markers"]
+    if "tracklets" in facts:
+        parts[0] += f" from {facts['tracklets']} tracklets"
+    parts.append(f"{facts['doubtful_spans']} doubtful spans ({100 * facts['doubtful_share']:.2g} % of the positions)")
+    if "left_out" in facts:
+        parts.append(f"{facts['left_out']} points left out ({100 * facts['left_out_share']:.2g} %)")
+    if "seed_markers" in facts:
+        agreement = 100 * facts["seed_agreement"]
+        parts.append(f"the seed's method finds {facts['seed_markers']} and agrees in {agreement:.1f} % of the points")
+    screen.say(f"labels: {'; '.join(parts)}")
+    for sentence in facts["advice"]:
+        screen.say(f"  try: {sentence}")
 
 
 def show_files(screen: Screen, files: Sequence[Path]) -> None:

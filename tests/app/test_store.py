@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from skelgen.app.store import VERSION, find_result, is_project_file, open_project, save_project
 from skelgen.errors import FormatError, WriteError
-from skelgen.model import PointCloud, Project
+from skelgen.model import Labelling, PointCloud, Project, StageReport
+from skelgen.model.labelling import Agreement, Doubt, Tracklets
 
 CLOUD = PointCloud(np.arange(12.0).reshape(4, 3), [0, 2, 2, 4], [0.0, 0.01, 0.03], {"n_blobs": np.ones(4)}, "c.mfml")
 
@@ -53,6 +54,40 @@ def test_a_cloud_without_results_comes_back(tmp_path):
     assert values_of(again.take) == values_of(CLOUD)
     assert again.seed == 3
     assert not again.has("labels")
+
+
+@pytest.fixture
+def judged(small_project):
+    """A project that knows how sure its labels are, in every detail."""
+    trajectories = small_project.trajectories
+    confidence = np.where(trajectories.seen, 0.75, np.nan)
+    doubt = Doubt(1, 2, 4, "rival", 0, 0.25, "because é")
+    tracklets = Tracklets([0, 0, 1], [1, -1, 2], [0, 3, 1], [2, 4, 9], [3, 2, 9])
+    left_out = np.arange(trajectories.n_frames)
+    labelling = Labelling(confidence, (doubt,), ((0, 1), (2, 3)), left_out, tracklets, Agreement("sets", 7, 90, 0.75))
+    return small_project.with_trajectories(trajectories, StageReport(), labelling)
+
+
+def test_how_sure_labels_are_comes_back_bit_for_bit(judged, tmp_path):
+    assert values_of(open_project(save_project(judged, tmp_path / "j.skelgen"))) == values_of(judged)
+
+
+def test_files_from_before_labels_were_judged_are_read(saved, tmp_path):
+    with zipfile.ZipFile(saved) as archive:
+        structure = json.loads(archive.read("project.json"))
+    del structure["labelling"]
+    project = open_project(with_member(saved, "project.json", json.dumps(structure), tmp_path / "old.skelgen"))
+    assert not project.has_labelling
+    assert project.has("skeleton")
+
+
+def test_account_of_other_labels_is_refused(judged, tmp_path):
+    saved = save_project(judged, tmp_path / "j.skelgen")
+    stream = io.BytesIO()
+    np.save(stream, np.zeros((3, 10)))
+    member = "arrays/labelling/confidence.npy"
+    with pytest.raises(FormatError, match=r"b.skelgen:project.json"):
+        open_project(with_member(saved, member, stream.getvalue(), tmp_path / "b.skelgen"))
 
 
 def test_names_that_no_encoding_knows_come_back(tmp_path):

@@ -6,8 +6,10 @@ import json
 
 import numpy as np
 
+from skelgen.app.advice import advice_on
 from skelgen.app.summary import column_rows, project_tables, take_facts
-from skelgen.model import PointCloud, Project, Trajectories
+from skelgen.model import Labelling, PointCloud, Project, StageReport, Trajectories
+from skelgen.model.labelling import Doubt, Tracklets
 
 
 def with_gaps():
@@ -51,3 +53,42 @@ def test_bare_project_has_only_its_take(small_project):
 
 def test_tables_are_strict_json(small_project):
     json.dumps(project_tables(small_project), allow_nan=False)
+
+
+def judged(project):
+    """The project with its first marker in doubt for two frames and called a piece of the second."""
+    confidence = np.where(project.trajectories.seen, 0.99, np.nan)
+    doubt = Doubt(0, 3, 4, "piece", 1, 0.1, "the two may be one marker")
+    labelling = Labelling(confidence, (doubt,), ((2, 3),), np.zeros(project.trajectories.n_frames, dtype=int))
+    return Project(project.take).with_trajectories(project.trajectories, StageReport(), labelling)
+
+
+def test_labels_are_summed_up_with_advice(small_project):
+    facts = project_tables(judged(small_project))["labelling"]
+    assert (facts["markers"], facts["doubtful_spans"]) == (10, 1)
+    assert facts["doubtful_share"] == 2 / small_project.trajectories.seen.sum()
+    assert any("--n-markers" in sentence and "carries 9" in sentence for sentence in facts["advice"])
+    assert any("M<2>& and M<3>&" in sentence for sentence in facts["advice"])
+    assert "left_out" not in facts
+
+
+def test_nothing_is_advised_where_nothing_is_doubtful(small_project):
+    trajectories = small_project.trajectories
+    confidence = np.where(trajectories.seen, 0.99, np.nan)
+    labelling = Labelling(confidence, (), (), np.zeros(trajectories.n_frames, dtype=int))
+    project = Project(small_project.take).with_trajectories(trajectories, StageReport(), labelling)
+    assert advice_on(project) == ()
+
+
+def test_ghosts_and_rare_markers_are_named_in_the_advice():
+    positions = np.random.default_rng(0).normal(size=(100, 3, 3))
+    positions[5:, 2] = np.nan
+    markers = Trajectories(positions, ("a", "b", "c"), 100.0)
+    cloud = PointCloud(np.zeros((400, 3)), np.arange(101) * 4, np.arange(100) / 100.0)
+    confidence = np.where(markers.seen, 0.99, np.nan)
+    tracklets = Tracklets([0, 1], [0, -1], [0, 0], [99, 99], [100, 100])
+    labelling = Labelling(confidence, (), (), np.full(100, 2), tracklets)
+    told = " ".join(advice_on(Project(cloud).with_trajectories(markers, StageReport(), labelling)))
+    assert "50.0 % of the points belong to no marker" in told
+    assert "c in 5 %" in told
+    assert "1 track is left out although" in told

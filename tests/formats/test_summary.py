@@ -8,7 +8,8 @@ from skelgen_formats.registry import write_file
 from skelgen_formats.summary_json import summary
 
 from skelgen.errors import WriteError
-from skelgen.model import Project
+from skelgen.model import Labelling, Project, StageReport
+from skelgen.model.labelling import Agreement, Doubt
 
 
 def strict(text):
@@ -69,8 +70,23 @@ def test_same_project_gives_the_same_text(small_project, tmp_path):
 def test_unfinished_project_tells_null_for_what_is_missing(small_project):
     told = summary(Project(small_project.take))
     assert told["n_frames"] == 12
-    assert all(told[key] is None for key in ("limbs", "tree", "joints", "lengths", "residual_mean"))
+    assert all(told[key] is None for key in ("labels", "limbs", "tree", "joints", "lengths", "residual_mean"))
     json.dumps(told, allow_nan=False)
+
+
+def test_doubts_about_labels_are_told_by_name(small_project):
+    trajectories = small_project.trajectories
+    confidence = np.where(trajectories.seen, 0.5, np.nan)
+    doubt = Doubt(1, 2, 4, "rival", 0, 0.25, "because")
+    left_out = np.arange(trajectories.n_frames)
+    labelling = Labelling(confidence, (doubt,), (), left_out, seed_method=Agreement("sets", 7, 90, 0.75))
+    project = Project(small_project.take).with_trajectories(trajectories, StageReport(), labelling)
+    told = json.loads(json.dumps(summary(project), allow_nan=False))["labels"]
+    assert told["confidence"] == dict.fromkeys(trajectories.names, 0.5)
+    assert told["doubtful_spans"][0]["marker"] == trajectories.names[1]
+    assert told["doubtful_spans"][0]["rival"] == trajectories.names[0]
+    assert told["n_points_left_out"] == left_out.sum()
+    assert told["seed_method"]["n_markers"] == 7
 
 
 def test_take_is_refused(small_project, tmp_path):

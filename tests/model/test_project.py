@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.errors import MissingResultError
-from skelgen.model import Project, StageReport
+from skelgen.model import Labelling, Project, StageReport
 
 STAGES = ("labels", "limbs", "joints", "skeleton")
 
@@ -31,6 +31,15 @@ def test_replacing_a_result_drops_those_after_it(small_project, stage):
     assert [name for name in STAGES if project.has(name)] == list(kept)
     assert tuple(project.reports) == kept
     assert project.reports[stage].seconds == 99.0
+
+
+def test_account_of_labels_stays_with_them(small_project):
+    trajectories = small_project.trajectories
+    left_out = np.zeros(trajectories.n_frames, dtype=int)
+    labelling = Labelling(np.where(trajectories.seen, 1.0, np.nan), (), (), left_out)
+    project = small_project.with_trajectories(trajectories, StageReport(), labelling)
+    assert project.with_limbs(small_project.limbs, StageReport()).labelling is labelling
+    assert not project.with_trajectories(trajectories, StageReport()).has_labelling
 
 
 def test_replacing_a_result_keeps_take_and_seed(small_project):

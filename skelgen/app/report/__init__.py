@@ -17,7 +17,7 @@ from skelgen.model import Project
 
 __all__ = ["report_html", "write_report"]
 
-_TEMPLATES = ("template.html", "style.html", "macros.html")
+_TEMPLATES = ("template.html", "labels.html", "style.html", "macros.html")
 
 
 def write_report(project: Project, path: Path) -> Path:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from skelgen.app.advice import doubtful_share
 from skelgen.app.filling import fill_project
 from skelgen.app.report import measures, svg
 from skelgen.app.report.colours import limb_colour
@@ -19,6 +20,7 @@ from skelgen.app.report.figure_lengths import common_reach, spread_figure
 from skelgen.app.report.figure_matrix import cost_figure, deviation_figure
 from skelgen.app.report.figure_pose import pose_figures
 from skelgen.app.report.figure_tree import joint_sign, tree_figure
+from skelgen.app.report.labels import labels_content
 from skelgen.app.report.run_facts import stage_tables, versions
 from skelgen.app.report.wording import counted, digits, duration, fixed, listed, millimetres, percent, plain
 from skelgen.app.summary import column_rows
@@ -62,6 +64,8 @@ def report_content(project: Project) -> Content:
     }
     if project.has("labels") and project.trajectories.n_frames and project.trajectories.n_markers:
         content["gaps"] = _gaps(project)
+        if project.has_labelling:
+            content["labels"] = labels_content(project)
     if project.has("limbs") and project.limbs.n_limbs:
         content["limbs"] = _limbs(project)
     if project.has("joints") and project.topology.n_joints:
@@ -76,6 +80,8 @@ def report_content(project: Project) -> Content:
 
 def _sentences(project: Project) -> list[str]:
     sentences = [_take_sentence(project)]
+    if project.has_labelling and project.labelling.doubts:
+        sentences.append(_doubt_sentence(project))
     if project.has("limbs"):
         sentences.append(_limb_sentence(project))
     if project.has("joints"):
@@ -102,6 +108,12 @@ def _take_sentence(project: Project) -> str:
 
 def _length_in_time(project: Project) -> str:
     return duration(max(project.take.n_frames - 1, 0) / project.take.rate)
+
+
+def _doubt_sentence(project: Project) -> str:
+    spans = counted(len(project.labelling.doubts), "span")
+    share = percent(doubtful_share(project.labelling))
+    return f"It is not sure in {spans}, {share} of all positions, that a marker is the one that it is called."
 
 
 def _limb_sentence(project: Project) -> str:

@@ -1,6 +1,7 @@
 """When each marker is seen: one bar per marker in its limb's colour, faded where the marker is missing.
 
-Where gaps can be filled, they are coloured by what the filled positions rest on.
+Where gaps can be filled, they are coloured by what the filled positions rest on. A line under a bar says that it is not
+sure there that the marker is the one that it is called; the row at the bottom shows points that are nobody's.
 """
 
 from __future__ import annotations
@@ -11,29 +12,42 @@ from numpy.typing import NDArray
 
 from skelgen.app.report import measures, svg
 from skelgen.app.report.png import png_uri
-from skelgen.app.report.wording import clipped, percent, plain
-from skelgen.model import Project
+from skelgen.app.report.timeline import (
+    BOTTOM,
+    LEAST_WIDTH,
+    LEFT,
+    MOST_BINS,
+    PLOT,
+    RIGHT,
+    WIDTH,
+    row_height,
+    row_labels,
+    shares,
+    time_axis,
+)
+from skelgen.app.report.wording import percent
+from skelgen.model import Labelling, Project
 from skelgen.model.arrays import Bools, Ints
 from skelgen.model.filled import Filled, Source
 
-_WIDTH, _LEFT, _RIGHT, _BOTTOM = 900.0, 112.0, 52.0, 36.0
-_ROW = 11.0
-_SMALLEST_ROW = 2.5  # with very many markers; below `_SMALLEST_LABELLED_ROW` without names
-_SMALLEST_LABELLED_ROW = 9.0
-_LARGEST_HEIGHT = 800.0
-_MOST_BINS = 736
 _OPAQUE = 255
 _MOST_WITH_GAP = 130  # of 255: a single missing frame already fades its whole stretch visibly
-_LEAST_WIDTH = 560.0
-_NAME_ROOM = 16
 _LEAST_FILLED = 110  # alpha of 255: a single filled frame still tints its stretch visibly
+_DOUBT_LINES = 4  # of a bar's height, one such part is the line of doubt
+_STRIP, _STRIP_GAP = 9.0, 4.0  # px: the row of points that are left out
 
 SOURCE_COLOURS = {Source.LIMB: (46, 139, 87), Source.JOINT: (218, 149, 32), Source.INTERPOLATED: (200, 60, 60)}
 """Red, green, blue of each source of filled positions; readable on light and on dark ground."""
 
+DOUBT_COLOUR = (190, 20, 160)
+"""Of the line under a bar."""
+
+LEFT_OUT_COLOUR = (128, 128, 128)
+"""Of points that are nobody's."""
+
 
 def gaps_figure(project: Project, filled: Filled | None = None) -> Markup:
-    """Draw the timeline of seen, filled and unseen markers, in the order of the limbs.
+    """Draw the timeline of seen, filled, unseen and doubtful markers, in the order of the limbs.
 
     Parameters
     ----------
@@ -44,73 +58,79 @@ def gaps_figure(project: Project, filled: Filled | None = None) -> Markup:
     """
     order = measures.subtree_markers(project)
     seen = project.trajectories.seen[:, order]
-    row = min(_ROW, max(_SMALLEST_ROW, _LARGEST_HEIGHT / max(len(order), 1)))
-    height, width = row * len(order), _WIDTH - _LEFT - _RIGHT
+    row = row_height(len(order))
+    height = row * len(order)
     mask = svg.tag(
         "mask",
-        svg.image(_LEFT, 0, width, height, png_uri(_brightness(seen))),
+        svg.image(LEFT, 0, PLOT, height, png_uri(_brightness(seen))),
         id="seen-mask",
         maskUnits="userSpaceOnUse",
-        x=_LEFT,
+        x=LEFT,
         y=0,
-        width=width,
+        width=PLOT,
         height=height,
     )
-    bars = svg.group(*_bars(project, order, row, width), mask="url(#seen-mask)")
-    tints = [svg.image(_LEFT, 0, width, height, png_uri(_tints(filled.source[:, order])))] if filled else []
-    labels = _labels(project, order, seen, row) if row >= _SMALLEST_LABELLED_ROW else []
-    axis = _time_axis(project, width, height)
-    title = "When each marker is seen"
-    return svg.drawing(_WIDTH, height + _BOTTOM, title, mask, bars, *tints, *labels, axis, least=_LEAST_WIDTH)
+    parts = [mask, svg.group(*_bars(project, order, row), mask="url(#seen-mask)")]
+    if filled:
+        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(_tints(filled.source[:, order]))))
+    if project.has_labelling and project.labelling.doubts:
+        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(_doubt_lines(project.labelling.doubtful[:, order]))))
+    names = [project.trajectories.names[marker] for marker in order.tolist()]
+    parts += row_labels(names, [percent(float(share)) for share in seen.mean(axis=0)], row)
+    if project.has_labelling and project.labelling.left_out.any():
+        parts.append(_left_out_strip(project.labelling, height + _STRIP_GAP))
+        height += _STRIP_GAP + _STRIP
+    parts.append(time_axis(project.trajectories, height))
+    return svg.drawing(WIDTH, height + BOTTOM, "When each marker is seen", *parts, least=LEAST_WIDTH)
 
 
 def _brightness(seen: Bools) -> NDArray[np.uint8]:
     """Brightness of the mask, shape (n_markers, n_bins): full where a marker is seen in all frames of a stretch."""
-    starts, stops = measures.bin_edges(len(seen), _MOST_BINS)
-    counts = np.add.reduceat(seen.astype(np.float64), starts, axis=0)
-    shares = counts / (stops - starts)[:, np.newaxis]
-    grey = np.where(shares == 1.0, _OPAQUE, np.minimum(shares * _OPAQUE, _MOST_WITH_GAP))
+    part = shares(seen)
+    grey = np.where(part == 1.0, _OPAQUE, np.minimum(part * _OPAQUE, _MOST_WITH_GAP))
     return np.ascontiguousarray(grey.T.astype(np.uint8))
 
 
 def _tints(source: Ints) -> NDArray[np.uint8]:
     """Colours over the gaps, shape (n_markers, n_bins, 4): of each stretch the least certain source that it has."""
-    starts, stops = measures.bin_edges(len(source), _MOST_BINS)
-    pixels = np.zeros((len(starts), source.shape[1], 4), dtype=np.uint8)
+    pixels = np.zeros((min(len(source), MOST_BINS), source.shape[1], 4), dtype=np.uint8)
     for kind, colour in SOURCE_COLOURS.items():
-        shares = np.add.reduceat((source == kind).astype(np.float64), starts, axis=0) / (stops - starts)[:, np.newaxis]
-        there = shares > 0
+        part = shares(source == kind)
+        there = part > 0
         pixels[there, :3] = colour
-        pixels[there, 3] = np.maximum(shares[there] * _OPAQUE, _LEAST_FILLED).astype(np.uint8)
+        pixels[there, 3] = np.maximum(part[there] * _OPAQUE, _LEAST_FILLED).astype(np.uint8)
     return np.ascontiguousarray(pixels.swapaxes(0, 1))
 
 
-def _bars(project: Project, order: Ints, row: float, width: float) -> list[Markup]:
+def _doubt_lines(doubtful: Bools) -> NDArray[np.uint8]:
+    """A line at the foot of each bar in stretches with a doubtful frame, shape (4 n_markers, n_bins, 4)."""
+    there = shares(doubtful).T > 0
+    pixels = np.zeros((_DOUBT_LINES * len(there), there.shape[1], 4), dtype=np.uint8)
+    pixels[_DOUBT_LINES - 1 :: _DOUBT_LINES][there] = (*DOUBT_COLOUR, _OPAQUE)
+    return pixels
+
+
+def _left_out_strip(labelling: Labelling, top: float) -> Markup:
+    """A row that is the darker the more points of a stretch are left out."""
+    starts, stops = measures.bin_edges(len(labelling.left_out), MOST_BINS)
+    counts = np.add.reduceat(labelling.left_out.astype(np.float64), starts) / (stops - starts)
+    pixels = np.zeros((1, len(counts), 4), dtype=np.uint8)
+    pixels[..., :3] = LEFT_OUT_COLOUR
+    alpha = _LEAST_FILLED + (_OPAQUE - _LEAST_FILLED) * counts / counts.max()
+    pixels[0, :, 3] = np.where(counts > 0, alpha, 0).astype(np.uint8)
+    baseline = top + _STRIP - 1
+    return svg.group(
+        svg.image(LEFT, top, PLOT, _STRIP, png_uri(pixels)),
+        svg.text(LEFT - 6, baseline, "left out", "small", anchor="end"),
+        svg.text(WIDTH - RIGHT + 6, baseline, str(int(labelling.left_out.sum())), "small"),
+    )
+
+
+def _bars(project: Project, order: Ints, row: float) -> list[Markup]:
     limb_of_marker = project.limbs.limb_of_marker if project.has("limbs") else np.full(len(order), -1)
     bars = []
     for index, marker in enumerate(order.tolist()):
         limb = int(limb_of_marker[marker])
         cls = f"fill limb{limb}" if limb >= 0 else "fill limbless"
-        bars.append(svg.rect(_LEFT, row * index + 1, width, row - 2 if row > 4 else row, cls))
+        bars.append(svg.rect(LEFT, row * index + 1, PLOT, row - 2 if row > 4 else row, cls))
     return bars
-
-
-def _labels(project: Project, order: Ints, seen: Bools, row: float) -> list[Markup]:
-    labels = []
-    for index, marker in enumerate(order.tolist()):
-        baseline = row * (index + 0.5) + 3.5
-        name = clipped(project.trajectories.names[marker], _NAME_ROOM)
-        share = percent(float(seen[:, index].mean()))
-        labels.append(svg.text(_LEFT - 6, baseline, name, "small", anchor="end"))
-        labels.append(svg.text(_WIDTH - _RIGHT + 6, baseline, share, "small"))
-    return labels
-
-
-def _time_axis(project: Project, width: float, height: float) -> Markup:
-    trajectories = project.trajectories
-    last = max(trajectories.n_frames - 1, 1) / trajectories.rate
-    parts = [svg.line(_LEFT, height + 2, _LEFT + width, height + 2, "axis")]
-    for value in svg.ticks(0.0, last, 8):
-        parts.append(svg.text(_LEFT + width * value / last, height + 16, plain(value), "small", anchor="middle"))
-    parts.append(svg.text(_LEFT + width / 2, height + 32, "time [s]", "small", anchor="middle"))
-    return svg.group(*parts)

@@ -104,6 +104,8 @@ def identity_confidence(trajectories: Trajectories, breaks: Bools | None = None)
         breaks = jumps(trajectories)
     n_frames, n_markers = trajectories.n_frames, trajectories.n_markers
     usual = usual_distances(trajectories)
+    original, twins = look_alikes(usual, trajectories.seen)
+    usual = usual.without_pieces(original)
     evidence, rival = np.zeros((n_frames, n_markers)), np.full((n_frames, n_markers), -1, dtype=np.intp)
     n_seen = np.zeros((n_frames, n_markers), dtype=np.intp)
     step = max(1, CHUNK_VALUES // max(1, n_markers * (usual.rivals.shape[1] + 1) * max(1, usual.mates.shape[1])))
@@ -111,7 +113,6 @@ def identity_confidence(trajectories: Trajectories, breaks: Bools | None = None)
         part = slice(start, start + step)
         evidence[part], rival[part], n_seen[part] = _evidence(trajectories.positions[part], usual)
     confidence = _smoothed(evidence, trajectories.seen, breaks | _after_gaps(trajectories.seen), trajectories.rate)
-    original, twins = look_alikes(usual, trajectories.seen)
     confidence[:, original >= 0] *= PIECE_RIGHT
     alone: Bools = np.asarray((usual.mates < 0).all(axis=1))
     confidence[:, alone] *= ALONE_RIGHT

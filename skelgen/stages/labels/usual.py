@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,6 +65,11 @@ class Usual:
     rivals: Ints
     separation: Floats
     reach: float
+
+    def without_pieces(self, original: Ints) -> Usual:
+        """Return the same without rivals that are pieces of the marker itself; see `look_alikes` for `original`."""
+        own = (self.rivals >= 0) & (original[self.rivals] == np.arange(len(original))[:, np.newaxis])
+        return replace(self, rivals=np.where(own, -1, self.rivals))
 
 
 def usual_distances(trajectories: Trajectories) -> Usual:

@@ -1,0 +1,173 @@
+"""What the user could do about doubtful labels: short sentences that follow from the facts of a project."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from skelgen.model import Labelling, PointCloud, Project, Trajectories
+from skelgen.model.arrays import Ints
+from skelgen.model.labelling import Doubt, Tracklets, seen_runs
+
+RARELY_SEEN = 0.2
+"""Part of the frames below which a marker brings more doubt than knowledge."""
+
+OFTEN_MISSING = 0.85
+"""Mean part of the frames in which markers are seen, below which cameras are the problem."""
+
+MANY_GHOSTS = 0.02
+"""Part of all points that belong to no marker."""
+
+MANY_DOUBTS = 0.1
+"""Part of all positions in doubtful spans, above which the labels as a whole are not to be trusted."""
+
+MANY_LOSSES = 30.0
+"""Losses per marker and minute above which the following of points itself is the problem."""
+
+LONG_SECONDS = 1.0
+"""A track of a false point seldom lasts as long."""
+
+MOST_NAMED = 4
+"""Markers that a sentence names; the rest is counted."""
+
+REMEDIES = {
+    "piece": "if the two are one marker, give the number of markers or name both by hand",
+    "alone": "a reflection? a larger min_range drops such short tracks",
+    "rival": "look there; if it is wrong, name the marker in one of these frames by hand",
+    "misfit": "see whether the marker was touched, has slipped, or a false point was taken for it",
+    "unsupported": "one more marker on its limb, or a camera that sees the others there",
+    "repaired": "compare one of these frames with the video",
+}
+"""What can be done about a doubtful span of each kind."""
+
+
+def advice_on(project: Project) -> tuple[str, ...]:
+    """Return what the user could do for surer labels, the most useful first.
+
+    Parameters
+    ----------
+    project : Project
+        With the account of its labels; otherwise there is no advice.
+    """
+    if not project.has_labelling or not project.trajectories.n_frames or not project.trajectories.n_markers:
+        return ()
+    return tuple(_sentences(project.take, project.trajectories, project.labelling))
+
+
+def doubtful_share(labelling: Labelling) -> float:
+    """Part of all seen positions that lie in doubtful spans."""
+    return float(labelling.doubtful.sum()) / max(int((~np.isnan(labelling.confidence)).sum()), 1)
+
+
+def left_out_share(project: Project) -> float:
+    """Part of all points of an unlabelled take that belong to no marker; 0 for other takes."""
+    if not isinstance(project.take, PointCloud):
+        return 0.0
+    return float(project.labelling.left_out.sum()) / max(project.take.n_points, 1)
+
+
+def _sentences(take: object, markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+    share = doubtful_share(labelling)
+    if share > MANY_DOUBTS:
+        yield (
+            f"{100 * share:.0f} % of all positions are doubtful: do not rely on these labels as a whole before the "
+            "causes below are gone"
+        )
+    yield from _about_pieces(markers, labelling)
+    yield from _about_rare_markers(markers)
+    yield from _about_twins(markers, labelling)
+    yield from _about_support(markers, labelling)
+    yield from _about_misfits(markers, labelling)
+    if isinstance(take, PointCloud):
+        yield from _about_ghosts(take, markers, labelling)
+    yield from _about_visibility(markers)
+
+
+def _about_pieces(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+    pieces = {doubt.marker: doubt.rival for doubt in labelling.doubts if doubt.kind == "piece"}
+    if not pieces:
+        return
+    named = _named([f"{markers.names[one]} of {markers.names[whole]}" for one, whole in sorted(pieces.items())])
+    suspicious = {doubt.marker for doubt in labelling.doubts if doubt.kind in {"piece", "alone"}}
+    likely = markers.n_markers - len(suspicious)
+    yield (
+        f"some markers look like pieces of others ({named}): if the body carries {likely}, say so with --n-markers, or "
+        "name them by hand"
+    )
+
+
+def _about_rare_markers(markers: Trajectories) -> Iterator[str]:
+    shares = markers.seen.mean(axis=0)
+    rare = np.flatnonzero((shares < RARELY_SEEN) & (shares > 0))
+    if len(rare):
+        named = _named([f"{markers.names[one]} in {100 * shares[one]:.0f} %" for one in rare[np.argsort(shares[rare])]])
+        yield f"seen in few of the frames: {named}; leave them out, or move a camera so that it sees them"
+
+
+def _about_twins(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+    if labelling.twins:
+        named = _named([f"{markers.names[one]} and {markers.names[two]}" for one, two in labelling.twins])
+        yield f"no distance tells {named} apart: place the markers of such a limb less evenly"
+
+
+def _about_support(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+    counts = Counter(doubt.marker for doubt in labelling.doubts if doubt.kind == "unsupported")
+    if counts:
+        named = _named([markers.names[marker] for marker, _ in counts.most_common()])
+        yield f"too few markers are seen beside {named} when they come back: one more marker on such a limb helps"
+
+
+def _about_misfits(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+    worst = [doubt for doubt in labelling.doubts if doubt.kind == "misfit"]
+    if worst:
+        one = max(worst, key=_n_frames)
+        yield (
+            f"{markers.names[one.marker]} is not where it should be in frames {one.first_frame} to {one.last_frame}: "
+            "see whether it was touched, has slipped, or is a false point"
+        )
+
+
+def _about_ghosts(take: PointCloud, markers: Trajectories, labelling: Labelling) -> Iterator[str]:
+    share = float(labelling.left_out.sum()) / max(take.n_points, 1)
+    if share > MANY_GHOSTS:
+        yield (
+            f"{100 * share:.1f} % of the points belong to no marker: raise the cameras' threshold, or cover what "
+            "shines in the room"
+        )
+    if labelling.tracklets is not None:
+        long = int((lost_tracks(labelling.tracklets) >= LONG_SECONDS * markers.rate).sum())
+        if long:
+            what = "1 track is" if long == 1 else f"{long} tracks are"
+            yield (
+                f"{what} left out although they last longer than {LONG_SECONDS:g} s: a reflection, or a marker that "
+                "was not recognised; try --n-markers with one more"
+            )
+
+
+def lost_tracks(tracklets: Tracklets) -> Ints:
+    """Lengths [frames] of the tracks of which nothing went to a marker."""
+    first, last = tracklets.spans
+    used = np.zeros(tracklets.n_tracklets, dtype=np.bool_)
+    used[tracklets.track[tracklets.marker >= 0]] = True
+    return np.asarray((last - first + 1)[~used])
+
+
+def _about_visibility(markers: Trajectories) -> Iterator[str]:
+    seen = markers.seen
+    if seen.mean() < OFTEN_MISSING:
+        yield f"markers are seen in {100 * seen.mean():.0f} % of the frames on average: more cameras see more"
+    minutes = markers.n_frames / markers.rate / 60.0
+    losses = (len(seen_runs(seen)[0]) - markers.n_markers) / markers.n_markers / max(minutes, 1.0 / 60.0)
+    if losses > MANY_LOSSES:
+        yield f"a marker is lost {losses:.0f} times a minute: more cameras, or a higher frame rate, keep it longer"
+
+
+def _n_frames(doubt: Doubt) -> int:
+    return doubt.last_frame - doubt.first_frame + 1
+
+
+def _named(items: list[str]) -> str:
+    shown = ", ".join(items[:MOST_NAMED])
+    return f"{shown} and {len(items) - MOST_NAMED} more" if len(items) > MOST_NAMED else shown

@@ -1,0 +1,80 @@
+"""What the report says of the labels: how sure they are, where they are not, and what the user could do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
+from skelgen.app.report.figure_confidence import confidence_figure
+from skelgen.app.report.figure_tracklets import owners_figure, tracks_figure
+from skelgen.app.report.wording import counted, duration, percent
+from skelgen.model import Labelling, PointCloud, Project
+from skelgen.model.labelling import Doubt, seen_runs
+
+_MOST_ROWS = 40
+"""Doubtful spans in the table, the longest; the others are counted."""
+
+
+def labels_content(project: Project) -> dict[str, Any]:
+    """Return what the template shows of the labels of a project that knows how sure they are."""
+    labelling = project.labelling
+    tracklets = labelling.tracklets
+    shown = sorted(labelling.doubts, key=lambda doubt: doubt.first_frame - doubt.last_frame)[:_MOST_ROWS]
+    return {
+        "facts": _facts(project),
+        "advice": advice_on(project),
+        "rows": [_row(project, doubt) for doubt in sorted(shown, key=lambda doubt: doubt.first_frame)],
+        "more": len(labelling.doubts) - len(shown),
+        "confidence": confidence_figure(project),
+        "tracks": tracks_figure(project, tracklets) if tracklets is not None and tracklets.n_parts else "",
+        "owners": owners_figure(project, tracklets) if tracklets is not None and tracklets.n_parts else "",
+        "seed_method": _comparison(project, labelling),
+    }
+
+
+def _facts(project: Project) -> list[tuple[str, str]]:
+    labelling = project.labelling
+    facts = []
+    if labelling.tracklets is not None:
+        facts += [
+            ("Tracklets", str(labelling.tracklets.n_tracklets)),
+            ("of which left out", str(labelling.tracklets.n_left_out)),
+            ("of which divided between markers", str(labelling.tracklets.n_divided)),
+            ("Stretches of markers", str(len(seen_runs(project.trajectories.seen)[0]))),
+        ]
+    if isinstance(project.take, PointCloud):
+        left_out = f"{int(labelling.left_out.sum())} ({percent(left_out_share(project))})"
+        facts.append(("Points left out", left_out))
+    facts.append(("Doubtful spans", str(len(labelling.doubts))))
+    facts.append(("Doubtful positions", percent(doubtful_share(labelling))))
+    facts.append(("Pairs no distance tells apart", str(len(labelling.twins))))
+    return facts
+
+
+def _row(project: Project, doubt: Doubt) -> dict[str, str]:
+    rate = project.trajectories.rate
+    return {
+        "name": project.trajectories.names[doubt.marker],
+        "frames": _span(str(doubt.first_frame), str(doubt.last_frame)),
+        "time": _span(duration(doubt.first_frame / rate), duration(doubt.last_frame / rate)),
+        "confidence": percent(doubt.confidence),
+        "reason": doubt.reason,
+        "remedy": REMEDIES[doubt.kind],
+    }
+
+
+def _span(first: str, last: str) -> str:
+    return first if first == last else f"{first} – {last}"
+
+
+def _comparison(project: Project, labelling: Labelling) -> list[tuple[str, str, str, str]]:
+    """Rows of method, markers, points with a marker, agreement; empty if there is nothing to compare."""
+    seed = labelling.seed_method
+    if seed is None:
+        return []
+    own = project.trajectories
+    method = str(project.reports["labels"].parameters.get("method", "this run")) if "labels" in project.reports else ""
+    return [
+        (method, counted(own.n_markers, "marker"), str(int(own.seen.sum())), ""),
+        (f"{seed.method} (the seed's)", counted(seed.n_markers, "marker"), str(seed.n_points), percent(seed.share)),
+    ]
