@@ -29,6 +29,12 @@ MANY_LOSSES = 30.0
 LONG_SECONDS = 1.0
 """A track of a false point seldom lasts as long."""
 
+LASTING_SECONDS = 0.25
+"""A marker that is off its place for less is not worth a sentence."""
+
+UNREAL = ("piece", "alone")
+"""Kinds of doubts about whether there is such a marker at all."""
+
 MOST_NAMED = 4
 """Markers that a sentence names; the rest is counted."""
 
@@ -76,7 +82,7 @@ def _sentences(take: object, markers: Trajectories, labelling: Labelling) -> Ite
             "causes below are gone"
         )
     yield from _about_pieces(markers, labelling)
-    yield from _about_rare_markers(markers)
+    yield from _about_rare_markers(markers, labelling)
     yield from _about_twins(markers, labelling)
     yield from _about_support(markers, labelling)
     yield from _about_misfits(markers, labelling)
@@ -90,7 +96,7 @@ def _about_pieces(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     if not pieces:
         return
     named = _named([f"{markers.names[one]} of {markers.names[whole]}" for one, whole in sorted(pieces.items())])
-    suspicious = {doubt.marker for doubt in labelling.doubts if doubt.kind in {"piece", "alone"}}
+    suspicious = {doubt.marker for doubt in labelling.doubts if doubt.kind in UNREAL}
     likely = markers.n_markers - len(suspicious)
     yield (
         f"some markers look like pieces of others ({named}): if the body carries {likely}, say so with --n-markers, or "
@@ -98,8 +104,9 @@ def _about_pieces(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     )
 
 
-def _about_rare_markers(markers: Trajectories) -> Iterator[str]:
+def _about_rare_markers(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     shares = markers.seen.mean(axis=0)
+    shares[[doubt.marker for doubt in labelling.doubts if doubt.kind in UNREAL]] = 0.0  # of which is spoken already
     rare = np.flatnonzero((shares < RARELY_SEEN) & (shares > 0))
     if len(rare):
         named = _named([f"{markers.names[one]} in {100 * shares[one]:.0f} %" for one in rare[np.argsort(shares[rare])]])
@@ -120,7 +127,8 @@ def _about_support(markers: Trajectories, labelling: Labelling) -> Iterator[str]
 
 
 def _about_misfits(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
-    worst = [doubt for doubt in labelling.doubts if doubt.kind == "misfit"]
+    least = LASTING_SECONDS * markers.rate
+    worst = [doubt for doubt in labelling.doubts if doubt.kind == "misfit" and _n_frames(doubt) >= least]
     if worst:
         one = max(worst, key=_n_frames)
         yield (

@@ -16,6 +16,7 @@ from skelgen.app.report.timeline import (
     MOST_BINS,
     PLOT,
     WIDTH,
+    parted,
     row_height,
     row_labels,
     time_axis,
@@ -33,7 +34,7 @@ def confidence_figure(project: Project) -> Markup:
     height = row * len(order)
     names = [project.trajectories.names[marker] for marker in order.tolist()]
     means = [percent(float(mean)) for mean in project.labelling.marker_confidence[order]]
-    picture = svg.image(LEFT, 0, PLOT, height, png_uri(_pixels(confidence)))
+    picture = svg.image(LEFT, 0, PLOT, height, png_uri(parted(_pixels(confidence), row)))
     axis = time_axis(project.trajectories, height)
     labels = row_labels(names, means, row)
     title = "Confidence of every marker over time"

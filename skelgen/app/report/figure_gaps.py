@@ -20,6 +20,7 @@ from skelgen.app.report.timeline import (
     PLOT,
     RIGHT,
     WIDTH,
+    parted,
     row_height,
     row_labels,
     shares,
@@ -33,7 +34,7 @@ from skelgen.model.filled import Filled, Source
 _OPAQUE = 255
 _MOST_WITH_GAP = 130  # of 255: a single missing frame already fades its whole stretch visibly
 _LEAST_FILLED = 110  # alpha of 255: a single filled frame still tints its stretch visibly
-_DOUBT_LINES = 4  # of a bar's height, one such part is the line of doubt
+_DOUBT_LINES = 3  # of a bar's height, one such part is the line of doubt
 _STRIP, _STRIP_GAP = 9.0, 4.0  # px: the row of points that are left out
 
 SOURCE_COLOURS = {Source.LIMB: (46, 139, 87), Source.JOINT: (218, 149, 32), Source.INTERPOLATED: (200, 60, 60)}
@@ -72,7 +73,7 @@ def gaps_figure(project: Project, filled: Filled | None = None) -> Markup:
     )
     parts = [mask, svg.group(*_bars(project, order, row), mask="url(#seen-mask)")]
     if filled:
-        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(_tints(filled.source[:, order]))))
+        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(parted(_tints(filled.source[:, order]), row))))
     if project.has_labelling and project.labelling.doubts:
         parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(_doubt_lines(project.labelling.doubtful[:, order]))))
     names = [project.trajectories.names[marker] for marker in order.tolist()]
@@ -103,7 +104,7 @@ def _tints(source: Ints) -> NDArray[np.uint8]:
 
 
 def _doubt_lines(doubtful: Bools) -> NDArray[np.uint8]:
-    """A line at the foot of each bar in stretches with a doubtful frame, shape (4 n_markers, n_bins, 4)."""
+    """A line at the foot of each bar in stretches with a doubtful frame, shape (3 n_markers, n_bins, 4)."""
     there = shares(doubtful).T > 0
     pixels = np.zeros((_DOUBT_LINES * len(there), there.shape[1], 4), dtype=np.uint8)
     pixels[_DOUBT_LINES - 1 :: _DOUBT_LINES][there] = (*DOUBT_COLOUR, _OPAQUE)

@@ -22,6 +22,7 @@ from skelgen.app.report.timeline import (
     MOST_BINS,
     PLOT,
     WIDTH,
+    parted,
     row_height,
     row_labels,
     time_axis,
@@ -62,7 +63,7 @@ def owners_figure(project: Project, tracklets: Tracklets) -> Markup:
     height = row * len(order)
     counts = np.bincount(rows[rows >= 0], minlength=len(order))
     names = [project.trajectories.names[marker] for marker in order.tolist()]
-    picture = svg.image(LEFT, 0, PLOT, height, png_uri(pixels))
+    picture = svg.image(LEFT, 0, PLOT, height, png_uri(parted(pixels, row)))
     labels = row_labels(names, [str(count) for count in counts.tolist()], row)
     axis = time_axis(project.trajectories, height)
     return svg.drawing(WIDTH, height + BOTTOM, "Markers and their tracks", picture, *labels, axis, least=LEAST_WIDTH)

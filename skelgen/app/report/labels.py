@@ -39,7 +39,7 @@ def _facts(project: Project) -> list[tuple[str, str]]:
         facts += [
             ("Tracklets", str(labelling.tracklets.n_tracklets)),
             ("of which left out", str(labelling.tracklets.n_left_out)),
-            ("of which divided between markers", str(labelling.tracklets.n_divided)),
+            ("of which divided", str(labelling.tracklets.n_divided)),
             ("Stretches of markers", str(len(seen_runs(project.trajectories.seen)[0]))),
         ]
     if isinstance(project.take, PointCloud):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from markupsafe import Markup
+from numpy.typing import NDArray
 
 from skelgen.app.report import measures, svg
 from skelgen.app.report.wording import clipped, plain
@@ -23,6 +24,8 @@ MOST_BINS = 736
 _ROW = 11.0
 _SMALLEST_ROW = 2.5  # with very many markers; below `_SMALLEST_LABELLED_ROW` without names
 _SMALLEST_LABELLED_ROW = 9.0
+_SMALLEST_PARTED_ROW = 5.0
+_LINES = 6  # of a row, the last of which is blank
 _LARGEST_HEIGHT = 800.0
 _NAME_ROOM = 16
 
@@ -52,6 +55,15 @@ def time_axis(trajectories: Trajectories, height: float) -> Markup:
         parts.append(svg.text(LEFT + PLOT * value / last, height + 16, plain(value), "small", anchor="middle"))
     parts.append(svg.text(LEFT + PLOT / 2, height + 32, "time [s]", "small", anchor="middle"))
     return svg.group(*parts)
+
+
+def parted(pixels: NDArray[np.uint8], row: float) -> NDArray[np.uint8]:
+    """Leave a thin blank line under each row of a picture, unless rows are too low, shape (n, n_bins, 4)."""
+    if row < _SMALLEST_PARTED_ROW:
+        return pixels
+    lines = np.repeat(pixels, _LINES, axis=0)
+    lines[_LINES - 1 :: _LINES] = 0
+    return lines
 
 
 def shares(flags: Bools) -> Floats:
