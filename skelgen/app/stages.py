@@ -141,6 +141,10 @@ def _cluster(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor
     from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - see the module's docstring
 
     limbs = find_limbs(project.trajectories, parameters, n_limbs=wishes.n_limbs, seed=project.seed, monitor=monitor)
+    if limbs.n_limbs == 1 and wishes.n_limbs is None:
+        monitor.notice(
+            "only one limb is found: all markers move as one, or each by itself; there is no joint"
+        )
     return (limbs,)
 
 

@@ -16,6 +16,7 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.joints.loose import loose_sentences
 from skelgen.stages.joints.pairs import JointGuess, Segment, guess_joint, make_segment
 from skelgen.stages.joints.parallel import map_pairs
 from skelgen.stages.joints.parameters import JointParameters
@@ -70,7 +71,7 @@ def find_joints(
     kept = _place_joints(tracks, frames, parents, parameters, seed, monitor)
     children = outward_order(parents)[(parents < 0).sum() :]
     _report_separate_bodies(parents, monitor)
-    return Topology(
+    topology = Topology(
         parents=parents,
         joint_costs=np.where(np.isfinite(costs), costs, np.nan),
         raw_joint_positions=_stacked([kept[int(child)].positions for child in children], trajectories.n_frames),
@@ -78,6 +79,9 @@ def find_joints(
         values=np.array([_finite(kept[int(child)].cost) for child in children]),
         alpha=parameters.alpha,
     )
+    for sentence in loose_sentences(trajectories, limbs, topology):
+        monitor.notice(sentence)
+    return topology
 
 
 def sample_frames(n_frames: int, parameters: JointParameters) -> Ints:

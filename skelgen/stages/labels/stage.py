@@ -22,6 +22,7 @@ from skelgen.stages.labels.grouping import group_sets
 from skelgen.stages.labels.judged import Origin, labelling_of_cloud
 from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, find_marker_sets, least_length
 from skelgen.stages.labels.obedience import obey
+from skelgen.stages.labels.oddities import guessed_identities, odd_times, too_few_wanted
 from skelgen.stages.labels.parameters import LabelParameters
 
 # Coordinates beyond a thousand kilometres are a wrong unit or a broken file, and their squares lose the millimetre.
@@ -107,7 +108,8 @@ def _labelled(
             f"no point can be followed for {least_length(cloud.n_frames, rate, parameters)} frames, so there is no "
             "marker; lower min_range, raise max_jump, or check the recording"
         )
-    wanted = n_markers or count_markers(sets, least_length(cloud.n_frames, rate, parameters))
+    at_once = count_markers(sets, least_length(cloud.n_frames, rate, parameters))
+    wanted = n_markers or at_once
     limit = parameters.remove_distance or typical_spacing(cloud)
     group, nearest = group_sets(cloud.points, sets, wanted, limit, parameters, seed, monitor)
     markers = sets.merged(group)
@@ -115,7 +117,8 @@ def _labelled(
     kept = _chosen(markers, (markers.lengths >= stand_alone) | (nearest <= limit), wanted)
     result = markers.chosen(kept)
     trajectories = Trajectories(_positions(cloud, result), marker_names(len(result)), rate, cloud.name)
-    origin = Origin(cloud, owner, trajectories if parameters.method != "sets" else None)
+    stated = fixed.who >= 0 if fixed else None
+    origin = Origin(cloud, owner, trajectories if parameters.method != "sets" else None, stated)
     if parameters.method == "rigidity":
         trajectories = refine_labels(
             cloud, owner, trajectories, parameters, n_markers=n_markers, fixed=fixed, seed=seed, monitor=monitor
@@ -125,6 +128,7 @@ def _labelled(
         trajectories = Trajectories(positions, names, rate, cloud.name)
         notices += (f"{len(identities.entries)} identities stated by hand are obeyed",) if identities else ()
     notices += _losses(cloud, trajectories, int((~kept)[group].sum()), n_markers)
+    notices += too_few_wanted(n_markers, at_once) + guessed_identities(trajectories, typical_spacing(cloud))
     for sentence in notices:
         monitor.notice(sentence)
     return dataclasses.replace(trajectories, notices=cloud.notices + notices), origin
@@ -153,7 +157,7 @@ def _jittered(cloud: PointCloud, parameters: LabelParameters, seed: int) -> Poin
 def _rate(cloud: PointCloud, parameters: LabelParameters) -> tuple[float, tuple[str, ...]]:
     """Frame rate [Hz], and what to say about it."""
     if cloud.n_frames < 2 or cloud.times[-1] > cloud.times[0]:
-        return cloud.rate, ()
+        return cloud.rate, odd_times(cloud)
     rate = 1000.0 / parameters.time_one_frame
     return rate, (f"the time stamps do not rise; {parameters.time_one_frame} ms a frame are assumed",)
 
