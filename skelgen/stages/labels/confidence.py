@@ -90,7 +90,9 @@ class Certainty:
     twins: tuple[tuple[int, int], ...]
 
 
-def identity_confidence(trajectories: Trajectories, breaks: Bools | None = None) -> Certainty:
+def identity_confidence(
+    trajectories: Trajectories, breaks: Bools | None = None, stated: Bools | None = None
+) -> Certainty:
     """Judge the identity of every marker in every frame.
 
     Parameters
@@ -99,24 +101,37 @@ def identity_confidence(trajectories: Trajectories, breaks: Bools | None = None)
         Labelled markers, however they were labelled.
     breaks : ndarray of bool, shape (n_frames, n_markers), optional
         Frames in which a marker is not simply followed from the frame before; by default after gaps and jumps.
+    stated : ndarray of bool, shape (n_frames, n_markers), optional
+        Frames in which the user says that the marker is the one that it is called.
     """
     if breaks is None:
         breaks = jumps(trajectories)
-    n_frames, n_markers = trajectories.n_frames, trajectories.n_markers
     usual = usual_distances(trajectories)
     original, twins = look_alikes(usual, trajectories.seen)
+    alone: Bools = np.asarray((usual.mates < 0).all(axis=1))
+    if stated is not None:
+        original[stated.any(axis=0)], alone[stated.any(axis=0)] = -1, False
     usual = usual.without_pieces(original)
+    evidence, rival, n_seen = _frame_by_frame(trajectories, usual)
+    odds = np.where(trajectories.seen, evidence / max(1.0, CORRELATED_SECONDS * trajectories.rate), 0.0)
+    if stated is not None:
+        odds[stated] = MOST_NATS
+    confidence = _smoothed(odds, trajectories.seen, breaks | _after_gaps(trajectories.seen))
+    confidence[:, original >= 0] *= PIECE_RIGHT
+    confidence[:, alone] *= ALONE_RIGHT
+    return Certainty(confidence, rival, n_seen, evidence, original, alone, twins)
+
+
+def _frame_by_frame(trajectories: Trajectories, usual: Usual) -> tuple[Floats, Ints, Ints]:
+    """What `_evidence` says of all frames, in portions that bound the memory."""
+    n_frames, n_markers = trajectories.n_frames, trajectories.n_markers
     evidence, rival = np.zeros((n_frames, n_markers)), np.full((n_frames, n_markers), -1, dtype=np.intp)
     n_seen = np.zeros((n_frames, n_markers), dtype=np.intp)
     step = max(1, CHUNK_VALUES // max(1, n_markers * (usual.rivals.shape[1] + 1) * max(1, usual.mates.shape[1])))
     for start in range(0, n_frames, step):
         part = slice(start, start + step)
         evidence[part], rival[part], n_seen[part] = _evidence(trajectories.positions[part], usual)
-    confidence = _smoothed(evidence, trajectories.seen, breaks | _after_gaps(trajectories.seen), trajectories.rate)
-    confidence[:, original >= 0] *= PIECE_RIGHT
-    alone: Bools = np.asarray((usual.mates < 0).all(axis=1))
-    confidence[:, alone] *= ALONE_RIGHT
-    return Certainty(confidence, rival, n_seen, evidence, original, alone, twins)
+    return evidence, rival, n_seen
 
 
 def _evidence(positions: Floats, usual: Usual) -> tuple[Floats, Ints, Ints]:
@@ -191,9 +206,8 @@ def _after_gaps(seen: Bools) -> Bools:
     return result
 
 
-def _smoothed(evidence: Floats, seen: Bools, breaks: Bools, rate: float) -> Floats:
-    """Probability of being right from the evidence of all frames; NaN where unseen, shape (n_frames, n_markers)."""
-    odds = np.where(seen, evidence / max(1.0, CORRELATED_SECONDS * rate), 0.0)
+def _smoothed(odds: Floats, seen: Bools, breaks: Bools) -> Floats:
+    """Probability of being right from the log odds of all frames; NaN where unseen, shape (n_frames, n_markers)."""
     lose, find = np.where(breaks, LOST, CHANGE), np.where(breaks, FOUND, CHANGE)
     state = np.full(odds.shape[1], np.log(FIRST_RIGHT / (1.0 - FIRST_RIGHT)))
     forward, backward = np.zeros_like(odds), np.zeros_like(odds)

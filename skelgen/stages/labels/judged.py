@@ -33,11 +33,14 @@ class Origin:
         Track of each point, -1 for none.
     by_sets : Trajectories or None
         What the seed's method gave, where another one came after it.
+    stated : ndarray of bool, shape (n_points,), or None
+        Points whose marker the user has stated.
     """
 
     cloud: PointCloud
     owner: Ints
     by_sets: Trajectories | None
+    stated: Bools | None = None
 
 
 def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Origin) -> Labelling:
@@ -53,7 +56,8 @@ def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Or
         What they were made of.
     """
     marker_of_point = find_points(origin.cloud, trajectories.positions)
-    certainty = identity_confidence(trajectories, _track_changes(origin, marker_of_point, trajectories.seen))
+    changes = _track_changes(origin, marker_of_point, trajectories.seen)
+    certainty = identity_confidence(trajectories, changes, _stated(origin, marker_of_point, trajectories.seen))
     left_out = np.maximum(cloud.points_per_frame - trajectories.seen.sum(axis=1), 0)
     return Labelling(
         certainty.confidence,
@@ -91,6 +95,16 @@ def _track_changes(origin: Origin, marker_of_point: Ints, seen: Bools) -> Bools:
     changes = np.zeros(seen.shape, dtype=np.bool_)
     changes[1:] = seen[1:] & ((track[1:] != track[:-1]) | (track[1:] < 0))
     return changes
+
+
+def _stated(origin: Origin, marker_of_point: Ints, seen: Bools) -> Bools:
+    """Frames in which the user has stated that a point is the marker, shape (n_frames, n_markers)."""
+    result = np.zeros(seen.shape, dtype=np.bool_)
+    if origin.stated is not None:
+        frame_of_point = np.repeat(np.arange(origin.cloud.n_frames), origin.cloud.points_per_frame)
+        told = origin.stated & (marker_of_point >= 0)
+        result[frame_of_point[told], marker_of_point[told]] = True
+    return result
 
 
 def find_points(cloud: PointCloud, positions: Floats) -> Ints:
