@@ -1,25 +1,27 @@
 """Fill gaps of markers from their limb, from joints, and from the frames around.
 
-The limb's other markers, or its joints where these are too few, tell where the marker would be if the limb were rigid
-(`helpers`). Skin moves, so the marker's own way off that place, after the part that the other markers' shape and the
-bend of the joints explain, is bridged through the gap from what it was before and after (`bridging`). Where the limb
-is not posed at all, the marker itself is bridged, in the frame of its parent limb or in the world.
+A frame is laid through what helps: the limb's other markers, or its joints where these are too few (`helpers`). In it
+the marker only moves as skin does, and that way is predicted through the gap from the joints' bends, the neighbours'
+markers and what it was before and after (`process`). Where nothing of the limb helps, the same is done in the frame of
+a neighbouring limb, or in the world.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.kinematics.bridging import bridge, fit_memory
-from skelgen.kinematics.helpers import Helpers, explained_part, find_helpers, rigid_lead
+from skelgen.kinematics.helpers import Base, Helpers, features_of, find_helpers
+from skelgen.kinematics.process import Clock, Features, Series, fit_variances, learnt_frames, needed_frames, predict
 from skelgen.model import Motion, Skeleton, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, Source
 
 _FEWEST_TOGETHER = 25  # frames in which a marker and its helpers are seen, to learn from
 _FEWEST_KNOWN = 10  # frames in which a marker is seen, to tell how far it strays from them
-_WORLD = -1
+_OWN_VARIANCES = 20  # frames to fill, from which on variances are estimated for their own set of helpers
 
 
 def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion) -> Filled:
@@ -37,10 +39,8 @@ def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion) ->
     Returns
     -------
     Filled
-        Measured positions as they are, filled ones with source and standard deviation. Wherever three other markers
-        pose the limb they are the source; elsewhere it is what has the smallest deviation: the limb with its joints,
-        or interpolation. Markers that are never seen stay empty, and those seen in fewer than ten frames where their
-        limb is not posed.
+        Measured positions as they are, filled ones with source and standard deviation. Markers that are never seen
+        stay empty, and those seen in fewer than ten frames where nothing of their limb is seen.
 
     Raises
     ------
@@ -53,15 +53,15 @@ def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion) ->
             f"{trajectories.positions.shape[:2]}: give the motion that was fitted to this take"
         )
     work = _Work(trajectories, skeleton, motion)
-    for marker in np.flatnonzero(work.with_gaps).tolist():
-        _interpolate(work, marker)
     for limb in range(skeleton.n_limbs):
         _fill_limb(work, limb)
+    for marker in np.flatnonzero(work.with_gaps).tolist():
+        _fill_rest(work, marker)
     return Filled(trajectories, work.positions, work.source, work.std)
 
 
 class _Work:
-    """The arrays that are being filled; of two values for one place, the better one stays."""
+    """The arrays that are being filled."""
 
     def __init__(self, trajectories: Trajectories, skeleton: Skeleton, motion: Motion) -> None:
         self.trajectories, self.skeleton, self.motion = trajectories, skeleton, motion
@@ -70,85 +70,108 @@ class _Work:
         self.positions = trajectories.positions.copy()
         self.source = np.where(self.seen, Source.MEASURED, Source.NONE).astype(np.intp)
         self.std = np.where(self.seen, 0.0, np.nan)
+        self.clock = Clock(trajectories.n_frames, trajectories.rate)
 
     def put(self, marker: int, frames: Ints, world: Floats, std: Floats, source: Source) -> None:
-        """Store filled values, those from the limb always and others where they are better than what is there."""
-        old = self.std[frames, marker]
-        better = np.isnan(old) | (std < old) | (source == Source.LIMB)
-        frames = frames[better]
-        self.positions[frames, marker] = world[better]
-        self.std[frames, marker] = std[better]
+        """Store filled values [mm]."""
+        self.positions[frames, marker] = world
+        self.std[frames, marker] = std
         self.source[frames, marker] = source
-
-    def put_local(self, marker: int, frames: Ints, limb: int, local: Floats, std: Floats, source: Source) -> None:
-        """Store filled values given in a limb's frame [mm], shape (n_frames, 3)."""
-        poses = self.motion.world_from_limb[frames, limb]
-        world = poses[:, :3, 3] + np.einsum("fij,fj->fi", poses[:, :3, :3], local)
-        self.put(marker, frames, world, std, source)
-
-
-def _interpolate(work: _Work, marker: int) -> None:
-    """Bridge a marker itself, in the world and in the frame of the parent limb where that is posed."""
-    series, seen = work.trajectories.positions[:, marker], work.seen[:, marker]
-    missing = np.flatnonzero(~seen)
-    if seen.sum() < _FEWEST_KNOWN:
-        return
-    work.put(marker, missing, *bridge(series, seen, missing, fit_memory(series, seen)), Source.INTERPOLATED)
-    limb = int(work.skeleton.limb_of_marker[marker])
-    parent = int(work.skeleton.parents[limb]) if limb >= 0 else _WORLD
-    if parent == _WORLD:
-        return
-    posed = work.motion.limb_seen[:, parent]
-    frames = missing[posed[missing]]
-    if (seen & posed).sum() < _FEWEST_KNOWN or len(frames) == 0:
-        return
-    poses = work.motion.world_from_limb[:, parent]
-    local = np.einsum("fji,fj->fi", poses[:, :3, :3], series - poses[:, :3, 3])
-    values, std = bridge(local, seen & posed, frames, fit_memory(local, seen & posed))
-    work.put_local(marker, frames, parent, values, std, Source.INTERPOLATED)
 
 
 def _fill_limb(work: _Work, limb: int) -> None:
-    """Fill the markers of a limb, one set of helpers at a time, in frames in which the limb is posed."""
+    """Fill the markers of a limb, one set of helpers at a time."""
     markers = work.skeleton.markers_of(limb)
     if not work.with_gaps[markers].any():
         return
     helpers = find_helpers(work.trajectories, work.skeleton, work.motion, limb)
     for index in np.flatnonzero(work.with_gaps[markers]).tolist():
-        marker = int(markers[index])
-        frames = np.flatnonzero(~work.seen[:, marker] & work.motion.limb_seen[:, limb])
+        frames = np.flatnonzero(~work.seen[:, markers[index]])
         usable = helpers.usable[frames]
         usable[:, index] = False
+        with_firm = usable[:, helpers.firm].any(axis=1)
+        usable[with_firm] &= helpers.firm
         enough = helpers.posed_by(usable)
         usable[enough, helpers.n_markers :] = False
-        patterns, which = np.unique(usable, axis=0, return_inverse=True)
-        for number, pattern in enumerate(patterns):
-            of_pattern = which.ravel() == number
-            source = Source.LIMB if enough[of_pattern][0] else Source.JOINT
-            _fill_from(work, limb, (marker, index), helpers, pattern, frames[of_pattern], source)
+        patterns, pattern_of, counts = np.unique(usable, axis=0, return_inverse=True, return_counts=True)
+        shares, which = None, (int(markers[index]), index)
+        for number in np.argsort(-counts, kind="stable").tolist():
+            of_pattern = pattern_of.ravel() == number
+            if patterns[number].any():
+                source = Source.LIMB if enough[of_pattern][0] else Source.JOINT
+                chosen = np.flatnonzero(patterns[number])
+                shares = _fill_from(work, which, helpers, chosen, frames[of_pattern], source, shares)
 
 
 def _fill_from(
     work: _Work,
-    limb: int,
     which: tuple[int, int],
     helpers: Helpers,
-    pattern: Bools,
-    frames: Ints,
+    chosen: Ints,
+    targets: Ints,
     source: Source,
-) -> None:
-    """Fill one marker, given by its index in the take and on the limb, in frames with the same helpers."""
+    shares: Floats | None,
+) -> Floats | None:
+    """Fill one marker, given by its index in the take and on the limb; return the shares of its variance."""
     marker, index = which
-    chosen, place = np.flatnonzero(pattern), helpers.places[index]
-    rigid = helpers.errors[:, chosen].reshape(len(work.seen), -1) @ rigid_lead(helpers, place, chosen).T
-    together = helpers.usable[:, chosen].all(axis=1) & helpers.usable[:, index]
-    if together.sum() < _FEWEST_TOGETHER:  # too few to learn from: the place on the limb, with the marker's deviation
-        std = np.full(len(frames), work.skeleton.marker_std[marker])
-        work.put_local(marker, frames, limb, place + rigid[frames], std, source)
+    known = np.flatnonzero(helpers.usable[:, chosen].all(axis=1) & helpers.usable[:, index])
+    if len(known) < _FEWEST_TOGETHER:  # too few to learn from: the place on the limb, with the marker's deviation
+        base = Base(targets, chosen, *helpers.frames_through(chosen, targets))
+        world = base.world(np.tile(helpers.places[index], (len(targets), 1)), np.arange(len(targets)))
+        work.put(marker, targets, world, np.full(len(targets), work.skeleton.marker_std[marker]), source)
+        return shares
+    frames = needed_frames(known, targets, work.clock.rate)
+    base = Base(frames, chosen, *helpers.frames_through(chosen, frames))
+    values, std, shares = _predicted_in(work, marker, base, helpers, known, targets, shares)
+    work.put(marker, targets, values, std, source)
+    return shares
+
+
+def _predicted_in(
+    work: _Work, marker: int, base: Base, helpers: Helpers, known: Ints, targets: Ints, shares: Floats | None
+) -> tuple[Floats, Floats, Floats]:
+    """World positions and deviations of a marker, learnt in a moving frame; and the shares of its variance."""
+    features = features_of(work.trajectories, work.skeleton, work.motion, helpers, base)
+    local = base.local(np.nan_to_num(work.trajectories.positions[base.frames, marker]))
+    values, std, shares = _predicted(Series(base.frames, local, features), known, targets, work.clock, shares)
+    return base.world(values, np.searchsorted(base.frames, targets)), std, shares
+
+
+def _predicted(
+    series: Series, known: Ints, targets: Ints, clock: Clock, shares: Floats | None
+) -> tuple[Floats, Floats, Floats]:
+    """Values and deviations of a series in target frames, and the shares of its variance."""
+    learnt = np.searchsorted(series.frames, learnt_frames(known))
+    series = replace(series, features=series.features.scaled(learnt))
+    if shares is None or len(targets) >= _OWN_VARIANCES:
+        shares = fit_variances(series, learnt, clock)
+    return *predict(series, known, targets, clock, shares), shares
+
+
+def _fill_rest(work: _Work, marker: int) -> None:
+    """Fill what nothing of the limb helps with, in the world or in the frame of the limb's reference."""
+    targets, known = np.flatnonzero(work.source[:, marker] == Source.NONE), np.flatnonzero(work.seen[:, marker])
+    if len(known) < _FEWEST_KNOWN or not len(targets):
         return
-    series = helpers.errors[:, index] - rigid
-    explained, inflation = explained_part(helpers, chosen, series, together)
-    rest = series - explained
-    values, std = bridge(rest, together, frames, fit_memory(rest, together))
-    local = place + (rigid + explained)[frames] + values
-    work.put_local(marker, frames, limb, local, inflation * std, source)
+    frames = needed_frames(known, targets, work.clock.rate)
+    series = Series(frames, np.nan_to_num(work.trajectories.positions[frames, marker]), Features())
+    values, std, _ = _predicted(series, known, targets, work.clock, None)
+    work.put(marker, targets, values, std, Source.INTERPOLATED)
+    if work.skeleton.limb_of_marker[marker] >= 0:
+        _fill_by_reference(work, marker, known, targets)
+
+
+def _fill_by_reference(work: _Work, marker: int, known: Ints, targets: Ints) -> None:
+    """Fill a marker in the frame of the nearest limb that its own markers pose, where this is surer."""
+    limb = int(work.skeleton.limb_of_marker[marker])
+    helpers = find_helpers(work.trajectories, work.skeleton, work.motion, limb)
+    posed = work.motion.limb_seen[:, helpers.reference]
+    known, targets = known[posed[known]], targets[posed[targets]]
+    if helpers.reference == limb or len(known) < _FEWEST_TOGETHER or not len(targets):
+        return
+    frames = needed_frames(known, targets, work.clock.rate)
+    origin = work.motion.world_from_limb[frames, helpers.reference, :3, 3]
+    base = Base(frames, np.zeros(0, dtype=np.intp), helpers.guess[frames], origin)
+    values, std, _ = _predicted_in(work, marker, base, helpers, known, targets, None)
+    better = std < work.std[targets, marker]
+    work.put(marker, targets[better], values[better], std[better], Source.INTERPOLATED)

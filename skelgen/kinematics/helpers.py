@@ -1,8 +1,8 @@
-"""What tells where an unseen marker of a limb is: the limb's other markers, its joints, and how it is bent.
+"""What tells where an unseen marker of a limb is: the limb's other markers, its joints, and how the body is bent.
 
-Everything here is linear in the errors, i.e. how far points are off their places on the limb in the limb's frame. The
-part that a small motion of the whole limb explains is taken out, so that it does not matter whether the marker itself
-took part when the limb was posed: results are the same in frames with the marker and in frames without.
+The limb's frame is laid anew through the points that are relied on, in every frame of the take, whether the marker is
+seen or not: what is learnt where it is seen then holds where it is not. Where these points leave a turn open, as two
+of them do about their line, it is that of the neighbouring limb.
 """
 
 from __future__ import annotations
@@ -11,17 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.bridging import without_outliers
+from skelgen.geometry.orientation import fit_transform, rotation_by_svd
+from skelgen.kinematics.process import Features
 from skelgen.kinematics.shape import determines_pose
 from skelgen.model import Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 
+_OUTLIER = 10.0  # times the median error: labels that belong elsewhere
+_LEAST_OUTLIER = 0.1  # mm: of exact markers even rounding is many times the median
 _OWN_POSE_SHARE = 0.5  # of all frames in which a neighbour must be posed by its markers to place a joint by itself
-_SMALLEST_MOTION = 0.01  # of the largest: motions of a limb that its points tell less of are left alone
-_FOLDS = 4  # stretches of the take on which a regression is tried
-_RIDGES = (0.03, 0.3, 3.0)  # of the mean variance of what is regressed on
-_STILL = 1e-9  # standard deviation of a rotation's entry below which it does not turn
+_FIRM = 0.05  # of the square of a limb's size: across a line, from where on points tell the turn about it
+_WEAK = 0.03  # of the square of a limb's size: weight of the neighbour's orientation
+_MOST_BENDS, _MOST_PLACES = 12, 8  # principal directions of the body's bends and of the neighbours' markers
+_PRINCIPAL_FRAMES = 500  # that these are found from
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,32 +34,80 @@ class Helpers:
     ----------
     places : ndarray, shape (n_points, 3), mm
         In the limb's frame.
-    errors : ndarray, shape (n_frames, n_points, 3), mm
-        How far each is off its place, in the limb's frame; 0 where not `usable`.
+    world : ndarray, shape (n_frames, n_points, 3), mm
+        Where they are; 0 where not `usable`.
     usable : ndarray of bool, shape (n_frames, n_points)
         Which can be relied on.
-    bends : ndarray, shape (n_frames, n_bends)
-        Rotation against the neighbouring limbs, each entry standardised.
+    firm : ndarray of bool, shape (n_points,)
+        Which are known without the limb itself: not joints that only the motion as a whole places.
     n_markers : int
         How many of the points are markers.
+    guess : ndarray, shape (n_frames, 3, 3)
+        Orientation of the limb if it never moved against its reference.
+    reference : int
+        The nearest limb that its own markers pose; the limb itself if there is none.
+    neighbours : tuple of int
+        Limbs at its joints, and the reference.
     """
 
     places: Floats
-    errors: Floats
+    world: Floats
     usable: Bools
-    bends: Floats
+    firm: Bools
     n_markers: int
+    guess: Floats
+    reference: int
+    neighbours: tuple[int, ...]
 
     def posed_by(self, usable: Bools) -> Bools:
         """Frames in which usable markers alone pose the limb; `usable` has shape (n_frames, n_points)."""
         return determines_pose(self.places[: self.n_markers], usable[:, : self.n_markers])
 
+    def frames_through(self, chosen: Ints, frames: Ints) -> tuple[Floats, Floats]:
+        """Rotation and origin of the limb laid through chosen points, shapes (n, 3, 3) and (n, 3), in some frames."""
+        places, world = self.places[chosen], self.world[np.ix_(frames, chosen)]
+        centre, middle = places.mean(axis=0), world.mean(axis=1)
+        inner = places - centre
+        moments = np.einsum("fpi,pj->fij", world - middle[:, np.newaxis], inner)
+        rotations = rotation_by_svd(moments + _help_wanted(inner) * self.guess[frames])
+        return rotations, middle - np.einsum("fij,j->fi", rotations, centre)
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A moving frame in which a marker is predicted, in those frames of the take that matter.
+
+    Attributes
+    ----------
+    frames : ndarray of intp, shape (n,)
+        Of the take, rising.
+    chosen : ndarray of intp
+        Points of the limb that it is laid through.
+    rotations : ndarray, shape (n, 3, 3)
+        World from base.
+    origin : ndarray, shape (n, 3), mm
+        In the world.
+    """
+
+    frames: Ints
+    chosen: Ints
+    rotations: Floats
+    origin: Floats
+
+    def local(self, world: Floats) -> Floats:
+        """World positions [mm], shape (n, 3), in the base."""
+        return np.asarray(np.einsum("fji,fj->fi", self.rotations, world - self.origin))
+
+    def world(self, local: Floats, rows: Ints) -> Floats:
+        """Positions in the base [mm], one for each of some rows, in the world."""
+        return np.asarray(self.origin[rows] + np.einsum("fij,fj->fi", self.rotations[rows], local))
+
 
 def find_helpers(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, limb: int) -> Helpers:
     """Gather the points of a limb.
 
-    A joint's error is where the neighbouring limb, posed by its own markers, would have it. Where the neighbour rarely
-    has the markers for that, the joint counts as being where the motion has it.
+    A joint is where the neighbouring limb has it, posed by its own markers; where it rarely has the markers for that,
+    where the motion has it.
 
     Parameters
     ----------
@@ -68,169 +118,129 @@ def find_helpers(trajectories: Trajectories, skeleton: Skeleton, motion: Motion,
     limb : int
         Its index.
     """
-    markers = _markers_as_helpers(trajectories, skeleton, motion, limb)
-    rotations = motion.rotations[:, limb]
-    places, errors, usable = [markers.places], [markers.errors], [markers.usable]
-    for joint, place in skeleton.joints_of(limb):
-        neighbour = _neighbour(skeleton, joint, limb)
-        error, known = _joint_by_neighbour(
-            _markers_as_helpers(trajectories, skeleton, motion, neighbour), dict(skeleton.joints_of(neighbour))[joint]
-        )
-        if known.mean() <= _OWN_POSE_SHARE:
-            error, known = np.zeros_like(error), motion.limb_seen[:, neighbour]
-        turned = np.einsum("fji,fjk,fk->fi", rotations, motion.rotations[:, neighbour], error)
+    markers, joints = skeleton.markers_of(limb), skeleton.joints_of(limb)
+    usable = reliable(trajectories, skeleton, motion, limb)
+    places, firm = [skeleton.marker_offsets[markers]], [True] * len(markers)
+    world, usables = [np.where(usable[..., np.newaxis], trajectories.positions[:, markers], 0.0)], [usable]
+    for joint, place in joints:
+        there, known, by_markers = _joint_by_neighbour(trajectories, skeleton, motion, joint, limb)
         places.append(place[np.newaxis])
-        errors.append(turned[:, np.newaxis])
-        usable.append(known[:, np.newaxis])
+        world.append(np.where(known[:, np.newaxis], there, 0.0)[:, np.newaxis])
+        usables.append(known[:, np.newaxis])
+        firm.append(by_markers)
+    reference = _reference(trajectories, skeleton, limb)
+    others = {_neighbour(skeleton, joint, limb) for joint, _ in joints} | {reference}
     return Helpers(
         np.concatenate(places),
-        np.concatenate(errors, axis=1),
-        np.concatenate(usable, axis=1),
-        _bends(skeleton, motion, limb),
-        markers.n_markers,
+        np.concatenate(world, axis=1),
+        np.concatenate(usables, axis=1),
+        np.array(firm, dtype=bool),
+        len(markers),
+        _guess(motion, limb, reference),
+        reference,
+        tuple(sorted(others - {limb})),
     )
 
 
-def rigid_lead(helpers: Helpers, place: Floats, chosen: Ints) -> Floats:
-    """Matrix that gives the error at a place from those of chosen points if the limb is rigid.
-
-    Parameters
-    ----------
-    helpers : Helpers
-        Of the limb.
-    place : ndarray, shape (3,), mm
-        In the limb's frame.
-    chosen : ndarray of intp, shape (n_chosen,)
-        Points that are relied on.
-
-    Returns
-    -------
-    ndarray, shape (3, 3 n_chosen)
-    """
-    if len(chosen) == 0:
-        return np.zeros((3, 0))
-    places, centre, size = _normal(helpers, chosen)
-    return _jacobian(place[np.newaxis], centre, size) @ np.linalg.pinv(
-        _jacobian(places, centre, size), rcond=_SMALLEST_MOTION
-    )
-
-
-def shape_of(helpers: Helpers, chosen: Ints) -> Floats:
-    """What of the errors of chosen points no motion of the limb explains [mm], shape (n_frames, 3 n_chosen)."""
-    errors = helpers.errors[:, chosen].reshape(len(helpers.errors), -1)
-    if len(chosen) == 0:
-        return errors
-    jacobian = _jacobian(*_normal(helpers, chosen))
-    return np.asarray(errors - errors @ (jacobian @ np.linalg.pinv(jacobian, rcond=_SMALLEST_MOTION)).T)
-
-
-def explained_part(helpers: Helpers, chosen: Ints, series: Floats, known: Bools) -> tuple[Floats, float]:
-    """Explain a marker's way by the shape of the other points and by how the limb is bent.
-
-    Skin moves together, and with the joints under it. Ridge regression, whose features and strength are those that
-    explain stretches of the take best that were kept from it; none if nothing does.
-
-    Parameters
-    ----------
-    helpers : Helpers
-        Of the limb.
-    chosen : ndarray of intp
-        Points that are relied on.
-    series : ndarray, shape (n_frames, 3), mm
-        The marker's way.
-    known : ndarray of bool, shape (n_frames,)
-        Where it is known.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n_frames, 3), mm, and float
-        What is explained, and the factor by which the rest is larger in frames that were not learnt from.
-    """
-    shape = shape_of(helpers, chosen)
-    level = float(shape[known].std()) if shape.size else 0.0
-    bent = np.hstack([shape, helpers.bends * (level if level > 0 else 1.0)])
-    tried = [_regress(features, series, known) for features in (shape, bent) if features.shape[1]]
-    best = min(tried, key=lambda each: each[1], default=None)
-    unexplained = float(((series[known] - series[known].mean(axis=0)) ** 2).sum())
-    if best is None or best[1] >= unexplained:
-        return np.zeros_like(series), 1.0
-    rest = (series - best[0])[known]
-    within = float(((rest - rest.mean(axis=0)) ** 2).sum())
-    return best[0], float(np.sqrt(best[1] / within)) if within > 0 else 1.0
-
-
-def _markers_as_helpers(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, limb: int) -> Helpers:
+def reliable(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, limb: int) -> Bools:
+    """Which markers of a limb are seen and not far off their places, shape (n_frames, n_markers of the limb)."""
     markers = skeleton.markers_of(limb)
-    off = trajectories.positions[:, markers] - motion.marker_positions[:, markers]
-    errors = np.einsum("fji,fmj->fmi", motion.rotations[:, limb], off)
-    usable = np.zeros(errors.shape[:2], dtype=bool)
-    for index in range(len(markers)):
-        usable[:, index] = without_outliers(errors[:, index], ~np.isnan(errors[:, index, 0]))
-    errors = np.where(usable[..., np.newaxis], errors, 0.0)
-    return Helpers(skeleton.marker_offsets[markers], errors, usable, np.zeros((len(errors), 0)), len(markers))
+    error = np.linalg.norm(trajectories.positions[:, markers] - motion.marker_positions[:, markers], axis=2)
+    seen = trajectories.seen[:, markers]
+    posed = motion.limb_seen[:, [limb]]
+    limits = np.array(
+        [np.median(column[use]) if use.any() else np.inf for column, use in zip(error.T, (seen & posed).T, strict=True)]
+    )
+    with np.errstate(invalid="ignore"):
+        return np.asarray(seen & ((error <= np.maximum(_OUTLIER * limits, _LEAST_OUTLIER)) | ~posed))
 
 
-def _joint_by_neighbour(markers: Helpers, place: Floats) -> tuple[Floats, Bools]:
-    """Error of a joint in the neighbour's frame, from the neighbour's markers alone, and where these suffice."""
-    error = np.zeros((len(markers.errors), 3))
-    known = markers.posed_by(markers.usable)
-    patterns, which = np.unique(markers.usable, axis=0, return_inverse=True)
-    for number, pattern in enumerate(patterns):
-        frames = np.flatnonzero((which.ravel() == number) & known)
-        chosen = np.flatnonzero(pattern)
-        if len(frames):
-            own = markers.errors[np.ix_(frames, chosen)].reshape(len(frames), -1)
-            error[frames] = own @ rigid_lead(markers, place, chosen).T
-    return error, known
+def features_of(
+    trajectories: Trajectories, skeleton: Skeleton, motion: Motion, helpers: Helpers, base: Base
+) -> Features:
+    """What a marker may follow: the shape of the chosen points, the neighbours' markers, the bends of the body.
+
+    Parameters
+    ----------
+    trajectories, skeleton, motion : Trajectories, Skeleton, Motion
+        Of the take.
+    helpers : Helpers
+        Of the limb.
+    base : Base
+        Where the marker is predicted.
+    """
+    near = np.ix_(base.frames, np.flatnonzero(np.isin(skeleton.limb_of_marker, helpers.neighbours)))
+    seen = trajectories.seen[near][..., np.newaxis]
+    measured = np.where(seen, trajectories.positions[near], motion.marker_positions[near])
+    around = np.concatenate([helpers.world[np.ix_(base.frames, base.chosen)], measured], axis=1)
+    local = np.einsum("fji,fpj->fpi", base.rotations, around - base.origin[:, np.newaxis])
+    n_frames, n_chosen = len(base.frames), len(base.chosen)
+    shape, places = local[:, :n_chosen].reshape(n_frames, -1), local[:, n_chosen:].reshape(n_frames, -1)
+    others = motion.rotations[np.ix_(base.frames, np.array(helpers.neighbours, dtype=np.intp))]
+    bends = np.einsum("fji,fnjk->fnik", base.rotations, others).reshape(n_frames, -1)
+    return Features((shape, _principal(places, _MOST_PLACES)), (_principal(bends, _MOST_BENDS),))
 
 
-def _bends(skeleton: Skeleton, motion: Motion, limb: int) -> Floats:
-    n_frames, turns = motion.n_frames, motion.rotations
-    parts = [
-        np.einsum("fji,fjk->fik", turns[:, limb], turns[:, _neighbour(skeleton, joint, limb)]).reshape(n_frames, -1)
-        for joint, _ in skeleton.joints_of(limb)
-    ]
-    entries = np.hstack([np.zeros((n_frames, 0)), *parts])
-    spread = entries.std(axis=0)
-    return np.asarray((entries - entries.mean(axis=0)) / np.where(spread > _STILL, spread, 1.0))
+def _help_wanted(inner: Floats) -> float:
+    """Weight of the reference's orientation [mm^2]: none for centred points that are well off one line."""
+    size = float((inner**2).sum())
+    if size == 0.0:
+        return 1.0
+    across = np.linalg.svd(inner, compute_uv=False)[1] ** 2 / size if len(inner) > 1 else 0.0
+    return 0.0 if across > _FIRM else _WEAK * size
+
+
+def _principal(values: Floats, most: int) -> Floats:
+    """Coordinates along the directions in which values vary most, shape (n_frames, up to `most`)."""
+    centred = values - values.mean(axis=0)
+    sample = centred[:: max(1, len(centred) // _PRINCIPAL_FRAMES)]
+    _, _, directions = np.linalg.svd(sample, full_matrices=False)
+    return np.asarray(centred @ directions[:most].T)
+
+
+def _joint_by_neighbour(
+    trajectories: Trajectories, skeleton: Skeleton, motion: Motion, joint: int, limb: int
+) -> tuple[Floats, Bools, bool]:
+    """Where the neighbouring limb has a joint, where that is known, and if by its markers alone."""
+    neighbour = _neighbour(skeleton, joint, limb)
+    if not _posed_by_markers(trajectories, skeleton, neighbour):
+        return motion.joint_positions[:, joint], motion.limb_seen[:, neighbour], False
+    markers = skeleton.markers_of(neighbour)
+    places, place = skeleton.marker_offsets[markers], dict(skeleton.joints_of(neighbour))[joint]
+    usable = reliable(trajectories, skeleton, motion, neighbour)
+    poses = fit_transform(places, trajectories.positions[:, markers], usable, rotation_by_svd)
+    there = np.einsum("fij,j->fi", poses[:, :3, :3], place) + poses[:, :3, 3]
+    return there, determines_pose(places, usable), True
+
+
+def _posed_by_markers(trajectories: Trajectories, skeleton: Skeleton, limb: int) -> bool:
+    """Whether a limb's own markers pose it in most frames."""
+    markers = skeleton.markers_of(limb)
+    share = determines_pose(skeleton.marker_offsets[markers], trajectories.seen[:, markers]).mean()
+    return bool(share > _OWN_POSE_SHARE)
+
+
+def _reference(trajectories: Trajectories, skeleton: Skeleton, limb: int) -> int:
+    """The nearest limb, counted in joints, that its own markers pose."""
+    front, visited = [limb], {limb}
+    while front:
+        front = [_neighbour(skeleton, joint, one) for one in front for joint, _ in skeleton.joints_of(one)]
+        front = [one for one in dict.fromkeys(front) if one not in visited]
+        visited.update(front)
+        for one in front:
+            if _posed_by_markers(trajectories, skeleton, one):
+                return one
+    return limb
+
+
+def _guess(motion: Motion, limb: int, reference: int) -> Floats:
+    """Orientation of a limb that never moved against its reference."""
+    both = motion.limb_seen[:, limb] & motion.limb_seen[:, reference]
+    turns = np.einsum("fji,fjk->fik", motion.rotations[:, reference], motion.rotations[:, limb])
+    mean = rotation_by_svd(turns[both if both.any() else slice(None)].mean(axis=0))
+    return np.asarray(motion.rotations[:, reference] @ mean)
 
 
 def _neighbour(skeleton: Skeleton, joint: int, limb: int) -> int:
     parent, child = skeleton.joints[joint].parent, skeleton.joints[joint].child
     return child if parent == limb else parent
-
-
-def _normal(helpers: Helpers, chosen: Ints) -> tuple[Floats, Floats, float]:
-    """Chosen places, their centre, and a length that makes turns comparable with shifts."""
-    places = helpers.places[chosen]
-    centre = places.mean(axis=0)
-    return places, centre, max(float(np.abs(places - centre).max()), 1.0)
-
-
-def _jacobian(places: Floats, centre: Floats, size: float) -> Floats:
-    """How points move with a small motion of their limb, shape (3 n_points, 6)."""
-    turns = -cross_matrix((places - centre) / size)
-    shifts = np.broadcast_to(np.eye(3), turns.shape)
-    return np.concatenate([shifts, turns], axis=2).reshape(-1, 6)
-
-
-def _regress(features: Floats, series: Floats, known: Bools) -> tuple[Floats, float]:
-    """Return the best ridge regression of a series, and its sum of squares in stretches kept from it."""
-    centre, wanted = features[known].mean(axis=0), series[known] - series[known].mean(axis=0)
-    stretches = np.array_split(features[known] - centre, _FOLDS)
-    targets = np.array_split(wanted, _FOLDS)
-    squares = np.array([stretch.T @ stretch for stretch in stretches])
-    products = np.array([stretch.T @ target for stretch, target in zip(stretches, targets, strict=True)])
-    square, product = squares.sum(axis=0), products.sum(axis=0)
-    level = float(np.trace(square)) / len(square)
-    if level == 0.0:
-        return np.zeros_like(series), np.inf
-    best, least = np.zeros_like(product), np.inf
-    for ridge in _RIDGES:
-        held = ridge * level * np.eye(len(square))
-        uses = np.linalg.solve(square - squares + held, product - products)
-        left = [target - stretch @ use for target, stretch, use in zip(targets, stretches, uses, strict=True)]
-        total = float(sum((part**2).sum() for part in left))
-        if total < least:
-            best, least = np.linalg.solve(square + held, product), total
-    return (features - centre) @ best, least

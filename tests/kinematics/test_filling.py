@@ -89,8 +89,8 @@ def test_source_is_the_limb_while_three_other_markers_are_seen_and_a_joint_below
     assert (few.source[GAP, markers[0]] == Source.JOINT).any()
 
 
-def test_what_is_filled_without_any_posed_limb_is_called_interpolated(case):
-    filled = case([(0, GAP)], limb_seen=False).filled
+def test_what_is_filled_while_nothing_is_seen_is_called_interpolated(case):
+    filled = case([(slice(None), GAP)], limb_seen=False).filled
     assert (filled.source[GAP, 0] == Source.INTERPOLATED).all()
 
 

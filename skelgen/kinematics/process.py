@@ -1,0 +1,295 @@
+"""Values of a series where it is not known, from time and from features that are known everywhere.
+
+The series is taken as a Gaussian process whose covariance is a sum of fixed shapes: decays and damped waves in time,
+products of features, bells over features, and noise. How much each contributes is estimated by a few iterations for
+variance components (Zhou, Hu, Qiao, Cho and Lange 2019, *MM algorithms for variance components models*),
+so that the data say whether a marker follows the joints, its neighbours or its own swing. Given these, values are the
+best linear prediction from known frames near the gap and over the whole take, with their standard deviation
+(Rasmussen and Williams 2006, *Gaussian processes for machine learning*, 2.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model.arrays import Floats, Ints
+
+_DECAYS = (0.05, 0.2, 1.0, 5.0)  # s: from the jitter of labels to a slow drift
+_PERIODS = (0.5, 0.65, 0.85, 1.1, 1.5, 2.0, 2.8)  # s: skin swings with steps and reaches, 0.35 to 2 Hz
+_DAMPING = 1.5  # periods after which a wave has lost its phase
+_WIDTHS = (0.5, 1.0)  # of bells over features, whose mean square length is 1
+_FORGOTTEN = 12.0  # longest decay times, after which nothing is left of it
+_ROUNDS = 12  # of the iteration: few, so that shapes that hardly matter keep a small part
+_LEARNT_FRAMES = 200  # that variances and predictions rest on: the work grows with their cube
+_CLUSTER = (0, 1, 3, 7, 15, 31)  # frames that are looked at together, to see short and long times
+_NEAREST, _NEARER, _EVERY = 30, 120, 3  # known frames about a gap: all of the nearest, then every third
+_WHOLE = 70  # of the frames that a prediction rests on lie about the gap, the rest anywhere
+_TOGETHER_SECONDS = 0.5  # gaps within this time are predicted together
+_JITTER = 1e-9  # of the variance, keeps the equations of noiseless series solvable
+_LEAST_VARIANCE = 1e-12  # mm^2, so that a constant series is no division by zero
+_STILL = 1e-9  # features that vary less say nothing
+_CALM = 30.0  # values that the take as a whole counts for beside those near a gap, where deviations are checked
+_CHECKED = 70  # known frames nearest to a gap on which the deviation is checked
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """What is known in every frame.
+
+    Attributes
+    ----------
+    straight : tuple of ndarray, shape (n_frames, n_values)
+        Groups of values that the series may follow in proportion.
+    curved : tuple of ndarray, shape (n_frames, n_values)
+        Groups that it may follow along any smooth curve.
+    """
+
+    straight: tuple[Floats, ...] = ()
+    curved: tuple[Floats, ...] = ()
+
+    def at(self, frames: Ints) -> Features:
+        """These features in some frames."""
+        return Features(tuple(x[frames] for x in self.straight), tuple(x[frames] for x in self.curved))
+
+    def scaled(self, known: Ints) -> Features:
+        """Each group centred and of mean square length 1 over the known rows."""
+        return Features(tuple(_scaled(x, known) for x in self.straight), tuple(_scaled(x, known) for x in self.curved))
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Values over time with what goes with them, in those frames that matter.
+
+    Attributes
+    ----------
+    frames : ndarray of intp, shape (n,), rising
+        Frames of the rows.
+    values : ndarray, shape (n, n_axes), mm
+        Finite; what is not known is ignored.
+    features : Features
+        In the same rows.
+    """
+
+    frames: Ints
+    values: Floats
+    features: Features
+
+
+class Clock:
+    """Covariances of two values by the time between them, one row per shape."""
+
+    def __init__(self, n_frames: int, rate: float) -> None:
+        longest = int(_FORGOTTEN * _DECAYS[-1] * rate) + 2
+        lags = np.arange(min(n_frames, longest)) / rate
+        rows = []
+        for decay in _DECAYS:
+            ratio = lags / decay
+            rows += [np.exp(-ratio), (1.0 + ratio) * np.exp(-ratio)]
+        for period in _PERIODS:
+            rows.append(np.cos(2 * np.pi * lags / period) * np.exp(-0.5 * (lags / (_DAMPING * period)) ** 2))
+        self.rate = rate
+        self._rows = np.array(rows)
+
+    def shapes(self, first: Ints, second: Ints) -> Floats:
+        """Each shape between all pairs of frames, shape (n_shapes, n_first, n_second)."""
+        return np.asarray(self._rows[:, self._lags(first, second)])
+
+    def sum(self, shares: Floats, first: Ints, second: Ints) -> Floats:
+        """Sum of the shapes, each times its share, shape (n_first, n_second)."""
+        return np.asarray((shares @ self._rows)[self._lags(first, second)])
+
+    @property
+    def n_shapes(self) -> int:
+        """Number of shapes."""
+        return len(self._rows)
+
+    def _lags(self, first: Ints, second: Ints) -> Ints:
+        return np.asarray(np.minimum(np.abs(first[:, np.newaxis] - second), self._rows.shape[1] - 1))
+
+
+def needed_frames(known: Ints, targets: Ints, rate: float) -> Ints:
+    """Frames that a prediction of `targets` rests on or is made for, rising; a small part of a long take."""
+    near = [_around(known, targets[part]) for part in _gaps_together(targets, rate)]
+    return np.unique(np.concatenate([learnt_frames(known), _anywhere(known), targets, *near]))
+
+
+def learnt_frames(known: Ints, most: int = _LEARNT_FRAMES) -> Ints:
+    """Known frames in clusters all over the take, at most `most`."""
+    if len(known) <= most:
+        return known
+    starts = np.linspace(0, len(known) - 1 - _CLUSTER[-1], most // len(_CLUSTER)).astype(np.intp)
+    return np.unique(known[starts[:, np.newaxis] + np.array(_CLUSTER)])
+
+
+def fit_variances(series: Series, rows: Ints, clock: Clock) -> Floats:
+    """Estimate how much of a series' variance each shape contributes.
+
+    Parameters
+    ----------
+    series : Series
+        With scaled features.
+    rows : ndarray of intp
+        Known rows to learn from.
+    clock : Clock
+        Of the take.
+
+    Returns
+    -------
+    ndarray, shape (n_shapes,), mm^2
+        Those of time, of features, and the noise last.
+    """
+    values = series.values[rows] - series.values[rows].mean(axis=0)
+    variance = float((values**2).mean())
+    inner, frames = series.features.at(rows), series.frames[rows]
+    flat = clock.shapes(frames, frames).reshape(clock.n_shapes, -1)
+    if inner.straight or inner.curved:
+        flat = np.concatenate([flat, _shapes(inner, inner).reshape(-1, flat.shape[1])])
+    shares = np.full(len(flat) + 1, variance / (len(flat) + 1))
+    if variance == 0.0:
+        return shares
+    diagonal = np.arange(len(rows))
+    for _ in range(_ROUNDS):
+        covariance = (shares[:-1] @ flat).reshape(len(rows), len(rows))
+        covariance[diagonal, diagonal] += shares[-1] + _JITTER * variance
+        inverse = np.linalg.inv(covariance)
+        weights = inverse @ values
+        found = np.append(flat @ (weights @ weights.T).ravel(), (weights**2).sum()) / values.shape[1]
+        expected = np.append(flat @ inverse.ravel(), np.trace(inverse))
+        shares = shares * np.sqrt(np.maximum(found, 0.0) / np.maximum(expected, np.finfo(float).tiny))
+    return shares
+
+
+def predict(series: Series, known: Ints, targets: Ints, clock: Clock, shares: Floats) -> tuple[Floats, Floats]:
+    """Predict a series in frames where it is not known.
+
+    The deviation is that of the model times how much larger or smaller errors are than it says, where known values
+    near the gap are predicted from all others.
+
+    Parameters
+    ----------
+    series : Series
+        With scaled features.
+    known, targets : ndarray of intp, rising
+        Frames with a value, and those to predict; those of `needed_frames` must be in the series.
+    clock : Clock
+        Of the take.
+    shares : ndarray, shape (n_shapes,), mm^2
+        From `fit_variances`.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n_targets, n_axes), mm, and ndarray, shape (n_targets,), mm
+        The values, and the standard deviation of each coordinate of what would have been measured.
+    """
+    values, deviation = np.empty((len(targets), series.values.shape[1])), np.empty(len(targets))
+    for part in _gaps_together(targets, clock.rate):
+        frames = np.union1d(_around(known, targets[part]), _anywhere(known))
+        rows, aims = np.searchsorted(series.frames, frames), np.searchsorted(series.frames, targets[part])
+        values[part], deviation[part] = _predict_from(series, rows, aims, clock, shares)
+    return values, deviation
+
+
+def left_out_errors(covariance: Floats, values: Floats) -> Floats:
+    """Errors in stated deviations where each few neighbouring values are predicted from all others.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, n), mm^2
+        Of the values.
+    values : ndarray, shape (n, n_axes), mm
+        Their mean taken off.
+
+    Returns
+    -------
+    ndarray, shape (n, n_axes)
+    """
+    precision = np.linalg.inv(covariance)
+    weighted = precision @ values
+    found = np.empty_like(values)
+    for start in range(0, len(values), len(_CLUSTER)):
+        block = slice(start, start + len(_CLUSTER))
+        inner = np.linalg.inv(precision[block, block])
+        found[block] = (inner @ weighted[block]) / np.sqrt(np.diag(inner))[:, np.newaxis]
+    return found
+
+
+def _predict_from(series: Series, rows: Ints, targets: Ints, clock: Clock, shares: Floats) -> tuple[Floats, Floats]:
+    frames, aims, n_times = series.frames[rows], series.frames[targets], clock.n_shapes
+    there, own = series.features.at(rows), series.features.at(targets)
+    mean = series.values[rows].mean(axis=0)
+    values = series.values[rows] - mean
+    of_features, noise = shares[n_times:-1], float(shares[-1])
+    among = clock.sum(shares[:n_times], frames, frames) + _sum(of_features, there, there)
+    diagonal = np.arange(len(rows))
+    among[diagonal, diagonal] += noise + _JITTER * max(float(shares.sum()), _LEAST_VARIANCE)
+    towards = clock.sum(shares[:n_times], aims, frames) + _sum(of_features, own, there)
+    weights = np.linalg.solve(among, towards.T)
+    total = shares[:n_times].sum() + _own_variances(of_features, own) + noise
+    variance = np.maximum(total - (weights * towards.T).sum(axis=0), noise)
+    factor = _liveliness(left_out_errors(among, values), frames, aims)
+    return mean + weights.T @ values, factor * np.sqrt(variance)
+
+
+def _liveliness(errors: Floats, frames: Ints, targets: Ints) -> float:
+    """How much larger errors are near the gap than stated; where little is known there, the take as a whole counts."""
+    squares = (errors**2).mean(axis=1)
+    away = np.maximum(np.maximum(targets[0] - frames, frames - targets[-1]), 0)
+    near = squares[np.argsort(away, kind="stable")[:_CHECKED]]
+    usual = max(float(squares.mean()), 1.0)
+    return float(np.sqrt((_CALM * usual + near.sum()) / (_CALM + len(near))))
+
+
+def _anywhere(known: Ints) -> Ints:
+    return learnt_frames(known, _LEARNT_FRAMES - _WHOLE)
+
+
+def _shapes(first: Features, second: Features) -> Floats:
+    """Shapes of features: products of all groups, then bells over the curved ones."""
+    found = [a @ b.T for a, b in zip(first.straight + first.curved, second.straight + second.curved, strict=True)]
+    for a, b in zip(first.curved, second.curved, strict=True):
+        square = _squares(a, b)
+        found += [np.exp(-0.5 * square / width**2) for width in _WIDTHS]
+    return np.array(found)
+
+
+def _sum(shares: Floats, first: Features, second: Features) -> Floats | float:
+    return np.asarray(np.tensordot(shares, _shapes(first, second), 1)) if len(shares) else 0.0
+
+
+def _own_variances(shares: Floats, features: Features) -> Floats | float:
+    groups = features.straight + features.curved
+    straight = sum(share * (x**2).sum(axis=1) for share, x in zip(shares, groups, strict=False))
+    return np.asarray(straight + shares[len(groups) :].sum())
+
+
+def _squares(first: Floats, second: Floats) -> Floats:
+    square = (first**2).sum(axis=1)[:, np.newaxis] + (second**2).sum(axis=1) - 2 * first @ second.T
+    return np.asarray(np.maximum(square, 0.0))
+
+
+def _scaled(values: Floats, known: Ints) -> Floats:
+    centred = values - values[known].mean(axis=0)
+    size = float(np.sqrt((centred[known] ** 2).sum(axis=1).mean()))
+    return np.asarray(centred / size if size > _STILL else np.zeros_like(centred))
+
+
+def _around(known: Ints, targets: Ints) -> Ints:
+    """Known frames about targets: all of the nearest, fewer of those farther away."""
+    right = np.clip(np.searchsorted(targets, known), 1, max(len(targets) - 1, 1))
+    away = np.abs(known - targets[np.minimum(right, len(targets) - 1)])
+    away = np.minimum(away, np.abs(known - targets[right - 1]))
+    order = np.argsort(away, kind="stable")[:_NEARER]
+    return np.asarray(known[np.sort(np.concatenate([order[:_NEAREST], order[_NEAREST::_EVERY]]))])
+
+
+def _gaps_together(targets: Ints, rate: float) -> list[slice]:
+    """Cut targets into parts that span little time."""
+    longest = max(int(_TOGETHER_SECONDS * rate), 1)
+    parts, start = [], 0
+    for index in range(1, len(targets) + 1):
+        if index == len(targets) or targets[index] - targets[start] > longest:
+            parts.append(slice(start, index))
+            start = index
+    return parts
