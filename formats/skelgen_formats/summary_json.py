@@ -158,6 +158,7 @@ def _joints(skeleton: Skeleton, motion: Motion) -> list[dict[str, Any]]:
             "child": joint.child,
             "kind": joint.kind,
             "axis": joint.axis,
+            "second_axis": joint.second_axis,
             "std": joint.std,
             "position_in_parent": joint.position_in_parent,
             "position_in_child": joint.position_in_child,

@@ -101,9 +101,11 @@ def _value(type_name: Any, fields: dict[str, Any]) -> Any:
     if type_name not in _VALUES:
         raise ValueError(f"there is no value of type {type_name!r}")
     cls = _VALUES[type_name]
-    wanted = {field.name for field in dataclasses.fields(cls)}
-    if set(fields) != wanted:
-        odd = ", ".join(sorted(wanted ^ set(fields)))
+    declared = dataclasses.fields(cls)
+    needed = {field.name for field in declared if field.default is dataclasses.MISSING}
+    known = {field.name for field in declared}
+    if not needed <= set(fields) <= known:  # older files lack what was added since, with a default
+        odd = ", ".join(sorted((needed - set(fields)) | (set(fields) - known)))
         raise ValueError(f"the fields of a {type_name} do not fit: {odd}")
     try:
         return cls(**fields)

@@ -1,1 +1,18 @@
-"""Joint models fitted on limb poses."""
+"""Joint models fitted on limb poses; each kind is usable alone on `Poses`."""
+
+from skelgen.kinematics.choose import KindChoice, choose_kind
+from skelgen.kinematics.joint_fit import JointFit, fit_ball, fit_hinge, fit_rigid, fit_universal
+from skelgen.kinematics.kind import KindLimits
+from skelgen.kinematics.relative import pose_covariance
+
+__all__ = [
+    "JointFit",
+    "KindChoice",
+    "KindLimits",
+    "choose_kind",
+    "fit_ball",
+    "fit_hinge",
+    "fit_rigid",
+    "fit_universal",
+    "pose_covariance",
+]

@@ -26,7 +26,7 @@ RELATIVE_RIDGE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class BallFit:
+class FixedPoint:
     """A fixed point of two bodies.
 
     Attributes
@@ -52,7 +52,7 @@ class BallFit:
     n_frames: int
 
 
-def fit_ball(first: Floats, second: Floats, near_first: Floats, near_second: Floats) -> BallFit | None:
+def fit_fixed_point(first: Floats, second: Floats, near_first: Floats, near_second: Floats) -> FixedPoint | None:
     """Fit the point that is fixed in two bodies.
 
     Parameters
@@ -64,7 +64,7 @@ def fit_ball(first: Floats, second: Floats, near_first: Floats, near_second: Flo
 
     Returns
     -------
-    BallFit or None
+    FixedPoint or None
         None if fewer than `MIN_FRAMES` frames show both bodies.
     """
     both = ~np.isnan(first[:, 0, 0]) & ~np.isnan(second[:, 0, 0])
@@ -81,7 +81,7 @@ def fit_ball(first: Floats, second: Floats, near_first: Floats, near_second: Flo
     point = near + np.linalg.solve(normal + RELATIVE_RIDGE * np.eye(6), right - normal @ near)
     gap = (between**2).sum(axis=1).mean() - 2 * point @ right + point @ normal @ point
     u, singular, vt = np.linalg.svd(relative)
-    return BallFit(
+    return FixedPoint(
         in_first=point[:3],
         in_second=point[3:],
         gap=max(float(gap), 0.0),

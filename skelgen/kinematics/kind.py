@@ -1,16 +1,27 @@
-r"""What kind a joint is, from the rotations between its two limbs.
+r"""What kind a joint is: the simplest that explains the rotations between its two limbs.
 
-A direction u of the child that a hinge keeps fixed in the parent is the leading singular vector of the mean relative
-rotation :math:`C = \langle R_p^T R_c \rangle`: :math:`|C u| = 1` if it never moves, and :math:`\sqrt{2 (1 - |C u|)}` is
-how far it wobbles [rad]. The second singular value gives the turn about it in the same way.
+Rigid, hinge and universal joints are fitted to the relative rotations by maximum likelihood. What a kind leaves over,
+in units of the noise that the markers or poses show, is 1 for the true kind and grows with every turn that the kind
+does not allow. The likelihood ratio of "nothing but noise" against "a turn of unknown size" is a function of that ratio
+alone; both variances are estimates, so its limit is that of Fisher's F, with as many freedoms as independent frames:
+soft tissue makes errors that last. A joint whose noise could hide the turns that would make it another kind is
+undetermined.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import fdtri
 
+from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
+from skelgen.kinematics.arrow import Linear, descend
+from skelgen.kinematics.correlated import effective_frames
+from skelgen.kinematics.hinge import hinge_turning
+from skelgen.kinematics.relative import whitener
+from skelgen.kinematics.turning import FixedTurning, Turning, TwoAxisTurning
+from skelgen.kinematics.universal import universal_turning
 from skelgen.model.arrays import Floats
 
 AXIS_WAY = 10.0
@@ -20,7 +31,53 @@ ROUNDING_TURN = 1e-6
 """rad; rotations in double precision wobble by the square root of their rounding."""
 
 CLEARLY_LESS = 0.5
-"""A wobble within the noise makes a hinge only if it is less than this part of the main turn."""
+"""A kind counts as found if the noise cannot hide a turn of this part of those that it allows."""
+
+RIGID_TURN = np.deg2rad(2.0)
+"""rad; limbs are called rigid if noise cannot hide a turn of this size: less than any joint is ever moved by."""
+
+MAX_ROUNDS = 8
+"""Rounds of each kind's fit: the right kind needs three to five, and a wrong one is wrong by far."""
+
+LEAST_FREEDOMS = 3.0
+"""Freedoms of the noise's estimate that are counted at least: one limb with three markers in one frame."""
+
+LEAST_BETWEEN = np.deg2rad(30.0)
+"""rad; axes of universal joints are farther apart. Nearer ones turn against each other and so follow any small turn."""
+
+KNOWN_KINDS = ("rigid", "hinge", "universal", "ball")
+"""From the simplest to the one that allows all turns."""
+
+
+@dataclass(frozen=True, eq=False)
+class Leftover:
+    """What one kind of joint leaves unexplained.
+
+    Attributes
+    ----------
+    turning : Turning
+        The rotations that the kind allows, fitted.
+    ratio : float
+        Variance of what is left over, in units of the noise: 1 for the true kind.
+    limit : float
+        The ratio that noise alone hardly exceeds.
+    wobble : float, rad
+        Root mean square turn that is left over, noise included.
+    true_wobble : float, rad
+        The same without what noise explains.
+    hidden : float, rad
+        Root mean square turn that the noise could hide.
+    allowed : float, rad
+        Root mean square of the smallest turn that the kind allows; 0 for a rigid joint.
+    """
+
+    turning: Turning
+    ratio: float
+    limit: float
+    wobble: float
+    true_wobble: float
+    hidden: float
+    allowed: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,21 +87,31 @@ class JointKind:
     Attributes
     ----------
     kind : str
-        ``ball``, ``hinge`` or ``rigid``.
+        ``rigid``, ``hinge``, ``universal``, ``ball``, or ``undetermined`` where the limbs turn too little to tell.
     axis_in_parent, axis_in_child : ndarray, shape (3,)
-        Unit direction that moves least; the axis of a hinge.
-    main_turn, wobble : float, rad
-        Root mean square turn about the axis, and of the axis.
+        Unit axis of a hinge in both limbs. Of a universal joint: the axis fixed in the parent, and that fixed in the
+        child. Of other kinds: the direction that moves least.
+    main_turn : float, rad
+        Root mean square turn about the axis that turns most.
     true_wobble : float, rad
-        The wobble without what noise explains; 0 for a perfect hinge.
+        Root mean square turn besides those that the kind allows, without what noise explains.
+    singular_values : ndarray, shape (3,)
+        Of the mean relative rotation, falling: 1 for directions that never move.
+    leftovers : mapping of str to Leftover
+        What the kinds that were tried leave over, the simplest first.
     """
 
     kind: str
     axis_in_parent: Floats
     axis_in_child: Floats
     main_turn: float
-    wobble: float
     true_wobble: float
+    singular_values: Floats
+    leftovers: dict[str, Leftover]
+
+    def with_frames(self, parent: Floats, child: Floats) -> JointKind:
+        """Return the kind for limbs whose frames were turned: new from old, shape (3, 3)."""
+        return replace(self, axis_in_parent=parent @ self.axis_in_parent, axis_in_child=child @ self.axis_in_child)
 
     def freedom_along_axis(self, noise: float) -> float:
         """How free the joint is to lie anywhere along its axis: 1 for a perfect hinge, 0 where its wobble fixes it.
@@ -70,38 +137,118 @@ class KindLimits:
 
     Attributes
     ----------
-    noise_factor : float
-        Turns below this many times the noise count as none.
-    hinge_wobble : float
-        Largest wobble of a hinge, noise apart, as a part of its main turn.
+    doubt : float
+        Probability with which noise alone makes a joint seem to turn in more ways than it does.
+    wobble_share : float
+        Largest wobble of a hinge or universal joint, noise apart, as a part of the smallest turn that it allows.
     least_turn : float, rad
-        Limbs that turn less against each other are rigid, however exact the take.
+        Turns below this count as none, however exact the take.
     """
 
-    noise_factor: float
-    hinge_wobble: float
-    least_turn: float
+    doubt: float = 0.001
+    wobble_share: float = 0.12
+    least_turn: float = 1e-4
 
 
-def find_kind(relative: Floats, noise: float, limits: KindLimits) -> JointKind:
+def find_kind(
+    rotations: Floats, covariances: Floats, freedoms: float, limits: KindLimits | None = None, wanted: str | None = None
+) -> JointKind:
     """Classify a joint.
 
     Parameters
     ----------
-    relative : ndarray, shape (n_frames, 3, 3)
-        Rotations parent from child.
-    noise : float, rad
-        Standard deviation of the relative rotation about one axis.
-    limits : KindLimits
+    rotations : ndarray, shape (n_frames, 3, 3)
+        Rotations parent from child, in the order of time.
+    covariances : ndarray, shape (n_frames, 3, 3), rad^2
+        Of small turns of each, in the parent's axes.
+    freedoms : float
+        Freedoms per frame on which the scale of the covariances rests.
+    limits : KindLimits, optional
         Where one kind ends and the next begins.
+    wanted : str, optional
+        A kind that the user knows: it is fitted and returned without question.
     """
-    u, singular, vt = np.linalg.svd(relative.mean(axis=0))
-    wobble, main = (float(np.sqrt(max(2 * (1 - value), 0.0))) for value in singular[:2])
-    level = limits.noise_factor * float(np.sqrt(2.0)) * noise
-    clean_wobble = float(np.sqrt(max(wobble**2 - level**2, 0.0)))
-    kind = "ball"
-    if main < max(level, limits.least_turn):
-        kind = "rigid"
-    elif clean_wobble < limits.hinge_wobble * main and wobble < CLEARLY_LESS * main:
-        kind = "hinge"
-    return JointKind(kind, u[:, 0], vt[0], main, wobble, clean_wobble if wobble > ROUNDING_TURN else 0.0)
+    limits = limits or KindLimits()
+    u, singular, vt = np.linalg.svd(rotations.mean(axis=0))
+    weight = whitener(covariances)
+    kind, leftovers = "ball", dict[str, Leftover]()
+    for name in KNOWN_KINDS[:-1] if wanted is None else (wanted,):
+        if name == "ball":
+            break
+        left = leftovers[name] = _leftover(name, rotations, weight, freedoms, limits)
+        if wanted is not None or _explains(left, limits):
+            kind = name if wanted is not None or _is_told(left) else "undetermined"
+            break
+    axes = (leftovers[kind].turning.axes() if kind in leftovers else None) or (u[:, 0], vt[0])
+    last = next(reversed(leftovers.values()), None)
+    return JointKind(
+        kind=kind,
+        axis_in_parent=axes[0],
+        axis_in_child=axes[1],
+        main_turn=float(np.sqrt(max(2 * (1 - singular[1]), 0.0))),
+        true_wobble=last.true_wobble if last is not None and kind != "ball" else 0.0,
+        singular_values=singular,
+        leftovers=leftovers,
+    )
+
+
+def _leftover(name: str, rotations: Floats, weight: Floats, freedoms: float, limits: KindLimits) -> Leftover:
+    """Fit one kind, and weigh what it leaves over."""
+    start = _start(name, rotations)
+    found = descend(start, lambda turning: _linearised(turning, rotations, weight), _stepped, MAX_ROUNDS)
+    n_frames, n_rows = len(rotations), 3 - start.n_angles
+    ratio = found.squares / max(n_rows * n_frames - start.n_constants, 1)
+    independent = effective_frames(found.solution.residuals, of_squares=True)
+    limit = float(fdtri(n_rows * independent, max(freedoms * independent, LEAST_FREEDOMS), 1 - limits.doubt))
+    errors = vector_from_matrix(rotations @ found.state.rotations().swapaxes(1, 2))
+    wobble = float(np.sqrt((errors**2).sum(axis=1).mean()))
+    noise = wobble / np.sqrt(ratio) if ratio > 0 else 0.0
+    true_wobble = float(np.sqrt(max(wobble**2 - limit * noise**2, 0.0)))
+    return Leftover(
+        turning=found.state,
+        ratio=ratio,
+        limit=limit,
+        wobble=wobble,
+        true_wobble=true_wobble if wobble > ROUNDING_TURN else 0.0,
+        hidden=float(noise * np.sqrt(max(limit - 1, 0.0))),
+        allowed=_allowed(name, rotations),
+    )
+
+
+def _explains(left: Leftover, limits: KindLimits) -> bool:
+    """Whether nothing but noise is left over, or so little that the joint is as good as its kind."""
+    return left.ratio <= left.limit or left.true_wobble <= max(limits.wobble_share * left.allowed, limits.least_turn)
+
+
+def _is_told(left: Leftover) -> bool:
+    """Whether a turn that the kind does not allow would have been seen."""
+    if isinstance(left.turning, TwoAxisTurning) and np.sin(left.turning.between) < np.sin(LEAST_BETWEEN):
+        return False
+    return left.hidden <= (CLEARLY_LESS * left.allowed if left.turning.n_angles else RIGID_TURN)
+
+
+def _allowed(name: str, rotations: Floats) -> float:
+    """Root mean square [rad] of the smallest turn that a kind allows, of those that are there.
+
+    Turns of variance a, b and c about three axes leave singular values 1 - (b + c) / 2, 1 - (a + c) / 2 and
+    1 - (a + b) / 2 of the mean rotation.
+    """
+    lost = 2 * (1 - np.linalg.svd(rotations.mean(axis=0), compute_uv=False))
+    variances = lost.sum() / 2 - lost
+    return 0.0 if name == "rigid" else float(np.sqrt(max(variances[0 if name == "hinge" else 1], 0.0)))
+
+
+def _start(name: str, rotations: Floats) -> Turning:
+    if name == "rigid":
+        return FixedTurning(nearest_rotation(rotations.mean(axis=0)), len(rotations))
+    return hinge_turning(rotations) if name == "hinge" else universal_turning(rotations)
+
+
+def _linearised(turning: Turning, rotations: Floats, weight: Floats) -> Linear:
+    constants, angles = turning.slopes()
+    errors = vector_from_matrix(rotations @ turning.rotations().swapaxes(1, 2))
+    return Linear((weight @ errors[..., np.newaxis])[..., 0], weight @ constants, weight @ angles)
+
+
+def _stepped(turning: Turning, constants: Floats, angles: Floats) -> Turning:
+    return turning.stepped(constants, angles)

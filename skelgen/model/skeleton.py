@@ -11,7 +11,7 @@ from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints
 from skelgen.model.topology import outward_order
 
-JOINT_KINDS = ("ball", "universal", "hinge", "rigid")
+JOINT_KINDS = ("ball", "universal", "hinge", "rigid", "undetermined")
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,12 +26,15 @@ class Joint:
         The joint in both limbs' frames. The child's frame has its origin here, so `position_in_child` is zero for a
         skeleton made by this program.
     kind : str
-        ``ball``, ``universal``, ``hinge`` or ``rigid``.
+        ``ball``, ``universal``, ``hinge``, ``rigid``, or ``undetermined`` where the limbs turn too little to tell.
     axis : ndarray, shape (3,), or None
-        Unit axis of a hinge in the parent's frame; None for other kinds.
+        Unit axis of a hinge, or that of a universal joint which is fixed in the parent, in the parent's frame; None for
+        other kinds.
     std : ndarray, shape (3,), mm
         Standard deviation of the position along the axes of the parent's frame. Along the axis of a hinge the position
         is not determined and the deviation says so.
+    second_axis : ndarray, shape (3,), or None
+        Unit axis of a universal joint that is fixed in the child, in the child's frame; None for other kinds.
     """
 
     parent: int
@@ -41,14 +44,17 @@ class Joint:
     kind: str
     axis: Floats | None
     std: Floats
+    second_axis: Floats | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in JOINT_KINDS:
             raise InputError(f"a joint of kind {self.kind!r}; kinds are {', '.join(JOINT_KINDS)}")
         for name in ("position_in_parent", "position_in_child", "std"):
             object.__setattr__(self, name, check_floats(getattr(self, name), (3,), f"a joint's {name}", finite=True))
-        if self.axis is not None:
-            object.__setattr__(self, "axis", check_floats(self.axis, (3,), "a joint's axis", finite=True))
+        for name in ("axis", "second_axis"):
+            if getattr(self, name) is not None:
+                axis = check_floats(getattr(self, name), (3,), f"a joint's {name}", finite=True)
+                object.__setattr__(self, name, axis)
 
 
 @dataclass(frozen=True, eq=False)

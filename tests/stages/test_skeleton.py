@@ -57,8 +57,7 @@ def test_noisy_human_with_gaps_keeps_joints_near(simulated, reconstructed, seed)
 def test_kinds_of_joints_are_the_true_ones(exact, noisy):
     for case, project in (exact, noisy):
         for joint in evaluate(project, case.truth).joints:
-            expected = {"ball": "ball", "hinge": "hinge"}.get(joint.kind_true)
-            assert expected in (None, joint.kind_found), joint.name
+            assert joint.kind_found == joint.kind_true, joint.name
 
 
 def test_many_dropouts_make_no_joint_rigid(simulated, reconstructed):
@@ -66,7 +65,7 @@ def test_many_dropouts_make_no_joint_rigid(simulated, reconstructed):
     lost = np.random.default_rng(0).random((300, 9)) < 0.6  # a limb shows all its markers in one frame of sixteen
     broken = dataclasses.replace(take, positions=np.where(lost[..., None], np.nan, take.positions))
     project = reconstructed(broken)
-    assert [joint.kind for joint in project.skeleton.joints] == ["ball", "ball"]
+    assert {joint.kind for joint in project.skeleton.joints} <= {"ball", "undetermined"}  # few frames show two limbs
 
 
 def test_axes_of_hinges_are_the_true_ones(exact):

@@ -29,6 +29,7 @@ class JointFacts:
     position_in_child: list[float]
     std: list[float]
     axis: list[float] | None
+    second_axis: list[float] | None
 
 
 @dataclass
@@ -150,9 +151,9 @@ def _skeleton(
 def _joint(parent: int, child: int, facts: JointFacts | None) -> Joint:
     if facts is None:
         raise InputError(f"the joint between bones {parent} and {child} is not described")
-    axis = None if facts.axis is None else np.array(facts.axis)
+    axis, second = (None if vector is None else np.array(vector) for vector in (facts.axis, facts.second_axis))
     places = np.array(facts.position_in_parent), np.array(facts.position_in_child)
-    return Joint(parent, child, *places, kind=facts.kind, axis=axis, std=np.array(facts.std))
+    return Joint(parent, child, *places, kind=facts.kind, axis=axis, std=np.array(facts.std), second_axis=second)
 
 
 def _world_from_bone(bone: Bone) -> Floats:

@@ -193,13 +193,14 @@ class _Reader:
         )
 
     def _joint(self, element: Any) -> JointFacts:
-        has_axis = any(vector.get("name") == "AXIS" for vector in element)
+        names = {vector.get("name") for vector in element}
         return JointFacts(
             kind=self._text(element, "KIND"),
             position_in_parent=self._vector(element, "POSITIONINPARENT", 3),
             position_in_child=self._vector(element, "POSITIONINBONE", 3),
             std=self._vector(element, "STANDARDDEVIATION", 3),
-            axis=self._vector(element, "AXIS", 3) if has_axis else None,
+            axis=self._vector(element, "AXIS", 3) if "AXIS" in names else None,
+            second_axis=self._vector(element, "SECONDAXIS", 3) if "SECONDAXIS" in names else None,
         )
 
     def _key(self, element: Any) -> None:

@@ -120,6 +120,7 @@ def _skeleton(project: Project) -> Iterator[str]:
             yield _row("POSITIONINBONE", joint.position_in_child)
             yield _row("STANDARDDEVIATION", joint.std)
             yield "" if joint.axis is None else _row("AXIS", joint.axis)
+            yield "" if joint.second_axis is None else _row("SECONDAXIS", joint.second_axis)
             yield "</JOINT>\n"
         yield "</BONE>\n"
     yield "</SKELETON>\n"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.orientation import Rotator, rotation_by_quaternion
-from skelgen.kinematics.ball import fit_ball
+from skelgen.kinematics.ball import fit_fixed_point
 from skelgen.kinematics.shape import LimbShape, fit_shape
 from skelgen.kinematics.sphere import fit_sphere
 from skelgen.model.arrays import Floats, Ints
@@ -109,7 +109,7 @@ def images(shape: LimbShape, point: Floats) -> Floats:
 
 
 def _from_poses(first: Segment, second: Segment) -> JointGuess | None:
-    fit = fit_ball(first.shape.world_from_limb, second.shape.world_from_limb, first.centre, second.centre)
+    fit = fit_fixed_point(first.shape.world_from_limb, second.shape.world_from_limb, first.centre, second.centre)
     if fit is None:
         return None
     both = np.stack([images(first.shape, fit.in_first), images(second.shape, fit.in_second)])

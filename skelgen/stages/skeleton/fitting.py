@@ -9,14 +9,13 @@ import numpy as np
 from skelgen.geometry.orientation import Rotator
 from skelgen.kinematics.calibration import calibrate
 from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses
-from skelgen.kinematics.kind import JointKind
+from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
 from skelgen.stages.skeleton.joints import (
     axis_freedom,
     find_kinds,
     joint_covariances,
-    relative_rotation_noise,
     settle_along_axes,
 )
 from skelgen.stages.skeleton.outliers import out_of_place, out_of_reach
@@ -73,28 +72,33 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator) -> Fi
     calibration = calibrate(chain, start[frames], trusted[frames], n_rounds=None if refine else 0)
     chain = calibration.chain
     covariances = joint_covariances(calibration, parameters.rank_tolerance)
-    noise = relative_rotation_noise(chain, calibration.poses, trusted[frames], posed[frames], calibration.noise)
-    kinds = find_kinds(chain, calibration.poses, noise, parameters)
+    limits = KindLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
+    wanted = _wanted_kinds(parameters, body)
+    kinds = find_kinds(chain, calibration.poses, trusted[frames], posed[frames], calibration.noise, wanted, limits)
     freedom = axis_freedom(kinds, calibration.noise)
     chain = settle_along_axes(chain, kinds, freedom)
     poses, seen = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
     if refine:
         poses = fit_poses(chain, poses, trusted)
     chain, poses, turn = _with_reference_axes(chain, poses, reference)
-    kinds = find_kinds(chain, poses[frames], noise, parameters)
     return FittedBody(
         body=body,
         chain=chain,
         poses=poses,
         seen=seen,
         outliers=np.isnan(trusted[:, :, 0]) & ~np.isnan(body.positions[:, :, 0]),
-        kinds=kinds,
+        kinds=[kind.with_frames(turn[chain.parents[limb]], turn[limb]) for limb, kind in enumerate(kinds, start=1)],
         freedom=freedom,
         covariances=turn[np.maximum(chain.parents, 0)]
         @ covariances
         @ turn[np.maximum(chain.parents, 0)].swapaxes(1, 2),
         reference=reference,
     )
+
+
+def _wanted_kinds(parameters: SkeletonParameters, body: Body) -> dict[int, str]:
+    """Kinds that the user knows, by position of the limb in the body."""
+    return {limb: kind for limb, one in enumerate(body.limbs) if (kind := parameters.wanted_kind(int(one)))}
 
 
 def _without_outliers(

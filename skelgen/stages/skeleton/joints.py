@@ -8,8 +8,8 @@ from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.calibration import Calibration
 from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations
 from skelgen.kinematics.kind import JointKind, KindLimits, find_kind
+from skelgen.kinematics.relative import MIN_FRAMES
 from skelgen.model.arrays import Bools, Floats
-from skelgen.stages.skeleton.parameters import SkeletonParameters
 
 NEIGHBOUR_WEIGHT = 0.1
 """Of the pull to a limb's other joints beside the pull to its markers, along axes that leave a choice. It is weak: near
@@ -19,33 +19,60 @@ RIDGE = 1e-10
 """Relative ridge under a frame's normal matrix: rotations that nothing determines get a large but finite noise."""
 
 
-def find_kinds(chain: Chain, poses: ChainPoses, noise: Floats, parameters: SkeletonParameters) -> list[JointKind]:
-    """Classify the joint above each limb but the root; `noise` [rad] has shape (n_limbs,)."""
+def find_kinds(
+    chain: Chain,
+    poses: ChainPoses,
+    positions: Floats,
+    posed: Bools,
+    noise: float,
+    wanted: dict[int, str],
+    limits: KindLimits,
+) -> list[JointKind]:
+    """Classify the joint above each limb but the root.
+
+    Parameters
+    ----------
+    chain, poses, positions
+        A calibrated chain, where it is, and its measured markers [mm], shape (n_frames, n_markers, 3).
+    posed : ndarray of bool, shape (n_frames, n_limbs)
+        Whether points of the frame fix the limb's rotation. Frames in which both limbs of a joint are fixed count, all
+        if there are none.
+    noise : float, mm
+        Standard deviation of a marker's coordinate.
+    wanted : dict of int to str
+        Kinds that the user knows, by limb.
+    limits : KindLimits
+        Where one kind ends and the next begins.
+    """
+    covariances = relative_rotation_covariances(chain, poses, positions, noise)
+    n_seen = float((~np.isnan(positions[:, :, 0])).sum() / len(positions))
+    freedoms_of_pair = 2 * max(3 * n_seen - 3 - 3 * chain.n_limbs, 0.0) / chain.n_limbs
     kinds = []
     for limb in range(1, chain.n_limbs):
-        relative = poses.rotations[:, chain.parents[limb]].swapaxes(1, 2) @ poses.rotations[:, limb]
-        limits = KindLimits(parameters.noise_factor, parameters.hinge_wobble, parameters.least_turn)
-        kinds.append(find_kind(relative, float(noise[limb]), limits))
+        parent = chain.parents[limb]
+        fixed = posed[:, limb] & posed[:, parent]
+        use = fixed if fixed.sum() >= MIN_FRAMES else np.ones_like(fixed)
+        relative = (poses.rotations[:, parent].swapaxes(1, 2) @ poses.rotations[:, limb])[use]
+        kinds.append(find_kind(relative, covariances[limb, use], freedoms_of_pair, limits, wanted.get(limb)))
     return kinds
 
 
-def relative_rotation_noise(chain: Chain, poses: ChainPoses, positions: Floats, posed: Bools, noise: float) -> Floats:
-    """Standard deviation [rad] of each limb's rotation against its parent about one axis, shape (n_limbs,).
+def relative_rotation_covariances(chain: Chain, poses: ChainPoses, positions: Floats, noise: float) -> Floats:
+    """Covariance [rad^2] of each limb's rotation against its parent, in the parent's axes.
 
-    Frames in which points fix both rotations count, all if there are none; `posed` has shape (n_frames, n_limbs).
+    Shape (n_limbs, n_frames, 3, 3); that of the root is 0.
     """
     hessian, _ = normal_equations(chain, chain.arms(), poses, positions)
     ridge = RIDGE * np.einsum("fii->f", hessian)[:, np.newaxis, np.newaxis]
-    covariance = np.linalg.inv(hessian + np.maximum(ridge, np.finfo(np.float64).tiny) * np.eye(hessian.shape[1]))
-    result = np.zeros(chain.n_limbs)
+    inverse = np.linalg.inv(hessian + np.maximum(ridge, np.finfo(np.float64).tiny) * np.eye(hessian.shape[1]))
+    blocks = inverse[:, 3:, 3:].reshape(len(inverse), chain.n_limbs, 3, chain.n_limbs, 3)
+    result = np.zeros((chain.n_limbs, len(inverse), 3, 3))
     for limb in range(1, chain.n_limbs):
-        pick = np.zeros((3, hessian.shape[1]))
-        pick[:, 3 + 3 * limb : 6 + 3 * limb] = np.eye(3)
-        parent = 3 + 3 * int(chain.parents[limb])
-        pick[:, parent : parent + 3] = -np.eye(3)
-        variances = np.maximum(np.einsum("ij,fjk,ik->f", pick, covariance, pick) / 3, 0.0)
-        fixed = posed[:, limb] & posed[:, chain.parents[limb]]
-        result[limb] = noise * np.sqrt(np.median(variances[fixed] if fixed.any() else variances))
+        parent = int(chain.parents[limb])
+        across = blocks[:, limb, :, parent]
+        world = blocks[:, limb, :, limb] + blocks[:, parent, :, parent] - across - across.swapaxes(1, 2)
+        turn = poses.rotations[:, parent]
+        result[limb] = noise**2 * turn.swapaxes(1, 2) @ world @ turn
     return result
 
 

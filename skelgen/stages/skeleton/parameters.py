@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from skelgen.errors import ParameterError
+from skelgen.kinematics.kind import KNOWN_KINDS
 from skelgen.parameters import StageParameters, declare
 
 
@@ -50,7 +52,7 @@ class SkeletonParameters(StageParameters):
     )
     hinge_wobble: float = declare(
         0.12,
-        "a joint is a hinge when it turns about other axes by less than this part of its main turn, noise apart",
+        "a hinge or universal joint may turn in other ways by this part of its smallest own turn, noise apart",
         low=0.0,
         high=0.5,
     )
@@ -87,6 +89,33 @@ class SkeletonParameters(StageParameters):
         seed_name="PI",
         seed_section="JointFinder",
     )
-    noise_factor: float = declare(
-        1.3, "turns below this many times the noise of rotations count as none", low=1.0, high=100.0
+    kind_doubt: float = declare(
+        0.001,
+        "probability with which noise alone makes a joint seem to turn in more ways than it does",
+        low=1e-9,
+        high=0.5,
     )
+    kinds: str = declare(
+        "",
+        "kinds of joints that are known: one for all, or by the joint's child limb such as 3=hinge,7=ball; "
+        "empty finds them",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._known_kinds()
+
+    def wanted_kind(self, limb: int) -> str | None:
+        """Return the kind that the user knows of the joint above a limb, or None."""
+        known = self._known_kinds()
+        return known.get(limb, known.get(None))
+
+    def _known_kinds(self) -> dict[int | None, str]:
+        known: dict[int | None, str] = {}
+        for part in self.kinds.replace(",", " ").split():
+            limb, _, kind = part.rpartition("=")
+            if kind not in KNOWN_KINDS or (limb and not limb.isdecimal()):
+                choices = ", ".join(KNOWN_KINDS)
+                raise ParameterError(f"kinds: {part!r} is neither a kind ({choices}) nor limb=kind such as 3=hinge")
+            known[int(limb) if limb else None] = kind
+        return known

@@ -74,8 +74,9 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
             position_in_parent=one.chain.joints[limb],
             position_in_child=np.zeros(3),
             kind=kind.kind,
-            axis=kind.axis_in_parent if kind.kind == "hinge" else None,
+            axis=kind.axis_in_parent if kind.kind in {"hinge", "universal"} else None,
             std=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+            second_axis=kind.axis_in_child if kind.kind == "universal" else None,
         )
     return found
 

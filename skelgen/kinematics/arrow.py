@@ -1,0 +1,164 @@
+"""Least squares with a few constants and a few unknowns per frame, whose normal matrix is an arrow.
+
+The frames' own unknowns are projected out of every frame (the Schur complement); directions of the constants that the
+frames do not determine stay where they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from skelgen.model.arrays import Floats
+
+MAX_ROUNDS = 30
+STEP_PARTS = (1.0, 0.3, 0.1, 0.01)
+"""Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
+
+LEAST_GAIN = 1e-7
+"""Rounds stop when the sum of squares falls by less than this part: the next would gain its square."""
+
+RANK_TOLERANCE = 1e-12
+"""Directions whose information is below this part of the largest are not determined: double precision ends there."""
+
+_RIDGE = 1e-14  # of a frame's own normal matrix: keeps angles that nothing measures in place
+
+State = TypeVar("State")
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A least squares problem made linear: residuals and their slopes, whitened.
+
+    Attributes
+    ----------
+    residuals : ndarray, shape (n_frames, n_rows)
+        Measured minus modelled, in standard deviations.
+    constants : ndarray, shape (n_frames, n_rows, n_constants)
+        How the model follows the constants.
+    angles : ndarray, shape (n_frames, n_rows, n_angles)
+        How it follows the frame's own unknowns.
+    """
+
+    residuals: Floats
+    constants: Floats
+    angles: Floats
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares."""
+        return float((self.residuals**2).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A step, and what is known of it.
+
+    Attributes
+    ----------
+    constants : ndarray, shape (n_constants,)
+        Step of the constants.
+    angles : ndarray, shape (n_frames, n_angles)
+        Steps of the frames' unknowns.
+    covariance : ndarray, shape (n_constants, n_constants)
+        Of the constants, for residuals of variance 1; 0 along directions that are not determined.
+    angle_covariance : ndarray, shape (n_frames, n_angles, n_angles)
+        Of the frames' unknowns, the constants' share included.
+    residuals : ndarray, shape (n_frames, n_rows)
+        What no step of any frame's own unknowns could take away.
+    scores : ndarray, shape (n_frames, n_constants)
+        How each frame's residuals pull at the constants; they balance at the solution.
+    rank : int
+        Number of directions of the constants that are determined.
+    """
+
+    constants: Floats
+    angles: Floats
+    covariance: Floats
+    angle_covariance: Floats
+    residuals: Floats
+    scores: Floats
+    rank: int
+
+
+def solve_arrow(linear: Linear) -> Solution:
+    """Solve a linear problem by eliminating the frames' own unknowns."""
+    own = np.swapaxes(linear.angles, 1, 2)
+    normal = own @ linear.angles
+    level = _RIDGE * np.einsum("fii->f", normal)[:, np.newaxis, np.newaxis] + np.finfo(np.float64).tiny
+    inverse = np.linalg.inv(normal + level * np.eye(normal.shape[1]))
+    gain = inverse @ own
+    follow, alone = gain @ linear.constants, (gain @ linear.residuals[..., np.newaxis])[..., 0]
+    reduced = linear.constants - linear.angles @ follow
+    left = linear.residuals - (linear.angles @ alone[..., np.newaxis])[..., 0]
+    flat = reduced.reshape(-1, reduced.shape[2])
+    covariance, rank = _pseudo_inverse(flat.T @ flat)
+    step = covariance @ (flat.T @ left.ravel())
+    last = left - reduced @ step
+    return Solution(
+        constants=step,
+        angles=alone - follow @ step,
+        covariance=covariance,
+        angle_covariance=inverse + follow @ covariance @ np.swapaxes(follow, 1, 2),
+        residuals=last,
+        scores=np.einsum("frc,fr->fc", reduced, last),
+        rank=rank,
+    )
+
+
+def descend(
+    state: State,
+    linearised: Callable[[State], Linear],
+    stepped: Callable[[State, Floats, Floats], State],
+    max_rounds: int = MAX_ROUNDS,
+) -> Descent[State]:
+    """Repeat Gauss-Newton steps until the sum of squares stays.
+
+    Parameters
+    ----------
+    state : object
+        First guess.
+    linearised : callable (state) -> Linear
+        Residuals and slopes at a state.
+    stepped : callable (state, constants, angles) -> state
+        The state after a step.
+    max_rounds : int
+        Rounds at most.
+    """
+    linear = linearised(state)
+    for _ in range(max_rounds):
+        solution = solve_arrow(linear)
+        for part in STEP_PARTS:
+            trial = stepped(state, part * solution.constants, part * solution.angles)
+            trial_linear = linearised(trial)
+            if trial_linear.squares <= linear.squares:
+                break
+        else:
+            break
+        gain = linear.squares - trial_linear.squares
+        state, linear = trial, trial_linear
+        if gain <= LEAST_GAIN * linear.squares:
+            break
+    return Descent(state, linear.squares, solve_arrow(linear))
+
+
+@dataclass(frozen=True, eq=False)
+class Descent(Generic[State]):
+    """Where a descent ended: the state, its sum of squares, and the covariance there."""
+
+    state: State
+    squares: float
+    solution: Solution
+
+
+def _pseudo_inverse(matrix: Floats) -> tuple[Floats, int]:
+    if not len(matrix):
+        return matrix, 0
+    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))  # mm and rad beside each other
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    known = values > RANK_TOLERANCE * max(values[-1], np.finfo(np.float64).tiny)
+    root = vectors[:, known] / np.sqrt(values[known]) / scale[:, np.newaxis]
+    return root @ root.T, int(known.sum())

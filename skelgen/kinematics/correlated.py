@@ -1,0 +1,35 @@
+"""How many independent frames a series of residuals is worth: soft tissue makes errors that last."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.model.arrays import Floats
+
+
+def effective_frames(residuals: Floats, *, of_squares: bool = False) -> float:
+    """Return the number of independent frames that would tell as much.
+
+    The correlation times are summed over lags as long as two neighbouring ones add up to more than nothing (Geyer
+    1992, *Practical Markov chain Monte Carlo*, 3.3), so that independent residuals count in full.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (n_frames, n_rows)
+        In the order of time; of any unit.
+    of_squares : bool
+        Count what their variance rests on, not their mean: the squares of normal numbers forget twice as fast.
+    """
+    n_frames = len(residuals)
+    squares = float((residuals**2).sum())
+    if n_frames < 2 or squares == 0:
+        return float(n_frames)
+    spectrum = np.fft.rfft(residuals, 2 * n_frames, axis=0)
+    power = (spectrum.real**2 + spectrum.imag**2).sum(axis=1)
+    correlation = np.fft.irfft(power)[:n_frames] / squares
+    if of_squares:
+        correlation = correlation * np.abs(correlation)
+    pairs = correlation[: n_frames - n_frames % 2].reshape(-1, 2).sum(axis=1)
+    ends = np.flatnonzero(pairs <= 0)
+    total = pairs[: ends[0] if len(ends) else None].sum()
+    return float(n_frames / max(2 * total - 1, 1.0))

@@ -1,0 +1,270 @@
+"""Joints of a given kind, fitted to the poses of two bodies: closed form, maximum likelihood, covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
+from skelgen.kinematics.arrow import Solution, solve_arrow
+from skelgen.kinematics.convention import conventional
+from skelgen.kinematics.correlated import effective_frames
+from skelgen.kinematics.hinge import hinge_turning
+from skelgen.kinematics.placed import Placed, fit_placed, linearised
+from skelgen.kinematics.relative import BODY_SIZE, RelativePoses, relative_poses, whitener
+from skelgen.kinematics.turning import AxisTurning, FixedTurning, FreeTurning, TwoAxisTurning
+from skelgen.kinematics.universal import universal_turning
+from skelgen.model import Poses
+from skelgen.model.arrays import Floats, Ints
+
+KINDS = ("ball", "hinge", "universal", "rigid")
+
+
+@dataclass(frozen=True, eq=False)
+class JointFit:
+    """A joint of one kind between two bodies.
+
+    Attributes
+    ----------
+    kind : str
+        ``ball``, ``hinge``, ``universal`` or ``rigid``.
+    parent_from_joint, child_from_joint : ndarray, shape (4, 4)
+        Frames of the joint in both bodies, translations in mm. Their z is the axis of a hinge, or the axis of a
+        universal joint that is fixed in that body; their x points from the body's origin to the axis. Other kinds keep
+        the bodies' directions.
+    angles : ndarray, shape (n_frames, n_angles), rad
+        Turn of the child's joint frame in the parent's: about z of a hinge; about the parent's and the child's axis of
+        a universal joint; the rotation vector (Rodrigues) of a ball; NaN where a body is unseen.
+    angle_std : ndarray, shape (n_frames, n_angles), rad
+        Their standard deviations; for a ball those of small turns about the parent's axes.
+    between : float, rad
+        Angle between the axes of a universal joint; 0 for other kinds.
+    covariance : ndarray, shape (6, 6), mm^2
+        Of the joint's place in the parent, then in the child. Along the axis of a hinge the place is a choice (nearest
+        to both bodies' origins) without variance, and so is the place of a rigid joint in the child.
+    axis_covariance : ndarray, shape (6, 6)
+        Of the axis in the parent, then of that in the child, unit vectors; zero for kinds without.
+    singular_values : ndarray, shape (6,)
+        Of the stacked equations of the place, falling, per root of the number of frames: near 0 where nothing turned.
+    noise : float
+        Root mean square of the residuals in units of the given covariances, or in mm without any; freedoms taken off.
+    gap : float, mm
+        Root mean square distance of the two images of the joint.
+    frames : ndarray of intp, shape (n,)
+        Frames that show both bodies.
+    n_effective : float
+        Independent frames that the residuals are worth; the covariances rest on these.
+    """
+
+    kind: str
+    parent_from_joint: Floats
+    child_from_joint: Floats
+    angles: Floats
+    angle_std: Floats
+    between: float
+    covariance: Floats
+    axis_covariance: Floats
+    singular_values: Floats
+    noise: float
+    gap: float
+    frames: Ints
+    n_effective: float
+
+    @property
+    def in_parent(self) -> Floats:
+        """The joint in the parent's frame [mm], shape (3,)."""
+        return self.parent_from_joint[:3, 3]
+
+    @property
+    def in_child(self) -> Floats:
+        """The joint in the child's frame [mm], shape (3,)."""
+        return self.child_from_joint[:3, 3]
+
+    @property
+    def axis_in_parent(self) -> Floats | None:
+        """Axis that is fixed in the parent, shape (3,); None for kinds without."""
+        return self.parent_from_joint[:3, 2] if self.kind in {"hinge", "universal"} else None
+
+    @property
+    def axis_in_child(self) -> Floats | None:
+        """Axis that is fixed in the child, shape (3,); that of a hinge is the parent's, seen from the child."""
+        return self.child_from_joint[:3, 2] if self.kind in {"hinge", "universal"} else None
+
+    @property
+    def std(self) -> Floats:
+        """Standard deviation [mm] of the joint in the parent's and in the child's frame, shape (2, 3)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).reshape(2, 3)
+
+
+def fit_ball(
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float = BODY_SIZE
+) -> JointFit:
+    """Fit a ball joint: the point that is fixed in two bodies.
+
+    Linear least squares by singular value decomposition (O'Brien 2000, eq. 8-13), then maximum likelihood with a free
+    rotation in every frame (Gaschler 2011, eq. 5.5).
+
+    Parameters
+    ----------
+    poses : Poses
+        Bodies with orientation.
+    parent, child : int or str
+        Two of them, by index or name.
+    covariances : ndarray, shape (n_bodies, 6, 6) or (n_frames, n_bodies, 6, 6), optional
+        Of shift [mm] and turn [rad] of every body in its own frame, e.g. from `pose_covariance`.
+    size : float, mm
+        Without covariances: distance at which an error of a body's rotation weighs as much as one of its position.
+
+    Raises
+    ------
+    InputError
+        If there is no such body, or too few frames show both.
+    """
+    return fit_kind("ball", relative_poses(poses, parent, child, covariances, size))
+
+
+def fit_hinge(
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float = BODY_SIZE
+) -> JointFit:
+    """Fit a hinge: axis, place and angles; solution of rank 5 and null vector first. Parameters as `fit_ball`."""
+    return fit_kind("hinge", relative_poses(poses, parent, child, covariances, size))
+
+
+def fit_universal(
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float = BODY_SIZE
+) -> JointFit:
+    """Fit a universal joint: two axes that meet, one fixed in each body. Parameters as `fit_ball`."""
+    return fit_kind("universal", relative_poses(poses, parent, child, covariances, size))
+
+
+def fit_rigid(
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float = BODY_SIZE
+) -> JointFit:
+    """Fit a rigid connection: one relative pose for all frames. Parameters as `fit_ball`."""
+    return fit_kind("rigid", relative_poses(poses, parent, child, covariances, size))
+
+
+def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
+    """Fit a joint of one kind to relative poses.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    measured : RelativePoses
+        From `relative_poses`.
+    """
+    singular, place = linear_place(measured, rank=5 if kind == "hinge" else 6)
+    found = fit_placed(_start(kind, measured, place), measured)
+    joint = conventional(found.state)
+    solution = solve_arrow(linearised(joint, measured, whitener(measured.covariances)))
+    freedoms = 6 * len(measured.frames) - solution.rank - joint.turning.n_angles * len(measured.frames)
+    variance = found.squares / max(freedoms, 1)
+    n_effective = effective_frames(solution.residuals)
+    scale = max(variance, 1.0) if measured.is_scaled else variance
+    constants = _covariance_of_constants(solution, scale, measured.is_scaled) * len(measured.frames) / n_effective
+    free = joint.free_places()
+    n_places = free.shape[1]
+    angles, angle_std = _spread_over_take(joint, scale * solution.angle_covariance, measured)
+    return JointFit(
+        kind=kind,
+        parent_from_joint=_frame(joint, "in_parent"),
+        child_from_joint=_frame(joint, "in_child"),
+        angles=angles,
+        angle_std=angle_std,
+        between=joint.turning.between if isinstance(joint.turning, TwoAxisTurning) else 0.0,
+        covariance=free @ constants[:n_places, :n_places] @ free.T,
+        axis_covariance=_axis_covariance(joint, constants[n_places:, n_places:]),
+        singular_values=singular,
+        noise=float(np.sqrt(variance)),
+        gap=_gap(joint, measured),
+        frames=measured.frames,
+        n_effective=n_effective,
+    )
+
+
+def linear_place(measured: RelativePoses, rank: int = 6) -> tuple[Floats, Floats]:
+    """Solve the stacked equations of the place by singular value decomposition (O'Brien 2000, eq. 13).
+
+    Parameters
+    ----------
+    measured : RelativePoses
+        Relative poses.
+    rank : int
+        Largest rank: 5 for a hinge. Directions that never turned are left out in any case, so that the place stays
+        near the origins of both bodies.
+
+    Returns
+    -------
+    tuple of ndarray, shape (6,)
+        Singular values per root of the number of frames, and the place in parent and child [mm].
+    """
+    n_frames = len(measured.frames)
+    rows = np.concatenate([np.tile(np.eye(3), (n_frames, 1, 1)), -measured.rotations], axis=2).reshape(-1, 6)
+    u, singular, vt = np.linalg.svd(rows, full_matrices=False)
+    kept = singular > np.sqrt(np.finfo(np.float64).eps) * singular[0]
+    kept[rank:] = False
+    place = vt[kept].T @ ((u[:, kept].T @ measured.shifts.ravel()) / singular[kept])
+    return singular / np.sqrt(n_frames), place
+
+
+def _covariance_of_constants(solution: Solution, scale: float, is_scaled: bool) -> Floats:
+    """That of the model where the poses' covariances are known; else what the frames' own pulls say (White 1980).
+
+    Residuals larger than the stated covariances count as they are; smaller ones do not make the result surer.
+    """
+    if is_scaled:
+        return scale * solution.covariance
+    pulls = solution.scores @ solution.covariance
+    n_frames = len(pulls)
+    return np.asarray(pulls.T @ pulls * n_frames / max(n_frames - 1, 1))
+
+
+def _start(kind: str, measured: RelativePoses, place: Floats) -> Placed:
+    rotations = measured.rotations
+    if kind == "rigid":
+        turn = nearest_rotation(rotations.mean(axis=0))
+        half = measured.shifts.mean(axis=0) / 2
+        return Placed(FixedTurning(turn, len(rotations)), half, -turn.T @ half)
+    if kind == "ball":
+        return Placed(FreeTurning(rotations), place[:3], place[3:])
+    turning = hinge_turning(rotations) if kind == "hinge" else universal_turning(rotations)
+    return Placed(turning, place[:3], place[3:])
+
+
+def _spread_over_take(joint: Placed, covariance: Floats, measured: RelativePoses) -> tuple[Floats, Floats]:
+    """Angles and their deviations in all frames of the take, NaN where not known."""
+    turning = joint.turning
+    angles = np.full((measured.n_frames, turning.n_angles), np.nan)
+    std = angles.copy()
+    if isinstance(turning, FreeTurning):
+        angles[measured.frames] = vector_from_matrix(turning.free)
+    elif isinstance(turning, AxisTurning | TwoAxisTurning):
+        angles[measured.frames] = turning.angles.reshape(len(measured.frames), -1)
+    std[measured.frames] = np.sqrt(np.einsum("fii->fi", covariance))
+    return angles, std
+
+
+def _frame(joint: Placed, where: str) -> Floats:
+    turning = joint.turning
+    turn = getattr(turning, where) if isinstance(turning, AxisTurning | TwoAxisTurning) else np.eye(3)
+    return transform_from(turn, getattr(joint, where))
+
+
+def _axis_covariance(joint: Placed, covariance: Floats) -> Floats:
+    """Covariance of both axes from that of their tilts: a tilt by (a, b) about x and y moves z by (b, -a)."""
+    turning = joint.turning
+    if not isinstance(turning, AxisTurning | TwoAxisTurning):
+        return np.zeros((6, 6))
+    moves = np.zeros((6, 4))
+    for row, frame in ((0, turning.in_parent), (1, turning.in_child)):
+        moves[3 * row : 3 * row + 3, 2 * row] = -frame[:, 1]
+        moves[3 * row : 3 * row + 3, 2 * row + 1] = frame[:, 0]
+    return np.asarray(moves @ covariance[:4, :4] @ moves.T)
+
+
+def _gap(joint: Placed, measured: RelativePoses) -> float:
+    """Root mean square distance [mm] of the joint's images in the two measured bodies."""
+    images = measured.shifts + measured.rotations @ joint.in_child - joint.in_parent
+    return float(np.sqrt((images**2).sum(axis=1).mean()))

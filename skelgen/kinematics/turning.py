@@ -1,0 +1,204 @@
+r"""How a child turns in its parent, by kind of joint: rotations, their slopes, their steps.
+
+All kinds are one product of the axes in both limbs and two angles about them,
+
+.. math::
+    R = C_p\, R_z(\varphi_1)\, R_x(\beta)\, R_z(\varphi_2)\, C_c^T .
+
+A hinge keeps :math:`\beta = \varphi_2 = 0`, a universal joint keeps :math:`\beta`, the angle between its axes; a ball
+is free in every frame, and a rigid joint has one rotation for all. Small turns act on the left,
+:math:`R' = \exp([\delta]_\times) R`, so that :math:`\delta` is in the parent's axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, Self
+
+import numpy as np
+
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.model.arrays import Floats
+
+X, Z = np.eye(3)[0], np.eye(3)[2]
+
+
+class Turning(Protocol):
+    """Rotations parent from child of all frames, as one kind of joint allows them."""
+
+    kind: ClassVar[str]
+    n_constants: ClassVar[int]
+    n_angles: ClassVar[int]
+
+    def rotations(self) -> Floats:
+        """Rotations parent from child, shape (n_frames, 3, 3)."""
+
+    def axes(self) -> tuple[Floats, Floats] | None:
+        """Unit axis fixed in the parent and that fixed in the child, None for kinds without."""
+
+    def slopes(self) -> tuple[Floats, Floats]:
+        """Turns [rad] per unit of the constants, shape (n_frames, 3, n_constants), and of the frame's angles."""
+
+    def stepped(self, constants: Floats, angles: Floats) -> Self:
+        """Change the constants, shape (n_constants,), and angles, shape (n_frames, n_angles)."""
+
+
+@dataclass(frozen=True, eq=False)
+class FreeTurning:
+    """A ball: any rotation in every frame, shape (n_frames, 3, 3)."""
+
+    kind: ClassVar[str] = "ball"
+    n_constants: ClassVar[int] = 0
+    n_angles: ClassVar[int] = 3
+    free: Floats
+
+    def rotations(self) -> Floats:
+        """Return the rotations."""
+        return self.free
+
+    def axes(self) -> None:
+        """Return None: there are no axes."""
+
+    def slopes(self) -> tuple[Floats, Floats]:
+        """Return no constants, and three free turns (Rodrigues)."""
+        n_frames = len(self.free)
+        return np.zeros((n_frames, 3, 0)), np.tile(np.eye(3), (n_frames, 1, 1))
+
+    def stepped(self, constants: Floats, angles: Floats) -> FreeTurning:
+        """Turn every frame on its own."""
+        return FreeTurning(matrix_from_vector(angles) @ self.free)
+
+
+@dataclass(frozen=True, eq=False)
+class FixedTurning:
+    """A rigid joint: one rotation, shape (3, 3), for `n_frames` frames."""
+
+    kind: ClassVar[str] = "rigid"
+    n_constants: ClassVar[int] = 3
+    n_angles: ClassVar[int] = 0
+    rotation: Floats
+    n_frames: int
+
+    def rotations(self) -> Floats:
+        """Return the rotation for every frame."""
+        return np.tile(self.rotation, (self.n_frames, 1, 1))
+
+    def axes(self) -> None:
+        """Return None: there are no axes."""
+
+    def slopes(self) -> tuple[Floats, Floats]:
+        """Return three constant turns, and no angles."""
+        return np.tile(np.eye(3), (self.n_frames, 1, 1)), np.zeros((self.n_frames, 3, 0))
+
+    def stepped(self, constants: Floats, angles: Floats) -> FixedTurning:
+        """Turn all frames together."""
+        return FixedTurning(matrix_from_vector(constants) @ self.rotation, self.n_frames)
+
+
+@dataclass(frozen=True, eq=False)
+class AxisTurning:
+    """A hinge.
+
+    Attributes
+    ----------
+    in_parent, in_child : ndarray, shape (3, 3)
+        Rotations limb from joint: their last column is the axis.
+    angles : ndarray, shape (n_frames,), rad
+        Turn about the axis.
+    """
+
+    kind: ClassVar[str] = "hinge"
+    n_constants: ClassVar[int] = 4
+    n_angles: ClassVar[int] = 1
+    in_parent: Floats
+    in_child: Floats
+    angles: Floats
+
+    def rotations(self) -> Floats:
+        """Return the rotations."""
+        return np.asarray(self.in_parent @ about_z(self.angles) @ self.in_child.T)
+
+    def axes(self) -> tuple[Floats, Floats]:
+        """Return the axis in the parent and in the child."""
+        return self.in_parent[:, 2], self.in_child[:, 2]
+
+    def slopes(self) -> tuple[Floats, Floats]:
+        """Return tilts of the axis in the parent and in the child (two each), and the turn about it."""
+        n_frames = len(self.angles)
+        tilts = np.tile(self.in_parent[:, :2], (n_frames, 1, 1))
+        turned = -(self.in_parent @ about_z(self.angles))[:, :, :2]
+        return np.concatenate([tilts, turned], axis=2), np.tile(self.in_parent[:, 2:], (n_frames, 1, 1))
+
+    def stepped(self, constants: Floats, angles: Floats) -> AxisTurning:
+        """Tilt the axis and turn about it."""
+        return AxisTurning(
+            _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:]), self.angles + angles[:, 0]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TwoAxisTurning:
+    """A universal joint.
+
+    Attributes
+    ----------
+    in_parent, in_child : ndarray, shape (3, 3)
+        Rotations limb from joint: their last columns are the axis fixed in the parent and that fixed in the child.
+    between : float, rad
+        Angle between the two axes.
+    angles : ndarray, shape (n_frames, 2), rad
+        Turns about both.
+    """
+
+    kind: ClassVar[str] = "universal"
+    n_constants: ClassVar[int] = 5
+    n_angles: ClassVar[int] = 2
+    in_parent: Floats
+    in_child: Floats
+    between: float
+    angles: Floats
+
+    def rotations(self) -> Floats:
+        """Return the rotations."""
+        tilt = matrix_from_vector(self.between * X)
+        return np.asarray(
+            self.in_parent @ about_z(self.angles[:, 0]) @ tilt @ about_z(self.angles[:, 1]) @ self.in_child.T
+        )
+
+    def axes(self) -> tuple[Floats, Floats]:
+        """Return the axis in the parent and in the child."""
+        return self.in_parent[:, 2], self.in_child[:, 2]
+
+    def slopes(self) -> tuple[Floats, Floats]:
+        """Return tilts of both axes (two each) and the angle between them, and the turns about them."""
+        first = self.in_parent @ about_z(self.angles[:, 0])
+        both = first @ matrix_from_vector(self.between * X) @ about_z(self.angles[:, 1])
+        tilts = np.tile(self.in_parent[:, :2], (len(self.angles), 1, 1))
+        constants = np.concatenate([tilts, -both[:, :, :2], first[:, :, :1]], axis=2)
+        own = np.tile(self.in_parent[:, 2:], (len(self.angles), 1, 1))
+        return constants, np.concatenate([own, both[:, :, 2:]], axis=2)
+
+    def stepped(self, constants: Floats, angles: Floats) -> TwoAxisTurning:
+        """Tilt the axes and turn about them."""
+        return TwoAxisTurning(
+            _tilted(self.in_parent, constants[:2]),
+            _tilted(self.in_child, constants[2:4]),
+            self.between + float(constants[4]),
+            self.angles + angles,
+        )
+
+
+def about_z(angles: Floats) -> Floats:
+    """Return rotations about z, shape (n_frames, 3, 3)."""
+    return matrix_from_vector(np.asarray(angles)[..., np.newaxis] * Z)
+
+
+def frame_along(axis: Floats) -> Floats:
+    """Return a rotation whose last column is a unit axis, shape (3, 3); the other two are any."""
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first), axis], axis=1)
+
+
+def _tilted(frame: Floats, tilt: Floats) -> Floats:
+    return np.asarray(frame @ matrix_from_vector(np.array([tilt[0], tilt[1], 0.0])))
