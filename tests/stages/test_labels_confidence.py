@@ -144,3 +144,12 @@ def test_markers_that_coincide_and_markers_never_seen_are_judged_without_error()
 def test_take_of_one_frame_is_judged_without_error():
     markers = Trajectories(np.eye(3)[np.newaxis], tuple("abc"), 100.0)
     assert identity_confidence(markers).confidence.shape == (1, 3)
+
+
+def test_what_the_user_states_is_believed(human):
+    wrong = renamed(human, 5, 30, slice(200, 300))
+    stated = np.zeros(human.seen.shape, dtype=bool)
+    stated[250, 5] = human.seen[250, 5]
+    confidence = identity_confidence(wrong, stated=stated).confidence
+    assert confidence[250, 5] > SURE
+    assert np.nanmax(confidence[240:260, 30]) < SURE
