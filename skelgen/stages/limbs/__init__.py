@@ -12,9 +12,11 @@ from skelgen.errors import InputError
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.limbs.bodies import Distances, rigid_bodies
 from skelgen.stages.limbs.count import count_limbs
 from skelgen.stages.limbs.deviation import distance_deviation, sample_frames
 from skelgen.stages.limbs.parameters import LimbParameters
+from skelgen.stages.limbs.relative import Group, Movements
 from skelgen.stages.limbs.rigidity import rigid_groups
 from skelgen.stages.limbs.spectral import greedy_clusters, spectral_clusters
 
@@ -70,17 +72,26 @@ def find_limbs(
     if n_limbs is not None and not 1 <= n_limbs <= len(usable):
         raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
     block = np.ix_(usable, usable)
-    groups = _clusters(deviation[block], common[block], parameters, n_limbs, seed)
+    movements = Movements(trajectories.positions[:, usable], frames)
+    groups = _clusters(movements, deviation[block], common[block], parameters, n_limbs, seed)
     labels = np.full(trajectories.n_markers, -1, dtype=np.intp)
     labels[usable] = _numbered_by_first(groups)
     monitor.advance(1, 1)
     return Limbs(labels, deviation)
 
 
-def _clusters(deviation: Floats, common: Ints, parameters: LimbParameters, n_limbs: int | None, seed: int) -> Ints:
-    if parameters.method == "rigidity":
+def _clusters(
+    movements: Movements, deviation: Floats, common: Ints, parameters: LimbParameters, n_limbs: int | None, seed: int
+) -> Ints:
+    if parameters.method in ("rigidity", "distances"):
         weight = np.where(np.isnan(deviation), 0.0, (common + 1) / (common + HALF_BELIEVED))
-        groups = rigid_groups(deviation, parameters, weight)
+        if parameters.method == "distances":
+            groups = rigid_groups(deviation, parameters, weight)
+        else:
+            distances = Distances(np.where(weight > 0, deviation, 0.0) ** 2 / 2, weight)
+            blocks: list[Group] = [(marker,) for marker in range(len(deviation))]
+            apart = np.zeros(deviation.shape, dtype=np.bool_)
+            groups = rigid_bodies(movements, distances, parameters, blocks, apart, n_limbs)
         if n_limbs in (None, int(groups.max()) + 1):
             return groups
     deviation = _complete(deviation)

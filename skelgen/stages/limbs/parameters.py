@@ -17,9 +17,10 @@ class LimbParameters(StageParameters):
 
     method: str = declare(
         "rigidity",
-        "rigidity merges groups that move as one rigid body (and leaves a number of limbs that the user gives and it "
-        "does not find to spectral); spectral is the seed's clustering; greedy its simple one",
-        choices=("rigidity", "spectral", "greedy"),
+        "rigidity fits rigid bodies to groups of markers and merges those that move as one (a given number of limbs "
+        "that is more than it finds is left to spectral); distances does the same by the variances of distances alone; "
+        "spectral is the seed's clustering; greedy its simple one",
+        choices=("rigidity", "distances", "spectral", "greedy"),
     )
     count: str = declare(
         "rigidity",
@@ -49,6 +50,12 @@ class LimbParameters(StageParameters):
         "markers are not paired up when their distance varies more than this many times the take's noise",
         low=1.0,
         high=1000.0,
+    )
+    flexibility: float = declare(
+        0.02,
+        "rigidity: a limb may bend by this part of its size; groups that move less against each other are one limb",
+        low=0.0,
+        high=1.0,
     )
     local_scaling: bool = declare(
         True, "spectral: scale each marker by its M-th neighbour instead of one sigma", seed_name="LOCALSIGMA"

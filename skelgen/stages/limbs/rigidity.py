@@ -75,15 +75,15 @@ def rigid_groups(deviation: Floats, parameters: LimbParameters, weight: Floats |
     known = weight > 0
     noise = noise_variance(np.where(known, deviation, np.nan))
     variance = np.where(known, deviation, 0.0) ** 2 / 2
-    groups = _Groups(variance, weight)
+    groups = PairSums(variance, weight)
     groups.merge_while(lambda: _merge_order(groups, noise, parameters))
-    groups = _Groups(variance, weight, _moved_to_best(groups.members, variance, weight, noise))
+    groups = PairSums(variance, weight, _moved_to_best(groups.members, variance, weight, noise))
     usual = groups.usual_motion()
-    groups.merge_while(lambda: _single_order(groups, usual))
+    groups.merge_while(lambda: single_order(groups, usual))
     return groups.members.astype(np.intp)
 
 
-class _Groups:
+class PairSums:
     """Groups of markers while they are merged: sums over pairs of markers, between groups and (diagonal) within."""
 
     def __init__(self, variance: Floats, weight: Floats, members: Ints | None = None) -> None:
@@ -109,9 +109,9 @@ class _Groups:
         nearest = np.minimum(upper, upper.T).min(axis=1)
         return float(np.median(nearest[np.isfinite(nearest)])) if np.isfinite(nearest).any() else 0.0
 
-    def merge_while(self, order: Callable[[], Floats]) -> None:
-        """Merge the pair with the smallest order, again and again, until none is finite."""
-        while len(self.sizes) > 1:
+    def merge_while(self, order: Callable[[], Floats], least: int = 1) -> None:
+        """Merge the pair with the smallest order, again and again, until none is finite or `least` groups are left."""
+        while len(self.sizes) > least:
             ranks = order()
             first, second = np.unravel_index(np.argmin(ranks), ranks.shape)
             if not np.isfinite(ranks[first, second]):
@@ -137,19 +137,19 @@ def _folded(table: Floats, first: int, second: int) -> Floats:
     return table
 
 
-def _merge_order(groups: _Groups, noise: float, parameters: LimbParameters) -> Floats:
+def _merge_order(groups: PairSums, noise: float, parameters: LimbParameters) -> Floats:
     """Mean variance across each two groups that pay to be merged; infinite for the others and below the diagonal."""
-    return np.where(_merge_costs(groups, noise, parameters) < 0, groups.across, np.inf)
+    return np.where(merge_costs(groups, noise, parameters) < 0, groups.across, np.inf)
 
 
-def _single_order(groups: _Groups, usual: float) -> Floats:
+def single_order(groups: PairSums, usual: float) -> Floats:
     """Mean variance across each single marker and a limb that it hardly moves against; infinite for other pairs."""
     single = groups.sizes == 1
     joins = (single[:, np.newaxis] ^ single) & (groups.across < SINGLE_PART**2 * usual)
     return np.where(joins, groups.across, np.inf)
 
 
-def _merge_costs(groups: _Groups, noise: float, parameters: LimbParameters) -> Floats:
+def merge_costs(groups: PairSums, noise: float, parameters: LimbParameters) -> Floats:
     """Cost of merging each two groups [nats per frame]; only the entries above the diagonal count."""
     sums, weights, sizes = groups.sums, groups.weights, groups.sizes
     both = sizes[:, np.newaxis] + sizes

@@ -1,0 +1,171 @@
+r"""Join rigid pieces into limbs that are no more rigid than skin and plates are.
+
+Two pieces become one limb if two tests agree. The first (`rigidity`) is scale-free: one body with a noise of its own
+must describe both better than two bodies do, by the variances of all distances. The second looks at the relative motion
+itself (`relative`): its principal variances, in units of what the noise of both pieces and the flexibility of a limb
+explain, may not tell of a joint. The first knows how rigid each limb is, the second sees motions that hardly change
+distances: of a hand about its long axis, of a small foot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.limbs.parameters import LimbParameters
+from skelgen.stages.limbs.pieces import GAIN, marker_noise, misfit, rigid_pieces
+from skelgen.stages.limbs.relative import Group, Movements
+from skelgen.stages.limbs.rigidity import PRIOR_WEIGHT, PairSums, merge_costs, noise_variance, single_order
+
+LIMB = 2.0
+"""nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """What is known of all distances between markers.
+
+    Attributes
+    ----------
+    variance : ndarray, shape (n_markers, n_markers), mm^2
+        Half the variance of each distance: the mean noise of its ends if they are one body; 0 where unknown.
+    weight : ndarray, shape (n_markers, n_markers)
+        How much each pair is to be believed, 0 where nothing is known of it.
+    """
+
+    variance: Floats
+    weight: Floats
+
+    @property
+    def noise(self) -> float:
+        """Variance [mm^2] of the take's noise."""
+        return noise_variance(np.where(self.weight > 0, np.sqrt(2 * self.variance), np.nan))
+
+    @property
+    def bounded(self) -> Floats:
+        """The variances; a pair that is never seen together has the least that a third marker leaves possible."""
+        known = np.where(self.weight > 0, self.variance, np.inf)
+        np.fill_diagonal(known, 0.0)
+        for index in np.flatnonzero(np.isinf(known).any(axis=1)):
+            known[index] = np.minimum(known[index], np.maximum(known[index][:, np.newaxis], known).min(axis=0))
+            known[:, index] = known[index]
+        largest = known[np.isfinite(known)].max()
+        return np.where(np.isfinite(known), known, largest)
+
+
+def rigid_bodies(
+    movements: Movements,
+    distances: Distances,
+    parameters: LimbParameters,
+    blocks: list[Group],
+    apart: Bools,
+    n_limbs: int | None = None,
+) -> Ints:
+    """Group markers that move as rigid bodies.
+
+    Parameters
+    ----------
+    movements : Movements
+        The take.
+    distances : Distances
+        Its distances.
+    parameters : LimbParameters
+        Their `motion_factor`, `pair_limit` and `flexibility`.
+    blocks : list of tuple of int
+        Markers that stay together; most blocks are single markers.
+    apart : ndarray of bool, shape (n_markers, n_markers)
+        Markers that may not share a limb.
+    n_limbs : int, optional
+        Number of limbs at which merging stops, and to which it goes on.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_markers,)
+        Group of each marker.
+    """
+    noise = distances.noise
+    own = marker_noise(np.where(distances.weight > 0, distances.variance, np.inf), noise)
+    ratio = 2 * distances.bounded / (own[:, np.newaxis] + own)
+    pieces = rigid_pieces(movements, ratio, own, blocks, apart)
+    return _Joiner(movements, distances, parameters, pieces, apart).joined(n_limbs)
+
+
+class _Joiner:
+    def __init__(
+        self, movements: Movements, distances: Distances, parameters: LimbParameters, pieces: list[Group], apart: Bools
+    ) -> None:
+        members = np.empty(len(distances.variance), dtype=np.intp)
+        for index, piece in enumerate(pieces):
+            members[list(piece)] = index
+        self._movements, self._parameters, self._apart = movements, parameters, apart
+        self._verdicts: dict[tuple[Group, Group], float] = {}
+        self._noise = distances.noise
+        self._noise = max(self._noise, self._usual_noise(pieces))
+        self._groups = PairSums(distances.variance, distances.weight, members)
+
+    def joined(self, n_limbs: int | None) -> Ints:
+        groups = self._groups
+        least = n_limbs or 1
+        groups.merge_while(lambda: self._allowed(self._by_rigidity()), least)
+        usual = groups.usual_motion()
+        groups.merge_while(lambda: self._allowed(single_order(groups, usual)), least)
+        if n_limbs is not None:
+            groups.merge_while(self._all_evidence, least)
+        return groups.members.astype(np.intp)
+
+    def _by_rigidity(self) -> Floats:
+        pays = merge_costs(self._groups, self._noise, self._parameters) < 0
+        return np.where(pays, self._groups.across, np.inf)
+
+    def _allowed(self, order: Floats) -> Floats:
+        """Strike pairs whose relative motion tells of a joint from an order of merging, up to the first that stays."""
+        while True:
+            first, second = (int(index) for index in np.unravel_index(np.argmin(order), order.shape))
+            if not np.isfinite(order[first, second]) or self._evidence(first, second) < 0:
+                return order
+            order[first, second] = np.inf
+
+    def _all_evidence(self) -> Floats:
+        size = len(self._groups.sizes)
+        order = np.full((size, size), np.inf)
+        for first, second in np.argwhere(np.isfinite(self._groups.across)).tolist():
+            order[first, second] = self._evidence(first, second)
+        return order
+
+    def _evidence(self, first: int, second: int) -> float:
+        """Evidence [nats per frame] that two groups are two limbs."""
+        one, other = (tuple(np.flatnonzero(self._groups.members == index).tolist()) for index in (first, second))
+        if (one, other) not in self._verdicts:
+            self._verdicts[one, other] = self._tested(one, other)
+        return self._verdicts[one, other]
+
+    def _tested(self, one: Group, other: Group) -> float:
+        if self._apart[np.ix_(one, other)].any():
+            return np.inf
+        motion = self._movements.relative(one, other)
+        if motion is None:
+            return np.inf
+        variances = np.full(len(self._apart), (self._parameters.flexibility * motion.radius) ** 2)
+        variances[list(one)] += self._group_noise(one)
+        variances[list(other)] += self._group_noise(other)
+        ratios = motion.ratios(variances)
+        return misfit(ratios) - GAIN * len(ratios) - LIMB
+
+    def _group_noise(self, group: Group) -> float:
+        """Noise variance [mm^2] of a group's markers, steadied by that of the take."""
+        spread = self._movements.inner(group) if len(group) > 1 else None
+        if spread is None:
+            return self._noise
+        freedoms = len(spread.covariance)
+        return float((PRIOR_WEIGHT * self._noise + np.trace(spread.covariance)) / (PRIOR_WEIGHT + freedoms))
+
+    def _usual_noise(self, pieces: list[Group]) -> float:
+        """Median of the pieces' noise [mm^2], weighted by their inner coordinates."""
+        several = [piece for piece in pieces if len(piece) > 1 and self._movements.inner(piece) is not None]
+        if not several:
+            return self._noise
+        noises = np.array([self._group_noise(piece) for piece in several])
+        freedoms = np.cumsum([max(1, 3 * len(several[index]) - 6) for index in np.argsort(noises)])
+        return float(np.sort(noises)[np.searchsorted(freedoms, freedoms[-1] / 2)])
