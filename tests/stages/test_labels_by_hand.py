@@ -151,6 +151,21 @@ def test_one_name_cannot_be_two_points_of_a_frame(hidden):
         )
 
 
+def test_all_points_cannot_be_nobodys(hidden):
+    cloud = hidden.take
+    stated = Identities(
+        tuple(Identity("nobody", f, point=p) for f in range(cloud.n_frames) for p in range(len(cloud.frame(f))))
+    )
+    with pytest.raises(InputError, match="no marker is left"):
+        label_markers(cloud, LabelParameters(method="sets"), identities=stated)
+
+
+def test_more_names_than_markers_are_refused(hidden):
+    stated = statements(hidden, np.random.default_rng(0), 40)
+    with pytest.raises(InputError, match="names are stated by hand, more than the 5 markers asked for"):
+        label_markers(hidden.take, LabelParameters(method="sets"), identities=stated, n_markers=5)
+
+
 class TestFiles:
     def read(self, folder, text):
         path = folder / "stated.csv"

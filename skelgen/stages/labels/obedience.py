@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from skelgen.errors import InputError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.identities import Identities, Identity
@@ -41,7 +42,14 @@ def obey(
         Markers that are seen, in the old order, new ones last.
     names : tuple of str, length n_left
         Their names: stated, as before, or numbered.
+
+    Raises
+    ------
+    InputError
+        If more names are stated than markers are wanted, or no marker is left.
     """
+    if n_markers is not None and len(fixed.names) > n_markers:
+        raise InputError(f"{len(fixed.names)} names are stated by hand, more than the {n_markers} markers asked for")
     marker_of_point = find_points(cloud, positions)
     frames = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
     target = targets(marker_of_point, fixed, positions.shape[1], labels)
@@ -51,6 +59,8 @@ def obey(
     rank = counts + np.where(np.isin(np.arange(size), target), cloud.n_frames + 1, 0)  # stated ones before all others
     kept = np.sort(np.argsort(-rank, kind="stable")[:n_markers])
     kept = kept[counts[kept] > 0]
+    if not len(kept):
+        raise InputError("no marker is left: all points are nobody's, as is stated by hand")
     place = np.full(size + 1, -1, dtype=np.intp)  # the last one is for points without a marker
     place[kept] = np.arange(len(kept))
     owned = np.flatnonzero(place[marker_of_point] >= 0)
