@@ -16,6 +16,7 @@ from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import PointCloud, Skeleton
 from skelgen.stages.labels import Tracker
 from skelgen.stages.labels.online.chain import Chain
+from skelgen.stages.labels.online.rigid import YOUNG_SECONDS, RigidLabels
 from skelgen.stages.labels.online.startup import find_pose
 
 RATE = 100.0
@@ -250,3 +251,24 @@ def test_pose_is_found_from_one_frame_in_any_order_and_place(simulated, skeleton
     chain.set_pose(*found)
     off = np.linalg.norm(chain.positions_of(np.arange(take.n_markers)) - points, axis=1)
     assert np.median(off) < 2 * FAULTS["soft_tissue"] * np.sqrt(3)
+
+
+def test_two_labels_of_one_marker_are_joined_and_told(rigid_body) -> None:
+    labels = RigidLabels(20, 30.0)
+    memory = labels._memory
+    before = labelled_by(labels, rigid_body[:250], np.arange(6))
+    lost = int(before[-1, 0])
+    memory.n_seen[memory.label >= 0] += round(YOUNG_SECONDS * RATE)
+    tracks = np.array([10, 1, 2, 3, 4, 5])
+    fresh = memory.add(6, 251)
+    labels._n_labels = 7
+    labels._slot_of_track[10] = fresh
+    after = labelled_by(labels, rigid_body[250:400], tracks)
+    assert after[0, 0] == 6
+    assert labels.merged == {6: lost}
+    assert after[-1].tolist() == before[-1].tolist()
+
+
+def labelled_by(labels: RigidLabels, frames: np.ndarray, tracks: np.ndarray) -> np.ndarray:
+    """Labels of frames whose points have known tracks, shape (n_frames, n_points)."""
+    return np.array([labels.update(frame, tracks, 1, RATE, 100.0) for frame in frames])

@@ -18,8 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector
+from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -83,6 +84,9 @@ class Chain:
         self.at_parent = _rows([joint.position_in_parent for joint in skeleton.joints])
         self.at_child = _rows([joint.position_in_child for joint in skeleton.joints])
         self.roots: Ints = skeleton.roots
+        every = np.arange(self.n_limbs)[:, np.newaxis]
+        self._of_limb: Floats = (self.limb == every).astype(np.float64)
+        self._of_parent: Floats = (self.parents == every).astype(np.float64)
         self.reference: Floats = np.array(skeleton.reference_pose)
         self.size = _typical_size(self.offsets, self.carried)
         self.deviation = _deviations(skeleton, self.carried, self.size)
@@ -92,6 +96,7 @@ class Chain:
         self._turns: Floats = np.zeros((self.n_limbs, 3))
         self._steps: Floats = np.zeros((self.n_limbs, 3))
         self._spread: Floats = np.full(len(self.children), MOST_SPREAD**2)
+        self._seen_spread: Floats = self._spread
 
     def set_pose(self, rotations: Floats, origins: Floats) -> None:
         """Start at a pose: world from limb rotations (n_limbs, 3, 3) and origins (n_limbs, 3) [mm], NaN = unknown.
@@ -117,7 +122,6 @@ class Chain:
         fade = DAMPING * (1.0 - DAMPING**n_steps) / (1.0 - DAMPING)
         self.rotations = matrix_from_vector(fade * self._turns) @ self.rotations
         self.origins = self.origins + fade * self._steps
-        self._before = (self.rotations, self.origins, n_steps, fade)
         self._spread = np.minimum(self._spread + n_steps * TURN_NOISE**2, MOST_SPREAD**2)
 
     def fit(self, points: Floats, markers: Ints) -> Prediction:
@@ -130,15 +134,16 @@ class Chain:
         markers : ndarray of intp, shape (n,)
             The marker of each.
         """
-        normal = np.empty(0)
+        factor: tuple[Floats, bool] = (np.empty(0), True)
         for step in range(STEPS):
             weights = self._weights(points, markers, is_robust=step > 0)
             normal, gradient = self._equations(points, markers, weights)
-            change = np.asarray(np.linalg.solve(normal, gradient), dtype=np.float64).reshape(self.n_limbs, 2, 3)
+            factor = cho_factor(normal, lower=True, overwrite_a=True, check_finite=False)
+            change = cho_solve(factor, gradient, check_finite=False).reshape(self.n_limbs, 2, 3)
             self.rotations = matrix_from_vector(change[:, 0]) @ self.rotations
             self.origins = self.origins + change[:, 1]
-        inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
-        covariance = inverse.reshape(self.n_limbs, 6, self.n_limbs, 6)
+        covariance = cho_solve(factor, np.eye(6 * self.n_limbs), overwrite_b=True, check_finite=False)
+        covariance = covariance.reshape(self.n_limbs, 6, self.n_limbs, 6)
         own = covariance[np.arange(self.n_limbs), :, np.arange(self.n_limbs)]
         self._seen_spread = np.trace(own[self.children, :3, :3], axis1=1, axis2=2) / 3
         return self._prediction(own)
@@ -167,14 +172,13 @@ class Chain:
         """Normal matrix (6 n_limbs, 6 n_limbs) and right-hand side: turns [rad] about the origins and steps [mm]."""
         count = self.n_limbs
         normal = np.zeros((count, 6, count, 6))
-        gradient = np.zeros((count, 6))
-        diagonal = np.zeros((count, 6, 6))
         limb = self.limb[markers]
         places = self.positions_of(markers)
         columns = _columns(places - self.origins[limb])
-        weighted = columns * weights[:, np.newaxis, np.newaxis]
-        np.add.at(diagonal, limb, weighted.swapaxes(1, 2) @ columns)
-        np.add.at(gradient, limb, (weighted.swapaxes(1, 2) @ (points - places)[..., np.newaxis])[..., 0])
+        transposed = (columns * weights[:, np.newaxis, np.newaxis]).swapaxes(1, 2)
+        of_limb = self._of_limb[:, markers]
+        diagonal = (of_limb @ (transposed @ columns).reshape(-1, 36)).reshape(count, 6, 6)
+        gradient = of_limb @ (transposed @ (points - places)[..., np.newaxis])[..., 0]
         self._add_joints(normal, diagonal, gradient)
         diagonal[self.roots] += np.eye(6) * np.repeat([(self.size / ROOT_STRAY) ** 2, ROOT_STRAY**-2], 3)
         every = np.arange(count)
@@ -190,11 +194,13 @@ class Chain:
         first, second = _columns(arm), _columns(other)
         keep = np.zeros((len(parents), 6, 6))
         keep[:, [0, 1, 2], [0, 1, 2]] = (1.0 / self._spread)[:, np.newaxis]
-        np.add.at(diagonal, parents, weight * first.swapaxes(1, 2) @ first + keep)
-        np.add.at(diagonal, children, weight * second.swapaxes(1, 2) @ second + keep)
-        np.add.at(gradient, parents, weight * (first.swapaxes(1, 2) @ apart[..., np.newaxis])[..., 0])
-        np.add.at(gradient, children, -weight * (second.swapaxes(1, 2) @ apart[..., np.newaxis])[..., 0])
-        cross = weight * first.swapaxes(1, 2) @ second + keep
+        at_first = weight * first.swapaxes(1, 2)
+        at_second = weight * second.swapaxes(1, 2)
+        diagonal += (self._of_parent @ (at_first @ first + keep).reshape(-1, 36)).reshape(diagonal.shape)
+        diagonal[children] += at_second @ second + keep
+        gradient += self._of_parent @ (at_first @ apart[..., np.newaxis])[..., 0]
+        gradient[children] -= (at_second @ apart[..., np.newaxis])[..., 0]
+        cross = at_first @ second + keep
         normal[parents, :, children] -= cross
         normal[children, :, parents] -= cross.swapaxes(1, 2)
 
@@ -213,7 +219,12 @@ def _rows(vectors: list[Floats]) -> Floats:
 
 def _columns(arm: Floats) -> Floats:
     """Derivative of a point by the turn and the step of its limb, shape (n, 3, 6)."""
-    return np.concatenate([-cross_matrix(arm), np.tile(np.eye(3), (len(arm), 1, 1))], axis=2)
+    columns = np.zeros((len(arm), 3, 6))
+    columns[:, 0, 1], columns[:, 0, 2] = arm[:, 2], -arm[:, 1]
+    columns[:, 1, 0], columns[:, 1, 2] = -arm[:, 2], arm[:, 0]
+    columns[:, 2, 0], columns[:, 2, 1] = arm[:, 1], -arm[:, 0]
+    columns[:, [0, 1, 2], [3, 4, 5]] = 1.0
+    return columns
 
 
 def _typical_size(offsets: Floats, carried: Bools) -> float:

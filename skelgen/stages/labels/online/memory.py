@@ -14,10 +14,10 @@ import numpy as np
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.model.arrays import Floats, Ints
 
-RECENT, SPREAD = 24, 72
-"""Poses kept of the last seconds, and of the past before."""
+RECENT, PAST = 24, 96
+"""Poses kept of the last seconds, and of the time before."""
 
-RECENT_SECONDS = 0.1
+RECENT_SECONDS = 0.06
 """Time between two recent poses."""
 
 NEIGHBOURS = 6
@@ -26,14 +26,14 @@ NEIGHBOURS = 6
 LEAST_NEIGHBOURS = 3
 """Fewer do not fix a rotation."""
 
-PRIOR_FRAMES = 40.0
-"""A distance seen in so few frames is not yet known to be rigid: this many frames of the prior are added."""
+PRIOR_LOOKS = 20.0
+"""A distance that was looked at this often is not yet known to be rigid: as many looks of the prior are added."""
 
 PRIOR_SHARE = 0.1
 """Deviation of a distance of which nothing is known, in the distance: what joints do to near markers."""
 
-LEAST_COMMON = 5
-"""Frames in which two markers must have been seen together before their distance says anything."""
+LEAST_COMMON = 3
+"""Looks at two markers together before their distance says anything."""
 
 LEAST_NOISE = 0.002
 """Of the typical spacing: deviations of distances are no smaller, however exact the tracker is."""
@@ -50,7 +50,7 @@ class Memory:
     Attributes
     ----------
     window : int
-        Frames over which distances are averaged.
+        Looks at a distance over which it is averaged.
     noise : float, mm
         What distances within limbs vary by; 0 before it is known.
     label : ndarray of intp, shape (n_slots,)
@@ -58,7 +58,7 @@ class Memory:
     n_seen, last_seen : ndarray of intp, shape (n_slots,)
         Frames in which it was seen, and the last of these.
     common : ndarray, shape (n_slots, n_slots)
-        Frames in which two markers were seen together.
+        Looks in which two markers were seen together.
     """
 
     def __init__(self, n_slots: int) -> None:
@@ -68,7 +68,8 @@ class Memory:
         self.common: Floats = np.zeros((n_slots, n_slots))
         self._mean: Floats = np.zeros((n_slots, n_slots))
         self._variance: Floats = np.zeros((n_slots, n_slots))
-        self._poses: Floats = np.full((RECENT + SPREAD, n_slots, 3), np.nan)
+        self._poses: Floats = np.full((RECENT + PAST, n_slots, 3), np.nan)
+        self._n_past, self._past_every = 0, 1
         self._n_poses = 0
         self.window = 1
         self.noise = 0.0
@@ -92,8 +93,13 @@ class Memory:
             table[slot], table[:, slot] = 0.0, 0.0
         self._poses[:, slot] = np.nan
 
-    def learn(self, slots: Ints, positions: Floats, frame: int) -> None:
-        """Learn from the markers of a frame: distances [mm], and that they were seen."""
+    def note(self, slots: Ints, frame: int) -> None:
+        """Note which markers are seen in a frame."""
+        self.n_seen[slots] += 1
+        self.last_seen[slots] = frame
+
+    def learn(self, slots: Ints, positions: Floats) -> None:
+        """Learn the distances [mm] between the markers of a frame."""
         pairs = np.ix_(slots, slots)
         distance = _distances(positions, positions)
         common = self.common[pairs] + 1.0
@@ -102,26 +108,38 @@ class Memory:
         self.common[pairs] = common
         self._mean[pairs] += step * surprise
         self._variance[pairs] = (1.0 - step) * (self._variance[pairs] + step * surprise**2)
-        self.n_seen[slots] += 1
-        self.last_seen[slots] = frame
 
-    def keep_pose(self, slots: Ints, positions: Floats) -> None:
-        """Keep the frame as a pose; the oldest recent one moves to the past at times, or is overwritten."""
-        recent = self._n_poses % RECENT
-        turn = self._n_poses // RECENT
-        if turn > 0 and self._n_poses % 2 == 0:
-            past = RECENT + self._past_place()
-            self._poses[past] = self._poses[recent]
-        self._poses[recent] = np.nan
-        self._poses[recent, slots] = positions
+    def keep_pose(self, slots: Ints, positions: Floats, most_every: int) -> None:
+        """Keep the frame as a pose; the oldest recent one moves to the past, where one of `most_every` stays at least.
+
+        When the past is full, every second pose of it is dropped and half as many are kept from then on, until
+        `most_every` is reached; then the oldest is overwritten.
+        """
+        place, turn = self._n_poses % RECENT, self._n_poses // RECENT
+        if turn > 0 and self._n_poses % self._past_every == 0:
+            if self._n_past == PAST and 2 * self._past_every <= most_every:
+                past = self._poses[RECENT:]
+                past[: PAST // 2] = past[::2].copy()
+                past[PAST // 2 :] = np.nan
+                self._n_past, self._past_every = PAST // 2, 2 * self._past_every
+            self._poses[RECENT + self._n_past % PAST] = self._poses[place]
+            self._n_past += 1
+        self._poses[place] = np.nan
+        self._poses[place, slots] = positions
         self._n_poses += 1
+
+    def poses(self) -> tuple[Floats, Ints]:
+        """Poses that are kept, shape (n_poses, n_markers, 3) [mm], and the labels of their markers."""
+        known = np.flatnonzero(self.label >= 0)
+        poses = self._poses[:, known]
+        return poses[~np.isnan(poses[:, :, 0]).all(axis=1)], self.label[known]
 
     def deviations(self, rows: Ints, columns: Ints) -> Floats:
         """Deviation of the distances [mm] between markers, careful where little was seen; infinite if too little."""
         pairs = np.ix_(rows, columns)
         common = np.minimum(self.common[pairs], self.window)
         prior = (PRIOR_SHARE * self._mean[pairs]) ** 2
-        variance = (common * self._variance[pairs] + PRIOR_FRAMES * prior) / (common + PRIOR_FRAMES)
+        variance = (common * self._variance[pairs] + PRIOR_LOOKS * prior) / (common + PRIOR_LOOKS)
         return np.where(common >= LEAST_COMMON, np.sqrt(variance + self.noise**2), np.inf)
 
     def distances(self, rows: Ints, columns: Ints) -> Floats:
@@ -216,10 +234,6 @@ class Memory:
         self.n_seen[old] += self.n_seen[young]
         self.last_seen[old] = max(self.last_seen[old], self.last_seen[young])
         self.clear(young)
-
-    def _past_place(self) -> int:
-        """Which past pose is overwritten next: those in turn, so that the past reaches `2 SPREAD` poses back."""
-        return (self._n_poses // 2) % SPREAD
 
 
 def _distances(first: Floats, second: Floats) -> Floats:

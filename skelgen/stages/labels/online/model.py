@@ -97,7 +97,7 @@ class ModelLabels:
         labels = np.array([self._marker_of_track.get(track, -1) for track in tracks.tolist()], dtype=np.intp)
         rotations, origins = chain.rotations, chain.origins
         chain.advance(n_steps)
-        labels = _explained(chain, points, labels, tracks >= 0, spacing)
+        labels = _fitted(chain, points, labels, tracks >= 0, spacing)
         chain.settle(rotations, origins, n_steps)
         return labels
 
@@ -118,7 +118,7 @@ class ModelLabels:
         if pose is None:
             return labels
         chain.set_pose(*pose)
-        found = _explained(chain, points, _nearest(points, followed, chain), tracks >= 0, spacing)
+        found = _fitted(chain, points, _nearest(points, followed, chain), tracks >= 0, spacing)
         n_found, n_before = int((found >= 0).sum()), int((labels >= 0).sum())
         wanted = LEAST_SHARE * min(len(followed), int(chain.carried.sum()))
         if n_found < max(wanted, n_before + CLEARLY_MORE):
@@ -138,7 +138,7 @@ class ModelLabels:
         self._marker_of_track = kept
 
 
-def _explained(chain: Chain, points: Floats, labels: Ints, usable: Bools, spacing: float) -> Ints:
+def _fitted(chain: Chain, points: Floats, labels: Ints, usable: Bools, spacing: float) -> Ints:
     """Fit the pose to labelled points, take labels that do not fit away, and label others; in turns."""
     known = labels >= 0
     prediction = chain.fit(points[known], labels[known])
@@ -173,7 +173,7 @@ def _corrected(
     free = np.flatnonzero((corrected < 0) & usable)
     missing = np.setdiff1d(np.flatnonzero(~np.isnan(prediction.positions[:, 0])), corrected[corrected >= 0])
     if len(free) and len(missing):
-        scores = _scores(points[free], prediction, missing, spacing)
+        scores = explained(points[free], prediction, missing, spacing)
         rows, columns = linear_sum_assignment(scores, maximize=True)
         good = scores[rows, columns] > 0
         corrected[free[rows[good]]] = missing[columns[good]]
@@ -187,8 +187,8 @@ def _squares(points: Floats, prediction: Prediction, markers: Ints) -> Floats:
     return np.asarray((error * solved).sum(axis=1))
 
 
-def _scores(points: Floats, prediction: Prediction, markers: Ints, spacing: float) -> Floats:
-    """How much better each marker explains each point than chance does, 0 where it does not."""
+def explained(points: Floats, prediction: Prediction, markers: Ints, spacing: float) -> Floats:
+    """How much better some markers explain points than chance does [nats], shape (n_points, n_markers); at least 0."""
     covariance = prediction.covariances[markers]
     error = points[:, np.newaxis] - prediction.positions[markers]
     squares = np.einsum("nmi,mij,nmj->nm", error, np.linalg.inv(covariance), error)

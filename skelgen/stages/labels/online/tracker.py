@@ -147,7 +147,7 @@ class Tracker:
         tracks = self._links.follow(points, n_steps)
         spacing = self._links.spacing
         if self._model is None:
-            return self._rigid.update(points, tracks, self._frame_rate, spacing)
+            return self._rigid.update(points, tracks, n_steps, self._frame_rate, spacing)
         if n_steps > LONG_JUMP * self._frame_rate:
             self._model.forget_pose()
         return self._model.update(points, tracks, n_steps, spacing)

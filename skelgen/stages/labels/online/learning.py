@@ -1,0 +1,137 @@
+"""A skeleton learned from the poses that are remembered, beside the running tracker.
+
+The fit takes about a second, so it runs in a thread of its own, and its result is taken over a fixed number of frames
+later: the same frames give the same labels, however fast the machine is.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.geometry.orientation import fit_transform
+from skelgen.model import Skeleton, Trajectories
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.joints import JointParameters, find_joints
+from skelgen.stages.labels.online.chain import Chain, Prediction
+from skelgen.stages.limbs import find_limbs
+from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
+
+FIRST_SECONDS, LAG_SECONDS = 3.0, 1.0
+"""Time of the first fit, which takes so long to move all joints a little; and from its begin to its use."""
+
+GROWTH = 2.0
+"""The next fit has this many times the experience of the one before; in long sessions it costs nothing."""
+
+LEAST_POSES = 20
+"""Fewer poses show no limb, and a marker that is in fewer is not learned."""
+
+JOINT_SAMPLES = 50
+"""Poses at which pairs of limbs are tried."""
+
+UNKNOWN_STEPS = 10
+"""Frames' worth of motion that lie between a pose put together from limbs and the fitted one."""
+
+
+class Learner:
+    """When to learn a skeleton, and the one that was learned last."""
+
+    def __init__(self) -> None:
+        self._next = FIRST_SECONDS
+        self._due = np.inf
+        self._future: Future[Skeleton | None] | None = None
+        self._labels: Ints = np.empty(0, dtype=np.intp)
+
+    def begin(self, poses: Floats, labels: Ints, now: float) -> None:
+        """Begin a fit if it is time.
+
+        Parameters
+        ----------
+        poses : ndarray, shape (n_poses, n_markers, 3), mm
+            Markers in some frames, NaN where unseen.
+        labels : ndarray of intp, shape (n_markers,)
+            Their labels.
+        now : float, s
+            Time since the tracker began.
+        """
+        if now < self._next or self._future is not None:
+            return
+        self._next = GROWTH * now
+        often = (~np.isnan(poses[:, :, 0])).sum(axis=0) >= LEAST_POSES
+        if len(poses) < LEAST_POSES or not often.any():
+            return
+        pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="skelgen-tracker")
+        self._future = pool.submit(learn_skeleton, poses[:, often].copy())
+        pool.shutdown(wait=False)
+        self._labels, self._due = labels[often], now + LAG_SECONDS
+
+    def result(self, now: float) -> tuple[Skeleton, Ints] | None:
+        """The skeleton and the labels of its markers once, when the fit is due; None otherwise or without a limb."""
+        if self._future is None or now < self._due:
+            return None
+        skeleton, self._future = self._future.result(), None
+        return None if skeleton is None else (skeleton, self._labels)
+
+
+def learn_skeleton(poses: Floats) -> Skeleton | None:
+    """Fit a skeleton to poses, shape (n_poses, n_markers, 3) [mm]; None if they show no limb."""
+    names = tuple(str(index) for index in range(poses.shape[1]))
+    try:
+        markers = Trajectories(poses, names, 1.0)
+        limbs = find_limbs(markers)
+        topology = find_joints(markers, limbs, JointParameters(samples=JOINT_SAMPLES))
+        skeleton, _ = fit_skeleton(markers, limbs, topology, SkeletonParameters(fit="root-outward"))
+    except InputError:
+        return None
+    return skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A learned skeleton that is followed.
+
+    Attributes
+    ----------
+    chain : Chain
+        Its pose.
+    labels : ndarray of intp, shape (n_markers,)
+        Label of each of its markers.
+    """
+
+    chain: Chain
+    labels: Ints
+
+    def start(self, points: Floats, labels: Ints) -> bool:
+        """Put the limbs where the points of known labels say; False if they say too little."""
+        rotations = np.full((self.chain.n_limbs, 3, 3), np.nan)
+        origins = np.full((self.chain.n_limbs, 3), np.nan)
+        markers, index = self._present(labels)
+        for limb in range(self.chain.n_limbs):
+            own = (self.chain.limb[markers] == limb) & self.chain.carried[markers]
+            if own.sum() >= 3:
+                seen = np.ones(int(own.sum()), dtype=np.bool_)
+                pose = fit_transform(self.chain.offsets[markers[own]], points[index[own]], seen)
+                rotations[limb], origins[limb] = pose[:3, :3], pose[:3, 3]
+        if np.isnan(origins).all():
+            return False
+        self.chain.set_pose(rotations, origins)
+        self.follow(points, labels, UNKNOWN_STEPS)
+        return True
+
+    def follow(self, points: Floats, labels: Ints, n_steps: int) -> Prediction:
+        """Move the limbs to a frame whose points have labels (-1 = none), and tell where markers must be."""
+        markers, index = self._present(labels)
+        carried = self.chain.carried[markers]
+        before = self.chain.rotations, self.chain.origins
+        self.chain.advance(n_steps)
+        prediction = self.chain.fit(points[index[carried]], markers[carried])
+        self.chain.settle(*before, n_steps)
+        return prediction
+
+    def _present(self, labels: Ints) -> tuple[Ints, Ints]:
+        """Markers that are seen, and which points they are."""
+        _, markers, index = np.intersect1d(self.labels, labels, return_indices=True)
+        return markers, index
