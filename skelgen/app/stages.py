@@ -142,9 +142,7 @@ def _cluster(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor
 
     limbs = find_limbs(project.trajectories, parameters, n_limbs=wishes.n_limbs, seed=project.seed, monitor=monitor)
     if limbs.n_limbs == 1 and wishes.n_limbs is None:
-        monitor.notice(
-            "only one limb is found: all markers move as one, or each by itself; there is no joint"
-        )
+        monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
     return (limbs,)
 
 

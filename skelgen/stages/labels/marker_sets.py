@@ -69,9 +69,16 @@ class MarkerSets:
 
     def chosen(self, keep: Bools) -> MarkerSets:
         """Return only the sets for which `keep` holds."""
-        kept_points = keep[self.set_of_point]
-        starts = np.concatenate([[0], np.cumsum(self.lengths[keep])])
+        lengths = self.lengths[keep]
+        starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.intp)
+        kept_points = np.repeat(self.starts[:-1][keep] - starts[:-1], lengths) + np.arange(starts[-1])
         return MarkerSets(self.points[kept_points], self.frames[kept_points], starts, self.n_frames)
+
+    def set_of_points(self, n_points: int) -> Ints:
+        """Set of each of all `n_points` points of the take, -1 for none, shape (n_points,)."""
+        result = np.full(n_points, -1, dtype=np.intp)
+        result[self.points] = self.set_of_point
+        return result
 
     def merged(self, group: Ints) -> MarkerSets:
         """Return one set for each group of sets that do not overlap, in order of the groups, shape (n_sets,)."""

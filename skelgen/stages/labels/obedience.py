@@ -8,10 +8,10 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Ints
 from skelgen.model.identities import Identities, Identity
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.articulated import marker_names
+from skelgen.stages.labels.blocks import all_positions, marker_names, renumbered
 from skelgen.stages.labels.by_hand import Fixed, fix_points, obeyed, targets
 from skelgen.stages.labels.follow import follow_points
 from skelgen.stages.labels.judged import find_points
@@ -19,16 +19,16 @@ from skelgen.stages.labels.parameters import LabelParameters
 
 
 def obey(
-    cloud: PointCloud, positions: Floats, fixed: Fixed, labels: tuple[str, ...] = (), n_markers: int | None = None
-) -> tuple[Floats, tuple[str, ...]]:
+    cloud: PointCloud, marker_of_point: Ints, fixed: Fixed, labels: tuple[str, ...] = (), n_markers: int | None = None
+) -> tuple[Ints, tuple[str, ...]]:
     """Make markers obey the user's statements.
 
     Parameters
     ----------
     cloud : PointCloud
         The take.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Markers, made of the cloud's points; NaN where unseen.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
     fixed : Fixed
         What the user states.
     labels : tuple of str
@@ -38,8 +38,8 @@ def obey(
 
     Returns
     -------
-    positions : ndarray, shape (n_frames, n_left, 3), mm
-        Markers that are seen, in the old order, new ones last.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Numbered without holes, in the old order, new ones last.
     names : tuple of str, length n_left
         Their names: stated, as before, or numbered.
 
@@ -50,23 +50,18 @@ def obey(
     """
     if n_markers is not None and len(fixed.names) > n_markers:
         raise InputError(f"{len(fixed.names)} names are stated by hand, more than the {n_markers} markers asked for")
-    marker_of_point = find_points(cloud, positions)
     frames = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
-    target = targets(marker_of_point, fixed, positions.shape[1], labels)
+    n_before = max(int(marker_of_point.max(initial=-1)) + 1, len(labels))
+    target = targets(marker_of_point, fixed, n_before, labels)
     marker_of_point = obeyed(marker_of_point, frames, fixed, target)
-    size = max(positions.shape[1], int(target.max(initial=-1)) + 1)
+    size = max(n_before, int(target.max(initial=-1)) + 1)
     counts = np.bincount(marker_of_point[marker_of_point >= 0], minlength=size)
     rank = counts + np.where(np.isin(np.arange(size), target), cloud.n_frames + 1, 0)  # stated ones before all others
     kept = np.sort(np.argsort(-rank, kind="stable")[:n_markers])
     kept = kept[counts[kept] > 0]
     if not len(kept):
         raise InputError("no marker is left: all points are nobody's, as is stated by hand")
-    place = np.full(size + 1, -1, dtype=np.intp)  # the last one is for points without a marker
-    place[kept] = np.arange(len(kept))
-    owned = np.flatnonzero(place[marker_of_point] >= 0)
-    result = np.full((cloud.n_frames, len(kept), 3), np.nan)
-    result[frames[owned], place[marker_of_point[owned]]] = cloud.points[owned]
-    return result, _names(kept, target, fixed.names, labels)
+    return renumbered(marker_of_point, np.isin(np.arange(size), kept)), _names(kept, target, fixed.names, labels)
 
 
 def _names(kept: Ints, target: Ints, stated: tuple[str, ...], labels: tuple[str, ...]) -> tuple[str, ...]:
@@ -103,12 +98,13 @@ def obey_in_labelled(
     """
     cloud = _cloud_of(file)
     fixed = fix_points(cloud, follow_points(cloud, parameters, monitor)[0], _by_position(identities, file))
-    positions, names = obey(cloud, repaired.positions, fixed, repaired.names)
-    lost = int(repaired.seen.sum() - (~np.isnan(positions[:, :, 0])).sum())
+    found, names = obey(cloud, find_points(cloud, repaired.positions), fixed, repaired.names)
+    lost = int(repaired.seen.sum() - (found >= 0).sum())
     sentence = f"{len(identities.entries)} identities stated by hand are obeyed"
     if lost:
         sentence += f"; {lost} positions that had to make room or are nobody's are left out"
     monitor.notice(sentence)
+    positions = all_positions(cloud, found, len(names))
     return Trajectories(positions, names, file.rate, file.name, (*repaired.notices, sentence))
 
 

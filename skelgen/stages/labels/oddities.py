@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Ints
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Floats
 
 LATE = 1.5
 """Of the usual step: between frames farther apart in time, at least one frame is missing."""
@@ -36,17 +36,17 @@ def odd_times(cloud: PointCloud) -> tuple[str, ...]:
     return tuple(said)
 
 
-def guessed_identities(markers: Trajectories, spacing: float) -> tuple[str, ...]:
+def guessed_identities(positions: Floats, spacing: float) -> tuple[str, ...]:
     """Say so if the markers jump about so far that following them was guessing.
 
     Parameters
     ----------
-    markers : Trajectories
-        The labelled take.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        The labelled take, NaN where unseen.
     spacing : float, mm
         Typical distance of a point to its nearest neighbour.
     """
-    surprise = usual_surprise(markers, np.arange(markers.n_frames)[: SAMPLED_FRAMES + 2])
+    surprise = usual_surprise(positions[: SAMPLED_FRAMES + 2])
     if not surprise > GUESS_SHARE * spacing:
         return ()
     return (
@@ -55,9 +55,8 @@ def guessed_identities(markers: Trajectories, spacing: float) -> tuple[str, ...]
     )
 
 
-def usual_surprise(markers: Trajectories, frames: Ints) -> float:
+def usual_surprise(positions: Floats) -> float:
     """Median distance [mm] of markers from where the two frames before put them; NaN if there is none."""
-    positions = markers.positions[frames]
     surprise = np.linalg.norm(positions[2:] - 2 * positions[1:-1] + positions[:-2], axis=2)
     known = surprise[~np.isnan(surprise)]
     return float(np.median(known)) if len(known) else float("nan")

@@ -102,11 +102,14 @@ class LabelParameters(StageParameters):
     )
     method: str = declare(
         "rigidity",
-        "sets joins Marker Sets over aligned poses, as the seed does; rigidity then improves the identities by the "
-        "skeleton that they imply.",
+        "sets joins Marker Sets over aligned poses, as the seed does; rigidity joins them by the likelihood of their "
+        "distances, and then all points by the skeleton that this implies.",
         choices=("sets", "rigidity"),
     )
     rounds: int = declare(4, "Most turns of skeleton and identities.", low=1, high=100)
+    compare: bool = declare(
+        True, "Whether the report also says what the seed's method would have given; not for takes of many sets."
+    )
     clustering: str = declare(
         "average",
         "How Marker Sets are grouped into markers: spectral clustering with local scaling, or joining the nearest two "

@@ -1,7 +1,7 @@
 """From unlabelled points to labelled markers (seed, 3.3 and 4.2).
 
-Points are followed from frame to frame into Marker Sets; a marker that was lost and found again has several, and those
-that meet when the poses in which they are seen are aligned are joined (Kirk, O'Brien and Forsyth 2005).
+Points are followed from frame to frame into Marker Sets; a marker that was lost and found again has several. They are
+joined by rigidity (`by_rigidity`), or as the seed does (`by_sets`).
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Trajectories
-from skelgen.model.arrays import Bools, Floats
+from skelgen.model.arrays import Ints
 from skelgen.model.identities import Identities
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.articulated import marker_names, refine_labels
+from skelgen.stages.labels.blocks import all_positions, in_order_of_appearance, marker_names
 from skelgen.stages.labels.by_hand import fix_points
+from skelgen.stages.labels.by_rigidity import markers_by_rigidity
+from skelgen.stages.labels.by_sets import markers_by_sets
 from skelgen.stages.labels.follow import follow_points, typical_spacing
-from skelgen.stages.labels.grouping import group_sets
 from skelgen.stages.labels.judged import Origin, labelling_of_cloud
 from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, find_marker_sets, least_length
 from skelgen.stages.labels.obedience import obey
@@ -27,10 +28,8 @@ from skelgen.stages.labels.parameters import LabelParameters
 
 # Coordinates beyond a thousand kilometres are a wrong unit or a broken file, and their squares lose the millimetre.
 _LARGEST_COORDINATE = 1e9
-# Bounds time and memory, which grow with the square of the number of sets.
-_MOST_SETS = 3000
-# A set that spans half of the take stands alone, however short the take.
-_STAND_ALONE_SHARE = 0.5
+MOST_COMPARED = 600
+"""Marker Sets up to which the seed's method is tried beside: its time grows with their square."""
 
 
 def label_markers(
@@ -51,7 +50,7 @@ def label_markers(
     parameters : LabelParameters
         How to label.
     n_markers : int or None
-        Number of physical markers; None takes the largest number of Marker Sets seen at once.
+        Number of physical markers; None finds it.
     identities : Identities or None
         What the user states of some points; the result obeys it.
     seed : int
@@ -82,8 +81,13 @@ def label_and_judge(
     seed: int = 0,
     monitor: Monitor = SILENT,
 ) -> tuple[Trajectories, Labelling]:
-    """Do as `label_markers` does, and tell how sure the identities are."""
-    trajectories, origin = _labelled(cloud, parameters, n_markers, identities, seed, monitor)
+    """Do as `label_markers` does, and tell how sure the identities are and what the seed's method would have given."""
+    trajectories, origin, sets = _labelled(cloud, parameters, n_markers, identities, seed, monitor)
+    if parameters.method != "sets" and parameters.compare and len(sets) <= MOST_COMPARED:
+        theirs, _ = markers_by_sets(
+            origin.cloud, sets, trajectories.rate, parameters, n_markers=n_markers, seed=seed, monitor=monitor
+        )
+        origin = dataclasses.replace(origin, by_sets=theirs)
     return trajectories, labelling_of_cloud(cloud, trajectories, origin)
 
 
@@ -94,7 +98,7 @@ def _labelled(
     identities: Identities | None,
     seed: int,
     monitor: Monitor,
-) -> tuple[Trajectories, Origin]:
+) -> tuple[Trajectories, Origin, MarkerSets]:
     _check(cloud, n_markers)
     cloud = _jittered(cloud, parameters, seed)
     rate, notices = _rate(cloud, parameters)
@@ -102,36 +106,40 @@ def _labelled(
     owner, _ = follow_points(cloud, parameters, monitor)
     fixed = fix_points(cloud, owner, identities) if identities else None
     owner = fixed.owner if fixed else owner
-    sets = _longest(find_marker_sets(cloud, owner, rate, parameters))
+    sets = _sets(cloud, owner, rate, parameters)
+    n_removed = 0
+    if parameters.method == "sets":
+        found, n_removed = markers_by_sets(
+            cloud, sets, rate, parameters, n_markers=n_markers, seed=seed, monitor=monitor
+        )
+    else:
+        found = markers_by_rigidity(
+            cloud, owner, sets, rate, parameters, n_markers=n_markers, fixed=fixed, seed=seed, monitor=monitor
+        )
+    found = in_order_of_appearance(found)
+    names = marker_names(int(found.max(initial=-1)) + 1)
+    if identities and fixed is not None:
+        found, names = obey(cloud, found, fixed, n_markers=n_markers)
+        notices += (f"{len(identities.entries)} identities stated by hand are obeyed",)
+    at_once = count_markers(sets, least_length(cloud.n_frames, rate, parameters))
+    positions = all_positions(cloud, found, len(names))
+    notices += _losses(found, len(names), n_removed, n_markers) + too_few_wanted(n_markers, at_once)
+    notices += guessed_identities(positions, typical_spacing(cloud))
+    for sentence in notices:
+        monitor.notice(sentence)
+    trajectories = Trajectories(positions, names, rate, cloud.name, cloud.notices + notices)
+    return trajectories, Origin(cloud, owner, None, fixed.who >= 0 if fixed else None), sets
+
+
+def _sets(cloud: PointCloud, owner: Ints, rate: float, parameters: LabelParameters) -> MarkerSets:
+    """Marker Sets that are long enough; there must be one."""
+    sets = find_marker_sets(cloud, owner, rate, parameters)
     if len(sets) == 0:
         raise InputError(
             f"no point can be followed for {least_length(cloud.n_frames, rate, parameters)} frames, so there is no "
             "marker; lower min_range, raise max_jump, or check the recording"
         )
-    at_once = count_markers(sets, least_length(cloud.n_frames, rate, parameters))
-    wanted = n_markers or at_once
-    limit = parameters.remove_distance or typical_spacing(cloud)
-    group, nearest = group_sets(cloud.points, sets, wanted, limit, parameters, seed, monitor)
-    markers = sets.merged(group)
-    stand_alone = min(parameters.stand_alone * rate, _STAND_ALONE_SHARE * cloud.n_frames)
-    kept = _chosen(markers, (markers.lengths >= stand_alone) | (nearest <= limit), wanted)
-    result = markers.chosen(kept)
-    trajectories = Trajectories(_positions(cloud, result), marker_names(len(result)), rate, cloud.name)
-    stated = fixed.who >= 0 if fixed else None
-    origin = Origin(cloud, owner, trajectories if parameters.method != "sets" else None, stated)
-    if parameters.method == "rigidity":
-        trajectories = refine_labels(
-            cloud, owner, trajectories, parameters, n_markers=n_markers, fixed=fixed, seed=seed, monitor=monitor
-        )
-    if fixed is not None:
-        positions, names = obey(cloud, trajectories.positions, fixed, n_markers=n_markers)
-        trajectories = Trajectories(positions, names, rate, cloud.name)
-        notices += (f"{len(identities.entries)} identities stated by hand are obeyed",) if identities else ()
-    notices += _losses(cloud, trajectories, int((~kept)[group].sum()), n_markers)
-    notices += too_few_wanted(n_markers, at_once) + guessed_identities(trajectories, typical_spacing(cloud))
-    for sentence in notices:
-        monitor.notice(sentence)
-    return dataclasses.replace(trajectories, notices=cloud.notices + notices), origin
+    return sets
 
 
 def _check(cloud: PointCloud, n_markers: int | None) -> None:
@@ -162,40 +170,18 @@ def _rate(cloud: PointCloud, parameters: LabelParameters) -> tuple[float, tuple[
     return rate, (f"the time stamps do not rise; {parameters.time_one_frame} ms a frame are assumed",)
 
 
-def _longest(sets: MarkerSets) -> MarkerSets:
-    """Bound the number of sets by leaving the shortest out."""
-    order = np.argsort(-sets.lengths, kind="stable")
-    keep = np.zeros(len(sets), dtype=np.bool_)
-    keep[order[:_MOST_SETS]] = True
-    return sets.chosen(keep)
-
-
-def _chosen(markers: MarkerSets, trusted: Bools, wanted: int) -> Bools:
-    """The `wanted` markers that are seen longest, after all trusted ones."""
-    keep = np.zeros(len(markers), dtype=np.bool_)
-    keep[np.lexsort((-markers.lengths, ~trusted))[:wanted]] = True
-    return keep
-
-
-def _positions(cloud: PointCloud, markers: MarkerSets) -> Floats:
-    """Positions [mm] of markers in the order in which they are first seen, shape (n_frames, n_markers, 3)."""
-    rank = np.empty(len(markers), dtype=np.intp)
-    rank[np.argsort(markers.points[markers.starts[:-1]])] = np.arange(len(markers))
-    positions = np.full((cloud.n_frames, len(markers), 3), np.nan)
-    positions[markers.frames, rank[markers.set_of_point]] = cloud.points[markers.points]
-    return positions
-
-
-def _losses(cloud: PointCloud, markers: Trajectories, n_removed: int, n_markers: int | None) -> tuple[str, ...]:
+def _losses(found: Ints, n_found: int, n_removed: int, n_markers: int | None) -> tuple[str, ...]:
     """Say what was left out."""
     notices = []
-    left_out = cloud.n_points - int(markers.seen.sum())
+    left_out = int((found < 0).sum())
     if left_out:
-        share = 100.0 * left_out / cloud.n_points
-        notices.append(
-            f"{left_out} of {cloud.n_points} points ({share:.1f} %) belong to no marker and are left out, among them "
-            f"{n_removed} Marker Sets that were long enough"
+        sentence = (
+            f"{left_out} of {len(found)} points ({100.0 * left_out / len(found):.1f} %) belong to no marker and are "
+            "left out"
         )
-    if n_markers is not None and markers.n_markers < n_markers:
-        notices.append(f"{n_markers} markers were asked for, but only {markers.n_markers} can be told apart")
+        notices.append(
+            f"{sentence}, among them {n_removed} Marker Sets that were long enough" if n_removed else sentence
+        )
+    if n_markers is not None and n_found < n_markers:
+        notices.append(f"{n_markers} markers were asked for, but only {n_found} can be told apart")
     return tuple(notices)

@@ -1,0 +1,102 @@
+"""Markers by rigidity: Marker Sets joined by the likelihood of their distances, then all points by the skeleton."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Ints
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels.articulated import refine_labels
+from skelgen.stages.labels.blocks import renumbered
+from skelgen.stages.labels.by_hand import Fixed
+from skelgen.stages.labels.by_sets import stand_alone_frames
+from skelgen.stages.labels.follow import typical_spacing
+from skelgen.stages.labels.marker_sets import MarkerSets
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.windows import join_sets
+
+STRANGER_SHARE = 0.1
+"""Of all frames in which a marker that no limb carries must be seen."""
+
+FREE_SHARE = 0.8
+"""Sets of which the skeleton explains less than the rest are markers that it does not know."""
+
+
+def markers_by_rigidity(
+    cloud: PointCloud,
+    owner: Ints,
+    sets: MarkerSets,
+    rate: float,
+    parameters: LabelParameters,
+    *,
+    n_markers: int | None = None,
+    fixed: Fixed | None = None,
+    seed: int = 0,
+    monitor: Monitor = SILENT,
+) -> Ints:
+    """Find the marker of each point.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    owner : ndarray of intp, shape (n_points,)
+        Track of each point, -1 for none.
+    sets : MarkerSets
+        What the tracks that are long enough gathered.
+    rate : float, Hz
+        Frame rate.
+    parameters : LabelParameters
+        Their `rounds` and `stand_alone`.
+    n_markers : int or None
+        Number of markers, if the user knows it.
+    fixed : Fixed or None
+        What the user states of some points.
+    seed : int
+        Seed of the stages that build the model.
+    monitor : Monitor
+        Hears of progress and may cancel.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    """
+    monitor.begin("joining Marker Sets")
+    markers = sets.merged(join_sets(cloud.points, sets, rate, typical_spacing(cloud), monitor))
+    found = refine_labels(
+        cloud,
+        owner,
+        markers.set_of_points(cloud.n_points),
+        rate,
+        parameters,
+        n_markers=n_markers,
+        fixed=fixed,
+        seed=seed,
+        monitor=monitor,
+    )
+    least = max(stand_alone_frames(cloud.n_frames, rate, parameters), STRANGER_SHARE * cloud.n_frames)
+    found = _with_strangers(found, markers, least)
+    return found if n_markers is None else _most_seen(found, n_markers)
+
+
+def _with_strangers(found: Ints, markers: MarkerSets, least: float) -> Ints:
+    """Add markers that were seen for long and of which the skeleton explains next to nothing."""
+    free = np.bincount(markers.set_of_point, weights=found[markers.points] < 0, minlength=len(markers))
+    strangers = (free >= least) & (free >= FREE_SHARE * markers.lengths)
+    number = np.full(len(markers), -1, dtype=np.intp)
+    number[strangers] = found.max(initial=-1) + 1 + np.arange(int(strangers.sum()))
+    added = number[markers.set_of_point]
+    use = (added >= 0) & (found[markers.points] < 0)
+    result = found.copy()
+    result[markers.points[use]] = added[use]
+    return result
+
+
+def _most_seen(found: Ints, n_markers: int) -> Ints:
+    """The `n_markers` that are seen in the most frames."""
+    counts = np.bincount(found[found >= 0], minlength=1)
+    keep = np.zeros(len(counts), dtype=bool)
+    keep[np.argsort(-counts, kind="stable")[:n_markers]] = True
+    return renumbered(found, keep & (counts > 0))

@@ -1,0 +1,230 @@
+r"""Which Marker Sets are the same marker: the likelihood of the distances between them.
+
+Sets i and j that are never seen together are one marker if they keep the same distances to others. Let set i have been
+seen together with a third set k at some independent moments, and j with k at others. With the deviation :math:`\tau` of
+the distance between the two markers, both means follow the same normal distribution if i and j are one, and else differ
+by as much as markers lie apart, the spacing w:
+
+.. math::
+    E_{ijk} = \log \frac{\sum_\tau p_\tau\, t(\bar d_{jk} - \bar d_{ik};\; \tau^2 (1/n_{ik} + 1/n_{jk}))}
+                        {\sum_\tau p_\tau\, t(\bar d_{jk} - \bar d_{ik};\; \tau^2 (1/n_{ik} + 1/n_{jk}) + w^2)} .
+
+Whether a pair is rigid is not known, so :math:`\tau` is a mixture of two inverse-gamma priors, the take's own usual
+deviations on one limb and anywhere, weighted by what the scatter of the distances says of them; t is Student's
+distribution that remains when :math:`\tau` is integrated out. The evidence for one marker is the sum over the few sets
+k that are most surely rigid with both. Sets are joined as long as any pair has evidence, the largest first; every join
+lengthens the distances' record and so sharpens what comes after. It maximises the likelihood of all distances greedily.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import gammaln
+
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels.marker_sets import MarkerSets, poses_at
+
+SAMPLE_SECONDS = 0.25
+"""Distances that are this far apart in time count as independent: limbs turn back and forth about once a second."""
+
+EVIDENCE = 3.0
+"""nats; sets are joined if one marker is this much more likely than two."""
+
+WITNESSES = 6
+"""Sets to which distances are compared: a place has three coordinates, more only repeat what these say."""
+
+LEAST_WITNESSES = 3
+"""Fewer distances leave a place open."""
+
+RIGID_PRIOR = 0.2
+"""Part of all pairs that are believed to be rigid before anything is seen of them."""
+
+PRIOR_SAMPLES = 4.0
+"""Weight of the usual deviation of distances, in samples."""
+
+SEEN_ENOUGH = 4
+"""Samples of a distance that tell its deviation."""
+
+TRUSTED_SAMPLES = 8
+"""More samples make no better witness: one that is surely rigid counts before one that was seen for long."""
+
+EXACT = 1e-6
+"""mm; keeps the deviation of exact takes above zero."""
+
+
+class _Usual(NamedTuple):
+    """Usual deviations of a distance [mm]: on one limb, and between any two markers; and the markers' spacing."""
+
+    rigid: float
+    loose: float
+    spacing: float
+
+
+class DistanceRecord:
+    """What is known of the distances between sets; mutable, as joins change it.
+
+    Parameters
+    ----------
+    count, total, squares : ndarray, shape (n, n)
+        Number of samples of each distance, their sum [mm] and their sum of squares [mm^2]; symmetric.
+    apart : ndarray of bool, shape (n, n)
+        Sets that cannot be one marker.
+    spacing : float, mm
+        How far apart markers are.
+    """
+
+    def __init__(self, count: Floats, total: Floats, squares: Floats, apart: Bools, spacing: float) -> None:
+        self.count, self.total, self.squares = count, total, squares
+        self.apart = apart | np.eye(len(count), dtype=bool)
+        self.usual = _usual_deviations(*self._moments(slice(None)), count, spacing)
+        self.mean, self.scatter = self._moments(slice(None))
+        self.witness = _witness(count, self.scatter, self.usual)
+
+    def evidence(self, one: int) -> Floats:
+        """Evidence [nats] that set `one` is the same marker as each other set, shape (n,); -inf where it cannot be."""
+        result = np.full(len(self.count), -np.inf)
+        others = np.flatnonzero(~self.apart[one])
+        if not len(others):
+            return result
+        rank = self.witness[one] * self.witness[others]
+        chosen = np.argpartition(-rank, min(WITNESSES, rank.shape[1]) - 1, axis=1)[:, :WITNESSES]
+        heard = np.take_along_axis(rank, chosen, axis=1) > 0.0
+        rows = others[:, np.newaxis]
+        first, second = (np.where(heard, table, 1.0) for table in (self.count[one][chosen], self.count[rows, chosen]))
+        difference = self.mean[rows, chosen] - self.mean[one][chosen]
+        scatter = self.scatter[one][chosen] + self.scatter[rows, chosen]
+        gain = _log_ratio(difference, first, second, scatter, self.usual)
+        enough = heard.sum(axis=1) >= LEAST_WITNESSES
+        result[others[enough]] = np.where(heard, gain, 0.0).sum(axis=1)[enough]
+        return result
+
+    def join(self, one: int, other: int) -> None:
+        """Make `other` a part of set `one`; its own row says nothing any more."""
+        for table in (self.count, self.total, self.squares):
+            table[one] += table[other]
+            table[:, one] += table[:, other]
+            table[other] = table[:, other] = 0.0
+        self.apart[one] |= self.apart[other]
+        self.apart[:, one] = self.apart[one]
+        self.apart[other] = self.apart[:, other] = True
+        mean, scatter = self._moments(one)
+        weight = _witness(self.count[one], scatter, self.usual)
+        weight[one] = 0.0
+        for table, row in ((self.mean, mean), (self.scatter, scatter), (self.witness, weight)):
+            table[one] = table[:, one] = row
+        self.witness[other] = self.witness[:, other] = 0.0
+
+    def _moments(self, rows: int | slice) -> tuple[Floats, Floats]:
+        """Mean distance [mm] and scatter about it [mm^2]; 0 where never seen."""
+        count = np.maximum(self.count[rows], 1.0)
+        mean = self.total[rows] / count
+        return mean, np.maximum(self.squares[rows] - count * mean**2, 0.0)
+
+
+def sampled_distances(
+    points: Floats, sets: MarkerSets, rate: float, span: tuple[int, int] | None = None
+) -> tuple[Floats, Floats, Floats]:
+    """Number, sum [mm] and sum of squares [mm^2] of the distances between sets at independent moments.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        The cloud's points.
+    sets : MarkerSets
+        The sets.
+    rate : float, Hz
+        Frame rate.
+    span : tuple of int, optional
+        First frame and the one after the last; the whole take if left out.
+
+    Returns
+    -------
+    tuple of three ndarray, shape (n_sets, n_sets)
+    """
+    first, last = span or (0, sets.n_frames)
+    step = max(1, int(SAMPLE_SECONDS * rate))
+    poses = poses_at(points, sets, np.arange(first + min(step, last - first) // 2, last, step))
+    count, total, squares = (np.zeros((len(sets), len(sets))) for _ in range(3))
+    for pose in poses:
+        seen = np.flatnonzero(~np.isnan(pose[:, 0]))
+        distance = np.linalg.norm(pose[seen, np.newaxis] - pose[seen], axis=2)
+        block = np.ix_(seen, seen)
+        count[block] += 1.0
+        total[block] += distance
+        squares[block] += distance**2
+    return count, total, squares
+
+
+def join_likely(record: DistanceRecord) -> Ints:
+    """Join the sets of a record while there is evidence; returns the set that each became part of, shape (n,)."""
+    n_sets = len(record.count)
+    group = np.arange(n_sets)
+    link = np.array([record.evidence(one) for one in range(n_sets)]).reshape(n_sets, n_sets)
+    while n_sets:
+        one, other = np.unravel_index(int(np.argmax(link)), link.shape)
+        if link[one, other] < EVIDENCE:
+            break
+        one, other = min(one, other), max(one, other)
+        record.join(int(one), int(other))
+        group[group == other] = one
+        link[other] = link[:, other] = -np.inf
+        link[one] = link[:, one] = record.evidence(int(one))
+    return group
+
+
+def _usual_deviations(mean: Floats, scatter: Floats, count: Floats, spacing: float) -> _Usual:
+    """The take's own deviations: about one rigid partner for each set, and the median of all pairs."""
+    pairs = np.triu(count >= SEEN_ENOUGH, 1)
+    deviation = np.sort(np.sqrt(scatter[pairs] / (count[pairs] - 1.0)))
+    if not len(deviation):
+        return _Usual(max(0.1 * spacing, EXACT), max(spacing, EXACT), max(spacing, EXACT))
+    rigid = max(float(deviation[min(len(deviation) - 1, len(count))]), EXACT)
+    return _Usual(rigid, max(float(np.median(deviation)), rigid), max(spacing, EXACT))
+
+
+def _witness(count: Floats, scatter: Floats, usual: _Usual) -> Floats:
+    """How good a witness each set is for another's place: probability of being rigid with it, times samples."""
+    freedom = np.maximum(count - 1.0, 0.0)
+    rigid, loose = (_log_weight(freedom, scatter, tau, prior)[0] for tau, prior in _components(usual))
+    probability = 1.0 / (1.0 + np.exp(np.clip(loose - rigid, -50.0, 50.0)))
+    weight = np.where(count > 0.0, probability, 0.0) * np.minimum(count, TRUSTED_SAMPLES)
+    if weight.ndim == 2:
+        np.fill_diagonal(weight, 0.0)
+    return np.asarray(weight)
+
+
+def _components(usual: _Usual) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Both usual deviations [mm] with their prior probabilities."""
+    return (usual.rigid, RIGID_PRIOR), (usual.loose, 1.0 - RIGID_PRIOR)
+
+
+def _log_weight(freedom: Floats, scatter: Floats, tau: float, prior: float) -> tuple[Floats, Floats, Floats]:
+    """Log probability of a scatter if the usual deviation is tau, and Student's freedom and variance after it."""
+    after = PRIOR_SAMPLES + freedom
+    variance = (PRIOR_SAMPLES * tau**2 + scatter) / after
+    weight = (
+        np.log(prior)
+        + gammaln(after / 2)
+        - gammaln(PRIOR_SAMPLES / 2)
+        + PRIOR_SAMPLES / 2 * np.log(PRIOR_SAMPLES * tau**2)
+        - after / 2 * np.log(after * variance)
+    )
+    return weight, after, variance
+
+
+def _log_ratio(difference: Floats, first: Floats, second: Floats, scatter: Floats, usual: _Usual) -> Floats:
+    """Evidence of each distance: log likelihood of one marker over two."""
+    spread = 1.0 / first + 1.0 / second
+    same, different = [], []
+    for tau, prior in _components(usual):
+        weight, freedom, variance = _log_weight(first + second - 2.0, scatter, tau, prior)
+        same.append(weight + _log_student(difference, freedom, variance * spread))
+        different.append(weight + _log_student(difference, freedom, variance * spread + usual.spacing**2))
+    return np.asarray(np.logaddexp(*same) - np.logaddexp(*different))
+
+
+def _log_student(value: Floats, freedom: Floats, variance: Floats) -> Floats:
+    """Log density of Student's distribution, without the part that both hypotheses share."""
+    return np.asarray(-0.5 * np.log(variance) - (freedom + 1.0) / 2 * np.log1p(value**2 / (freedom * variance)))

@@ -1,0 +1,307 @@
+"""A skeleton that says where markers must be: fitted to sampled frames, posed in any others.
+
+A limb is posed by its own markers where three of them are seen, else by the chain from the root outward, in which the
+joints of posed neighbours stand in for missing markers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.geometry.orientation import fit_transform, rotation_by_quaternion
+from skelgen.geometry.rotations import transform_from
+from skelgen.kinematics.chain import Chain
+from skelgen.kinematics.shape import FLATNESS, determines_pose
+from skelgen.model import Skeleton, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.joints import JointParameters, find_joints
+from skelgen.stages.limbs import find_limbs
+from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
+from skelgen.stages.skeleton.outward import pose_outward
+
+GATE_DEVIATIONS = 6.0
+"""A point is explained by a marker that is nearer than this many typical residuals."""
+
+JOINT_SAMPLES = 100
+"""Frames at which pairs of limbs are tried: the tree of a model that is soon replaced need not be finer."""
+
+BLIND_GATE = 0.5
+"""Of the typical spacing of points: a wider gate cannot tell neighbours apart, and its prediction is not followed."""
+
+TINY_GATE = 1e-9
+"""mm; keeps gates above zero for markers that all coincide."""
+
+LEAST_GATE = 0.02
+"""Of the markers' typical distance from the joint: the gate is no smaller, however exact the take."""
+
+STEADINESS = 1.0
+"""A marker keeps its place on a limb if it moves there by less than this part of a typical gate."""
+
+SPOILS = 4.0
+"""A marker whose gate is this many times the usual one does not belong on its limb, and is tried elsewhere."""
+
+LEAST_SAMPLES = 10
+"""Frames that must show a marker on a limb before its place there counts."""
+
+STEADY_FRAMES = 5
+"""A limb's pose is trusted this many frames beyond those that show it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Where limbs are in some frames.
+
+    Attributes
+    ----------
+    world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4)
+        Poses of the limbs' frames.
+    by_own : ndarray of bool, shape (n_frames, n_limbs)
+        Whether the limb's own markers pose it.
+    credible : ndarray of bool, shape (n_frames, n_limbs)
+        Whether the pose rests on points of the frame or of one nearby.
+    """
+
+    world_from_limb: Floats
+    by_own: Bools
+    credible: Bools
+
+    def at(self, frames: Ints) -> Poses:
+        """The poses in some frames."""
+        return Poses(self.world_from_limb[frames], self.by_own[frames], self.credible[frames])
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A skeleton as the labelling uses it.
+
+    Attributes
+    ----------
+    skeleton : Skeleton
+        Rigid limbs with the markers of the core.
+    core : ndarray of intp, shape (n_core,)
+        Markers that the skeleton was fitted to.
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        Limb of every marker, of the core or not; -1 for none.
+    offsets : ndarray, shape (n_markers, 3), mm
+        Places on the limbs.
+    own_gates, chain_gates : ndarray, shape (n_markers,), mm
+        Distance within which a marker explains a point, if its limb is posed by its own markers or by the chain.
+    limits : ndarray, shape (n_limbs,), mm
+        How far a marker may stray from its place on each limb.
+    widest : float, mm
+        Wider gates tell nothing.
+    """
+
+    skeleton: Skeleton
+    core: Ints
+    limb_of_marker: Ints
+    offsets: Floats
+    own_gates: Floats
+    chain_gates: Floats
+    limits: Floats
+    widest: float
+
+    @property
+    def n_markers(self) -> int:
+        """Number of markers, those on no limb included."""
+        return len(self.limb_of_marker)
+
+    @property
+    def gate(self) -> float:
+        """A typical gate [mm]."""
+        return float(np.median(self.own_gates[self.core]))
+
+    @property
+    def is_placed(self) -> Bools:
+        """Whether markers have a place on a limb or belong to the core, shape (n_markers,); the points of others are free."""
+        placed = self.limb_of_marker >= 0
+        placed[self.core] = True
+        return np.asarray(placed)
+
+    def pose(self, positions: Floats) -> Poses:
+        """Pose all limbs in successive frames by markers, shape (n_frames, n_markers, 3), NaN where unseen."""
+        return _pose(self.skeleton, positions[:, self.core])
+
+    def predict(self, poses: Poses) -> tuple[Floats, Floats]:
+        """Where markers must be [mm], NaN where unknown, (n_frames, n_markers, 3); and gates, (n_frames, n_markers)."""
+        limb = np.maximum(self.limb_of_marker, 0)
+        gates = np.where(poses.by_own[:, limb], self.own_gates, self.chain_gates)
+        known = poses.credible[:, limb] & (self.limb_of_marker >= 0) & (gates <= self.widest)
+        predicted = _placed(limb, self.offsets, poses.world_from_limb)
+        predicted[~known] = np.nan
+        return predicted, gates
+
+
+def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Model | None:
+    """Fit a skeleton to the markers found so far; None if they show no limb.
+
+    Parameters
+    ----------
+    markers : Trajectories
+        Sampled frames.
+    core : ndarray of intp
+        Markers to fit the skeleton to; the others are laid on the limbs on which they keep a place.
+    widest : float, mm
+        Gates that reach it tell nothing.
+    seed : int
+        Seed of the stages that build the model.
+    """
+    chosen = Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
+    try:
+        limbs = find_limbs(chosen, seed=seed)
+        topology = find_joints(chosen, limbs, JointParameters(samples=JOINT_SAMPLES), seed=seed)
+        skeleton, _ = fit_skeleton(chosen, limbs, topology, SkeletonParameters(fit="root-outward"))
+    except InputError:
+        return None
+    poses = _pose(skeleton, chosen.positions)
+    limb_of_marker = np.full(markers.n_markers, -1, dtype=np.intp)
+    offsets = np.full((markers.n_markers, 3), np.nan)
+    limb_of_marker[core], offsets[core] = skeleton.limb_of_marker, skeleton.marker_offsets
+    own, chain = _core_gates(chosen.positions, skeleton, poses)
+    gates = np.full((2, markers.n_markers), np.median(own))
+    gates[0, core], gates[1, core] = own, np.maximum(own, chain)
+    usual = np.median(gates[:, core], axis=1)
+    limb_of_marker[gates[0] > SPOILS * usual[0]] = -1
+    sizes = np.append(np.bincount(limb_of_marker[limb_of_marker >= 0], minlength=skeleton.n_limbs), 0)
+    limits = _limits(poses.by_own, usual, widest)
+    for marker in np.flatnonzero(sizes[limb_of_marker] < 3):
+        place = steadiest_place(markers.positions[:, marker], poses, limits)
+        if place is not None and place[0] != limb_of_marker[marker]:
+            limb_of_marker[marker], offsets[marker] = place
+            gates[:, marker] = usual
+    return Model(skeleton, core, limb_of_marker, offsets, gates[0], gates[1], limits, widest)
+
+
+def steadiest_place(
+    positions: Floats, poses: Poses, limits: Floats, least: int = LEAST_SAMPLES
+) -> tuple[int, Floats] | None:
+    """The limb against which a marker moves least, and its mean place there.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, 3), mm
+        The marker in the frames of the poses, NaN where unseen.
+    poses : Poses
+        Where limbs are.
+    limits : ndarray, shape (n_limbs,), mm
+        Root mean square deviation up to which a place on a limb counts as kept.
+    least : int
+        Number of frames that must show both.
+
+    Returns
+    -------
+    tuple of int and ndarray, or None
+        None if the marker moves too much on all limbs, or was seen too little.
+    """
+    seen = np.flatnonzero(~np.isnan(positions[:, 0]))
+    known = poses.credible[seen]
+    limbs = np.flatnonzero(known.sum(axis=0) >= max(least, 0.5 * len(seen)))
+    if not len(limbs):
+        return None
+    pose = poses.world_from_limb[np.ix_(seen, limbs)]
+    local = np.einsum("flji,flj->fli", pose[..., :3, :3], positions[seen, np.newaxis] - pose[..., :3, 3])
+    weight = known[:, limbs, np.newaxis].astype(np.float64)
+    mean = (local * weight).sum(axis=0) / weight.sum(axis=0)
+    spread = np.sqrt((((local - mean) ** 2) * weight).sum(axis=(0, 2)) / weight[..., 0].sum(axis=0))
+    best = int(np.argmin(spread / limits[limbs]))
+    return (int(limbs[best]), mean[best]) if spread[best] < limits[limbs[best]] else None
+
+
+def _limits(by_own: Bools, usual: Floats, widest: float) -> Floats:
+    """How far a marker may stray from its place on each limb [mm]: more on those that the chain poses."""
+    mostly_own = by_own.mean(axis=0) > 0.5
+    return np.asarray(STEADINESS * np.where(mostly_own, usual[0], min(usual[1], widest)))
+
+
+def _core_gates(positions: Floats, skeleton: Skeleton, poses: Poses) -> tuple[Floats, Floats]:
+    """Gates of the core's markers where the limb's own markers pose it, and where the chain does [mm]."""
+    limb = np.maximum(skeleton.limb_of_marker, 0)
+    residuals = np.linalg.norm(positions - _placed(limb, skeleton.marker_offsets, poses.world_from_limb), axis=2)
+    by_own = poses.by_own[:, limb]
+    offsets = skeleton.marker_offsets[skeleton.limb_of_marker >= 0]
+    least = LEAST_GATE * float(np.sqrt((offsets**2).sum(axis=1).mean())) if len(offsets) else 0.0
+    return _gates(np.where(by_own, residuals, np.nan), least), _gates(np.where(by_own, np.nan, residuals), least)
+
+
+def _gates(residuals: Floats, least: float) -> Floats:
+    """Gate of each marker [mm] from its residuals and those of its neighbours, shape (n_markers,)."""
+    known = ~np.isnan(residuals)
+    if not known.any():
+        return np.full(residuals.shape[1], max(least, TINY_GATE))
+    usual = float(np.median(residuals[known]))
+    heard = [column[~np.isnan(column)] for column in residuals.T]
+    own = np.array([float(np.median(values)) if len(values) else usual for values in heard])
+    return np.asarray(np.maximum(GATE_DEVIATIONS * np.maximum(own, usual), max(least, TINY_GATE)))
+
+
+def _placed(limb: Ints, offsets: Floats, world_from_limb: Floats) -> Floats:
+    """Markers on posed limbs [mm], shape (n_frames, n_markers, 3); NaN for those without a place."""
+    pose = world_from_limb[:, limb]
+    return np.asarray(np.einsum("fmij,mj->fmi", pose[..., :3, :3], offsets) + pose[..., :3, 3])
+
+
+def _pose(skeleton: Skeleton, positions: Floats) -> Poses:
+    own, by_own = _own_poses(skeleton, positions)
+    poses = np.tile(np.eye(4), (len(positions), skeleton.n_limbs, 1, 1))
+    posed = np.zeros(by_own.shape, dtype=bool)
+    joints = np.where(by_own[..., np.newaxis], own[..., :3, 3], np.nan)  # the origin is the joint to the parent
+    for root in skeleton.roots:
+        order, chain, markers = _tree(skeleton, int(root))
+        raw = joints[:, order]
+        raw[:, 0] = np.nan
+        found, posed[:, order] = pose_outward(chain, positions[:, markers], raw, rotation_by_quaternion, FLATNESS)
+        poses[:, order] = transform_from(found.rotations, found.origins(chain))
+    poses[by_own] = own[by_own]
+    return Poses(poses, by_own, _widened(posed | by_own, STEADY_FRAMES))
+
+
+def _own_poses(skeleton: Skeleton, positions: Floats) -> tuple[Floats, Bools]:
+    """Poses of limbs that show three of their own markers, and which these are."""
+    seen = ~np.isnan(positions[:, :, 0])
+    poses = np.full((len(positions), skeleton.n_limbs, 4, 4), np.nan)
+    by_own = np.zeros(poses.shape[:2], dtype=bool)
+    for limb in range(skeleton.n_limbs):
+        markers = skeleton.markers_of(limb)
+        if len(markers) < 3:
+            continue
+        points = skeleton.marker_offsets[markers]
+        by_own[:, limb] = determines_pose(points, seen[:, markers], FLATNESS)
+        frames = np.flatnonzero(by_own[:, limb])
+        block = np.ix_(frames, markers)
+        poses[frames, limb] = fit_transform(points, positions[block], seen[block])
+    return poses, by_own
+
+
+def _tree(skeleton: Skeleton, root: int) -> tuple[Ints, Chain, Ints]:
+    """Limbs of one tree outward from its root, the tree as a chain, and its markers."""
+    inside = np.zeros(skeleton.n_limbs, dtype=bool)
+    inside[root] = True
+    for joint in skeleton.joints:  # outward
+        inside[joint.child] = inside[joint.parent] | inside[joint.child]
+    order = skeleton.outward[inside[skeleton.outward]]
+    place = np.full(skeleton.n_limbs, -1, dtype=np.intp)
+    place[order] = np.arange(len(order))
+    joints = np.zeros((len(order), 3))
+    for joint in skeleton.joints:
+        if inside[joint.child]:
+            joints[place[joint.child]] = joint.position_in_parent
+    parents = skeleton.parents[order]
+    carried = skeleton.limb_of_marker >= 0
+    markers = np.flatnonzero(carried & inside[np.maximum(skeleton.limb_of_marker, 0)])
+    chain = Chain(
+        np.where(parents >= 0, place[parents], -1),
+        place[skeleton.limb_of_marker[markers]],
+        joints,
+        skeleton.marker_offsets[markers],
+    )
+    return order, chain, markers
+
+
+def _widened(known: Bools, frames: int) -> Bools:
+    """True also within some frames of what is true, shape (n_frames, n)."""
+    from scipy.ndimage import binary_dilation  # noqa: PLC0415 - heavy
+
+    return np.asarray(binary_dilation(known, structure=np.ones((2 * frames + 1, 1))))
