@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -66,11 +67,11 @@ class Certainty:
     ----------
     confidence : ndarray, shape (n_frames, n_markers)
         Probability that the marker is the one that it is called; NaN where it is unseen.
-    rival : ndarray of intp, shape (n_frames, n_markers)
+    rival : ndarray of int32, shape (n_frames, n_markers)
         The marker whose place fits next best, -1 = nowhere in particular.
-    n_mates : ndarray of intp, shape (n_frames, n_markers)
+    n_mates : ndarray of int8, shape (n_frames, n_markers)
         Mates seen in the frame.
-    evidence : ndarray, shape (n_frames, n_markers), nats
+    evidence : ndarray of float32, shape (n_frames, n_markers), nats
         For the marker's own place against the best rival's, from the frame alone.
     original : ndarray of intp, shape (n_markers,)
         The marker that each one is probably a piece of: it lies where that belongs and is never seen together with it;
@@ -82,9 +83,9 @@ class Certainty:
     """
 
     confidence: Floats
-    rival: Ints
-    n_mates: Ints
-    evidence: Floats
+    rival: NDArray[np.int32]
+    n_mates: NDArray[np.int8]
+    evidence: NDArray[np.float32]
     original: Ints
     alone: Bools
     twins: tuple[tuple[int, int], ...]
@@ -113,20 +114,24 @@ def identity_confidence(
         original[stated.any(axis=0)], alone[stated.any(axis=0)] = -1, False
     usual = usual.without_pieces(original)
     evidence, rival, n_seen = _frame_by_frame(trajectories, usual)
-    odds = np.where(trajectories.seen, evidence / max(1.0, CORRELATED_SECONDS * trajectories.rate), 0.0)
+    seen = trajectories.seen
+    odds = np.where(seen, evidence / np.float32(max(1.0, CORRELATED_SECONDS * trajectories.rate)), np.float32(0.0))
     if stated is not None:
         odds[stated] = MOST_NATS
-    confidence = _smoothed(odds, trajectories.seen, breaks | _after_gaps(trajectories.seen))
+    confidence = _smoothed(odds, seen, breaks | _after_gaps(seen))
     confidence[:, original >= 0] *= PIECE_RIGHT
     confidence[:, alone] *= ALONE_RIGHT
     return Certainty(confidence, rival, n_seen, evidence, original, alone, twins)
 
 
-def _frame_by_frame(trajectories: Trajectories, usual: Usual) -> tuple[Floats, Ints, Ints]:
-    """What `_evidence` says of all frames, in portions that bound the memory."""
+def _frame_by_frame(
+    trajectories: Trajectories, usual: Usual
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int8]]:
+    """What `_evidence` says of all frames, in portions that bound the memory, and in short numbers."""
     n_frames, n_markers = trajectories.n_frames, trajectories.n_markers
-    evidence, rival = np.zeros((n_frames, n_markers)), np.full((n_frames, n_markers), -1, dtype=np.intp)
-    n_seen = np.zeros((n_frames, n_markers), dtype=np.intp)
+    evidence = np.zeros((n_frames, n_markers), dtype=np.float32)
+    rival = np.full((n_frames, n_markers), -1, dtype=np.int32)
+    n_seen = np.zeros((n_frames, n_markers), dtype=np.int8)
     step = max(1, CHUNK_VALUES // max(1, n_markers * (usual.rivals.shape[1] + 1) * max(1, usual.mates.shape[1])))
     for start in range(0, n_frames, step):
         part = slice(start, start + step)
@@ -206,20 +211,21 @@ def _after_gaps(seen: Bools) -> Bools:
     return result
 
 
-def _smoothed(odds: Floats, seen: Bools, breaks: Bools) -> Floats:
+def _smoothed(odds: NDArray[np.float32], seen: Bools, breaks: Bools) -> Floats:
     """Probability of being right from the log odds of all frames; NaN where unseen, shape (n_frames, n_markers)."""
-    lose, find = np.where(breaks, LOST, CHANGE), np.where(breaks, FOUND, CHANGE)
+    total = np.full(odds.shape, np.nan)
     state = np.full(odds.shape[1], np.log(FIRST_RIGHT / (1.0 - FIRST_RIGHT)))
-    forward, backward = np.zeros_like(odds), np.zeros_like(odds)
     for frame in range(len(odds)):
         if frame:
+            lose, find = np.where(breaks[frame], LOST, CHANGE), np.where(breaks[frame], FOUND, CHANGE)
             ratio = np.exp(state)
-            right, wrong = ratio * (1.0 - lose[frame]) + find[frame], ratio * lose[frame] + 1.0 - find[frame]
-            state = np.log(right / wrong)
-        state = forward[frame] = np.clip(state + odds[frame], -MOST_NATS, MOST_NATS)
-    for frame in range(len(odds) - 1, 0, -1):
-        ratio = np.exp(np.clip(backward[frame] + odds[frame], -MOST_NATS, MOST_NATS))
-        right, wrong = ratio * (1.0 - lose[frame]) + lose[frame], ratio * find[frame] + 1.0 - find[frame]
-        backward[frame - 1] = np.log(right / wrong)
-    total = np.clip(forward + backward, -MOST_NATS, MOST_NATS)
-    return np.where(seen, 1.0 / (1.0 + np.exp(-total)), np.nan)
+            state = np.log((ratio * (1.0 - lose) + find) / (ratio * lose + 1.0 - find))
+        state = total[frame] = np.clip(state + odds[frame], -MOST_NATS, MOST_NATS)
+    state = np.zeros(odds.shape[1])  # from now on: log likelihood ratio of what follows
+    for frame in range(len(odds) - 1, -1, -1):
+        total[frame] = 1.0 / (1.0 + np.exp(-np.clip(total[frame] + state, -MOST_NATS, MOST_NATS)))
+        lose, find = np.where(breaks[frame], LOST, CHANGE), np.where(breaks[frame], FOUND, CHANGE)
+        ratio = np.exp(np.clip(state + odds[frame], -MOST_NATS, MOST_NATS))
+        state = np.log((ratio * (1.0 - lose) + lose) / (ratio * find + 1.0 - find))
+    total[~seen] = np.nan
+    return total

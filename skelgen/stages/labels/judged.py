@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import Agreement, Labelling, Tracklets
 from skelgen.stages.labels.confidence import identity_confidence
 from skelgen.stages.labels.doubts import doubtful_spans, repaired_spans
+from skelgen.stages.labels.marker_sets import MarkerSets
 
 SEED_METHOD = "sets"
 """The method of the labels stage that is the seed's own."""
+
+CHUNK_FRAMES = 20_000
+"""Frames that are looked at together: bounds the memory for long takes."""
 
 _MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
 """Odd numbers that scatter the bits of coordinates over a key."""
 
 _FRAME_MIXER = np.uint64(0xD6E8FEB86659FD93)
+
+Keys = NDArray[np.uint64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,16 +39,26 @@ class Origin:
         The points as they were labelled.
     owner : ndarray of intp, shape (n_points,)
         Track of each point, -1 for none.
-    by_sets : Trajectories or None
-        What the seed's method gave, where another one came after it.
+    by_sets : ndarray of int32, shape (n_points,), or None
+        Marker of each point by the seed's method, -1 for none, where another method came after it.
     stated : ndarray of bool, shape (n_points,), or None
         Points whose marker the user has stated.
     """
 
     cloud: PointCloud
     owner: Ints
-    by_sets: Trajectories | None
+    by_sets: NDArray[np.int32] | None
     stated: Bools | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Portion:
+    """Some frames of a take: points with their markers."""
+
+    points: slice
+    frames: slice
+    frame_of_point: Ints
+    marker_of_point: Ints
 
 
 def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Origin) -> Labelling:
@@ -55,17 +73,21 @@ def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Or
     origin : Origin
         What they were made of.
     """
-    marker_of_point = find_points(origin.cloud, trajectories.positions)
-    changes = _track_changes(origin, marker_of_point, trajectories.seen)
-    certainty = identity_confidence(trajectories, changes, _stated(origin, marker_of_point, trajectories.seen))
+    changes, stated = np.zeros((2, *trajectories.seen.shape), dtype=np.bool_)
+    parts = []
+    for portion in _portions(origin.cloud, trajectories.positions):
+        changes[portion.frames] = _track_changes(origin, portion, trajectories.n_markers)
+        stated[portion.frames] = _stated(origin, portion, trajectories.n_markers)
+        parts.append(_parts(origin.owner[portion.points], portion.marker_of_point, portion.frame_of_point))
+    certainty = identity_confidence(trajectories, changes, stated)
     left_out = np.maximum(cloud.points_per_frame - trajectories.seen.sum(axis=1), 0)
     return Labelling(
         certainty.confidence,
         doubtful_spans(trajectories, certainty),
         certainty.twins,
         left_out,
-        tracklets_of(origin.cloud, origin.owner, marker_of_point),
-        _agreement(origin, marker_of_point) if origin.by_sets is not None else None,
+        _joined(parts),
+        _agreement(origin, trajectories) if origin.by_sets is not None else None,
     )
 
 
@@ -86,24 +108,10 @@ def labelling_of_markers(trajectories: Trajectories, file: Trajectories) -> Labe
     return Labelling(certainty.confidence, ordered, certainty.twins, nothing)
 
 
-def _track_changes(origin: Origin, marker_of_point: Ints, seen: Bools) -> Bools:
-    """Frames in which a marker's point is of another track than in the frame before, shape (n_frames, n_markers)."""
-    track = np.full(seen.shape, -1, dtype=np.intp)
-    frame_of_point = np.repeat(np.arange(origin.cloud.n_frames), origin.cloud.points_per_frame)
-    used = marker_of_point >= 0
-    track[frame_of_point[used], marker_of_point[used]] = origin.owner[used]
-    changes = np.zeros(seen.shape, dtype=np.bool_)
-    changes[1:] = seen[1:] & ((track[1:] != track[:-1]) | (track[1:] < 0))
-    return changes
-
-
-def _stated(origin: Origin, marker_of_point: Ints, seen: Bools) -> Bools:
-    """Frames in which the user has stated that a point is the marker, shape (n_frames, n_markers)."""
-    result = np.zeros(seen.shape, dtype=np.bool_)
-    if origin.stated is not None:
-        frame_of_point = np.repeat(np.arange(origin.cloud.n_frames), origin.cloud.points_per_frame)
-        told = origin.stated & (marker_of_point >= 0)
-        result[frame_of_point[told], marker_of_point[told]] = True
+def markers_of_points(markers: MarkerSets, n_points: int) -> NDArray[np.int32]:
+    """Marker of each point of a take, -1 for none, shape (n_points,)."""
+    result = np.full(n_points, -1, dtype=np.int32)
+    result[markers.points] = markers.set_of_point
     return result
 
 
@@ -122,23 +130,25 @@ def find_points(cloud: PointCloud, positions: Floats) -> Ints:
     ndarray of intp, shape (n_points,)
         -1 for points that are no marker's.
     """
-    frame, marker = np.nonzero(~np.isnan(positions[:, :, 0]))
-    frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
-    wanted = _keys(frame, positions[frame, marker])
-    keys = _keys(frame_of_point, cloud.points)
-    order = np.argsort(keys, kind="stable")
-    turn = np.argsort(wanted, kind="stable")
-    place = np.searchsorted(keys[order], wanted[turn]) + _occurrence(wanted[turn])
-    found = place < len(keys)
-    point = order[np.minimum(place, len(keys) - 1)] if len(keys) else place
-    if len(keys):
-        found &= keys[point] == wanted[turn]
-    marker_of_point = np.full(cloud.n_points, -1, dtype=np.intp)
-    marker_of_point[point[found]] = marker[turn][found]
-    return marker_of_point
+    return np.concatenate(
+        [portion.marker_of_point for portion in _portions(cloud, positions)] or [np.empty(0, np.intp)]
+    )
 
 
-def _keys(frames: Ints, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:
+def _portions(cloud: PointCloud, positions: Floats) -> Iterator[_Portion]:
+    for first in range(0, cloud.n_frames, CHUNK_FRAMES):
+        frames = slice(first, min(first + CHUNK_FRAMES, cloud.n_frames))
+        points = slice(int(cloud.frame_starts[frames.start]), int(cloud.frame_starts[frames.stop]))
+        frame_of_point = np.repeat(np.arange(frames.start, frames.stop), cloud.points_per_frame[frames])
+        frame, marker = np.nonzero(~np.isnan(positions[frames, :, 0]))
+        wanted = _keys(frame + first, positions[frames][frame, marker])
+        found = _places(_keys(frame_of_point, cloud.points[points]), wanted)
+        marker_of_point = np.full(len(frame_of_point), -1, dtype=np.intp)
+        marker_of_point[found[found >= 0]] = marker[found >= 0]
+        yield _Portion(points, frames, frame_of_point, marker_of_point)
+
+
+def _keys(frames: Ints, points: Floats) -> Keys:
     """One number for each point of each frame; equal numbers mean equal points, but for one case in 2^64."""
     bits = np.ascontiguousarray(points + 0.0).view(np.uint64)  # + 0.0: minus zero is zero
     key = frames.astype(np.uint64) * _FRAME_MIXER
@@ -148,38 +158,88 @@ def _keys(frames: Ints, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.ui
     return key
 
 
-def _occurrence(ordered: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> Ints:
-    """How many equal values stand before each one of a sorted array."""
-    new = np.concatenate([[True], ordered[1:] != ordered[:-1]])[: len(ordered)]
-    starts = np.flatnonzero(new)
-    return np.asarray(np.arange(len(ordered)) - starts[np.cumsum(new) - 1]) if len(ordered) else np.empty(0, np.intp)
+def _places(keys: Keys, wanted: Keys) -> Ints:
+    """Index of each wanted key among all keys, each used once; -1 where it is not there."""
+    order, turn = np.argsort(keys, kind="stable"), np.argsort(wanted, kind="stable")
+    ordered = wanted[turn]
+    place = np.searchsorted(keys[order], ordered) + np.arange(len(turn)) - np.searchsorted(ordered, ordered)
+    there = place < len(keys)
+    there[there] = keys[order[place[there]]] == ordered[there]
+    result = np.full(len(wanted), -1, dtype=np.intp)
+    result[turn[there]] = order[place[there]]
+    return result
+
+
+def _track_changes(origin: Origin, portion: _Portion, n_markers: int) -> Bools:
+    """Frames in which a marker's point is of another track than in the frame before, shape (n_frames, n_markers)."""
+    track = np.full((portion.frames.stop - portion.frames.start, n_markers), -1, dtype=np.intp)
+    used = portion.marker_of_point >= 0
+    rows = portion.frame_of_point[used] - portion.frames.start
+    track[rows, portion.marker_of_point[used]] = origin.owner[portion.points][used]
+    seen = np.zeros(track.shape, dtype=np.bool_)
+    seen[rows, portion.marker_of_point[used]] = True
+    changes = np.zeros(track.shape, dtype=np.bool_)  # nothing is said where two portions meet
+    changes[1:] = seen[1:] & ((track[1:] != track[:-1]) | (track[1:] < 0))
+    return changes
+
+
+def _stated(origin: Origin, portion: _Portion, n_markers: int) -> Bools:
+    """Frames in which the user has stated that a point is the marker, shape (n_frames, n_markers)."""
+    result = np.zeros((portion.frames.stop - portion.frames.start, n_markers), dtype=np.bool_)
+    if origin.stated is not None:
+        told = origin.stated[portion.points] & (portion.marker_of_point >= 0)
+        result[portion.frame_of_point[told] - portion.frames.start, portion.marker_of_point[told]] = True
+    return result
 
 
 def tracklets_of(cloud: PointCloud, owner: Ints, marker_of_point: Ints) -> Tracklets:
     """Cut tracks into the parts that went to one marker each."""
     frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
+    return _joined([_parts(owner, marker_of_point, frame_of_point)])
+
+
+def _parts(owner: Ints, marker_of_point: Ints, frame_of_point: Ints) -> Ints:
+    """Track, marker, first and last frame and number of points of each part, shape (5, n_parts)."""
     order = np.argsort(owner, kind="stable")
     order = order[owner[order] >= 0]
     track, marker, frame = owner[order], marker_of_point[order], frame_of_point[order]
-    new = np.ones(len(order), dtype=np.bool_)
-    new[1:] = (track[1:] != track[:-1]) | (marker[1:] != marker[:-1])
-    starts = np.flatnonzero(new)
+    starts = np.flatnonzero(_begins(track, marker))
     ends = np.append(starts[1:], len(order)) - 1 if len(starts) else starts
+    return np.stack([track[starts], marker[starts], frame[starts], frame[ends], ends - starts + 1])
+
+
+def _joined(parts: list[Ints]) -> Tracklets:
+    """Put the parts of successive frames together; those of one track and marker become one."""
+    track, marker, first, last, n_points = np.concatenate(parts, axis=1) if parts else np.empty((5, 0), dtype=np.intp)
+    order = np.lexsort((first, track))
+    track, marker, first, last, n_points = (values[order] for values in (track, marker, first, last, n_points))
+    starts = np.flatnonzero(_begins(track, marker))
+    if not len(starts):
+        return Tracklets(track, marker, first, last, n_points)
+    ends = np.append(starts[1:], len(track)) - 1
     numbered = np.unique(track[starts], return_inverse=True)[1].reshape(-1)
-    return Tracklets(numbered, marker[starts], frame[starts], frame[ends], ends - starts + 1)
+    return Tracklets(numbered, marker[starts], first[starts], last[ends], np.add.reduceat(n_points, starts))
 
 
-def _agreement(origin: Origin, marker_of_point: Ints) -> Agreement | None:
+def _begins(track: Ints, marker: Ints) -> Bools:
+    new = np.ones(len(track), dtype=np.bool_)
+    new[1:] = (track[1:] != track[:-1]) | (marker[1:] != marker[:-1])
+    return new
+
+
+def _agreement(origin: Origin, trajectories: Trajectories) -> Agreement | None:
     """Compare with what the seed's method gave."""
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
     if origin.by_sets is None:
         return None
-    theirs = find_points(origin.cloud, origin.by_sets.positions)
-    n_markers = origin.by_sets.n_markers
-    both = (theirs >= 0) & (marker_of_point >= 0)
-    counts = np.zeros((n_markers, int(marker_of_point.max(initial=-1)) + 1), dtype=np.intp)
-    np.add.at(counts, (theirs[both], marker_of_point[both]), 1)
+    n_markers = int(origin.by_sets.max(initial=-1)) + 1
+    counts = np.zeros((n_markers, trajectories.n_markers), dtype=np.intp)
+    either = 0
+    for portion in _portions(origin.cloud, trajectories.positions):
+        theirs, own = origin.by_sets[portion.points], portion.marker_of_point
+        both = (theirs >= 0) & (own >= 0)
+        np.add.at(counts, (theirs[both], own[both]), 1)
+        either += int(((theirs >= 0) | (own >= 0)).sum())
     same = int(counts[linear_sum_assignment(counts, maximize=True)].sum())
-    either = int(((theirs >= 0) | (marker_of_point >= 0)).sum())
-    return Agreement(SEED_METHOD, n_markers, int((theirs >= 0).sum()), same / max(either, 1))
+    return Agreement(SEED_METHOD, n_markers, int((origin.by_sets >= 0).sum()), same / max(either, 1))

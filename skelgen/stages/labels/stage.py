@@ -19,7 +19,7 @@ from skelgen.stages.labels.articulated import marker_names, refine_labels
 from skelgen.stages.labels.by_hand import fix_points
 from skelgen.stages.labels.follow import follow_points, typical_spacing
 from skelgen.stages.labels.grouping import group_sets
-from skelgen.stages.labels.judged import Origin, labelling_of_cloud
+from skelgen.stages.labels.judged import SEED_METHOD, Origin, labelling_of_cloud, markers_of_points
 from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, find_marker_sets, least_length
 from skelgen.stages.labels.obedience import obey
 from skelgen.stages.labels.oddities import guessed_identities, odd_times, too_few_wanted
@@ -118,7 +118,8 @@ def _labelled(
     result = markers.chosen(kept)
     trajectories = Trajectories(_positions(cloud, result), marker_names(len(result)), rate, cloud.name)
     stated = fixed.who >= 0 if fixed else None
-    origin = Origin(cloud, owner, trajectories if parameters.method != "sets" else None, stated)
+    by_sets = markers_of_points(result, cloud.n_points) if parameters.method != SEED_METHOD else None
+    origin = Origin(cloud, owner, by_sets, stated)
     if parameters.method == "rigidity":
         trajectories = refine_labels(
             cloud, owner, trajectories, parameters, n_markers=n_markers, fixed=fixed, seed=seed, monitor=monitor
