@@ -8,13 +8,13 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.limbs.parameters import LimbParameters
 
 CHUNK_FLOATS = 4_000_000
-"""Distances held at once: 32 MB."""
+"""Coordinates held at once: 32 MB."""
 
 MIN_COMMON_SAMPLES = 8
 """Fewer sampled frames with both markers say nothing about rigidity; all frames are then asked."""
 
 
-def sample_frames(n_frames: int, parameters: LimbParameters, seed: int) -> Ints:
+def sample_frames(n_frames: int, parameters: LimbParameters, seed: int | tuple[int, ...]) -> Ints:
     """Choose frames at regular steps with jitter, so that periodic motion cannot hide (Kirk et al. 2005).
 
     Parameters
@@ -23,7 +23,7 @@ def sample_frames(n_frames: int, parameters: LimbParameters, seed: int) -> Ints:
         Frames in the take.
     parameters : LimbParameters
         Their `sampling`, `samples` and `jitter`.
-    seed : int
+    seed : int or tuple of int
         Seed of the jitter.
 
     Returns
@@ -66,32 +66,26 @@ def distance_deviation(positions: Floats, frames: Ints) -> tuple[Floats, Ints]:
 
 
 def _deviation(positions: Floats) -> tuple[Floats, Ints]:
-    n_markers = positions.shape[1]
+    n_frames, n_markers = positions.shape[:2]
     seen: Bools = ~np.isnan(positions[:, :, 0])
-    filled = np.where(seen[..., np.newaxis], positions, 0.0)
     common = seen.T.astype(np.float64) @ seen.astype(np.float64)
-    shift = _first_distance(filled, seen)
-    total = np.zeros((n_markers, n_markers))
-    squares = np.zeros_like(total)
-    step = max(1, CHUNK_FLOATS // max(1, n_markers * n_markers * 3))
-    for start in range(0, len(positions), step):
-        part, both = filled[start : start + step], seen[start : start + step]
-        distance = np.linalg.norm(part[:, :, np.newaxis] - part[:, np.newaxis], axis=3) - shift
-        distance *= both[:, :, np.newaxis] & both[:, np.newaxis]
-        total += distance.sum(axis=0)
-        squares += np.einsum("fij,fij->ij", distance, distance)
+    total, squares, shift = np.zeros((3, n_markers, n_markers))
+    step = max(1, CHUNK_FLOATS // max(1, 3 * n_markers))
+    for start in range(0, n_frames, step):
+        shown = np.ascontiguousarray(seen[start : start + step].T)
+        places = np.ascontiguousarray(np.moveaxis(positions[start : start + step], 0, 2).swapaxes(0, 1))
+        places[:, ~shown] = 0.0
+        for marker in range(n_markers - 1):
+            later = slice(marker + 1, None)
+            both = shown[later] & shown[marker]
+            distance = np.sqrt(((places[:, later] - places[:, marker : marker + 1]) ** 2).sum(axis=0))
+            if start == 0:
+                shift[marker, later] = distance[np.arange(len(both)), both.argmax(axis=1)]
+            distance = (distance - shift[marker, later, np.newaxis]) * both
+            total[marker, later] += distance.sum(axis=1)
+            squares[marker, later] += np.einsum("mf,mf->m", distance, distance)
     with np.errstate(invalid="ignore", divide="ignore"):
-        variance = squares / common - (total / common) ** 2
+        variance = (squares + squares.T) / common - ((total + total.T) / common) ** 2
     variance[common < 2] = np.nan
     np.fill_diagonal(variance, 0.0)
     return np.sqrt(np.maximum(variance, 0.0)), common.astype(np.intp)
-
-
-def _first_distance(filled: Floats, seen: Bools) -> Floats:
-    """A typical distance of each pair: subtracting it keeps the one-pass variance accurate."""
-    n_seen = np.maximum(seen.sum(axis=0), 1)[:, np.newaxis]
-    centre = filled.sum(axis=0) / n_seen
-    first = np.argmax(seen[:, :, np.newaxis] & seen[:, np.newaxis], axis=0)
-    index = np.arange(len(centre))
-    rows, columns = np.meshgrid(index, index, indexing="ij")
-    return np.asarray(np.linalg.norm(filled[first, rows] - filled[first, columns], axis=2))

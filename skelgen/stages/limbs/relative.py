@@ -106,6 +106,16 @@ class Movements:
             self._relative[key] = self._spread(first + second, lambda shape: _relative_basis(shape, len(first)))
         return self._relative[key]
 
+    def distance(self, marker: int, others: Group) -> float:
+        """Return how far [mm] the nearest of some others usually is from a marker; infinite if none is seen with it."""
+        common = self._sampled_seen[:, list(others)] & self._sampled_seen[:, [marker]]
+        gaps = [
+            float(np.median(np.linalg.norm(self._sampled[both, other] - self._sampled[both, marker], axis=1)))
+            for other, both in zip(others, common.T, strict=True)
+            if both.any()
+        ]
+        return min(gaps, default=np.inf)
+
     def _spread(self, markers: Group, basis_of: Callable[[Floats], Floats]) -> Spread | None:
         shown = self._shown(markers)
         if shown is None:
