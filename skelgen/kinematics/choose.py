@@ -13,7 +13,7 @@ from skelgen.kinematics.arrow import solve_arrow
 from skelgen.kinematics.joint_fit import JointFit, fit_kind, linear_place
 from skelgen.kinematics.kind import KNOWN_KINDS, JointKind, KindLimits, find_kind
 from skelgen.kinematics.placed import Placed, fit_placed, linearised
-from skelgen.kinematics.relative import BODY_SIZE, MIN_FRAMES, RelativePoses, relative_poses, whitener
+from skelgen.kinematics.relative import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.turning import FreeTurning
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
@@ -64,7 +64,7 @@ def choose_kind(
     parent: int | str,
     child: int | str,
     covariances: Floats | None = None,
-    size: float = BODY_SIZE,
+    size: float | None = None,
     *,
     wanted: str | None = None,
     limits: KindLimits | None = None,
