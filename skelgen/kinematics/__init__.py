@@ -5,6 +5,7 @@ from skelgen.kinematics.hierarchy import Hierarchy, Length, find_hierarchy, with
 from skelgen.kinematics.joint_fit import JointFit, fit_ball, fit_hinge, fit_rigid, fit_universal
 from skelgen.kinematics.kind import KindLimits
 from skelgen.kinematics.relative import pose_covariance
+from skelgen.kinematics.rigid_body import RigidBody, calibrate_rigid_body
 
 __all__ = [
     "Hierarchy",
@@ -12,6 +13,8 @@ __all__ = [
     "KindChoice",
     "KindLimits",
     "Length",
+    "RigidBody",
+    "calibrate_rigid_body",
     "choose_kind",
     "find_hierarchy",
     "fit_ball",

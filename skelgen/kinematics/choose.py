@@ -22,6 +22,9 @@ FREEDOMS_OF_GAP = 3.0
 """Per frame: what poses alone tell of their noise is how far a ball joint's two images are apart."""
 
 
+ROUNDING = 1e-9
+"""rad; noise of rotations that are exact in double precision."""
+
 VARIANCE_OF_THIRD = 20.0
 """Of third differences of independent numbers of variance 1: 1 + 9 + 9 + 1."""
 
@@ -114,7 +117,7 @@ def _settled_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:
     rotations = ball.state.turning.rotations()
     if measured.is_scaled:
         return rotations, max(variance, 1.0) * solution.angle_covariance
-    covariances = variance * solution.angle_covariance
+    covariances = variance * solution.angle_covariance + ROUNDING**2 * np.eye(3)
     shaking = _shaking(measured) / np.einsum("fii->f", covariances).mean()
     return rotations, max(float(shaking), 1.0) * covariances
 
