@@ -130,3 +130,23 @@ def test_turned_indicators_are_aligned_to_their_number(n_clusters):
     turn, _ = np.linalg.qr(rng.normal(size=(n_clusters, n_clusters)))
     others = 0.1 * rng.normal(size=(4 * n_clusters, n_clusters))
     assert aligned_count(np.hstack([indicators @ turn, others])) == n_clusters
+
+
+def test_labels_exchanged_for_a_while_change_no_limb(simulated, same_partition):
+    case = simulated("human", 1, n_frames=800, noise=0.5)
+    positions = case.take.positions.copy()
+    positions[300:320, [4, 20]] = positions[300:320, [20, 4]]
+    labels = find_limbs(dataclasses.replace(case.take, positions=positions)).limb_of_marker
+    assert same_partition(labels, case.truth.limb_of_marker)
+
+
+def test_marker_seen_only_at_rest_goes_to_the_nearest_limb(simulated):
+    case = simulated("rods", n_frames=400, noise=0.1)
+    positions = np.concatenate([np.repeat(case.take.positions[:1], 400, axis=0), case.take.positions])
+    positions += np.random.default_rng(0).normal(scale=0.1, size=positions.shape)
+    positions[400:, 5] = np.nan
+    gaps = np.linalg.norm(positions[0] - positions[0, 5], axis=1)
+    gaps[5] = np.inf
+    take = dataclasses.replace(case.take, positions=positions)
+    labels = find_limbs(take).limb_of_marker
+    assert labels[5] == labels[np.argmin(gaps)]

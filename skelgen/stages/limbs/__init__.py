@@ -16,7 +16,7 @@ from skelgen.progress import SILENT, Monitor
 from skelgen.stages.limbs.bodies import Distances, rigid_bodies
 from skelgen.stages.limbs.constraints import Constraints, NameGroups, find_constraints, name_groups
 from skelgen.stages.limbs.count import count_limbs
-from skelgen.stages.limbs.deviation import distance_deviation, sample_frames
+from skelgen.stages.limbs.deviation import Deviations, distance_deviations, sample_frames
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative import Movements
 from skelgen.stages.limbs.rigidity import rigid_groups
@@ -75,8 +75,8 @@ def find_limbs(
         (*apart, *name_groups(parameters.apart)),
     )
     frames = sample_frames(trajectories.n_frames, parameters, seed)
-    deviation, common = distance_deviation(trajectories.positions, frames)
-    usable = _usable(deviation, wishes)
+    deviations = distance_deviations(trajectories.positions, frames)
+    usable = _usable(deviations.plain, wishes)
     if len(usable) < 2:
         raise InputError(
             f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
@@ -84,13 +84,12 @@ def find_limbs(
     _report_lonely(trajectories, usable, monitor)
     if n_limbs is not None and not 1 <= n_limbs <= len(usable):
         raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
-    positions, block = trajectories.positions[:, usable], np.ix_(usable, usable)
-    grouping = _Grouping(positions, wishes.of(usable), parameters, n_limbs, seed)
-    groups = grouping.voted(frames, deviation[block], common[block])
+    grouping = _Grouping(trajectories.positions[:, usable], wishes.of(usable), parameters, n_limbs, seed)
+    groups = grouping.voted(frames, deviations.of(usable))
     labels = np.full(trajectories.n_markers, -1, dtype=np.intp)
     labels[usable] = _numbered_by_first(groups)
     monitor.advance(1, 1)
-    return Limbs(labels, deviation)
+    return Limbs(labels, deviations.plain)
 
 
 class _Grouping:
@@ -102,22 +101,23 @@ class _Grouping:
         self._positions, self._wishes, self._parameters = positions, wishes, parameters
         self._n_limbs, self._seed = n_limbs, seed
 
-    def voted(self, frames: Ints, deviation: Floats, common: Ints) -> Ints:
+    def voted(self, frames: Ints, deviations: Deviations) -> Ints:
         """Group by one sampling after the other until one half of them and more agree; else take what most say."""
-        votes = [self._grouped(frames, deviation, common)]
+        votes = [self._grouped(frames, deviations)]
         n_samplings = self._parameters.samplings if self._parameters.method == "rigidity" else 1
         is_complete = len(frames) == len(self._positions)
         for turn in range(1, 1 if is_complete else n_samplings):
             again = sample_frames(len(self._positions), self._parameters, (self._seed, turn))
-            votes.append(self._grouped(again, *distance_deviation(self._positions, again)))
+            votes.append(self._grouped(again, distance_deviations(self._positions, again)))
             if 2 * sum(np.array_equal(votes[-1], one) for one in votes) > n_samplings:
                 return votes[-1]
-        return self._checked(majority(votes), deviation)
+        return self._checked(majority(votes), deviations.steady)
 
-    def _grouped(self, frames: Ints, deviation: Floats, common: Ints) -> Ints:
-        return _numbered_by_first(self._checked(self._clusters(frames, deviation, common), deviation))
+    def _grouped(self, frames: Ints, deviations: Deviations) -> Ints:
+        return _numbered_by_first(self._checked(self._clusters(frames, deviations), deviations.steady))
 
-    def _clusters(self, frames: Ints, deviation: Floats, common: Ints) -> Ints:
+    def _clusters(self, frames: Ints, deviations: Deviations) -> Ints:
+        deviation, common = deviations.steady, deviations.common
         parameters, n_limbs, wishes = self._parameters, self._n_limbs, self._wishes
         weight = np.where(np.isnan(deviation), 0.0, (common + 1) / (common + HALF_BELIEVED))
         groups = None

@@ -16,7 +16,7 @@ import numpy as np
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.limbs.constraints import Constraints
 from skelgen.stages.limbs.parameters import LimbParameters
-from skelgen.stages.limbs.pieces import GAIN, MERGED, marker_noise, misfit, rigid_pieces
+from skelgen.stages.limbs.pieces import GAIN, LINKED, marker_noise, misfit, rigid_pieces
 from skelgen.stages.limbs.relative import Group, Movements
 from skelgen.stages.limbs.rigidity import (
     LEAST_GAIN,
@@ -27,7 +27,7 @@ from skelgen.stages.limbs.rigidity import (
     single_order,
 )
 
-LIMB = 2.0
+LIMB = 3.0
 """nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
 
 
@@ -107,7 +107,7 @@ def _with_resting(movements: Movements, ratio: Floats, groups: Ints, noise: Floa
         near = [
             group
             for group in np.unique(groups).tolist()
-            if ratio[marker, groups == group].max() <= MERGED and not wishes.apart[marker, groups == group].any()
+            if ratio[marker, groups == group].max() <= LINKED and not wishes.apart[marker, groups == group].any()
         ]
         if len(near) < 2 or mates.sum() < 2:
             continue

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -12,6 +14,15 @@ CHUNK_FLOATS = 4_000_000
 
 MIN_COMMON_SAMPLES = 8
 """Fewer sampled frames with both markers say nothing about rigidity; all frames are then asked."""
+
+FAR = 3.0
+"""Standard deviations beyond which a distance is far from the others."""
+
+FAR_PART = 0.05
+"""Part of the distances that may be left out as far: a joint that moves for longer is a joint."""
+
+CLIPPINGS = 3
+"""Turns of leaving out what is far: wrong labels hide behind the deviation that they make themselves."""
 
 
 def sample_frames(n_frames: int, parameters: LimbParameters, seed: int | tuple[int, ...]) -> Ints:
@@ -38,8 +49,32 @@ def sample_frames(n_frames: int, parameters: LimbParameters, seed: int | tuple[i
     return np.unique(np.clip(np.rint(grid), 0, n_frames - 1).astype(np.intp))
 
 
-def distance_deviation(positions: Floats, frames: Ints) -> tuple[Floats, Ints]:
-    """Return the standard deviation of each pairwise distance over the sampled frames, and how many show the pair.
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """How much the distance between each two markers varies.
+
+    Attributes
+    ----------
+    plain : ndarray, shape (n_markers, n_markers), mm
+        Standard deviation; symmetric, zero on the diagonal, NaN for pairs that share fewer than two frames.
+    steady : ndarray, shape (n_markers, n_markers), mm
+        The same without the few distances that are far from all others, as wrong labels make them.
+    common : ndarray of intp, shape (n_markers, n_markers)
+        Frames that they rest on, in the density of the samples.
+    """
+
+    plain: Floats
+    steady: Floats
+    common: Ints
+
+    def of(self, markers: Ints) -> Deviations:
+        """Return those between some of the markers."""
+        block = np.ix_(markers, markers)
+        return Deviations(self.plain[block], self.steady[block], self.common[block])
+
+
+def distance_deviations(positions: Floats, frames: Ints) -> Deviations:
+    """Return how much each distance varies over the sampled frames.
 
     Parameters
     ----------
@@ -47,33 +82,26 @@ def distance_deviation(positions: Floats, frames: Ints) -> tuple[Floats, Ints]:
         NaN where unseen.
     frames : ndarray of intp
         Sampled frames. Pairs that fewer than `MIN_COMMON_SAMPLES` of them show are computed over all frames.
-
-    Returns
-    -------
-    deviation : ndarray, shape (n_markers, n_markers), mm
-        Symmetric, zero on the diagonal; NaN for pairs that share fewer than two frames.
-    common : ndarray of intp, shape (n_markers, n_markers)
-        Frames that the deviation rests on, in the density of the samples.
     """
-    deviation, common = _deviation(positions[frames])
+    plain, steady, common = _deviations(positions[frames])
     rare = (common < MIN_COMMON_SAMPLES) & (len(frames) < len(positions))
     markers = np.flatnonzero(rare.any(axis=1))
     if len(markers):
-        over_all, _ = _deviation(positions[:, markers])
         block = np.ix_(markers, markers)
-        deviation[block] = np.where(rare[block], over_all, deviation[block])
-    return deviation, common
+        over_all = _deviations(positions[:, markers])
+        for table, found in ((plain, over_all[0]), (steady, over_all[1])):
+            table[block] = np.where(rare[block], found, table[block])
+    return Deviations(plain, steady, common)
 
 
-def _deviation(positions: Floats) -> tuple[Floats, Ints]:
+def _deviations(positions: Floats) -> tuple[Floats, Floats, Ints]:
     n_frames, n_markers = positions.shape[:2]
-    seen: Bools = ~np.isnan(positions[:, :, 0])
-    common = seen.T.astype(np.float64) @ seen.astype(np.float64)
-    total, squares, shift = np.zeros((3, n_markers, n_markers))
+    sums, steady_sums = np.zeros((2, 3, n_markers, n_markers))
+    shift = np.zeros((n_markers, n_markers))
     step = max(1, CHUNK_FLOATS // max(1, 3 * n_markers))
     for start in range(0, n_frames, step):
-        shown = np.ascontiguousarray(seen[start : start + step].T)
-        places = np.ascontiguousarray(np.moveaxis(positions[start : start + step], 0, 2).swapaxes(0, 1))
+        places = np.ascontiguousarray(positions[start : start + step].transpose(2, 1, 0))
+        shown = ~np.isnan(places[0])
         places[:, ~shown] = 0.0
         for marker in range(n_markers - 1):
             later = slice(marker + 1, None)
@@ -82,10 +110,37 @@ def _deviation(positions: Floats) -> tuple[Floats, Ints]:
             if start == 0:
                 shift[marker, later] = distance[np.arange(len(both)), both.argmax(axis=1)]
             distance = (distance - shift[marker, later, np.newaxis]) * both
-            total[marker, later] += distance.sum(axis=1)
-            squares[marker, later] += np.einsum("mf,mf->m", distance, distance)
+            sums[:, marker, later] += _moments(distance, both)
+            steady_sums[:, marker, later] += _moments(distance, _without_far(distance, both))
+    plain, steady = (_standard_deviation(*table) for table in (sums, steady_sums))
+    return plain, steady, (sums[0] + sums[0].T).astype(np.intp)
+
+
+def _moments(values: Floats, used: Bools) -> Floats:
+    """Number, sum and sum of squares of the used values of each row, shape (3, n_rows)."""
+    weights = used.astype(np.float64)
+    weighted = values * weights
+    return np.stack([weights.sum(axis=1), weighted.sum(axis=1), np.einsum("mf,mf->m", weighted, values)])
+
+
+def _without_far(values: Floats, used: Bools) -> Bools:
+    """Leave out values that are far from the others of their row; where they are many, they are motion and stay."""
+    kept = used
+    for _ in range(CLIPPINGS):
+        count, total, squares = _moments(values, kept)
+        count = np.maximum(count, 1)
+        mean = total / count
+        limit = FAR**2 * np.maximum(squares / count - mean**2, 0.0)
+        kept = used & ((values - mean[:, np.newaxis]) ** 2 <= limit[:, np.newaxis])
+    few = kept.sum(axis=1) >= (1 - FAR_PART) * used.sum(axis=1)
+    return np.where(few[:, np.newaxis], kept, used)
+
+
+def _standard_deviation(count: Floats, total: Floats, squares: Floats) -> Floats:
+    """Symmetric deviations from sums above the diagonal; NaN where fewer than two values were summed."""
+    count, total, squares = (table + table.T for table in (count, total, squares))
     with np.errstate(invalid="ignore", divide="ignore"):
-        variance = (squares + squares.T) / common - ((total + total.T) / common) ** 2
-    variance[common < 2] = np.nan
+        variance = squares / count - (total / count) ** 2
+    variance[count < 2] = np.nan
     np.fill_diagonal(variance, 0.0)
-    return np.sqrt(np.maximum(variance, 0.0)), common.astype(np.intp)
+    return np.sqrt(np.maximum(variance, 0.0))
