@@ -95,7 +95,7 @@ def find_joints(
 def sample_frames(n_frames: int, parameters: JointParameters) -> Ints:
     """Frames at which all pairs of limbs are tried, rising."""
     step = parameters.sampling or max(1.0, n_frames / parameters.samples)
-    return np.unique(np.arange(0, n_frames, step).astype(np.intp))
+    return np.unique(np.arange(0, n_frames, step).astype(np.intp).clip(max=n_frames - 1))  # rounding may reach the end
 
 
 def _all_pairs(segments: list[Segment], parameters: JointParameters, seed: int, n_jobs: int, monitor: Monitor) -> Costs:
