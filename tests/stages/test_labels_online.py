@@ -175,6 +175,11 @@ def test_impossible_points_are_errors(points) -> None:
         Tracker(rate=RATE).update(points, 0.0)
 
 
+def test_impossibly_large_coordinates_are_an_error() -> None:
+    with pytest.raises(InputError, match="check the unit"):
+        Tracker(rate=RATE).update(np.full((2, 3), 1e200), 0.0)
+
+
 def test_refused_frame_changes_nothing(rigid_body) -> None:
     tracker = Tracker(rate=RATE)
     tracker.update(rigid_body[0], 0.0)
