@@ -150,3 +150,38 @@ def test_marker_seen_only_at_rest_goes_to_the_nearest_limb(simulated):
     take = dataclasses.replace(case.take, positions=positions)
     labels = find_limbs(take).limb_of_marker
     assert labels[5] == labels[np.argmin(gaps)]
+
+
+@pytest.mark.parametrize("path", ["fixed", "wandering"])
+def test_marker_that_belongs_nowhere_is_left_out_and_named(simulated, notices, same_partition, path):
+    case = simulated("human", n_frames=600, noise=0.5)
+    steps = np.random.default_rng(1).normal(scale=30.0, size=(600, 3)).cumsum(axis=0)
+    extra = np.full((600, 3), 500.0) if path == "fixed" else steps
+    positions = np.concatenate([case.take.positions, extra[:, np.newaxis]], axis=1)
+    take = dataclasses.replace(case.take, positions=positions, names=(*case.take.names, "lamp"))
+    labels = find_limbs(take, monitor=notices).limb_of_marker
+    assert labels[-1] == -1
+    assert "lamp" in " ".join(notices.sentences)
+    assert same_partition(labels[:-1], case.truth.limb_of_marker)
+
+
+BAD = {
+    "all equal": np.zeros_like,
+    "still": lambda points: np.repeat(points[:1], len(points), axis=0),
+    "one line": lambda points: points * np.array([1.0, 0.0, 0.0]),
+    "coincident": lambda points: points[:, [0, 0, 0, 3, 3, 5, 6, 7, 8]],
+    "two frames apart": lambda points: np.where(np.arange(len(points))[:, None, None] % 2 == 0, points, np.nan),
+    "five frames": lambda points: np.where(
+        (np.arange(9) == 2)[:, None] & (np.arange(len(points)) > 4)[:, None, None], np.nan, points
+    ),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", BAD)
+def test_degenerate_markers_are_grouped_without_warning(simulated, kind):
+    take = simulated("rods").take
+    bad = dataclasses.replace(take, positions=BAD[kind](take.positions))
+    limbs = find_limbs(bad)
+    assert limbs.n_limbs >= 1
+    assert not np.isnan(limbs.distance_deviation[np.ix_(limbs.limb_of_marker >= 0, limbs.limb_of_marker >= 0)]).all()

@@ -21,9 +21,12 @@ from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative import Movements
 from skelgen.stages.limbs.rigidity import rigid_groups
 from skelgen.stages.limbs.spectral import greedy_clusters, spectral_clusters
+from skelgen.stages.limbs.stray import stray_markers
 from skelgen.stages.limbs.votes import majority
 
 __all__ = ["LimbParameters", "find_limbs"]
+
+LONELY = "never seen together with another marker"
 
 HALF_BELIEVED = 20
 """Sampled frames with which a pair of markers counts half: in fewer, limbs have hardly moved against each other."""
@@ -59,7 +62,7 @@ def find_limbs(
     Returns
     -------
     Limbs
-        Limbs numbered in the order of their first marker.
+        Limbs numbered in the order of their first marker. Markers that belong nowhere are left out, with a notice.
 
     Raises
     ------
@@ -81,13 +84,18 @@ def find_limbs(
         raise InputError(
             f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
         )
-    _report_lonely(trajectories, usable, monitor)
+    _report(trajectories, np.setdiff1d(np.arange(len(deviations.plain)), usable), LONELY, monitor)
     if n_limbs is not None and not 1 <= n_limbs <= len(usable):
         raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
     grouping = _Grouping(trajectories.positions[:, usable], wishes.of(usable), parameters, n_limbs, seed)
     groups = grouping.voted(frames, deviations.of(usable))
     labels = np.full(trajectories.n_markers, -1, dtype=np.intp)
-    labels[usable] = _numbered_by_first(groups)
+    labels[usable] = groups
+    if n_limbs is None:
+        stray = usable[stray_markers(groups, deviations.of(usable).steady) & ~wishes.of(usable).is_named]
+        labels[stray] = -1
+        _report(trajectories, stray, "moving against all limbs like none of them", monitor)
+    labels[labels >= 0] = _numbered_by_first(labels[labels >= 0])
     monitor.advance(1, 1)
     return Limbs(labels, deviations.plain)
 
@@ -111,7 +119,7 @@ class _Grouping:
             votes.append(self._grouped(again, distance_deviations(self._positions, again)))
             if 2 * sum(np.array_equal(votes[-1], one) for one in votes) > n_samplings:
                 return votes[-1]
-        return self._checked(majority(votes), deviations.steady)
+        return _numbered_by_first(self._checked(majority(votes), deviations.steady))
 
     def _grouped(self, frames: Ints, deviations: Deviations) -> Ints:
         return _numbered_by_first(self._checked(self._clusters(frames, deviations), deviations.steady))
@@ -168,7 +176,7 @@ def _numbered_by_first(labels: Ints) -> Ints:
     return rank[inverse]
 
 
-def _report_lonely(trajectories: Trajectories, usable: Ints, monitor: Monitor) -> None:
-    lonely = [name for index, name in enumerate(trajectories.names) if index not in set(usable.tolist())]
-    if lonely:
-        monitor.notice(f"left out, never seen together with another marker: {', '.join(lonely)}")
+def _report(trajectories: Trajectories, markers: Ints, reason: str, monitor: Monitor) -> None:
+    if len(markers):
+        names = ", ".join(trajectories.names[marker] for marker in markers)
+        monitor.notice(f"left out, {reason}: {names}")

@@ -37,6 +37,14 @@ class Constraints:
         """Whether nothing is asked."""
         return len(self.blocks) == len(self.apart) and not bool(self.apart.any())
 
+    @property
+    def is_named(self) -> Bools:
+        """Which markers the user says anything of, shape (n_markers,)."""
+        named: Bools = np.asarray(self.apart.any(axis=1))
+        for block in self.blocks:
+            named[list(block)] |= len(block) > 1
+        return named
+
     def of(self, markers: Ints) -> Constraints:
         """Return what is asked of some of the markers, numbered as they are listed."""
         place = {marker: index for index, marker in enumerate(markers.tolist())}
