@@ -41,6 +41,7 @@ MOST_NAMED = 4
 REMEDIES = {
     "piece": "if the two are one marker, give the number of markers or name both by hand",
     "alone": "a reflection? a larger min_range drops such short tracks",
+    "rare": "if it is a marker of its own, name it by hand; otherwise give the number of markers",
     "rival": "look there; if it is wrong, name the marker in one of these frames by hand",
     "misfit": "see whether the marker was touched, has slipped, or a false point was taken for it",
     "unsupported": "one more marker on its limb, or a camera that sees the others there",

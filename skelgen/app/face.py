@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,8 @@ def reconstruct(
     *,
     n_jobs: int = 1,
     identities: Identities | Path | str | None = None,
+    hierarchy: Mapping[str, str] | None = None,
+    root: str | None = None,
 ) -> Project:
     """Find limbs, joints and skeleton of a take, and the skeleton's motion.
 
@@ -77,6 +80,10 @@ def reconstruct(
         Number of processes for work that can be shared.
     identities : Identities, Path or str, optional
         What you state of some points, or the file that states it; the labels obey.
+    hierarchy : mapping of str to str, optional
+        Parent of every limb by name, empty for a root: names of bodies, or limb0, limb1, ...; found if left out.
+    root : str, optional
+        Name of the limb that is the root of a tree that is found.
 
     Returns
     -------
@@ -98,7 +105,7 @@ def reconstruct(
     """
     if not isinstance(take, PointCloud | Trajectories | Poses):
         raise InputError(f"a take must be a PointCloud, Trajectories or Poses, not {type(take).__name__}")
-    wishes = Wishes(n_markers=n_markers, n_limbs=n_limbs, n_jobs=n_jobs)
+    wishes = Wishes(n_markers=n_markers, n_limbs=n_limbs, n_jobs=n_jobs, hierarchy=hierarchy, root=root)
     project = Project(take, seed, identities=given_identities(identities))
     return run_stages(project, settings=Settings(parameters), wishes=wishes, monitor=monitor or SILENT)
 

@@ -17,11 +17,14 @@ MIN_MARKERS = 2
 STILL_RANGE = 1e-6
 """Range of motion [mm] below which nothing moves: a nanometre is finer than any tracker and any file resolves."""
 
-AXIS_LENGTH = 100.0
-"""Distance [mm] of a body's axis markers from its origin: the size of a limb, so that all errors weigh alike."""
+AXIS_LENGTHS = (50.0, 400.0)
+"""Distance [mm] of a body's axis markers from its origin, at least and at most: they stay near a limb."""
 
-_BODY_POINTS = np.vstack([np.zeros(3), AXIS_LENGTH * np.eye(3)])
-_BODY_POINT_NAMES = ("o", "x", "y", "z")
+BODY_POINT_NAMES = ("o", "x", "y", "z", "-x", "-y", "-z")
+"""Markers that stand for a body: its origin and both ends of its axes, so that none of its errors pulls another."""
+
+_BODY_POINTS = np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])
+_AXIS_MARKERS = 6  # which tell the rotation; the origin helps to tell the position
 
 
 def check_take(take: Take) -> None:
@@ -62,7 +65,10 @@ def check_trajectories(trajectories: Trajectories) -> None:
 
 
 def trajectories_from_poses(poses: Poses) -> Trajectories:
-    """Put four virtual markers on every body: its origin and the tips of its axes.
+    """Put virtual markers on every body: its origin and both ends of its axes.
+
+    The farther the ends, the more the rotations count: they are where errors of position and of rotation weigh alike,
+    as far as the frames tell (`noise_size`).
 
     Parameters
     ----------
@@ -72,11 +78,14 @@ def trajectories_from_poses(poses: Poses) -> Trajectories:
     Returns
     -------
     Trajectories
-        Markers ``body:o``, ``body:x``, ``body:y`` and ``body:z`` for every body, the tips `AXIS_LENGTH` [mm] away.
+        Markers ``body:o``, ``body:x``, ``body:-x`` and so on for every body.
     """
+    from skelgen.kinematics.relative import noise_size  # noqa: PLC0415 - scipy costs 0.1 s, and few takes are poses
+
+    length = np.clip(noise_size(poses) * np.sqrt(len(_BODY_POINTS) / _AXIS_MARKERS), *AXIS_LENGTHS)
     rotations, origins = poses.world_from_body[..., :3, :3], poses.world_from_body[..., :3, 3]
-    points = np.einsum("fbij,kj->fbki", rotations, _BODY_POINTS) + origins[:, :, np.newaxis]
-    names = tuple(f"{body}:{point}" for body in poses.names for point in _BODY_POINT_NAMES)
+    points = np.einsum("fbij,kj->fbki", rotations, length * _BODY_POINTS) + origins[:, :, np.newaxis]
+    names = tuple(f"{body}:{point}" for body in poses.names for point in BODY_POINT_NAMES)
     return Trajectories(points.reshape(poses.n_frames, len(names), 3), names, poses.rate, poses.name, poses.notices)
 
 

@@ -7,10 +7,11 @@ take seconds to load, and ``skelgen --help`` needs none of them.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from skelgen.app.hierarchy import known_tree
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, trajectories_from_poses
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Poses, Project, StageReport, Trajectories
@@ -31,17 +32,30 @@ class Wishes:
         Known numbers; None lets the stages find them.
     n_jobs : int
         Processes for work that can be shared.
+    hierarchy : mapping of str to str, or None
+        Parent of every limb by name, empty for a root: names of bodies, or limb0, limb1, ...; None finds the tree.
+    root : str or None
+        Name of the limb that is the root of a tree that is found.
     """
 
     n_markers: int | None = None
     n_limbs: int | None = None
     n_jobs: int = 1
+    hierarchy: Mapping[str, str] | None = None
+    root: str | None = None
 
     def notices(self, stage: str) -> tuple[str, ...]:
-        """Return what a stage's report says of the numbers that the user gave."""
+        """Return what a stage's report says of what the user gave."""
+        if stage == "joints":
+            return self._notices_of_tree()
         known = {"labels": ("markers", self.n_markers), "limbs": ("limbs", self.n_limbs)}
         what, number = known.get(stage, ("", None))
         return () if number is None else (f"the number of {what} was given: {number}",)
+
+    def _notices_of_tree(self) -> tuple[str, ...]:
+        if self.hierarchy is not None:
+            return ("the hierarchy was given",)
+        return () if self.root is None else (f"the root was given: {self.root}",)
 
 
 @dataclass(frozen=True)
@@ -107,8 +121,8 @@ def _label(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) 
         if project.identities is not None:
             raise InputError(f"{project.name}: the take holds bodies with orientation; no point of it needs a name")
         monitor.notice(
-            "the take holds bodies with orientation: each becomes four virtual markers (its origin and the tips of "
-            "its axes), named body:o, body:x, body:y and body:z"
+            "the take holds bodies with orientation: each becomes seven virtual markers (its origin and both ends of "
+            "its axes), named body:o, body:x, body:-x and so on"
         )
         return trajectories_from_poses(take), None
     from skelgen.stages.labels import labelling_of_markers  # noqa: PLC0415 - see the module's docstring
@@ -150,7 +164,13 @@ def _join(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -
     from skelgen.stages.joints import find_joints  # noqa: PLC0415 - see the module's docstring
 
     topology = find_joints(
-        project.trajectories, project.limbs, parameters, seed=project.seed, n_jobs=wishes.n_jobs, monitor=monitor
+        project.trajectories,
+        project.limbs,
+        parameters,
+        seed=project.seed,
+        n_jobs=wishes.n_jobs,
+        monitor=monitor,
+        **known_tree(project, wishes.hierarchy, wishes.root),
     )
     return (topology,)
 
@@ -158,7 +178,8 @@ def _join(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -
 def _fit(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
-    return fit_skeleton(project.trajectories, project.limbs, project.topology, parameters, monitor=monitor)
+    known = {"are_poses": True} if isinstance(project.take, Poses) else {}
+    return fit_skeleton(project.trajectories, project.limbs, project.topology, parameters, monitor=monitor, **known)
 
 
 PIPELINE = (

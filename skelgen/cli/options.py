@@ -34,6 +34,19 @@ IdentitiesFile = Annotated[
     Path | None,
     typer.Option("--identities", metavar="FILE", help="CSV: which point is which marker.", show_default=False),
 ]
+Hierarchy = Annotated[
+    Path | None,
+    typer.Option(
+        "--hierarchy",
+        metavar="FILE",
+        help="Known tree: a line child,parent for every limb, a root's parent empty; bodies by name, or limb0, limb1.",
+        show_default="found",
+    ),
+]
+Root = Annotated[
+    str | None,
+    typer.Option("--root", metavar="NAME", help="Root of the tree: a body, or limb0, limb1, ...", show_default="found"),
+]
 Config = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="Parameters of all stages: config.xml.", show_default=False),

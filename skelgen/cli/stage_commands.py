@@ -13,6 +13,7 @@ from skelgen.cli.options import (
     AsJson,
     Config,
     FormatName,
+    Hierarchy,
     IdentitiesFile,
     InputFile,
     Jobs,
@@ -20,6 +21,7 @@ from skelgen.cli.options import (
     NMarkers,
     OutputFolder,
     Quiet,
+    Root,
     Seed,
     given,
 )
@@ -61,7 +63,7 @@ _DEFAULT_FILES = {
 _WISHES: dict[str, tuple[str, ...]] = {
     "label": ("n_markers", "identities"),
     "cluster": ("n_limbs",),
-    "joints": ("n_jobs",),
+    "joints": ("n_jobs", "hierarchy", "root"),
     "fit": (),
 }
 """Which of the user's wishes a stage can heed."""
@@ -73,6 +75,8 @@ _WISH_OPTIONS = {
         ("identities", None, IdentitiesFile),
         ("n_limbs", None, NLimbs),
         ("n_jobs", 1, Jobs),
+        ("hierarchy", None, Hierarchy),
+        ("root", None, Root),
     )
 }
 
@@ -85,6 +89,8 @@ def run(
     n_markers: NMarkers = None,
     n_limbs: NLimbs = None,
     identities: IdentitiesFile = None,
+    hierarchy: Hierarchy = None,
+    root: Root = None,
     seed: Seed = None,
     jobs: Jobs = 1,
     config: Config = None,
@@ -107,7 +113,7 @@ def run(
     take = find_result(take)
     settings = settings_with(Settings(config), assignments or ())
     project = open_input(take, format_name, seed, identities, **given(reader_values))
-    wishes = Wishes(n_markers, n_limbs, jobs)
+    wishes = Wishes(n_markers, n_limbs, jobs, _hierarchy_in(hierarchy), root)
     folder = output or _folder_for(take)
     _run_and_write(screen, project, (from_stage, until_stage), settings, wishes, folder, stem_of(take))
 
@@ -158,7 +164,7 @@ def stage_command(stage: Stage) -> Callable[..., None]:
         take = find_result(take) if take else None
         wanted = {name: values.pop(name) for name in _WISHES[stage.command]}
         identities = wanted.pop("identities", None)
-        wishes = Wishes(**wanted)
+        wishes = Wishes(**(wanted | {"hierarchy": _hierarchy_in(wanted.get("hierarchy"))}))
         names = {entry.name for entry in stage.parameters_class().declarations()}
         chosen = given(values)
         settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})
@@ -201,6 +207,12 @@ def _run_and_write(
     show_project(screen, tables)
     show_files(screen, files)
     screen.json({**tables, "files": [str(file) for file in files]})
+
+
+def _hierarchy_in(path: Path | None) -> dict[str, str] | None:
+    from skelgen.app.hierarchy import read_hierarchy
+
+    return None if path is None else read_hierarchy(path)
 
 
 def _folder_for(take: Path) -> Path:

@@ -38,7 +38,8 @@ def _show_labelling(screen: Screen, facts: Mapping[str, Any]) -> None:
     parts = [f"{facts['markers']} markers"]
     if "tracklets" in facts:
         parts[0] += f" from {facts['tracklets']} tracklets"
-    parts.append(f"{facts['doubtful_spans']} doubtful spans ({100 * facts['doubtful_share']:.2g} % of the positions)")
+    spans = "1 doubtful span" if facts["doubtful_spans"] == 1 else f"{facts['doubtful_spans']} doubtful spans"
+    parts.append(f"{spans} ({100 * facts['doubtful_share']:.2g} % of the positions)")
     if "left_out" in facts:
         parts.append(f"{facts['left_out']} points left out ({100 * facts['left_out_share']:.2g} %)")
     if "seed_markers" in facts:

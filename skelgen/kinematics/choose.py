@@ -13,7 +13,7 @@ from skelgen.kinematics.arrow import solve_arrow
 from skelgen.kinematics.joint_fit import JointFit, fit_kind, linear_place
 from skelgen.kinematics.kind import KNOWN_KINDS, JointKind, KindLimits, find_kind
 from skelgen.kinematics.placed import Placed, fit_placed, linearised
-from skelgen.kinematics.relative import BODY_SIZE, MIN_FRAMES, RelativePoses, relative_poses, whitener
+from skelgen.kinematics.relative import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.turning import FreeTurning
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
@@ -21,6 +21,9 @@ from skelgen.model.arrays import Floats
 FREEDOMS_OF_GAP = 3.0
 """Per frame: what poses alone tell of their noise is how far a ball joint's two images are apart."""
 
+
+ROUNDING = 1e-9
+"""rad; noise of rotations that are exact in double precision."""
 
 VARIANCE_OF_THIRD = 20.0
 """Of third differences of independent numbers of variance 1: 1 + 9 + 9 + 1."""
@@ -64,7 +67,7 @@ def choose_kind(
     parent: int | str,
     child: int | str,
     covariances: Floats | None = None,
-    size: float = BODY_SIZE,
+    size: float | None = None,
     *,
     wanted: str | None = None,
     limits: KindLimits | None = None,
@@ -114,7 +117,7 @@ def _settled_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:
     rotations = ball.state.turning.rotations()
     if measured.is_scaled:
         return rotations, max(variance, 1.0) * solution.angle_covariance
-    covariances = variance * solution.angle_covariance
+    covariances = variance * solution.angle_covariance + ROUNDING**2 * np.eye(3)
     shaking = _shaking(measured) / np.einsum("fii->f", covariances).mean()
     return rotations, max(float(shaking), 1.0) * covariances
 

@@ -12,7 +12,7 @@ from skelgen.kinematics.convention import conventional
 from skelgen.kinematics.correlated import effective_frames
 from skelgen.kinematics.hinge import hinge_turning
 from skelgen.kinematics.placed import Placed, fit_placed, linearised
-from skelgen.kinematics.relative import BODY_SIZE, RelativePoses, relative_poses, whitener
+from skelgen.kinematics.relative import RelativePoses, relative_poses, whitener
 from skelgen.kinematics.turning import AxisTurning, FixedTurning, FreeTurning, TwoAxisTurning
 from skelgen.kinematics.universal import universal_turning
 from skelgen.model import Poses
@@ -98,7 +98,7 @@ class JointFit:
 
 
 def fit_ball(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float = BODY_SIZE
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
 ) -> JointFit:
     """Fit a ball joint: the point that is fixed in two bodies.
 
@@ -113,8 +113,9 @@ def fit_ball(
         Two of them, by index or name.
     covariances : ndarray, shape (n_bodies, 6, 6) or (n_frames, n_bodies, 6, 6), optional
         Of shift [mm] and turn [rad] of every body in its own frame, e.g. from `pose_covariance`.
-    size : float, mm
-        Without covariances: distance at which an error of a body's rotation weighs as much as one of its position.
+    size : float, mm, optional
+        Without covariances: distance of the points that stand for a body, which says how an error of its rotation
+        weighs beside one of its position; by default from what changes between neighbouring frames.
 
     Raises
     ------
@@ -125,21 +126,21 @@ def fit_ball(
 
 
 def fit_hinge(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float = BODY_SIZE
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
 ) -> JointFit:
     """Fit a hinge: axis, place and angles; solution of rank 5 and null vector first. Parameters as `fit_ball`."""
     return fit_kind("hinge", relative_poses(poses, parent, child, covariances, size))
 
 
 def fit_universal(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float = BODY_SIZE
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
 ) -> JointFit:
     """Fit a universal joint: two axes that meet, one fixed in each body. Parameters as `fit_ball`."""
     return fit_kind("universal", relative_poses(poses, parent, child, covariances, size))
 
 
 def fit_rigid(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float = BODY_SIZE
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
 ) -> JointFit:
     """Fit a rigid connection: one relative pose for all frames. Parameters as `fit_ball`."""
     return fit_kind("rigid", relative_poses(poses, parent, child, covariances, size))

@@ -24,7 +24,13 @@ from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints, check_floats
 
 BODY_SIZE = 100.0
-"""mm from a body's origin to the points that stand for it: the size of physical marker targets, as the source asks."""
+"""mm from a body's origin to the points that stand for it, where frames do not tell: the size of marker targets."""
+
+SIZES = (20.0, 2000.0)
+"""mm; no tracker's errors of position and rotation have another ratio."""
+
+FEWEST_DIFFERENCES = 20
+"""Third differences on which the ratio rests at least."""
 
 MIN_FRAMES = 3
 """Fewer common frames than this determine no joint."""
@@ -73,7 +79,7 @@ class RelativePoses:
 
 
 def relative_poses(
-    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float = BODY_SIZE
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
 ) -> RelativePoses:
     """Return the poses of one body relative to another, in the frames that show both.
 
@@ -85,8 +91,9 @@ def relative_poses(
         Two of them, by index or name.
     covariances : ndarray, shape (n_bodies, 6, 6) or (n_frames, n_bodies, 6, 6), optional
         Of shift [mm] and turn [rad] of every body in its own frame, e.g. from `pose_covariance`.
-    size : float, mm
-        Without covariances: distance at which an error of a body's rotation weighs as much as one of its position.
+    size : float, mm, optional
+        Without covariances: distance of the points that stand for a body, which says how an error of its rotation
+        weighs beside one of its position; by default from `noise_size`.
 
     Raises
     ------
@@ -94,7 +101,7 @@ def relative_poses(
         If there is no such body, both are the same, the covariances do not fit, or fewer than `MIN_FRAMES` frames show
         both bodies.
     """
-    first, second = _index(poses, parent), _index(poses, child)
+    first, second = body_index(poses, parent), body_index(poses, child)
     if first == second:
         raise InputError(f"{poses.names[first]!r} cannot be joined to itself; name two bodies")
     world = poses.world_from_body
@@ -104,7 +111,7 @@ def relative_poses(
             f"{poses.names[first]!r} and {poses.names[second]!r} are seen together in {int(seen.sum())} frames; "
             f"a joint needs {MIN_FRAMES}"
         )
-    own = _body_covariances(poses, covariances, size)[:, [first, second]]
+    own = _body_covariances(poses, covariances, noise_size(poses) if size is None else size)[:, [first, second]]
     frames = np.flatnonzero(seen)
     own = own[frames] if len(own) > 1 else own
     related = joined(world[frames, first], world[frames, second], own[:, 0], own[:, 1], frames, poses.n_frames)
@@ -137,6 +144,30 @@ def pose_covariance(points: Floats, noise: float) -> Floats:
 def default_covariance(size: float = BODY_SIZE) -> Floats:
     """Return the covariance, for unit noise, of a body known by six points on its axes at a distance [mm]."""
     return pose_covariance(np.concatenate([np.eye(3), -np.eye(3)]) * size, 1.0)
+
+
+def noise_size(poses: Poses) -> float:
+    """Return the distance [mm] at which the bodies' errors of rotation weigh as much as those of position.
+
+    Errors are told from motion by third differences over time, to which smooth motion hardly adds; medians over frames
+    and bodies keep out the rest.
+    """
+    steps: list[Floats] = []
+    turns: list[Floats] = []
+    for body in range(poses.n_bodies):
+        world = poses.world_from_body[:, body]
+        step = np.diff(world[:, :3, 3], axis=0)
+        turn = vector_from_matrix(np.nan_to_num(world[:-1, :3, :3].swapaxes(1, 2) @ world[1:, :3, :3]))
+        turn[np.isnan(step[:, 0])] = np.nan
+        for values, kept in ((step, steps), (turn, turns)):
+            third = np.abs(np.diff(values, n=2, axis=0))
+            kept.append(np.asarray(third[~np.isnan(third[:, 0])]))
+    if sum(len(third) for third in turns) < FEWEST_DIFFERENCES:
+        return BODY_SIZE
+    shift, rotation = (float(np.median(np.concatenate(kept))) for kept in (steps, turns))
+    if rotation == 0:
+        return BODY_SIZE
+    return float(np.clip(shift / rotation * np.sqrt(6) / 2, *SIZES))  # six points: see `default_covariance`
 
 
 def joined(
@@ -172,7 +203,8 @@ def whitener(covariances: Floats) -> Floats:
     return np.linalg.inv(np.linalg.cholesky(covariances + np.diag(ridge)))
 
 
-def _index(poses: Poses, body: int | str) -> int:
+def body_index(poses: Poses, body: int | str) -> int:
+    """Return the index of a body that is given by index or name, or raise `InputError`."""
     names = ", ".join(poses.names)
     if isinstance(body, str):
         if body not in poses.names:

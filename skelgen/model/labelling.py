@@ -9,9 +9,10 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints
 
-DOUBT_KINDS = ("piece", "alone", "rival", "misfit", "unsupported", "repaired")
-"""Why a span is doubtful: the marker is probably a piece of another one; too little is seen of it; another marker's
-place fits as well; no place fits; too few markers beside it are seen; its labels were exchanged in the file."""
+DOUBT_KINDS = ("piece", "alone", "rare", "rival", "misfit", "unsupported", "repaired")
+"""Why a span is doubtful: the marker is probably a piece of another one; its distance to no other is known; it is seen
+in few frames only; another marker's place fits as well; no place fits; too few markers beside it are seen; its labels
+were exchanged in the file."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,6 +93,26 @@ def outward_order(parents: Ints) -> Ints:
     for limb in order:  # the list grows while it is walked: that is the breadth-first search
         order.extend(int(child) for child in np.flatnonzero(parents == limb))
     return np.array(order, dtype=np.intp)
+
+
+def parents_from_names(names: tuple[str, ...], parents: Mapping[str, str | None]) -> Ints:
+    """Return the parents of bodies by index, -1 for roots; bodies that are not mentioned are roots.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or the parents form a cycle.
+    """
+    for child, parent in parents.items():
+        for name in (child, parent):
+            if name and name not in names:
+                raise InputError(
+                    f"the hierarchy names {name!r}, which is not in the take; there are {', '.join(names)}"
+                )
+    index = np.array([names.index(parent) if (parent := parents.get(name)) else -1 for name in names], dtype=np.intp)
+    if len(outward_order(index)) != len(names):
+        raise InputError("the hierarchy goes round in a circle: following the parents must end at a root")
+    return index
 
 
 def _check_forest(parents: Ints) -> None:

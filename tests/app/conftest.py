@@ -78,7 +78,7 @@ def _find_joints(trajectories, limbs, parameters, *, seed=0, n_jobs=1, monitor=N
     )
 
 
-def _fit_skeleton(trajectories, limbs, topology, parameters, *, monitor=None):
+def _fit_skeleton(trajectories, limbs, topology, parameters, *, monitor=None, are_poses=False):
     monitor.advance(1, 1)
     n_frames, n_markers, n_limbs = trajectories.n_frames, trajectories.n_markers, limbs.n_limbs
     o = np.zeros(3)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.app.configuration import Settings
+from skelgen.app.inputs import AXIS_LENGTHS
 from skelgen.app.pipeline import run_stages
 from skelgen.app.stages import Wishes, stage_names
 from skelgen.errors import Cancelled, InputError, MissingResultError
@@ -92,26 +93,30 @@ def test_stages_in_the_wrong_order_are_refused(waving):
 
 def test_bodies_become_markers_on_rigid_limbs():
     project = run_stages(Project(spinning_bodies()))
-    assert project.trajectories.names[:5] == ("base:o", "base:x", "base:y", "base:z", "tip:o")
-    assert project.limbs.limb_of_marker.tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
-    within = project.limbs.distance_deviation[:4, :4]
+    points = ("o", "x", "y", "z", "-x", "-y", "-z")
+    assert project.trajectories.names == tuple(f"{body}:{point}" for body in ("base", "tip") for point in points)
+    assert project.limbs.limb_of_marker.tolist() == [0] * 7 + [1] * 7
+    within = project.limbs.distance_deviation[:7, :7]
     assert within.max() < 1e-9  # mm: rounding of distances near 100 mm
-    assert project.limbs.distance_deviation[1, 5] > 1
+    assert project.limbs.distance_deviation[1, 8] > 1
     assert "body:o" in project.reports["labels"].notices[0]
 
 
 def test_axis_markers_follow_the_bodies():
     poses = spinning_bodies()
     project = run_stages(Project(poses), until_stage="labels")
-    expected = poses.world_from_body[:, 1] @ [0, 100, 0, 1]
-    np.testing.assert_allclose(project.trajectories.positions[:, 6], expected[:, :3], atol=1e-9)
+    markers = dict(zip(project.trajectories.names, np.moveaxis(project.trajectories.positions, 1, 0), strict=True))
+    length = np.linalg.norm(markers["tip:y"][0] - markers["tip:o"][0])
+    assert AXIS_LENGTHS[0] <= length <= AXIS_LENGTHS[1]
+    expected = poses.world_from_body[:, 1] @ [0, length, 0, 1]
+    np.testing.assert_allclose(markers["tip:y"], expected[:, :3], atol=1e-9)
 
 
 def test_unseen_body_gives_unseen_markers():
     transforms = np.array(spinning_bodies().world_from_body)
     transforms[2, 0] = np.nan
     project = run_stages(Project(Poses(transforms, ("base", "tip"), 100.0)), until_stage="limbs")
-    assert project.trajectories.seen[2].tolist() == [False] * 4 + [True] * 4
+    assert project.trajectories.seen[2].tolist() == [False] * 7 + [True] * 7
     assert np.isfinite(project.limbs.distance_deviation).all()
 
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from skelgen.app.advice import advice_on
 from skelgen.app.summary import column_rows, project_tables, take_facts
+from skelgen.cli.screen import Screen
+from skelgen.cli.tables import show_project
 from skelgen.model import Labelling, PointCloud, Project, StageReport, Trajectories
 from skelgen.model.labelling import Doubt, Tracklets
 
@@ -92,3 +94,11 @@ def test_ghosts_and_rare_markers_are_named_in_the_advice():
     assert "50.0 % of the points belong to no marker" in told
     assert "c in 5 %" in told
     assert "1 track is left out although" in told
+
+
+def test_the_screen_says_how_sure_labels_are(small_project, capsys):
+    show_project(Screen(), project_tables(judged(small_project)))
+    lines = capsys.readouterr().out.splitlines()
+    line = next(line for line in lines if line.startswith("labels:"))
+    assert "10 markers; 1 doubtful span (" in line
+    assert any(line.startswith("  try: some markers look like pieces") for line in lines)

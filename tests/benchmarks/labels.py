@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -171,6 +172,7 @@ def by_trackpy(take: Take) -> Result:
     import trackpy
 
     trackpy.quiet()
+    warnings.filterwarnings("ignore", module="trackpy")  # before the first tracks there is nothing to predict from
     trackpy.linking.Linker.MAX_SUB_NET_SIZE = 60
     predictor = trackpy.predict.NearestVelocityPredict()
     reach, frames = peer_settings(take.cloud)

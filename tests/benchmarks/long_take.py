@@ -6,6 +6,7 @@ nothing beside labelling it; every length is labelled in a process of its own, w
 
 from __future__ import annotations
 
+import argparse
 import itertools
 import json
 import multiprocessing
@@ -47,16 +48,20 @@ class Phases(SilentMonitor):
 
 def main() -> None:
     """Print time and memory by length, and what dominates in the longest take."""
-    lengths = [int(word) for word in sys.argv[1:]] or LENGTHS
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("lengths", type=int, nargs="*", default=LENGTHS, help="in frames")
+    parser.add_argument("--method", default="rigidity")
+    given = parser.parse_args()
     show_machine()
     rows = []
-    for n_frames in lengths:
-        facts = in_own_process(n_frames)
+    for n_frames in given.lengths:
+        facts = in_own_process(n_frames, given.method)
         rows.append(row_of(n_frames, facts))
         phases = ", ".join(f"{name} {seconds:.1f} s (until {peak:.2f} GB)" for name, seconds, peak in facts["phases"])
         print(f"{n_frames} frames: {phases}\n", flush=True)
     columns = ("frames", "points", "seconds", "frames/s", "of the take [GB]", "peak [GB]", "markers", "")
-    title = f"{N_MARKERS} markers at {RATE:g} Hz, 8 cameras: wanted {WANTED_RATE:g} frames/s, {WANTED_GIGABYTES} GB"
+    wanted = f"wanted {WANTED_RATE:g} frames/s, {WANTED_GIGABYTES} GB"
+    title = f"{given.method}, {N_MARKERS} markers at {RATE:g} Hz, 8 cameras: {wanted}"
     show(title, columns, rows)
 
 
@@ -68,11 +73,11 @@ def row_of(n_frames: int, facts: dict) -> tuple[str, ...]:
     return (str(n_frames), str(facts["n_points"]), *numbers, str(facts["markers"]), verdict(reached))
 
 
-def in_own_process(n_frames: int) -> dict:
+def in_own_process(n_frames: int, method: str) -> dict:
     """Label a take in a fresh process, because a process never forgets its peak of memory."""
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_label, args=(n_frames, sender))
+    process = context.Process(target=_label, args=(n_frames, method, sender))
     process.start()
     sender.close()
     try:
@@ -84,13 +89,13 @@ def in_own_process(n_frames: int) -> dict:
         process.join()
 
 
-def _label(n_frames: int, sender) -> None:
+def _label(n_frames: int, method: str, sender) -> None:
     cloud = long_cloud(n_frames)
     before, phases = peak_gigabytes(), Phases()
     started = time.perf_counter()
     with threadpool_limits(limits=1):
         try:
-            markers = label_markers(cloud, LabelParameters(), monitor=phases).n_markers
+            markers = label_markers(cloud, LabelParameters(method=method), monitor=phases).n_markers
         except SkelgenError as error:
             markers = str(error)
     ended = time.perf_counter()

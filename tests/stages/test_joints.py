@@ -11,7 +11,7 @@ from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
 from skelgen.evaluation.joints import joint_distances
 from skelgen.model import Limbs, Project, StageReport, Trajectories
-from skelgen.stages.joints import JointParameters, find_joints
+from skelgen.stages.joints import JointParameters, find_joints, sample_frames
 from skelgen.stages.joints.cost import joint_cost
 
 STRUCTURES = ("rods", "human", "quadruped", "tree:8", "seed-human")
@@ -206,3 +206,9 @@ def test_noisy_raw_joints_score_near_the_noise(simulated, joined, true_limbs):
     project = Project(case.take).with_trajectories(case.take, report).with_limbs(true_limbs(case), report)
     scores = evaluate(project.with_topology(joined(case), report), case.truth).joints
     assert np.mean([score.raw_mean for score in scores]) < 1.5  # mm, at 0.5 mm noise: no chain has been fitted yet
+
+
+def test_sampled_frames_exist_whatever_the_length() -> None:
+    for n_frames in range(1, 400):
+        for samples in (30, 50, 100):
+            assert sample_frames(n_frames, JointParameters(samples=samples))[-1] < n_frames

@@ -10,7 +10,7 @@ import pytest
 from skelgen.model import PointCloud, Trajectories
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters, label_and_judge, labelling_of_markers
-from skelgen.stages.labels.confidence import identity_confidence
+from skelgen.stages.labels.confidence import LABELS_FOUND, LABELS_GIVEN, identity_confidence
 from skelgen.stages.labels.judged import Origin, find_points, labelling_of_cloud, tracklets_of
 
 SURE = 0.9  # the threshold of doubt
@@ -153,3 +153,13 @@ def test_what_the_user_states_is_believed(human):
     confidence = identity_confidence(wrong, stated=stated).confidence
     assert confidence[250, 5] > SURE
     assert np.nanmax(confidence[240:260, 30]) < SURE
+
+
+def test_marker_that_is_seldom_seen_is_doubted_only_where_labels_were_found(human):
+    positions = human.positions.copy()
+    positions[50:, 12] = np.nan
+    seldom = dataclasses.replace(human, positions=positions)
+    found, given = (identity_confidence(seldom, prior=prior) for prior in (LABELS_FOUND, LABELS_GIVEN))
+    assert found.rare.nonzero()[0].tolist() == [12]
+    assert np.nanmax(found.confidence[:, 12]) < SURE < np.nanmin(given.confidence[:30, 12])
+    assert not given.rare.any()

@@ -77,7 +77,7 @@ def test_greedy_clustering_parts_a_known_number_of_limbs(simulated, same_partiti
     assert same_partition(limbs.limb_of_marker, case.truth.limb_of_marker)
 
 
-@pytest.mark.parametrize("count", ["rigidity", "eigengap", "rising"])
+@pytest.mark.parametrize("count", ["rigidity", "rotation", "eigengap", "rising"])
 @pytest.mark.parametrize("name", ["rods", "human", "quadruped"])
 def test_spectral_clustering_finds_the_number_of_limbs(simulated, same_partition, name, count):
     case = simulated(name, **FAULTS)

@@ -17,7 +17,7 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.loose import loose_sentences
-from skelgen.stages.joints.pairs import JointGuess, Segment, guess_joint, make_segment
+from skelgen.stages.joints.pairs import MIN_COMMON, JointGuess, Segment, guess_joint, make_segment
 from skelgen.stages.joints.parallel import map_pairs
 from skelgen.stages.joints.parameters import JointParameters
 from skelgen.stages.joints.tree import spanning_tree
@@ -35,6 +35,8 @@ def find_joints(
     seed: int = 0,
     n_jobs: int = 1,
     monitor: Monitor = SILENT,
+    parents: Ints | None = None,
+    root: int | None = None,
 ) -> Topology:
     """Find joints and topology.
 
@@ -52,6 +54,10 @@ def find_joints(
         Processes for the pairs of limbs, which are independent; -1 takes all cores.
     monitor : Monitor
         Told of progress.
+    parents : ndarray of intp, shape (n_limbs,), optional
+        The tree where it is known, -1 for roots; found if left out.
+    root : int, optional
+        Limb that is the root of its tree; by default the one with most joints.
 
     Raises
     ------
@@ -67,7 +73,9 @@ def find_joints(
     sampled = [make_segment(track[frames], np.arange(len(frames))) for track in tracks]
     guesses = _all_pairs(sampled, parameters, seed, n_jobs, monitor)
     costs = _cost_matrix(guesses, limbs.n_limbs)
-    parents = spanning_tree(costs, np.array([segment.n_markers for segment in sampled]))
+    if parents is None:
+        parents = spanning_tree(costs, np.array([segment.n_markers for segment in sampled]), root)
+    _check_parents(parents, costs)
     kept = _place_joints(tracks, frames, parents, parameters, seed, monitor)
     children = outward_order(parents)[(parents < 0).sum() :]
     _report_separate_bodies(parents, monitor)
@@ -87,7 +95,7 @@ def find_joints(
 def sample_frames(n_frames: int, parameters: JointParameters) -> Ints:
     """Frames at which all pairs of limbs are tried, rising."""
     step = parameters.sampling or max(1.0, n_frames / parameters.samples)
-    return np.unique(np.arange(0, n_frames, step).astype(np.intp))
+    return np.unique(np.arange(0, n_frames, step).astype(np.intp).clip(max=n_frames - 1))  # rounding may reach the end
 
 
 def _all_pairs(segments: list[Segment], parameters: JointParameters, seed: int, n_jobs: int, monitor: Monitor) -> Costs:
@@ -169,6 +177,16 @@ def _known(shape: LimbShape) -> int:
 
 def _stacked(positions: list[Floats], n_frames: int) -> Floats:
     return np.stack(positions, axis=1) if positions else np.zeros((n_frames, 0, 3))
+
+
+def _check_parents(parents: Ints, costs: Floats) -> None:
+    if len(parents) != len(costs):
+        raise InputError(f"the hierarchy has {len(parents)} limbs, the take {len(costs)}")
+    for child in np.flatnonzero(parents >= 0):
+        if not np.isfinite(costs[child, parents[child]]):
+            raise InputError(
+                f"limbs {parents[child]} and {child} are to be joined, but no {MIN_COMMON} frames show both of them"
+            )
 
 
 def _finite(value: float) -> float:

@@ -8,7 +8,7 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 
 LOOSE_SHARE = 0.5
-"""Of the smaller limb's radius: a joint that wobbles by more lies nowhere in particular."""
+"""Of the usual radius of a limb: a joint that wobbles by more lies nowhere in particular."""
 
 
 def loose_joints(trajectories: Trajectories, limbs: Limbs, topology: Topology) -> Ints:
@@ -29,9 +29,11 @@ def loose_joints(trajectories: Trajectories, limbs: Limbs, topology: Topology) -
         Indices of the joints, in the order of `Topology.children`.
     """
     radius = np.array([_radius(trajectories.positions[:, limbs.markers_of(limb)]) for limb in range(limbs.n_limbs)])
-    smaller = radius[topology.edges].min(axis=1, initial=np.inf) if topology.n_joints else np.empty(0)
+    extended = radius[radius > 0]  # limbs of one marker have none
+    if not len(extended):
+        return np.empty(0, dtype=np.intp)
     with np.errstate(invalid="ignore"):
-        return np.flatnonzero(np.sqrt(topology.values) > LOOSE_SHARE * smaller)
+        return np.flatnonzero(np.sqrt(topology.values) > LOOSE_SHARE * np.median(extended))
 
 
 def _radius(positions: Floats) -> float:
@@ -46,7 +48,7 @@ def loose_sentences(trajectories: Trajectories, limbs: Limbs, topology: Topology
     """Say which joints are loose, and what that means."""
     loose = loose_joints(trajectories, limbs, topology)
     return tuple(
-        f"the joint between limb {parent} and limb {child} wobbles by {np.sqrt(value):.0f} mm, more than half the size "
-        "of the limbs: nothing holds them together, and they may be separate bodies"
+        f"the joint between limb {parent} and limb {child} wobbles by {np.sqrt(value):.0f} mm, more than half the "
+        "usual radius of a limb: nothing holds them together, and they may be separate bodies"
         for (parent, child), value in zip(topology.edges[loose].tolist(), topology.values[loose], strict=True)
     )

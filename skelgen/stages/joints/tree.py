@@ -7,7 +7,7 @@ import numpy as np
 from skelgen.model.arrays import Floats, Ints
 
 
-def spanning_tree(costs: Floats, sizes: Ints) -> Ints:
+def spanning_tree(costs: Floats, sizes: Ints, root: int | None = None) -> Ints:
     """Return the parent of each limb in the minimum spanning forest.
 
     Parameters
@@ -16,6 +16,8 @@ def spanning_tree(costs: Floats, sizes: Ints) -> Ints:
         Symmetric joint costs; infinite where two limbs cannot be joined.
     sizes : ndarray of intp, shape (n_limbs,)
         Number of markers on each limb: of two limbs with as many joints, the larger becomes the root.
+    root : int, optional
+        Limb that becomes the root of its tree in any case.
 
     Returns
     -------
@@ -32,7 +34,7 @@ def spanning_tree(costs: Floats, sizes: Ints) -> Ints:
     tree = networkx.minimum_spanning_tree(graph, algorithm="prim")
     parents = np.full(len(costs), -1, dtype=np.intp)
     for component in networkx.connected_components(tree):
-        root = min(component, key=lambda limb: (-tree.degree[limb], -sizes[limb], limb))
-        for parent, child in networkx.bfs_edges(tree, root, sort_neighbors=sorted):
+        start = min(component, key=lambda limb: (limb != root, -tree.degree[limb], -sizes[limb], limb))
+        for parent, child in networkx.bfs_edges(tree, start, sort_neighbors=sorted):
             parents[child] = parent
     return parents

@@ -10,8 +10,10 @@ the evidence of all frames, comes from the forward-backward recursion of that hi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -39,14 +41,14 @@ CHUNK_VALUES = 2_000_000
 PIECE_RIGHT = 0.1
 """Probability that a marker is one of its own although another one fits it and is never seen together with it."""
 
+RARELY_SEEN = 0.2
+"""Part of the frames below which a marker that was found is as often a piece of another one as one of its own."""
+
 ALONE_RIGHT = 0.3
 """Probability of a marker whose distance to no other one is known."""
 
-CHANGE = 1e-4
+CHANGE = 1e-5
 """Probability per frame that a marker which is followed without a break changes between right and wrong."""
-
-LOST = 0.1
-"""Probability that another marker is taken for one that was out of sight, or was followed anew."""
 
 FOUND = 0.5
 """Probability that a wrong marker is right again after such a break."""
@@ -54,8 +56,30 @@ FOUND = 0.5
 JUMP_DEVIATIONS = 20.0
 """A step that surprises by this many times what is usual is a break, where nothing else tells of tracks."""
 
-FIRST_RIGHT = 0.9
-"""Probability of being right before anything is known."""
+
+class Prior(NamedTuple):
+    """What is believed before distances speak.
+
+    Attributes
+    ----------
+    right : float
+        Probability that a marker is right when it is first seen.
+    lost : float
+        Probability that another marker is taken for one that was out of sight, or was followed anew.
+    rare : float
+        Probability that a marker which is seldom seen is one of its own; NaN: that is not doubted.
+    """
+
+    right: float
+    lost: float
+    rare: float
+
+
+LABELS_FOUND = Prior(right=0.9, lost=0.1, rare=0.5)
+"""Of takes that came as points."""
+
+LABELS_GIVEN = Prior(right=0.97, lost=0.05, rare=np.nan)
+"""Of takes that came with labels: somebody has looked at them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,32 +90,38 @@ class Certainty:
     ----------
     confidence : ndarray, shape (n_frames, n_markers)
         Probability that the marker is the one that it is called; NaN where it is unseen.
-    rival : ndarray of intp, shape (n_frames, n_markers)
+    rival : ndarray of int32, shape (n_frames, n_markers)
         The marker whose place fits next best, -1 = nowhere in particular.
-    n_mates : ndarray of intp, shape (n_frames, n_markers)
+    n_mates : ndarray of int8, shape (n_frames, n_markers)
         Mates seen in the frame.
-    evidence : ndarray, shape (n_frames, n_markers), nats
+    evidence : ndarray of float32, shape (n_frames, n_markers), nats
         For the marker's own place against the best rival's, from the frame alone.
     original : ndarray of intp, shape (n_markers,)
         The marker that each one is probably a piece of: it lies where that belongs and is never seen together with it;
         -1 = none.
     alone : ndarray of bool, shape (n_markers,)
         Markers whose distance to no other one is known.
+    rare : ndarray of bool, shape (n_markers,)
+        Markers that are seen so seldom that they may be pieces of others although none fits.
     twins : tuple of (int, int)
         Pairs that no distance tells apart although they are seen together.
     """
 
     confidence: Floats
-    rival: Ints
-    n_mates: Ints
-    evidence: Floats
+    rival: NDArray[np.int32]
+    n_mates: NDArray[np.int8]
+    evidence: NDArray[np.float32]
     original: Ints
     alone: Bools
+    rare: Bools
     twins: tuple[tuple[int, int], ...]
 
 
 def identity_confidence(
-    trajectories: Trajectories, breaks: Bools | None = None, stated: Bools | None = None
+    trajectories: Trajectories,
+    breaks: Bools | None = None,
+    stated: Bools | None = None,
+    prior: Prior = LABELS_GIVEN,
 ) -> Certainty:
     """Judge the identity of every marker in every frame.
 
@@ -103,30 +133,39 @@ def identity_confidence(
         Frames in which a marker is not simply followed from the frame before; by default after gaps and jumps.
     stated : ndarray of bool, shape (n_frames, n_markers), optional
         Frames in which the user says that the marker is the one that it is called.
+    prior : Prior
+        What is believed beforehand.
     """
     if breaks is None:
         breaks = jumps(trajectories)
     usual = usual_distances(trajectories)
     original, twins = look_alikes(usual, trajectories.seen)
     alone: Bools = np.asarray((usual.mates < 0).all(axis=1))
+    rare: Bools = (trajectories.seen.mean(axis=0) < RARELY_SEEN) & (original < 0) & ~alone & ~np.isnan(prior.rare)
     if stated is not None:
-        original[stated.any(axis=0)], alone[stated.any(axis=0)] = -1, False
+        told = stated.any(axis=0)
+        original[told], alone[told], rare[told] = -1, False, False
     usual = usual.without_pieces(original)
     evidence, rival, n_seen = _frame_by_frame(trajectories, usual)
-    odds = np.where(trajectories.seen, evidence / max(1.0, CORRELATED_SECONDS * trajectories.rate), 0.0)
+    seen = trajectories.seen
+    odds = np.where(seen, evidence / np.float32(max(1.0, CORRELATED_SECONDS * trajectories.rate)), np.float32(0.0))
     if stated is not None:
         odds[stated] = MOST_NATS
-    confidence = _smoothed(odds, trajectories.seen, breaks | _after_gaps(trajectories.seen))
+    confidence = _smoothed(odds, seen, breaks | _after_gaps(seen), prior)
     confidence[:, original >= 0] *= PIECE_RIGHT
     confidence[:, alone] *= ALONE_RIGHT
-    return Certainty(confidence, rival, n_seen, evidence, original, alone, twins)
+    confidence[:, rare] *= prior.rare
+    return Certainty(confidence, rival, n_seen, evidence, original, alone, rare, twins)
 
 
-def _frame_by_frame(trajectories: Trajectories, usual: Usual) -> tuple[Floats, Ints, Ints]:
-    """What `_evidence` says of all frames, in portions that bound the memory."""
+def _frame_by_frame(
+    trajectories: Trajectories, usual: Usual
+) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int8]]:
+    """What `_evidence` says of all frames, in portions that bound the memory, and in short numbers."""
     n_frames, n_markers = trajectories.n_frames, trajectories.n_markers
-    evidence, rival = np.zeros((n_frames, n_markers)), np.full((n_frames, n_markers), -1, dtype=np.intp)
-    n_seen = np.zeros((n_frames, n_markers), dtype=np.intp)
+    evidence = np.zeros((n_frames, n_markers), dtype=np.float32)
+    rival = np.full((n_frames, n_markers), -1, dtype=np.int32)
+    n_seen = np.zeros((n_frames, n_markers), dtype=np.int8)
     step = max(1, CHUNK_VALUES // max(1, n_markers * (usual.rivals.shape[1] + 1) * max(1, usual.mates.shape[1])))
     for start in range(0, n_frames, step):
         part = slice(start, start + step)
@@ -206,20 +245,21 @@ def _after_gaps(seen: Bools) -> Bools:
     return result
 
 
-def _smoothed(odds: Floats, seen: Bools, breaks: Bools) -> Floats:
+def _smoothed(odds: NDArray[np.float32], seen: Bools, breaks: Bools, prior: Prior) -> Floats:
     """Probability of being right from the log odds of all frames; NaN where unseen, shape (n_frames, n_markers)."""
-    lose, find = np.where(breaks, LOST, CHANGE), np.where(breaks, FOUND, CHANGE)
-    state = np.full(odds.shape[1], np.log(FIRST_RIGHT / (1.0 - FIRST_RIGHT)))
-    forward, backward = np.zeros_like(odds), np.zeros_like(odds)
+    total = np.full(odds.shape, np.nan)
+    state = np.full(odds.shape[1], np.log(prior.right / (1.0 - prior.right)))
     for frame in range(len(odds)):
         if frame:
+            lose, find = np.where(breaks[frame], prior.lost, CHANGE), np.where(breaks[frame], FOUND, CHANGE)
             ratio = np.exp(state)
-            right, wrong = ratio * (1.0 - lose[frame]) + find[frame], ratio * lose[frame] + 1.0 - find[frame]
-            state = np.log(right / wrong)
-        state = forward[frame] = np.clip(state + odds[frame], -MOST_NATS, MOST_NATS)
-    for frame in range(len(odds) - 1, 0, -1):
-        ratio = np.exp(np.clip(backward[frame] + odds[frame], -MOST_NATS, MOST_NATS))
-        right, wrong = ratio * (1.0 - lose[frame]) + lose[frame], ratio * find[frame] + 1.0 - find[frame]
-        backward[frame - 1] = np.log(right / wrong)
-    total = np.clip(forward + backward, -MOST_NATS, MOST_NATS)
-    return np.where(seen, 1.0 / (1.0 + np.exp(-total)), np.nan)
+            state = np.log((ratio * (1.0 - lose) + find) / (ratio * lose + 1.0 - find))
+        state = total[frame] = np.clip(state + odds[frame], -MOST_NATS, MOST_NATS)
+    state = np.zeros(odds.shape[1])  # from now on: log likelihood ratio of what follows
+    for frame in range(len(odds) - 1, -1, -1):
+        total[frame] = 1.0 / (1.0 + np.exp(-np.clip(total[frame] + state, -MOST_NATS, MOST_NATS)))
+        lose, find = np.where(breaks[frame], prior.lost, CHANGE), np.where(breaks[frame], FOUND, CHANGE)
+        ratio = np.exp(np.clip(state + odds[frame], -MOST_NATS, MOST_NATS))
+        state = np.log((ratio * (1.0 - lose) + lose) / (ratio * find + 1.0 - find))
+    total[~seen] = np.nan
+    return total

@@ -82,9 +82,11 @@ def _doubt(trajectories: Trajectories, certainty: Certainty, marker: int, first:
     names = trajectories.names
     own, other = names[marker], names[rival] if rival >= 0 else ""
     mates = int(np.median(certainty.n_mates[span, marker][low]))
+    share = trajectories.seen[:, marker].mean()
     reason = {
         "piece": f"{own} lies where {other} belongs and is not seen together with it: the two may be one marker",
         "alone": f"{own} is seen too little to know its distance to any other marker",
+        "rare": f"{own} is seen in {100 * share:.0f} % of the frames only: it may be a piece of another one",
         "rival": f"the distances of {own} to others fit {other} at least as well, or nearly",
         "misfit": f"the distances of {own} to others are not what they usually are",
         "unsupported": f"{_beside(mates)} of the markers beside {own} are seen, and it was lost before",
@@ -98,6 +100,8 @@ def _cause(certainty: Certainty, marker: int, span: slice, low: Bools) -> tuple[
         return "piece", int(certainty.original[marker])
     if certainty.alone[marker]:
         return "alone", -1
+    if certainty.rare[marker]:
+        return "rare", -1
     evidence, rivals = certainty.evidence[span, marker][low], certainty.rival[span, marker][low]
     against = evidence < 0
     named, counts = np.unique(rivals[against] if against.any() else rivals, return_counts=True)

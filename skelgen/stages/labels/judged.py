@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import Agreement, Labelling, Tracklets
-from skelgen.stages.labels.confidence import identity_confidence
+from skelgen.stages.labels.confidence import LABELS_FOUND, identity_confidence
 from skelgen.stages.labels.doubts import doubtful_spans, repaired_spans
 
 SEED_METHOD = "sets"
@@ -78,7 +78,7 @@ def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Or
         changes[portion.frames] = _track_changes(origin, portion, trajectories.n_markers)
         stated[portion.frames] = _stated(origin, portion, trajectories.n_markers)
         parts.append(_parts(origin.owner[portion.points], portion.marker_of_point, portion.frame_of_point))
-    certainty = identity_confidence(trajectories, changes, stated)
+    certainty = identity_confidence(trajectories, changes, stated, LABELS_FOUND)
     left_out = np.maximum(cloud.points_per_frame - trajectories.seen.sum(axis=1), 0)
     return Labelling(
         certainty.confidence,

@@ -14,7 +14,7 @@ class LabelParameters(StageParameters):
 
     Attributes
     ----------
-    assignment, prediction, smoothing, max_jump, mute, max_gap
+    assignment, prediction, smoothing, max_jump, mute, max_gap, link_evidence
         How points are followed from frame to frame.
     min_range, trim_range, remove_distance, stand_alone
         Which Marker Sets are good enough to be used.
@@ -22,7 +22,7 @@ class LabelParameters(StageParameters):
         How the distance between two Marker Sets is found.
     clustering
         How Marker Sets are grouped into markers.
-    repair, swap_evidence, slip_seconds, slip_evidence
+    repair, swap_evidence, slips, slip_seconds, slip_evidence
         How errors are searched for in takes that are labelled already.
     add_random, max_jitter, time_one_frame
         Test jitter, and the clock of takes whose time stamps do not rise.
@@ -56,6 +56,13 @@ class LabelParameters(StageParameters):
     mute: int = declare(2, "How long a marker that jumped farther is ignored.", unit="frames", low=0, high=1000)
     max_gap: int = declare(
         5, "Longest gap over which a marker is followed by prediction alone.", unit="frames", low=0, high=50
+    )
+    link_evidence: float = declare(
+        5.0,
+        "A track is cut where its next point is not by this much more probable than any other explanation.",
+        unit="nats",
+        low=0.0,
+        high=100.0,
     )
     min_range: int = declare(
         0,
@@ -116,7 +123,9 @@ class LabelParameters(StageParameters):
         "groups by their average or largest distance; sets that overlap in time are never joined.",
         choices=("spectral", "average", "complete"),
     )
-    repair: bool = declare(True, "Whether takes that are labelled already are searched for exchanged labels.")
+    repair: bool = declare(
+        True, "Whether takes that are labelled already are searched for exchanged labels and for slips."
+    )
     swap_evidence: float = declare(
         5.0,
         "An exchange of labels is repaired when distances within limbs speak for it by this much.",
@@ -124,12 +133,15 @@ class LabelParameters(StageParameters):
         low=0.0,
         high=1000.0,
     )
+    slips: bool = declare(
+        True, "Whether labelled takes are searched for markers that slip on their limb; those that surely do are split."
+    )
     slip_seconds: float = declare(
         1.0, "A marker has slipped when its new place on the limb lasts this long.", unit="s", low=0.05, high=100.0
     )
     slip_evidence: float = declare(
         6.0,
-        "A marker has slipped when its place changes by this many times what it varies at random.",
+        "A marker may have slipped where it jumps by this many times its usual step against its neighbours.",
         low=3.0,
         high=1000.0,
     )

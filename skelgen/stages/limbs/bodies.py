@@ -14,12 +14,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.limbs.constraints import Constraints
 from skelgen.stages.limbs.parameters import LimbParameters
-from skelgen.stages.limbs.pieces import GAIN, marker_noise, misfit, rigid_pieces
+from skelgen.stages.limbs.pieces import GAIN, LINKED, marker_noise, misfit, rigid_pieces
 from skelgen.stages.limbs.relative import Group, Movements
-from skelgen.stages.limbs.rigidity import PRIOR_WEIGHT, PairSums, merge_costs, noise_variance, single_order
+from skelgen.stages.limbs.rigidity import (
+    LEAST_GAIN,
+    PRIOR_WEIGHT,
+    PairSums,
+    merge_costs,
+    noise_variance,
+    single_order,
+)
 
-LIMB = 2.0
+LIMB = 3.0
 """nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
 
 
@@ -59,8 +67,7 @@ def rigid_bodies(
     movements: Movements,
     distances: Distances,
     parameters: LimbParameters,
-    blocks: list[Group],
-    apart: Bools,
+    wishes: Constraints,
     n_limbs: int | None = None,
 ) -> Ints:
     """Group markers that move as rigid bodies.
@@ -73,10 +80,8 @@ def rigid_bodies(
         Its distances.
     parameters : LimbParameters
         Their `motion_factor`, `pair_limit` and `flexibility`.
-    blocks : list of tuple of int
-        Markers that stay together; most blocks are single markers.
-    apart : ndarray of bool, shape (n_markers, n_markers)
-        Markers that may not share a limb.
+    wishes : Constraints
+        Which markers share a limb and which do not.
     n_limbs : int, optional
         Number of limbs at which merging stops, and to which it goes on.
 
@@ -88,8 +93,35 @@ def rigid_bodies(
     noise = distances.noise
     own = marker_noise(np.where(distances.weight > 0, distances.variance, np.inf), noise)
     ratio = 2 * distances.bounded / (own[:, np.newaxis] + own)
-    pieces = rigid_pieces(movements, ratio, own, blocks, apart)
-    return _Joiner(movements, distances, parameters, pieces, apart).joined(n_limbs)
+    pieces = rigid_pieces(movements, ratio, own, wishes)
+    groups = _Joiner(movements, distances, parameters, pieces, wishes.apart).joined(n_limbs)
+    return _with_resting(movements, ratio, groups, own, wishes)
+
+
+def _with_resting(movements: Movements, ratio: Floats, groups: Ints, noise: Floats, wishes: Constraints) -> Ints:
+    """Put markers that fit several limbs alike, because all rest while they are seen, on the nearest of these."""
+    groups = groups.copy()
+    free = [block[0] for block in wishes.blocks if len(block) == 1]
+    for marker in free:
+        mates = groups == groups[marker]
+        near = [
+            group
+            for group in np.unique(groups).tolist()
+            if ratio[marker, groups == group].max() <= LINKED and not wishes.apart[marker, groups == group].any()
+        ]
+        if len(near) < 2 or mates.sum() < 2:
+            continue
+        costs, gaps = np.full((2, len(near)), np.inf)
+        for index, group in enumerate(near):
+            others = tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
+            motion = movements.relative(others, (marker,))
+            if motion is not None:
+                costs[index] = misfit(motion.ratios(noise))
+                gaps[index] = movements.distance(marker, others)
+        alike = costs <= costs[near.index(int(groups[marker]))] + LEAST_GAIN
+        if np.isfinite(costs).all() and alike.sum() > 1:
+            groups[marker] = near[int(np.argmin(np.where(alike, gaps, np.inf)))]
+    return groups
 
 
 class _Joiner:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.model.arrays import Floats
+from skelgen.stages.limbs.alignment import aligned_count
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.rigidity import noise_variance, rigid_groups
 from skelgen.stages.limbs.spectral import affinities, spectral_clusters, spectrum
@@ -27,6 +28,9 @@ def count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int
     """
     if parameters.count == "eigengap":
         return _largest_gap(deviation, parameters)
+    if parameters.count == "rotation":
+        _, vectors = spectrum(affinities(deviation, parameters)[0], parameters.zero)
+        return aligned_count(vectors[:, ::-1])
     if parameters.count == "rising":
         return _first_rigid(deviation, parameters, seed)
     return int(rigid_groups(deviation, parameters).max()) + 1

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.limbs.parameters import LimbParameters
 
 CHUNK_FLOATS = 4_000_000
-"""Distances held at once: 32 MB."""
+"""Coordinates held at once: 32 MB."""
 
 MIN_COMMON_SAMPLES = 8
 """Fewer sampled frames with both markers say nothing about rigidity; all frames are then asked."""
 
+FAR = 3.0
+"""Standard deviations beyond which a distance is far from the others."""
 
-def sample_frames(n_frames: int, parameters: LimbParameters, seed: int) -> Ints:
+FAR_PART = 0.05
+"""Part of the distances that may be left out as far: a joint that moves for longer is a joint."""
+
+CLIPPINGS = 3
+"""Turns of leaving out what is far: wrong labels hide behind the deviation that they make themselves."""
+
+
+def sample_frames(n_frames: int, parameters: LimbParameters, seed: int | tuple[int, ...]) -> Ints:
     """Choose frames at regular steps with jitter, so that periodic motion cannot hide (Kirk et al. 2005).
 
     Parameters
@@ -23,7 +34,7 @@ def sample_frames(n_frames: int, parameters: LimbParameters, seed: int) -> Ints:
         Frames in the take.
     parameters : LimbParameters
         Their `sampling`, `samples` and `jitter`.
-    seed : int
+    seed : int or tuple of int
         Seed of the jitter.
 
     Returns
@@ -38,8 +49,32 @@ def sample_frames(n_frames: int, parameters: LimbParameters, seed: int) -> Ints:
     return np.unique(np.clip(np.rint(grid), 0, n_frames - 1).astype(np.intp))
 
 
-def distance_deviation(positions: Floats, frames: Ints) -> tuple[Floats, Ints]:
-    """Return the standard deviation of each pairwise distance over the sampled frames, and how many show the pair.
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """How much the distance between each two markers varies.
+
+    Attributes
+    ----------
+    plain : ndarray, shape (n_markers, n_markers), mm
+        Standard deviation; symmetric, zero on the diagonal, NaN for pairs that share fewer than two frames.
+    steady : ndarray, shape (n_markers, n_markers), mm
+        The same without the few distances that are far from all others, as wrong labels make them.
+    common : ndarray of intp, shape (n_markers, n_markers)
+        Frames that they rest on, in the density of the samples.
+    """
+
+    plain: Floats
+    steady: Floats
+    common: Ints
+
+    def of(self, markers: Ints) -> Deviations:
+        """Return those between some of the markers."""
+        block = np.ix_(markers, markers)
+        return Deviations(self.plain[block], self.steady[block], self.common[block])
+
+
+def distance_deviations(positions: Floats, frames: Ints) -> Deviations:
+    """Return how much each distance varies over the sampled frames.
 
     Parameters
     ----------
@@ -47,51 +82,65 @@ def distance_deviation(positions: Floats, frames: Ints) -> tuple[Floats, Ints]:
         NaN where unseen.
     frames : ndarray of intp
         Sampled frames. Pairs that fewer than `MIN_COMMON_SAMPLES` of them show are computed over all frames.
-
-    Returns
-    -------
-    deviation : ndarray, shape (n_markers, n_markers), mm
-        Symmetric, zero on the diagonal; NaN for pairs that share fewer than two frames.
-    common : ndarray of intp, shape (n_markers, n_markers)
-        Frames that the deviation rests on, in the density of the samples.
     """
-    deviation, common = _deviation(positions[frames])
+    plain, steady, common = _deviations(positions[frames])
     rare = (common < MIN_COMMON_SAMPLES) & (len(frames) < len(positions))
     markers = np.flatnonzero(rare.any(axis=1))
     if len(markers):
-        over_all, _ = _deviation(positions[:, markers])
         block = np.ix_(markers, markers)
-        deviation[block] = np.where(rare[block], over_all, deviation[block])
-    return deviation, common
+        over_all = _deviations(positions[:, markers])
+        for table, found in ((plain, over_all[0]), (steady, over_all[1])):
+            table[block] = np.where(rare[block], found, table[block])
+    return Deviations(plain, steady, common)
 
 
-def _deviation(positions: Floats) -> tuple[Floats, Ints]:
-    n_markers = positions.shape[1]
-    seen: Bools = ~np.isnan(positions[:, :, 0])
-    filled = np.where(seen[..., np.newaxis], positions, 0.0)
-    common = seen.T.astype(np.float64) @ seen.astype(np.float64)
-    shift = _first_distance(filled, seen)
-    total = np.zeros((n_markers, n_markers))
-    squares = np.zeros_like(total)
-    step = max(1, CHUNK_FLOATS // max(1, n_markers * n_markers * 3))
-    for start in range(0, len(positions), step):
-        part, both = filled[start : start + step], seen[start : start + step]
-        distance = np.linalg.norm(part[:, :, np.newaxis] - part[:, np.newaxis], axis=3) - shift
-        distance *= both[:, :, np.newaxis] & both[:, np.newaxis]
-        total += distance.sum(axis=0)
-        squares += np.einsum("fij,fij->ij", distance, distance)
+def _deviations(positions: Floats) -> tuple[Floats, Floats, Ints]:
+    n_frames, n_markers = positions.shape[:2]
+    sums, steady_sums = np.zeros((2, 3, n_markers, n_markers))
+    shift = np.zeros((n_markers, n_markers))
+    step = max(1, CHUNK_FLOATS // max(1, 3 * n_markers))
+    for start in range(0, n_frames, step):
+        places = np.ascontiguousarray(positions[start : start + step].transpose(2, 1, 0))
+        shown = ~np.isnan(places[0])
+        places[:, ~shown] = 0.0
+        for marker in range(n_markers - 1):
+            later = slice(marker + 1, None)
+            both = shown[later] & shown[marker]
+            distance = np.sqrt(((places[:, later] - places[:, marker : marker + 1]) ** 2).sum(axis=0))
+            if start == 0:
+                shift[marker, later] = distance[np.arange(len(both)), both.argmax(axis=1)]
+            distance = (distance - shift[marker, later, np.newaxis]) * both
+            sums[:, marker, later] += _moments(distance, both)
+            steady_sums[:, marker, later] += _moments(distance, _without_far(distance, both))
+    plain, steady = (_standard_deviation(*table) for table in (sums, steady_sums))
+    return plain, steady, (sums[0] + sums[0].T).astype(np.intp)
+
+
+def _moments(values: Floats, used: Bools) -> Floats:
+    """Number, sum and sum of squares of the used values of each row, shape (3, n_rows)."""
+    weights = used.astype(np.float64)
+    weighted = values * weights
+    return np.stack([weights.sum(axis=1), weighted.sum(axis=1), np.einsum("mf,mf->m", weighted, values)])
+
+
+def _without_far(values: Floats, used: Bools) -> Bools:
+    """Leave out values that are far from the others of their row; where they are many, they are motion and stay."""
+    kept = used
+    for _ in range(CLIPPINGS):
+        count, total, squares = _moments(values, kept)
+        count = np.maximum(count, 1)
+        mean = total / count
+        limit = FAR**2 * np.maximum(squares / count - mean**2, 0.0)
+        kept = used & ((values - mean[:, np.newaxis]) ** 2 <= limit[:, np.newaxis])
+    few = kept.sum(axis=1) >= (1 - FAR_PART) * used.sum(axis=1)
+    return np.where(few[:, np.newaxis], kept, used)
+
+
+def _standard_deviation(count: Floats, total: Floats, squares: Floats) -> Floats:
+    """Symmetric deviations from sums above the diagonal; NaN where fewer than two values were summed."""
+    count, total, squares = (table + table.T for table in (count, total, squares))
     with np.errstate(invalid="ignore", divide="ignore"):
-        variance = squares / common - (total / common) ** 2
-    variance[common < 2] = np.nan
+        variance = squares / count - (total / count) ** 2
+    variance[count < 2] = np.nan
     np.fill_diagonal(variance, 0.0)
-    return np.sqrt(np.maximum(variance, 0.0)), common.astype(np.intp)
-
-
-def _first_distance(filled: Floats, seen: Bools) -> Floats:
-    """A typical distance of each pair: subtracting it keeps the one-pass variance accurate."""
-    n_seen = np.maximum(seen.sum(axis=0), 1)[:, np.newaxis]
-    centre = filled.sum(axis=0) / n_seen
-    first = np.argmax(seen[:, :, np.newaxis] & seen[:, np.newaxis], axis=0)
-    index = np.arange(len(centre))
-    rows, columns = np.meshgrid(index, index, indexing="ij")
-    return np.asarray(np.linalg.norm(filled[first, rows] - filled[first, columns], axis=2))
+    return np.sqrt(np.maximum(variance, 0.0))

@@ -24,8 +24,18 @@ class LimbParameters(StageParameters):
     )
     count: str = declare(
         "rigidity",
-        "how the number of limbs is found for the methods spectral and greedy when the user does not give it",
-        choices=("rigidity", "eigengap", "rising"),
+        "how the number of limbs is found for the methods spectral and greedy when the user does not give it: by "
+        "rigidity as the method distances does, by rotation of the eigenvectors, by the eigengap of their values, or "
+        "rising until all limbs are rigid",
+        choices=("rigidity", "rotation", "eigengap", "rising"),
+    )
+    together: str = declare("", "names of markers that share a limb, as in 'a, b; c, d, e'")
+    apart: str = declare("", "names of markers no two of which share a limb, as in 'a, b; c, d, e'")
+    samplings: int = declare(
+        3,
+        "rigidity: jittered samplings that vote on which markers share a limb; most takes are decided after two",
+        low=1,
+        high=99,
     )
     sampling: int = declare(
         0,

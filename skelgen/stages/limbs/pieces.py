@@ -19,6 +19,7 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.limbs.constraints import Constraints
 from skelgen.stages.limbs.relative import Group, Movements
 
 LINKED = 5.0
@@ -75,7 +76,7 @@ def marker_noise(variance: Floats, noise: float) -> Floats:
     return np.asarray(np.clip(nearest, noise, NOISE_RANGE * noise))
 
 
-def rigid_pieces(movements: Movements, ratio: Floats, noise: Floats, blocks: list[Group], apart: Bools) -> list[Group]:
+def rigid_pieces(movements: Movements, ratio: Floats, noise: Floats, wishes: Constraints) -> list[Group]:
     """Part markers into rigid pieces.
 
     Parameters
@@ -86,12 +87,10 @@ def rigid_pieces(movements: Movements, ratio: Floats, noise: Floats, blocks: lis
         Variance of each distance in units of its noise.
     noise : ndarray, shape (n_markers,), mm^2
         Variance of each marker's noise.
-    blocks : list of tuple of int
-        Markers that stay together; most blocks are single markers.
-    apart : ndarray of bool, shape (n_markers, n_markers)
-        Markers that may not share a piece.
+    wishes : Constraints
+        Which markers share a limb, hence a piece, and which do not.
     """
-    search = _Search(movements, ratio, noise, blocks, apart)
+    search = _Search(movements, ratio, noise, wishes)
     for _ in range(MOST_CHANGES):
         change = search.best_change()
         if change is None:
@@ -105,11 +104,11 @@ Change = tuple[tuple[int, ...], list[Group]]
 
 
 class _Search:
-    def __init__(self, movements: Movements, ratio: Floats, noise: Floats, blocks: list[Group], apart: Bools) -> None:
-        self._movements, self._ratio, self._noise, self._apart = movements, ratio, noise, apart
-        self._block_of = {marker: block for block in blocks for marker in block}
+    def __init__(self, movements: Movements, ratio: Floats, noise: Floats, wishes: Constraints) -> None:
+        self._movements, self._ratio, self._noise, self._apart = movements, ratio, noise, wishes.apart
+        self._block_of = {marker: block for block in wishes.blocks for marker in block}
         self._costs: dict[Group, float] = {}
-        self.pieces = _linked(ratio, blocks, apart)
+        self.pieces = _linked(ratio, wishes.blocks, wishes.apart)
 
     def apply(self, gone: tuple[int, ...], come: list[Group]) -> None:
         self.pieces = [piece for index, piece in enumerate(self.pieces) if index not in gone] + come

@@ -35,9 +35,6 @@ SEEN_PART = 0.75
 KEPT_PART = 0.95
 """Part of the frames, those with the smallest motion, that count: a label that jumps is no joint."""
 
-ALIGNMENTS = 2
-"""Turns of aligning to the mean shape and averaging anew: a third changes nothing that matters."""
-
 RANK_TOLERANCE = 0.05
 """Of the largest singular value; a displacement that moves the markers less is none (markers on one line)."""
 
@@ -106,6 +103,16 @@ class Movements:
             self._relative[key] = self._spread(first + second, lambda shape: _relative_basis(shape, len(first)))
         return self._relative[key]
 
+    def distance(self, marker: int, others: Group) -> float:
+        """Return how far [mm] the nearest of some others usually is from a marker; infinite if none is seen with it."""
+        common = self._sampled_seen[:, list(others)] & self._sampled_seen[:, [marker]]
+        gaps = [
+            float(np.median(np.linalg.norm(self._sampled[both, other] - self._sampled[both, marker], axis=1)))
+            for other, both in zip(others, common.T, strict=True)
+            if both.any()
+        ]
+        return min(gaps, default=np.inf)
+
     def _spread(self, markers: Group, basis_of: Callable[[Floats], Floats]) -> Spread | None:
         shown = self._shown(markers)
         if shown is None:
@@ -145,23 +152,24 @@ class Movements:
 
 
 def _aligned(points: Floats, seen: Bools) -> tuple[Floats, Floats]:
-    """Residuals from the mean shape, in its frame (0 where unseen), and the shape."""
+    """Residuals from the mean shape, in its frame (0 where unseen), and the shape.
+
+    Frames are aligned to the fullest one. That it is noisy itself turns all frames alike, and small turns are no part
+    of the coordinates that are looked at: aligning again to the mean changes nothing that matters.
+    """
     weights = seen.astype(np.float64)
     counts = weights.sum(axis=0)
     start = int(np.argmax(weights.sum(axis=1)))
-    shape, known = points[start], weights[start]
-    moved = points
-    for _ in range(ALIGNMENTS):
-        both = weights * known
-        both /= both.sum(axis=1, keepdims=True)
-        centre = (both @ shape)[:, np.newaxis]
-        centred = points - (both[:, np.newaxis] @ points)
-        left, _, right = np.linalg.svd(np.swapaxes(centred * both[..., np.newaxis], 1, 2) @ (shape - centre))
-        left[..., 2] *= np.sign(np.linalg.det(left @ right))[:, np.newaxis]
-        moved = centred @ (left @ right) + centre
-        shape = (moved * weights[..., np.newaxis]).sum(axis=0) / np.maximum(counts, 1)[:, np.newaxis]
-        known = (counts > 0).astype(np.float64)
-    return (moved - shape) * weights[..., np.newaxis], shape
+    shape = points[start]
+    both = weights * weights[start]
+    both /= both.sum(axis=1, keepdims=True)
+    centred = points - (both[:, np.newaxis] @ points)
+    turned_shape = shape - (both @ shape)[:, np.newaxis]
+    left, _, right = np.linalg.svd(np.swapaxes(centred * both[..., np.newaxis], 1, 2) @ turned_shape)
+    left[..., 2] *= np.sign(np.linalg.det(left @ right))[:, np.newaxis]
+    moved = centred @ (left @ right) + (both @ shape)[:, np.newaxis]
+    mean = (moved * weights[..., np.newaxis]).sum(axis=0) / np.maximum(counts, 1)[:, np.newaxis]
+    return (moved - mean) * weights[..., np.newaxis], mean
 
 
 def _inner_basis(shape: Floats) -> Floats:

@@ -29,6 +29,7 @@ def fit_skeleton(
     parameters: SkeletonParameters | None = None,
     *,
     monitor: Monitor = SILENT,
+    are_poses: bool = False,
 ) -> tuple[Skeleton, Motion]:
     """Fit a rigid skeleton and its motion.
 
@@ -44,6 +45,8 @@ def fit_skeleton(
         How.
     monitor : Monitor
         Told of progress.
+    are_poses : bool
+        Whether the markers stand for bodies with orientation: however many, they tell six numbers in each frame.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def fit_skeleton(
         body = _cut_out(trajectories, limbs, topology, int(root))
         if not (~np.isnan(body.positions[:, :, 0])).any():
             raise InputError(f"{trajectories.name or 'the take'}: no marker of limb {root} is seen in any frame")
-        fitted.append(fit_body(body, parameters, ROTATORS[parameters.rotation]))
+        fitted.append(fit_body(body, parameters, ROTATORS[parameters.rotation], are_poses))
         monitor.advance(index + 1, len(topology.roots))
     _report_unseen(fitted, monitor)
     _report_outliers(fitted, trajectories, monitor)

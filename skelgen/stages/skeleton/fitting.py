@@ -17,6 +17,7 @@ from skelgen.stages.skeleton.joints import (
     find_kinds,
     joint_covariances,
     settle_along_axes,
+    with_noise_of_poses,
 )
 from skelgen.stages.skeleton.outliers import out_of_place, out_of_reach
 from skelgen.stages.skeleton.outward import pose_outward
@@ -63,18 +64,22 @@ class FittedBody:
     reference: int
 
 
-def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator) -> FittedBody:
+def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_poses: bool = False) -> FittedBody:
     """Fit one tree of limbs to its markers."""
     chain, reference = assemble(body, parameters, rotator, _well_seen_frames(body, parameters.samples))
     trusted, start, posed = _without_outliers(body, chain, parameters, rotator)
     frames = _determined_frames(posed, parameters.samples)
     refine = parameters.fit == "whole-chain"
     calibration = calibrate(chain, start[frames], trusted[frames], n_rounds=None if refine else 0)
+    if are_poses:
+        calibration = with_noise_of_poses(calibration, trusted[frames])
     chain = calibration.chain
     covariances = joint_covariances(calibration, parameters.rank_tolerance)
     limits = KindLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
     wanted = _wanted_kinds(parameters, body)
-    kinds = find_kinds(chain, calibration.poses, trusted[frames], posed[frames], calibration.noise, wanted, limits)
+    kinds = find_kinds(
+        chain, calibration.poses, trusted[frames], posed[frames], calibration.noise, wanted, limits, are_poses
+    )
     freedom = axis_freedom(kinds, calibration.noise)
     chain = settle_along_axes(chain, kinds, freedom)
     poses, seen = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.calibration import Calibration
-from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations
+from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, residuals
 from skelgen.kinematics.kind import JointKind, KindLimits, find_kind
 from skelgen.kinematics.relative import MIN_FRAMES
 from skelgen.model.arrays import Bools, Floats
@@ -14,6 +16,9 @@ from skelgen.model.arrays import Bools, Floats
 NEIGHBOUR_WEIGHT = 0.1
 """Of the pull to a limb's other joints beside the pull to its markers, along axes that leave a choice. It is weak: near
 the markers an axis is known best, and an error of its direction grows with the way along it."""
+
+NUMBERS_OF_POSE = 6
+"""What one pose of a body tells: a position and a rotation."""
 
 RIDGE = 1e-10
 """Relative ridge under a frame's normal matrix: rotations that nothing determines get a large but finite noise."""
@@ -27,6 +32,7 @@ def find_kinds(
     noise: float,
     wanted: dict[int, str],
     limits: KindLimits,
+    are_poses: bool = False,
 ) -> list[JointKind]:
     """Classify the joint above each limb but the root.
 
@@ -43,10 +49,13 @@ def find_kinds(
         Kinds that the user knows, by limb.
     limits : KindLimits
         Where one kind ends and the next begins.
+    are_poses : bool
+        Whether the markers stand for bodies with orientation.
     """
     covariances = relative_rotation_covariances(chain, poses, positions, noise)
     n_seen = float((~np.isnan(positions[:, :, 0])).sum() / len(positions))
-    freedoms_of_pair = 2 * max(3 * n_seen - 3 - 3 * chain.n_limbs, 0.0) / chain.n_limbs
+    n_numbers = NUMBERS_OF_POSE * chain.n_limbs if are_poses else 3 * n_seen
+    freedoms_of_pair = 2 * max(n_numbers - 3 - 3 * chain.n_limbs, 0.0) / chain.n_limbs
     kinds = []
     for limb in range(1, chain.n_limbs):
         parent = chain.parents[limb]
@@ -74,6 +83,19 @@ def relative_rotation_covariances(chain: Chain, poses: ChainPoses, positions: Fl
         turn = poses.rotations[:, parent]
         result[limb] = noise**2 * turn.swapaxes(1, 2) @ world @ turn
     return result
+
+
+def with_noise_of_poses(calibration: Calibration, positions: Floats) -> Calibration:
+    """Estimate the noise anew for markers that stand for bodies with orientation.
+
+    Their shapes are known and exact: each body that is seen tells six numbers, not three for every marker.
+    """
+    chain = calibration.chain
+    seen = ~np.isnan(positions[:, :, 0])
+    n_bodies = sum(int(seen[:, chain.limb_of_marker == limb].any(axis=1).sum()) for limb in range(chain.n_limbs))
+    free = len(positions) * (3 + 3 * chain.n_limbs) + NUMBERS_OF_POSE * (chain.n_limbs - 1)
+    squares = float((residuals(chain, calibration.poses, positions) ** 2).sum())
+    return replace(calibration, noise=float(np.sqrt(squares / max(NUMBERS_OF_POSE * n_bodies - free, 1))))
 
 
 def settle_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> Chain:

@@ -84,7 +84,7 @@ def learn_skeleton(poses: Floats) -> Skeleton | None:
         limbs = find_limbs(markers)
         topology = find_joints(markers, limbs, JointParameters(samples=JOINT_SAMPLES))
         skeleton, _ = fit_skeleton(markers, limbs, topology, SkeletonParameters(fit="root-outward"))
-    except InputError:
+    except (InputError, np.linalg.LinAlgError):  # poses too poor for a skeleton; the tracker goes on without
         return None
     return skeleton
 

@@ -31,8 +31,8 @@ WRONG_SECONDS = 0.1
 DOUBT_EVERY, LEARN_EVERY = 3, 2
 """Frames between two looks at all distances: to find what is wrong, and to learn from them."""
 
-NEW_SECONDS = 0.05
-"""A track that resembles no lost marker is a new one after this time: ghosts last a frame or two."""
+NEW_SECONDS = 0.1
+"""A track that resembles no lost marker is a new one after this time: ghosts last a few frames."""
 
 DOUBT_SECONDS = 0.3
 """A track that resembles one, without being convincing, waits longer."""

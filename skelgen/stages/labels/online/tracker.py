@@ -26,6 +26,9 @@ WINDOW = 30.0
 STEPS_REMEMBERED = 51
 """Time steps whose median is the frame period where no rate is given."""
 
+LARGEST_COORDINATE = 1e9
+"""mm; beyond a thousand kilometres a unit is wrong, and squares lose the millimetre."""
+
 LONG_JUMP = 1.0
 """s after which nothing is left of a pose."""
 
@@ -109,9 +112,13 @@ class Tracker:
         Raises
         ------
         InputError
-            If the points are not rows of three numbers, one is infinite, or the time stamp does not rise.
+            If the points are not rows of three numbers, one is infinite or impossibly large, or the time stamp does
+            not rise.
         """
         clean = check_floats(np.empty((0, 3)) if np.size(points) == 0 else points, (None, 3), "points of a frame")
+        largest = float(np.nanmax(np.abs(clean), initial=0.0))
+        if largest > LARGEST_COORDINATE:
+            raise InputError(f"a coordinate is {largest:g} mm, more than a thousand kilometres; check the unit")
         n_steps = self._advance(time)
         labels = np.full(len(clean), -1, dtype=np.intp)
         seen = ~np.isnan(clean).any(axis=1)

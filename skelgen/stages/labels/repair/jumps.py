@@ -44,14 +44,14 @@ class Expectations:
     ages: Floats
 
 
-def neighbours_of(positions: Floats) -> Ints:
-    """Nearest markers of each marker by typical distance, itself first, shape (n_markers, up to 6)."""
+def neighbours_of(positions: Floats, most: int = N_NEIGHBOURS) -> Ints:
+    """Nearest markers of each marker by typical distance, itself first, shape (n_markers, up to most + 1)."""
     sample = positions[np.linspace(0, len(positions) - 1, min(len(positions), 60)).astype(np.intp)]
     distance = np.sort(np.linalg.norm(sample[:, :, np.newaxis] - sample[:, np.newaxis], axis=3), axis=0)
     middle = distance[np.maximum((~np.isnan(distance)).sum(axis=0) - 1, 0) // 2, *np.indices(distance.shape[1:])]
     middle = np.where(np.isnan(middle), np.inf, middle)
     np.fill_diagonal(middle, -1.0)
-    return np.argsort(middle, axis=1, kind="stable")[:, : N_NEIGHBOURS + 1]
+    return np.argsort(middle, axis=1, kind="stable")[:, : most + 1]
 
 
 def expectations(positions: Floats, chosen: Ints, neighbours: Ints, rate: float) -> Expectations:

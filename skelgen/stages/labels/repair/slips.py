@@ -1,8 +1,9 @@
 """Find markers that have slipped: their place on the limb changes from one frame to the next, and stays changed.
 
-The place is measured in a frame that the limb's other markers carry: in three coordinates where there are three others
-or more, along and off the line of the others where there are two. A slip must stand out twice: as a step of a few
-frames among all such steps, and as a difference of means over `slip_seconds` on both sides among all such differences.
+A slip is seen three times. The marker itself jumps, against its neighbours, off the straight line of the frames before
+and after; its distances to the markers that it moves rigidly with jump as that step demands; and they still differ so
+between the means over `slip_seconds` before and after. Each must stand out from what it does in the rest of the take,
+so that skin which wobbles, bodies that bend and limbs that are no limbs raise the measure and not an alarm.
 """
 
 from __future__ import annotations
@@ -14,35 +15,59 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
-from skelgen.kinematics.shape import fit_shape
-from skelgen.model import Limbs, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model import Trajectories
+from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.repair.rigid import robust_limbs
+from skelgen.stages.labels.repair.jumps import neighbours_of
+from skelgen.stages.labels.repair.steps import LINE_FRAMES, changes, jumps
 
-STEP_FRAMES = 5
-"""Frames on each side that a sudden step is measured over."""
+N_MATES = 5
+"""Markers, those at the steadiest distance, against which a place is measured."""
 
-LEAST_SEEN = 0.5
-"""Part of the frames of a window in which the place must be known."""
+NEAREST = 12
+"""Markers among which mates are looked for."""
 
-LASTING = 0.7
-"""Part of the step that the means on both sides must still differ by, and at most the inverse of it."""
-
-LARGEST = 0.5
-"""Of the typical distance to the limb's other markers: what jumps farther is a wrong label, not a slip."""
-
-LEAST_SIZE = 1.0
+LEAST_SIZE = 4.0
 """mm: smaller changes are no slips, however exact the take."""
 
+AT_FIRST, LATER, LARGEST_GAIN = 0.5, 0.15, 2.0
+"""Part of the step that distances must show at once, and still show later, when skin has moved on; and the largest."""
+
+SURE, SURE_GAIN = 4.0, 0.5
+"""Variations that a step exceeds, and part of it that distances show throughout, where nothing else explains it."""
+
+VARIES = 2.5
+"""Of what distances vary anyway between such means: a slip is larger."""
+
+CORROBORATED = 4.0
+"""Standard deviations by which distances must change as the marker's own step demands."""
+
+GLITCH_FRAMES = 4
+"""What is over after so many is an error of the tracker, and no slip."""
+
+LASTING_PARTS = (0.1, 0.25, 0.5, 1.0)
+"""Of `slip_seconds`, over which means before and after are compared."""
+
+NAMED_MATES = 3
+"""Mates that the user is told of."""
+
+MEDIAN_LENGTH = 1.538
+"""Median length of a vector whose three coordinates are standard normal."""
+
+LARGEST = 0.5
+"""Of the typical distance to the mates: what jumps farther is a wrong label, not a slip."""
+
+COMMON = 99.9
+"""Percentile of a measure over the take, which a slip must exceed."""
+
+ABOVE_COMMON = 2.0
+"""How many times it must exceed that."""
+
 LEAST_DEVIATION = 0.05
-"""mm: what places on exact limbs are taken to vary."""
+"""mm: what distances on exact limbs are taken to vary."""
 
-MOST_SLIPS = 20
-"""Slips that are looked for on one limb; more mean that it is no rigid limb."""
-
-SHAPE_FRAMES = 300
-"""Frames from which the shape of the other markers is estimated."""
+MOST_CANDIDATES = 20
+"""Frames that are looked at for each marker; more mean that nothing stands out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,44 +82,45 @@ class Slip:
         Its label.
     frame : int
         The first frame in the new place.
-    old_place, new_place : ndarray, shape (3,), mm
-        In the frame of the limb's other markers; along their line, off it, and 0 where there are only two.
+    size : float, mm
+        Length of the step.
     evidence : float
-        Size of the change in its standard deviations.
+        Change of the distances to its mates, in standard deviations of what they vary over `slip_seconds` anyway.
+    mates : tuple of str
+        Markers whose distances show it.
+    sure : bool
+        Whether the change is so clear and so lasting that the marker may be split.
     """
 
     marker: int
     name: str
     frame: int
-    old_place: Floats
-    new_place: Floats
+    size: float
     evidence: float
-
-    @property
-    def size(self) -> float:
-        """Length of the change [mm]."""
-        return float(np.linalg.norm(self.new_place - self.old_place))
+    mates: tuple[str, ...]
+    sure: bool
 
     @property
     def sentence(self) -> str:
         """What the user is told."""
+        verb = "slips" if self.sure else "may slip"
         return (
-            f"{self.name} slips on its limb at frame {self.frame} by {self.size:.1f} mm ({self.evidence:.0f} standard "
-            f"deviations), and stays there: it is another marker from then on"
+            f"{self.name} {verb} on its limb at frame {self.frame} by {self.size:.1f} mm: its distances to "
+            f"{', '.join(self.mates)} change at once, and stay changed, by {self.evidence:.1f} of their standard "
+            "deviations"
         )
 
 
-def find_slips(
-    trajectories: Trajectories, limbs: Limbs | None = None, parameters: LabelParameters | None = None
-) -> tuple[Slip, ...]:
+_Found = tuple[float, Slip]
+
+
+def find_slips(trajectories: Trajectories, parameters: LabelParameters | None = None) -> tuple[Slip, ...]:
     """Find sudden, lasting changes of a marker's place on its limb.
 
     Parameters
     ----------
     trajectories : Trajectories
         Labelled markers without exchanged labels.
-    limbs : Limbs, optional
-        Rigid groups; found robustly if left out. Limbs of one or two markers tell nothing.
     parameters : LabelParameters, optional
         Their `slip_seconds` and `slip_evidence`.
 
@@ -104,17 +130,22 @@ def find_slips(
         In the order of their frames.
     """
     parameters = parameters or LabelParameters()
-    limbs = limbs or robust_limbs(trajectories)
-    slips: list[Slip] = []
-    for limb in range(limbs.n_limbs):
-        markers = limbs.markers_of(limb)
-        if len(markers) > 2:
-            slips += _slips_of_limb(trajectories, markers, parameters)
-    return tuple(sorted(slips, key=lambda slip: (slip.frame, slip.marker)))
+    window = round(parameters.slip_seconds * trajectories.rate)
+    if trajectories.n_markers < 3 or trajectories.n_frames < 2 * window or window < 2:
+        return ()
+    positions, names = trajectories.positions, trajectories.names
+    neighbours, near = neighbours_of(positions), neighbours_of(positions, NEAREST)
+    steps = jumps(positions.reshape(len(positions), -1)).reshape(positions.shape)
+    found: list[_Found] = []
+    for marker in range(trajectories.n_markers):
+        seen = np.nan_to_num(steps[:, marker] - _middle(steps[:, neighbours[marker, 1:]]))
+        place = _Place(positions, marker, near[marker, 1:], seen, window)
+        found += _slips_of(names, marker, place, seen, parameters.slip_evidence)
+    return _one_of_each(found, near, window)
 
 
 def split_slipped(trajectories: Trajectories, slips: Iterable[Slip]) -> Trajectories:
-    """Make a new marker of every slipped one from its slip on: ``NAME'2``, ``NAME'3``, at the end of the list.
+    """Make a new marker of every one that surely slipped, from its slip on: ``NAME_2``, at the end of the list.
 
     Returns
     -------
@@ -124,8 +155,10 @@ def split_slipped(trajectories: Trajectories, slips: Iterable[Slip]) -> Trajecto
     slips = sorted(slips, key=lambda slip: (slip.marker, slip.frame))
     if not slips:
         return trajectories
+    unsure = [(slip.frame, f"{slip.sentence}; it is left as it is") for slip in slips if not slip.sure]
+    slips = [slip for slip in slips if slip.sure]
     positions, names = trajectories.positions.copy(), list(trajectories.names)
-    added = []
+    added, notices = [], unsure
     for index, slip in enumerate(slips):
         following = slips[index + 1 :]
         end = next((later.frame for later in following if later.marker == slip.marker), len(positions))
@@ -134,99 +167,149 @@ def split_slipped(trajectories: Trajectories, slips: Iterable[Slip]) -> Trajecto
         positions[slip.frame : end, slip.marker] = np.nan
         added.append(moved)
         names.append(_free_name(slip.name, names))
-    positions = np.concatenate([positions, np.stack(added, axis=1)], axis=1)
-    notices = tuple(slip.sentence for slip in sorted(slips, key=lambda slip: slip.frame))
-    return dataclasses.replace(
-        trajectories, positions=positions, names=tuple(names), notices=trajectories.notices + notices
-    )
+        notices.append((slip.frame, f"{slip.sentence}; from then on it is the marker {names[-1]}"))
+    positions = np.concatenate([positions, *(moved[:, np.newaxis] for moved in added)], axis=1)
+    said = trajectories.notices + tuple(notice for _, notice in sorted(notices))
+    return dataclasses.replace(trajectories, positions=positions, names=tuple(names), notices=said)
 
 
 def _free_name(name: str, taken: list[str]) -> str:
     number = 2
-    while f"{name}'{number}" in taken:
+    while f"{name}_{number}" in taken:
         number += 1
-    return f"{name}'{number}"
+    return f"{name}_{number}"
 
 
-def _slips_of_limb(trajectories: Trajectories, markers: Ints, parameters: LabelParameters) -> list[Slip]:
-    """The clearest slip of the limb, then those before and after it: a slip spoils the frame of the other markers."""
-    window = max(STEP_FRAMES, round(parameters.slip_seconds * trajectories.rate))
-    spans = [(0, trajectories.n_frames)]
-    slips: list[Slip] = []
-    while spans and len(slips) < MOST_SLIPS:
-        first, last = spans.pop()
-        if last - first < 2 * window:
+class _Place:
+    """Distances of one marker to its mates, how they change from before each frame to after it, and its own step."""
+
+    def __init__(self, positions: Floats, marker: int, near: Ints, seen: Floats, window: int) -> None:
+        away = positions[:, [marker]] - positions[:, near]
+        spread = _spread(changes(np.linalg.norm(away, axis=2), window))
+        chosen = np.argsort(spread, kind="stable")[:N_MATES]
+        chosen = chosen[np.isfinite(spread[chosen])]
+        self.mates, self.spread, self.window = near[chosen], spread[chosen], window
+        lengths = np.linalg.norm(away[:, chosen], axis=2)
+        self.towards = away[:, chosen] / lengths[..., np.newaxis]
+        self.sudden, self.at_once = jumps(lengths), np.diff(lengths, axis=0, prepend=np.nan)
+        self.later = [changes(lengths, max(round(part * window), 2), GLITCH_FRAMES) for part in LASTING_PARTS]
+        known = lengths[~np.isnan(lengths)]
+        self.largest = LARGEST * float(np.median(known)) if len(known) else 0.0
+        self.step = _step(self.towards, self.sudden, seen) if len(chosen) else seen
+
+    def weights(self, frame: int) -> Floats:
+        """How much each mate's distance tells of the step in a frame, shape (n_mates,)."""
+        return np.asarray(np.nan_to_num(self.towards[frame] @ self.step[frame]) / self.spread**2)
+
+    def gains(self, frame: int, weights: Floats) -> Floats:
+        """Changes of distances as parts of what the step demands: lines, one frame, and later ones."""
+        expected = max(float((weights**2 * self.spread**2).sum()), np.finfo(float).tiny)
+        parts = (self.sudden, self.at_once, *self.later)
+        return np.array([_weighted(part, weights)[frame] for part in parts]) / expected
+
+    def variations(self, weights: Floats) -> float:
+        """The step in standard deviations of what distances vary between later and earlier means."""
+        usual = float(_spread(_weighted(self.later[-1], weights)[:, np.newaxis])[0])
+        return float((weights**2 * self.spread**2).sum()) / usual
+
+
+def _slips_of(names: tuple[str, ...], marker: int, place: _Place, seen: Floats, factor: float) -> list[_Found]:
+    """Step in space [mm] and slip, for all of one marker, of which some may be those of a mate."""
+    found: list[_Found] = []
+    if len(place.mates) < 2:
+        return found
+    for frame in _peaks(place.step, factor):
+        size, weights = float(np.linalg.norm(place.step[frame])), place.weights(frame)
+        if not LEAST_SIZE < size < place.largest or not weights.any():
             continue
-        part = trajectories.positions[first:last, markers]
-        found = [_clearest(part, index, window, parameters.slip_evidence) for index in range(len(markers))]
-        best = max(range(len(markers)), key=lambda index: found[index][0])
-        evidence, frame, old, new = found[best]
-        if evidence <= 0:
-            continue
-        marker = int(markers[best])
-        slips.append(Slip(marker, trajectories.names[marker], first + frame, old, new, evidence))
-        spans += [(first, first + frame), (first + frame, last)]
-    return slips
+        stands_out = min(_standing_out(part, weights, frame, place.window) for part in (place.sudden, place.at_once))
+        gains, varies = place.gains(frame, weights), place.variations(weights)
+        if stands_out > CORROBORATED and varies > VARIES and _stays(gains):
+            strongest = np.argsort(-np.abs(weights), kind="stable")[:NAMED_MATES]
+            sure = varies > SURE and float(np.nanmin(gains)) > SURE_GAIN
+            mates = tuple(names[mate] for mate in place.mates[strongest])
+            slip = Slip(marker, names[marker], frame, size, varies, mates, sure)
+            found.append((float(np.linalg.norm(seen[frame])), slip))
+    return found
 
 
-def _clearest(positions: Floats, index: int, window: int, factor: float) -> tuple[float, int, Floats, Floats]:
-    """Evidence (0 if there is none), frame, old and new place of one marker's clearest slip."""
-    nothing = (0.0, 0, np.zeros(3), np.zeros(3))
-    places, reach = _places(positions, index)
-    lasting, before, after = _differences(places, window)
-    step = _differences(places, STEP_FRAMES)[0]
-    sudden, size, width = _standing_out(step), np.linalg.norm(lasting, axis=1), np.linalg.norm(step, axis=1)
-    lasts: Bools = (size > LASTING * width) & (size < width / LASTING) & (size > LEAST_SIZE) & (size < LARGEST * reach)
-    clear = (_standing_out(lasting) > factor) & (sudden > factor) & lasts
-    if not clear.any():
-        return nothing
-    frame = int(np.argmax(np.where(clear, sudden, 0.0)))
-    return float(sudden[frame]), frame, before[frame], after[frame]
+def _stays(gains: Floats) -> bool:
+    """Whether a step is as large at once and is still there later, as far as the take goes."""
+    n_first = len(gains) - len(LASTING_PARTS) + 1  # the lines, the frame itself and the shortest means
+    later = gains[n_first:][~np.isnan(gains[n_first:])]
+    enough = (gains[:n_first] > AT_FIRST).all() and (later > LATER).all() and len(later) > 1
+    return bool(enough and np.nanmax(gains) < LARGEST_GAIN)
 
 
-def _differences(places: Floats, window: int) -> tuple[Floats, Floats, Floats]:
-    """Mean places of the `window` frames from each on less those before, and both means; NaN where little is known."""
-    known = ~np.isnan(places[:, :1])
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(np.where(known, places, 0.0), axis=0)])
-    count = np.concatenate([np.zeros((1, 1)), np.cumsum(known, axis=0)])
-    n_frames = len(places)
-    middle = np.arange(n_frames)
-    low, high = np.maximum(middle - window, 0), np.minimum(middle + window, n_frames)
-    means = []
-    for start, end in ((low, middle), (middle, high)):
-        number = count[end] - count[start]
-        whole = (end - start == window)[:, np.newaxis]  # nothing is said of what lasts beyond the take
-        enough = whole & (number >= LEAST_SEEN * window)
-        means.append(np.where(enough, (total[end] - total[start]) / np.maximum(number, 1.0), np.nan))
-    return means[1] - means[0], means[0], means[1]
+def _step(towards: Floats, sudden: Floats, seen: Floats) -> Floats:
+    """Step of a marker [mm], shape (n_frames, 3), from those of its distances and from the one that is seen in space.
+
+    Least squares, weighted by how much either varies in the take: of a fast movement distances tell more, and across
+    the plane of few mates only the step in space does.
+    """
+    weights = np.where(np.isnan(sudden), 0.0, 1.0 / _spread(sudden) ** 2)
+    towards = np.nan_to_num(towards)
+    direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
+    normal = np.einsum("fm,fmi,fmj->fij", weights, towards, towards) + direct * np.eye(3)
+    right = np.einsum("fm,fmi,fm->fi", weights, towards, np.nan_to_num(sudden)) + direct * seen
+    return np.asarray(np.linalg.solve(normal, right[..., np.newaxis])[..., 0])
 
 
-def _standing_out(differences: Floats) -> Floats:
-    """Length of differences in their robust standard deviations; 0 where unknown."""
-    known = differences[~np.isnan(differences[:, 0])]
+def _peaks(own: Floats, factor: float) -> list[int]:
+    """Frames at which a marker jumps by more than it does elsewhere, the clearest first."""
+    size = np.nan_to_num(np.linalg.norm(own, axis=1))
+    known = size[size > 0]
     if not len(known):
-        return np.zeros(len(differences))
-    deviation = np.maximum(SIGMA_OF_MEDIAN * np.median(np.abs(known), axis=0), LEAST_DEVIATION)
-    return np.asarray(np.linalg.norm(np.nan_to_num(differences) / deviation, axis=1))
+        return []
+    usual = max(float(np.median(known)) / MEDIAN_LENGTH, LEAST_DEVIATION)
+    score = np.where(size > factor * usual, size, 0.0)
+    frames: list[int] = []
+    for frame in np.argsort(-score, kind="stable")[: LINE_FRAMES * MOST_CANDIDATES].tolist():
+        if score[frame] <= 0 or len(frames) == MOST_CANDIDATES:
+            break
+        if all(abs(frame - other) > LINE_FRAMES for other in frames):
+            frames.append(frame)
+    return frames
 
 
-def _places(positions: Floats, index: int) -> tuple[Floats, float]:
-    """Places of a marker on its limb [mm], shape (n_frames, 3), and its typical distance to the others."""
-    own, others = positions[:, index], np.delete(positions, index, axis=1)
-    lengths = np.linalg.norm(others - own[:, np.newaxis], axis=2)
-    reach = float(np.median(lengths[~np.isnan(lengths)])) if not np.isnan(lengths).all() else 0.0
-    if others.shape[1] == 2:
-        return _off_a_line(own, others), reach
-    frames = np.unique(np.linspace(0, len(own) - 1, SHAPE_FRAMES).astype(np.intp))
-    poses = fit_shape(others, frames).world_from_limb
-    return np.asarray(np.einsum("fji,fj->fi", poses[:, :3, :3], own - poses[:, :3, 3])), reach
+def _weighted(measures: Floats, weights: Floats) -> Floats:
+    """Weighted sum of what is known in each frame; NaN where nothing is."""
+    return np.asarray(np.where(np.isnan(measures).all(axis=1), np.nan, np.nan_to_num(measures) @ weights))
 
 
-def _off_a_line(own: Floats, others: Floats) -> Floats:
-    line = others[:, 1] - others[:, 0]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        line = line / np.linalg.norm(line, axis=1)[:, np.newaxis]
-    away = own - others.mean(axis=1)
-    along = (away * line).sum(axis=1)
-    off = np.sqrt(np.maximum((away**2).sum(axis=1) - along**2, 0.0))
-    return np.stack([along, off, np.where(np.isnan(off), np.nan, 0.0)], axis=1)
+def _standing_out(measures: Floats, weights: Floats, frame: int, window: int) -> float:
+    """A weighted sum of changes in standard deviations; 0 where such sums are common in the take."""
+    sums = _weighted(measures, weights)
+    value = float(sums[frame])
+    rest = np.abs(np.concatenate([sums[: max(frame - window, 0)], sums[frame + window :]]))
+    rest = rest[~np.isnan(rest)]
+    if not len(rest) or np.isnan(value) or value < ABOVE_COMMON * np.percentile(rest, COMMON):
+        return 0.0
+    usual = SIGMA_OF_MEDIAN * float(np.median(rest))
+    return value / max(usual, LEAST_DEVIATION * float(np.linalg.norm(weights)))
+
+
+def _one_of_each(slips: list[_Found], near: Ints, window: int) -> tuple[Slip, ...]:
+    """Of slips that happen together on markers near each other, that of the marker that jumps farthest in space."""
+    kept: list[Slip] = []
+    for _, slip in sorted(slips, key=lambda found: (-found[0], found[1].frame, found[1].marker)):
+        close = [one for one in kept if abs(one.frame - slip.frame) < window]
+        if not any(one.marker == slip.marker or one.marker in near[slip.marker] for one in close):
+            kept.append(slip)
+    return tuple(sorted(kept, key=lambda slip: (slip.frame, slip.marker)))
+
+
+def _spread(values: Floats) -> Floats:
+    """Robust standard deviation of each column [mm]; infinite where nothing is known."""
+    known = (~np.isnan(values)).any(axis=0)
+    middle = np.full(values.shape[1], np.inf)
+    middle[known] = np.nanmedian(np.abs(values[:, known]), axis=0)
+    return np.asarray(np.maximum(SIGMA_OF_MEDIAN * middle, LEAST_DEVIATION))
+
+
+def _middle(steps: Floats) -> Floats:
+    """Median of the known steps of neighbours, 0 where there is none; shape (n_frames, 3)."""
+    ordered = np.sort(steps, axis=1)
+    count = (~np.isnan(steps[..., 0])).sum(axis=1)
+    place = (np.maximum(count - 1, 0) // 2)[:, np.newaxis, np.newaxis]
+    return np.nan_to_num(np.take_along_axis(ordered, place, axis=1)[:, 0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from skelgen.model import Trajectories
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.repair.slips import Slip, find_slips, split_slipped
 from skelgen.stages.labels.repair.swaps import find_swaps, indistinguishable_pairs, repair_swaps
 
 MOST_NAMED = 6
@@ -36,13 +37,24 @@ def repair_take(
         return trajectories
     swaps = find_swaps(trajectories, parameters, monitor=monitor)
     repaired = repair_swaps(trajectories, swaps)
-    outcome = f"{len(swaps)} exchanges of labels are repaired" if swaps else "no exchanged labels are found"
-    monitor.notice(f"the markers are labelled already: {outcome}")
+    slips = find_slips(repaired, parameters) if parameters.slips else ()
+    repaired = split_slipped(repaired, slips)
+    monitor.notice(f"the markers are labelled already: {_outcome(len(swaps), slips)}")
     for sentence in repaired.notices[len(trajectories.notices) :]:
         monitor.notice(sentence)
     if swaps:
         _warn_of_twins(repaired, monitor)
     return repaired
+
+
+def _outcome(n_swaps: int, slips: tuple[Slip, ...]) -> str:
+    n_split = sum(slip.sure for slip in slips)
+    parts = [f"{n_swaps} exchanges of labels are repaired" if n_swaps else "no exchanged labels are found"]
+    if n_split:
+        parts.append(f"{n_split} slipped markers are split")
+    if len(slips) > n_split:
+        parts.append(f"{len(slips) - n_split} more may have slipped and are left as they are")
+    return ", ".join(parts)
 
 
 def _warn_of_twins(trajectories: Trajectories, monitor: Monitor) -> None:

@@ -1,0 +1,292 @@
+r"""Bodies with poses as an articulated hierarchy: which hang together, where their joints are, how they play back.
+
+A joint is tried between every two bodies; how far its two images are apart is the weight of the pair, and the minimum
+spanning tree of the weights is the hierarchy, unless it is given (O'Brien, Bodenheimer, Brostow and Hodgins 2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.kinematics.ball import fit_fixed_point
+from skelgen.kinematics.choose import KindChoice, choose
+from skelgen.kinematics.joint_fit import fit_kind
+from skelgen.kinematics.kind import KNOWN_KINDS, KindLimits
+from skelgen.kinematics.relative import RelativePoses, body_index, noise_size, relative_poses
+from skelgen.model import Poses
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.topology import outward_order, parents_from_names
+
+LOOP_GAP = 3.0
+"""Joints outside the tree are looked at if their gap is below this many times the median gap of the tree's joints."""
+
+LOOP_NOISE = 1.15
+"""They close a loop if their residuals, weighted, are below this many times the median of the tree's."""
+
+ACROSS = 0.1
+"""Cosine between a length and a hinge's axis below which the free place along the axis hardly changes the length."""
+
+_EXACT_GAP = 1e-3
+"""mm; gaps below count alike: the ridge of the closed form leaves as much."""
+
+
+@dataclass(frozen=True)
+class Length:
+    """The distance between two joints of one body.
+
+    Attributes
+    ----------
+    body : str
+        Name of the body.
+    first, second : str
+        The bodies on the other side of the two joints.
+    length, std : float, mm
+        Distance and its standard deviation.
+    is_determined : bool
+        False where a hinge leaves its joint free along the axis: then the length is one of many.
+    """
+
+    body: str
+    first: str
+    second: str
+    length: float
+    std: float
+    is_determined: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Hierarchy:
+    """An articulated hierarchy of bodies.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The bodies.
+    parents : ndarray of intp, shape (n_bodies,)
+        Parent of each body, -1 for a root.
+    gaps : ndarray, shape (n_bodies, n_bodies), mm
+        Root mean square distance of the two images of the best joint between each two bodies; NaN where they are never
+        seen together.
+    joints : dict of int to KindChoice
+        The joint above each body that is no root.
+    loops : tuple of pairs of int
+        Bodies that seem joined although the tree does not join them.
+    """
+
+    names: tuple[str, ...]
+    parents: Ints
+    gaps: Floats
+    joints: dict[int, KindChoice]
+    loops: tuple[tuple[int, int], ...]
+
+    @property
+    def lengths(self) -> tuple[Length, ...]:
+        """Distances between each two joints of one body: the table of limb lengths."""
+        return tuple(length for body in range(len(self.names)) for length in self._lengths_of(body))
+
+    def _lengths_of(self, body: int) -> list[Length]:
+        places = []
+        if body in self.joints:
+            fit = self.joints[body].fit
+            places.append(
+                _Place(int(self.parents[body]), fit.kind, fit.in_child, fit.covariance[3:, 3:], fit.axis_in_child)
+            )
+        for child in np.flatnonzero(self.parents == body).tolist():
+            fit = self.joints[child].fit
+            places.append(_Place(child, fit.kind, fit.in_parent, fit.covariance[:3, :3], fit.axis_in_parent))
+        return [self._length(body, first, second) for first, second in combinations(places, 2)]
+
+    def _length(self, body: int, first: _Place, second: _Place) -> Length:
+        vector = first.point - second.point
+        length = float(np.linalg.norm(vector))
+        unit = vector / length if length > 0 else vector
+        variance = float(unit @ (first.covariance + second.covariance) @ unit)
+        is_told = first.is_told_along(unit) and second.is_told_along(unit)
+        names = (self.names[body], self.names[first.other], self.names[second.other])
+        return Length(*names, length, float(np.sqrt(max(variance, 0.0))), is_told)
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A joint in one of its bodies: the body on its other side, kind, point [mm], covariance [mm^2], axis."""
+
+    other: int
+    kind: str
+    point: Floats
+    covariance: Floats
+    axis: Floats | None
+
+    def is_told_along(self, unit: Floats) -> bool:
+        """Whether the place is known along a direction."""
+        free = self.kind == "hinge" and self.axis is not None and abs(float(self.axis @ unit)) >= ACROSS
+        return self.kind != "rigid" and not free
+
+
+def find_hierarchy(
+    poses: Poses,
+    parents: Mapping[str, str | None] | None = None,
+    root: int | str | None = None,
+    covariances: Floats | None = None,
+    size: float | None = None,
+    *,
+    kinds: Mapping[str, str] | None = None,
+    limits: KindLimits | None = None,
+) -> Hierarchy:
+    """Find the hierarchy of bodies and fit its joints.
+
+    Parameters
+    ----------
+    poses : Poses
+        Bodies with orientation.
+    parents : mapping of str to str or None, optional
+        The parent of every body by name, None or empty for a root; found if left out.
+    root : int or str, optional
+        Root of a tree that is found; by default the body with most joints.
+    covariances, size
+        As for `fit_ball`.
+    kinds : mapping of str to str, optional
+        Kinds of joints that are known, by the child's name.
+    limits : KindLimits, optional
+        Where one kind ends and the next begins.
+
+    Raises
+    ------
+    InputError
+        If names are unknown, the parents form a cycle, or two bodies to be joined are not seen together.
+    """
+    gaps = joint_gaps(poses)
+    if parents is None:
+        tree = spanning_parents(gaps, None if root is None else body_index(poses, root))
+    else:
+        tree = parents_from_names(poses.names, parents)
+    wanted, size = _known_kinds(poses, kinds or {}), noise_size(poses) if size is None else size
+
+    def relate(parent: int, child: int) -> RelativePoses:
+        return relative_poses(poses, parent, child, covariances, size)
+
+    children = [int(child) for child in outward_order(tree) if tree[child] >= 0]
+    joints = {child: choose(relate(int(tree[child]), child), wanted.get(child), limits) for child in children}
+    found = Hierarchy(poses.names, tree, gaps, joints, ())
+    return replace(found, loops=_loops(found, relate))
+
+
+def without_residual(poses: Poses, hierarchy: Hierarchy) -> Poses:
+    """Play a motion back with its joints held together: rotations and the roots' places are kept (O'Brien 2000, 3.4).
+
+    Parameters
+    ----------
+    poses : Poses
+        The motion.
+    hierarchy : Hierarchy
+        Its joints. A body is unseen where it or one between it and its root is.
+    """
+    world = poses.world_from_body.copy()
+    for body in outward_order(hierarchy.parents):
+        parent = int(hierarchy.parents[body])
+        if parent < 0:
+            continue
+        fit = hierarchy.joints[int(body)].fit
+        joint = world[:, parent, :3, :3] @ fit.in_parent + world[:, parent, :3, 3]
+        world[:, body, :3, 3] = joint - world[:, body, :3, :3] @ fit.in_child
+    return replace(poses, world_from_body=world)
+
+
+def joint_gaps(poses: Poses) -> Floats:
+    """Root mean square gap [mm] of the best joint between each two bodies, shape (n_bodies, n_bodies)."""
+    gaps = np.full((poses.n_bodies, poses.n_bodies), np.nan)
+    np.fill_diagonal(gaps, 0.0)
+    nowhere = np.zeros(3)
+    world = poses.world_from_body
+    for first, second in combinations(range(poses.n_bodies), 2):
+        fit = fit_fixed_point(world[:, first], world[:, second], nowhere, nowhere)
+        if fit is not None:
+            gaps[first, second] = gaps[second, first] = np.sqrt(fit.gap)
+    return gaps
+
+
+def spanning_parents(gaps: Floats, root: int | None = None) -> Ints:
+    """Return the parents in the minimum spanning forest of joint gaps (Prim).
+
+    Parameters
+    ----------
+    gaps : ndarray, shape (n_bodies, n_bodies), mm
+        Symmetric weights; NaN where two bodies cannot be joined.
+    root : int, optional
+        Root of its tree; by default, and for all other trees, the body with most joints.
+    """
+    n_bodies = len(gaps)
+    joined = np.zeros((n_bodies, n_bodies), dtype=bool)
+    weights = np.where(np.isnan(gaps), np.inf, gaps)
+    inside = np.zeros(n_bodies, dtype=bool)
+    for start in range(n_bodies):
+        if inside[start]:
+            continue
+        tree = np.arange(n_bodies) == start
+        while True:
+            across = np.where(tree[:, np.newaxis] & ~(tree | inside), weights, np.inf)
+            first, second = np.unravel_index(np.argmin(across), across.shape)
+            if not np.isfinite(across[first, second]):
+                break
+            joined[first, second] = joined[second, first] = tree[second] = True
+        inside |= tree
+    return _rooted(joined, root)
+
+
+def _known_kinds(poses: Poses, kinds: Mapping[str, str]) -> dict[int, str]:
+    for name, kind in kinds.items():
+        if name not in poses.names or kind not in KNOWN_KINDS:
+            raise InputError(f"kinds: {name}={kind} names no body or no kind; kinds are {', '.join(KNOWN_KINDS)}")
+    return {poses.names.index(name): kind for name, kind in kinds.items()}
+
+
+def _rooted(joined: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], root: int | None) -> Ints:
+    parents = np.full(len(joined), -1, dtype=np.intp)
+    order = sorted(range(len(joined)), key=lambda body: (body != root, -int(joined[body].sum()), body))
+    known: set[int] = set()
+    for start in order:
+        if start in known:
+            continue
+        queue = [start]
+        for body in queue:
+            known.add(body)
+            for other in np.flatnonzero(joined[body]).tolist():
+                if other not in known:
+                    parents[other] = body
+                    queue.append(other)
+    return parents
+
+
+def _loops(hierarchy: Hierarchy, relate: Callable[[int, int], RelativePoses]) -> tuple[tuple[int, int], ...]:
+    """Pairs outside the tree whose joint fits as well as those inside; bodies that never moved apart are one."""
+    parents, gaps, joints = hierarchy.parents, hierarchy.gaps, hierarchy.joints
+    if not joints:
+        return ()
+    gap = LOOP_GAP * max(float(np.median([gaps[child, parents[child]] for child in joints])), _EXACT_GAP)
+    noise = LOOP_NOISE * float(np.median([joint.fit.noise for joint in joints.values()]))
+    one = {child: joints[child].kind in {"rigid", "undetermined"} for child in joints}
+    pairs = []
+    for first, second in combinations(range(len(parents)), 2):
+        in_tree = parents[first] == second or parents[second] == first
+        if in_tree or not gaps[first, second] <= gap or _meets_rigid(parents, one, first, second):
+            continue
+        if gaps[first, second] <= _EXACT_GAP or fit_kind("ball", relate(first, second)).noise <= noise:
+            pairs.append((first, second))
+    return tuple(pairs)
+
+
+def _meets_rigid(parents: Ints, one: dict[int, bool], first: int, second: int) -> bool:
+    """Whether a rigid joint lies on the way between two bodies."""
+    above = [set(_to_root(parents, body)) for body in (first, second)]
+    return any(one.get(body, False) for body in above[0] ^ above[1])
+
+
+def _to_root(parents: Ints, body: int) -> list[int]:
+    way = [body]
+    while (body := int(parents[body])) >= 0:
+        way.append(body)
+    return way
