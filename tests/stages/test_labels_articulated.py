@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from skelgen.evaluation.identity import find_identity
-from skelgen.model import Limbs, Project, StageReport
+from skelgen.model import Project, StageReport
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters, label_markers
-from skelgen.stages.labels.places import join_markers
+from skelgen.stages.labels.articulated import core_markers
+from skelgen.stages.labels.places import same_places
 from skelgen.stages.labels.votes import assign_tracks, point_scores, split_where_marker_changes
 
 OCCLUDED = {"n_cameras": 6, "soft_tissue": 2.0, "ghosts": 0.2, "noise": 0.3, "labelled": False}
@@ -62,11 +65,28 @@ def test_points_outside_the_gate_and_unknown_places_score_nothing():
     np.testing.assert_allclose(scores, [[1.0, 0], [0.75, 0], [0, 0]])
 
 
-def test_markers_with_one_place_that_are_never_seen_together_are_joined():
-    positions = np.zeros((10, 3, 3)) + np.arange(3)[:, None]
-    positions[:6, 0], positions[6:, 1] = np.nan, np.nan
+def test_markers_with_one_place_that_are_never_seen_together_are_one():
+    together = np.array([[6.0, 0, 5], [0, 4, 4], [5, 4, 10]])
     offsets = np.array([[0.0, 0, 0], [0.5, 0, 0], [50, 0, 0]])
-    limbs = Limbs(np.zeros(3, dtype=np.intp), np.zeros((3, 3)))
-    joined = join_markers(positions, offsets, limbs, gate=2.0)
-    assert joined.shape == (10, 2, 3)
-    np.testing.assert_array_equal(joined[:, 0, 0], [1.0] * 6 + [0.0] * 4)
+    same = same_places(together, offsets, np.zeros(3, dtype=np.intp), limits=np.array([2.0]))
+    np.testing.assert_array_equal(same, [0, 0, 2])
+
+
+def test_markers_seen_together_are_never_one():
+    offsets = np.zeros((2, 3))
+    same = same_places(np.full((2, 2), 9.0), offsets, np.zeros(2, dtype=np.intp), limits=np.array([2.0]))
+    np.testing.assert_array_equal(same, [0, 1])
+
+
+def test_rarely_seen_markers_do_not_carry_the_model_and_a_given_number_bounds_it():
+    marker_of_point = np.repeat([0, 1, 2, 3], [100, 90, 20, 80])
+    np.testing.assert_array_equal(core_markers(marker_of_point), [0, 1, 3])
+    np.testing.assert_array_equal(core_markers(marker_of_point, 2), [0, 1])
+
+
+def test_half_of_the_points_being_doubtful_in_the_file_changes_no_label():
+    case = simulate("human", n_frames=300, seed=2, **OCCLUDED)
+    error = np.where(np.arange(case.take.n_points) % 2, 0.1, 0.4)
+    doubted = dataclasses.replace(case.take, attributes={"reprojection_error": error})
+    plain, weighted = (label_markers(take, LabelParameters()) for take in (case.take, doubted))
+    assert plain.n_markers == weighted.n_markers

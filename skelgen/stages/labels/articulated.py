@@ -24,6 +24,7 @@ from skelgen.progress import Monitor
 from skelgen.stages.labels.blocks import Block, blocks_of, marker_names, marker_positions, one_point_a_frame, renumbered
 from skelgen.stages.labels.by_hand import Fixed, fixed_scores, targets
 from skelgen.stages.labels.follow import typical_spacing
+from skelgen.stages.labels.likeness import DistanceRecord, distance_sums, join_likely, sample_frames
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.places import Newcomers, same_places
 from skelgen.stages.labels.posing import BLIND_GATE, Model, fit_model
@@ -84,14 +85,16 @@ def refine_labels(
         Marker of each point, -1 for none; numbered without holes.
     """
     monitor.begin("identities by rigidity")
-    widest = BLIND_GATE * typical_spacing(cloud)
+    spacing = typical_spacing(cloud)
+    frames = np.unique(np.linspace(0, cloud.n_frames - 1, MODEL_FRAMES).astype(np.intp))
     for turn in range(parameters.rounds):
-        model = fit_model(
-            _sampled(cloud, marker_of_point, rate), core_markers(marker_of_point, n_markers), widest, seed
-        )
+        known = _joined_again(cloud, marker_of_point, rate, spacing)
+        positions = _sampled(cloud, known, frames)
+        sample = Trajectories(positions, marker_names(positions.shape[1]), rate * len(frames) / cloud.n_frames)
+        model = fit_model(sample, core_markers(known, n_markers), BLIND_GATE * spacing, seed)
         if model is None:
             break
-        better = _relabelled(cloud, owner, marker_of_point, model, fixed, monitor)
+        better = _relabelled(cloud, owner, known, model, fixed, monitor)
         n_changed = _n_changed(marker_of_point, better)
         marker_of_point = better
         monitor.advance(turn + 1, parameters.rounds)
@@ -109,18 +112,26 @@ def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
     return np.sort(core[counts[core] >= max(CORE_SHARE * usual, 2)])
 
 
-def _sampled(cloud: PointCloud, marker_of_point: Ints, rate: float) -> Trajectories:
-    """Markers in frames spread over the take."""
-    n_markers = int(marker_of_point.max(initial=-1)) + 1
-    frames = np.unique(np.linspace(0, cloud.n_frames - 1, MODEL_FRAMES).astype(np.intp))
+def _sampled(cloud: PointCloud, marker_of_point: Ints, frames: Ints) -> Floats:
+    """Positions of markers in some frames [mm], NaN where unseen, shape (n_frames, n_markers, 3)."""
     starts, counts = cloud.frame_starts[frames], cloud.points_per_frame[frames]
     row = np.repeat(np.arange(len(frames)), counts)
     point = np.arange(int(counts.sum())) + np.repeat(starts - np.cumsum(counts) + counts, counts)
     marker = marker_of_point[point]
     owned = marker >= 0
-    positions = np.full((len(frames), n_markers, 3), np.nan)
+    positions = np.full((len(frames), int(marker_of_point.max(initial=-1)) + 1, 3), np.nan)
     positions[row[owned], marker[owned]] = cloud.points[point[owned]]
-    return Trajectories(positions, marker_names(n_markers), rate * len(frames) / cloud.n_frames)
+    return positions
+
+
+def _joined_again(cloud: PointCloud, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
+    """Join markers by the likelihood of their distances, of which each turn knows more."""
+    sums = distance_sums(_sampled(cloud, marker_of_point, sample_frames(rate, 0, cloud.n_frames)))
+    joined = join_likely(DistanceRecord(*sums, sums[0] > 0, spacing))
+    if (joined == np.arange(len(joined))).all():
+        return marker_of_point
+    found = one_point_a_frame(cloud, np.append(joined, -1)[marker_of_point])
+    return renumbered(found, np.bincount(found[found >= 0], minlength=len(joined)) > 0)
 
 
 def _relabelled(

@@ -24,7 +24,6 @@ import numpy as np
 from scipy.special import gammaln
 
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.marker_sets import MarkerSets, poses_at
 
 SAMPLE_SECONDS = 0.25
 """Distances that are this far apart in time count as independent: limbs turn back and forth about once a second."""
@@ -123,31 +122,23 @@ class DistanceRecord:
         return mean, np.maximum(self.squares[rows] - count * mean**2, 0.0)
 
 
-def sampled_distances(
-    points: Floats, sets: MarkerSets, rate: float, span: tuple[int, int] | None = None
-) -> tuple[Floats, Floats, Floats]:
-    """Number, sum [mm] and sum of squares [mm^2] of the distances between sets at independent moments.
+def sample_frames(rate: float, first: int, last: int) -> Ints:
+    """Frames from `first` to before `last` that are far enough apart to be independent moments."""
+    step = max(1, int(SAMPLE_SECONDS * rate))
+    return np.arange(first + min(step, last - first) // 2, last, step)
+
+
+def distance_sums(positions: Floats) -> tuple[Floats, Floats, Floats]:
+    """Number, sum [mm] and sum of squares [mm^2] of the distances between markers, each of shape (n, n).
 
     Parameters
     ----------
-    points : ndarray, shape (n_points, 3), mm
-        The cloud's points.
-    sets : MarkerSets
-        The sets.
-    rate : float, Hz
-        Frame rate.
-    span : tuple of int, optional
-        First frame and the one after the last; the whole take if left out.
-
-    Returns
-    -------
-    tuple of three ndarray, shape (n_sets, n_sets)
+    positions : ndarray, shape (n_moments, n, 3), mm
+        Markers or sets at independent moments, NaN where unseen.
     """
-    first, last = span or (0, sets.n_frames)
-    step = max(1, int(SAMPLE_SECONDS * rate))
-    poses = poses_at(points, sets, np.arange(first + min(step, last - first) // 2, last, step))
-    count, total, squares = (np.zeros((len(sets), len(sets))) for _ in range(3))
-    for pose in poses:
+    n = positions.shape[1]
+    count, total, squares = (np.zeros((n, n)) for _ in range(3))
+    for pose in positions:
         seen = np.flatnonzero(~np.isnan(pose[:, 0]))
         distance = np.linalg.norm(pose[seen, np.newaxis] - pose[seen], axis=2)
         block = np.ix_(seen, seen)

@@ -116,7 +116,7 @@ class Model:
 
     @property
     def is_placed(self) -> Bools:
-        """Whether markers have a place on a limb or belong to the core, shape (n_markers,); the points of others are free."""
+        """Whether markers have a place on a limb or belong to the core, (n_markers,); points of others are free."""
         placed = self.limb_of_marker >= 0
         placed[self.core] = True
         return np.asarray(placed)

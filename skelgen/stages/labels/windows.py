@@ -1,4 +1,4 @@
-"""Join Marker Sets to markers window by window, so that the cost grows with the length of a take and not with its square.
+"""Join Marker Sets to markers window by window, so that the cost grows with the length of a take, not with its square.
 
 The window in which most sets are seen at once comes first; from there the take is walked outwards. A window's new sets
 meet the markers found so far, whose record of distances goes on growing.
@@ -10,8 +10,8 @@ import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.likeness import DistanceRecord, join_likely, sampled_distances
-from skelgen.stages.labels.marker_sets import MarkerSets
+from skelgen.stages.labels.likeness import DistanceRecord, distance_sums, join_likely, sample_frames
+from skelgen.stages.labels.marker_sets import MarkerSets, poses_at
 
 SETS_PER_WINDOW = 600
 """New sets that are compared with each other and with the markers found so far."""
@@ -20,7 +20,7 @@ LEAST_WINDOW = 5.0
 """s; a shorter window hardly shows how limbs move."""
 
 MOST_KEPT = 4
-"""Times as many markers as are seen at once are carried to the next window: the others are crumbs that nothing joins."""
+"""Times as many markers as are seen at once are carried to the next window: others are crumbs that nothing joins."""
 
 
 def join_sets(points: Floats, sets: MarkerSets, rate: float, spacing: float, monitor: Monitor = SILENT) -> Ints:
@@ -106,11 +106,10 @@ class _Joined:
         used, place = np.unique(row, return_inverse=True)
         tables = [_padded(table, len(names)) for table in self._tables]
         block = np.ix_(used, used)
-        for table, more in zip(
-            tables, sampled_distances(self._points, sets.merged(place.ravel()), self._rate, span), strict=True
-        ):
+        poses = poses_at(self._points, sets.merged(place.ravel()), sample_frames(self._rate, *span))
+        for table, more in zip(tables, distance_sums(poses), strict=True):
             table[block] += more
-        apart = _padded(self._apart, len(names))
+        apart = _padded(self._apart, len(names)).astype(np.bool_)
         first, second = np.nonzero(sets.overlaps)
         apart[row[first], row[second]] = True
         return DistanceRecord(tables[0], tables[1], tables[2], apart, self._spacing)
@@ -127,7 +126,8 @@ class _Joined:
         self._apart = record.apart[block]
 
 
-def _padded(table: Floats | Bools, size: int) -> Floats | Bools:
+def _padded(table: Floats | Bools, size: int) -> Floats:
     """A square table with rows and columns of zeros added."""
-    more = size - len(table)
-    return np.pad(table, ((0, more), (0, more)))
+    padded = np.zeros((size, size))
+    padded[: len(table), : len(table)] = table
+    return padded
