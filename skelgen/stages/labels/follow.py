@@ -88,7 +88,7 @@ def follow_points(
     given = _OPEN_SPACINGS * spacing if is_open else parameters.max_jump
     rules = _find_rules(take, spacing, given, parameters, twin, monitor)
     if is_open:  # all points of all frames are somebody's: who is who is left to the best assignment of whole frames
-        rules = rules._replace(exchange=0.0, tails=np.full(3, _SQUARES), habit=_SQUARES)
+        rules = rules._replace(exchange=0.0, duplicate=0.0, tails=np.full(3, _SQUARES), habit=_SQUARES)
     followed, n_crowded = take.follow(rules, twin, monitor)
     if n_crowded:
         monitor.notice(f"{n_crowded} frames hold too many points close together to be followed, and are left out")
