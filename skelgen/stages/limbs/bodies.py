@@ -27,6 +27,9 @@ from skelgen.stages.limbs.rigidity import (
     single_order,
 )
 
+RARELY = 0.5
+"""Markers that fewer frames show may have been seen at rest only."""
+
 LIMB = 3.0
 """nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
 
@@ -101,7 +104,8 @@ def rigid_bodies(
 def _with_resting(movements: Movements, ratio: Floats, groups: Ints, noise: Floats, wishes: Constraints) -> Ints:
     """Put markers that fit several limbs alike, because all rest while they are seen, on the nearest of these."""
     groups = groups.copy()
-    for marker in [block[0] for block in wishes.blocks if len(block) == 1]:
+    rarely_seen = movements.seen_part < RARELY
+    for marker in [block[0] for block in wishes.blocks if len(block) == 1 and rarely_seen[block[0]]]:
         own = int(groups[marker])
         others = {
             group: tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
