@@ -20,7 +20,7 @@ from skelgen.simulation.articulated import LimbModel, Structure
 from skelgen.simulation.limbs import markers_around
 from skelgen.simulation.structures import find_structure
 from skelgen.stages.joints import find_joints
-from skelgen.stages.labels import label_markers
+from skelgen.stages.labels import LabelParameters, label_markers
 from skelgen.stages.limbs import find_limbs
 
 MIXED = ("human", "seed-human", "quadruped", "tree:8", "tree:15")
@@ -143,7 +143,7 @@ def markers_and_limbs(simulated: SimulatedTake) -> tuple[Trajectories, np.ndarra
     take, truth = simulated.take, simulated.truth
     if isinstance(take, Trajectories):
         return take, truth.limb_of_marker
-    found = label_markers(take)
+    found = label_markers(take, LabelParameters())
     owner = np.full(found.n_markers, -1)
     for marker in range(found.n_markers):
         gap = np.linalg.norm(truth.marker_positions - found.positions[:, marker : marker + 1], axis=2)

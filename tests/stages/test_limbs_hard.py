@@ -185,3 +185,15 @@ def test_degenerate_markers_are_grouped_without_warning(simulated, kind):
     limbs = find_limbs(bad)
     assert limbs.n_limbs >= 1
     assert not np.isnan(limbs.distance_deviation[np.ix_(limbs.limb_of_marker >= 0, limbs.limb_of_marker >= 0)]).all()
+
+
+@pytest.mark.parametrize("motion_range", [0.1, 0.3])
+def test_limbs_that_hardly_move_are_fewer_but_never_an_error(simulated, motion_range):
+    case = simulated("human", n_frames=1000, noise=0.5, soft_tissue=1.0, motion_range=motion_range)
+    assert 1 <= find_limbs(case.take).n_limbs <= 15
+
+
+def test_without_flexibility_small_motions_of_rigid_limbs_are_found(simulated, same_partition):
+    case = simulated("human", n_frames=1000, noise=0.5, motion_range=0.2)
+    limbs = find_limbs(case.take, LimbParameters(flexibility=0))
+    assert same_partition(limbs.limb_of_marker, case.truth.limb_of_marker)

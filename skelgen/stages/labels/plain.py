@@ -1,6 +1,6 @@
 """The loop that follows points from frame to frame, in plain NumPy: the twin of `compiled`, and its meaning.
 
-Both twins do the same operations in the same order, so that their results agree bit for bit.
+Both twins move tracks by the same operations in the same order, so that their results agree bit for bit.
 """
 
 from __future__ import annotations
@@ -8,21 +8,42 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.tracks import AGE, IDENTITY, MISSED, MUTED, NEWBORN_REACH, Rules
+from skelgen.stages.labels.plain_matching import find_doubts, find_pairs, match
+from skelgen.stages.labels.tracks import (
+    AGE,
+    ALIVE,
+    CALM,
+    CROWDED,
+    FADE,
+    GIVEN,
+    IDENTITY,
+    LEVEL,
+    LONE,
+    MISSED,
+    MUTED,
+    NEWBORN,
+    SETTLED,
+    SLOPE,
+    Rules,
+)
+
+_State = tuple[Floats, Ints, Ints]
 
 
 def follow_frames(
     points: Floats,
     frame_starts: Ints,
-    tracks: tuple[Floats, Ints, Ints],
+    tracks: _State,
     rules: Rules,
     owner: Ints,
     surprise: Floats,
+    weights: Floats | None = None,
+    steps: Ints | None = None,
+    told: Floats | None = None,
 ) -> None:
-    """Follow all points through some frames; the last three arguments are written to.
+    """Follow all points through some frames; `tracks`, `owner`, `surprise` and `told` are written to.
 
     Parameters
     ----------
@@ -35,84 +56,137 @@ def follow_frames(
     rules : Rules
         How to follow.
     owner : ndarray of intp, shape (n_points,)
-        Receives the identity of each point's track, -1 while that is muted.
+        Receives the identity of each point's track; -1 while that is muted, for doubles, and in frames left out.
     surprise : ndarray, shape (n_points,), mm^2
         Receives the squared distance between each point and where it was expected; NaN where nothing was expected.
+    weights : ndarray, shape (n_points,), optional
+        How far to believe each point, at most 1; 1 if left out.
+    steps : ndarray of intp, shape (n_frames,), optional
+        Steps of time since the frame before; 1 if left out.
+    told : ndarray, shape (n_points, 5), optional
+        Receives slope [mm] and calm of each point's track after it; nothing is told if it is left out or empty.
     """
-    for first, last in itertools.pairwise(frame_starts):
+    for frame, (first, last) in enumerate(itertools.pairwise(frame_starts)):
         span = slice(first, last)
-        begun, jumped = _continue_tracks(points[span], tracks, rules, owner[span], surprise[span])
-        _begin_tracks(points[span], begun, jumped, tracks, rules, owner[span])
+        own = np.ones(last - first) if weights is None else weights[span]
+        step = 1 if steps is None else int(steps[frame])
+        heard = np.empty((0, 5)) if told is None or not len(told) else told[span]
+        _follow_frame(points[span], own, step, tracks, rules, (owner[span], surprise[span], heard))
+
+
+def _follow_frame(
+    points: Floats, weights: Floats, step: int, tracks: _State, rules: Rules, results: tuple[Ints, Floats, Floats]
+) -> None:
+    """Follow all points of one frame."""
+    motion, counters, totals = tracks
+    owner, surprise, _ = results
+    owner[:], surprise[:] = -1, np.nan
+    alive = slice(totals[ALIVE])
+    _keep(tracks, counters[alive, MISSED] + step <= np.minimum(rules.max_gap, counters[alive, AGE]) + 1)
+    alive = slice(totals[ALIVE])
+    expected, terms = _expect(motion[alive], counters[alive], step, rules)
+    pairs, gains, is_crowded = find_pairs(expected, terms, points, weights)
+    if is_crowded:
+        totals[CROWDED] += 1
+        counters[alive, MISSED] += step
+        return
+    point_of_track = match(pairs, gains, len(expected), len(points), rules.optimal)
+    rows = np.flatnonzero(point_of_track >= 0)
+    track_of_point = np.full(len(points), -1, dtype=np.intp)
+    track_of_point[point_of_track[rows]] = rows
+    doubtful = find_doubts(pairs, gains, point_of_track, track_of_point, expected, terms, points, rules)
+    _rename(counters, totals, rows[doubtful[rows]])
+    jumped = _continue_tracks(points, weights, tracks, step, expected, point_of_track, rules, results)
+    _begin_tracks(points, track_of_point >= 0, jumped, tracks, rules, owner)
+
+
+def _keep(tracks: _State, kept: Bools) -> None:
+    """Drop the tracks that are dead, in place."""
+    motion, counters, totals = tracks
+    n_kept = int(kept.sum())
+    motion[:n_kept] = motion[: len(kept)][kept]
+    counters[:n_kept] = counters[: len(kept)][kept]
+    totals[ALIVE] = n_kept
+
+
+def _expect(motion: Floats, counters: Ints, step: int, rules: Rules) -> tuple[Floats, Floats]:
+    """Where each track is expected; and its reach, gain there, squared width, and exponent."""
+    ahead = counters[:, MISSED] + step
+    expected = motion[:, LEVEL] + ahead[:, np.newaxis] * motion[:, SLOPE]
+    newborn = np.where(motion[:, CALM, 2] > 0.0, LONE, NEWBORN)
+    row = np.where(counters[:, AGE] == 1, newborn, SETTLED)
+    half = (rules.tails[row] + 3.0) / 2.0
+    ratio = (rules.habit + motion[:, CALM, 0]) / (rules.habit + motion[:, CALM, 1])
+    scale, reach = rules.scales[row, ahead], rules.reaches[row, ahead]
+    width = rules.tails[row] * scale * scale * ratio
+    if rules.is_given:
+        gain = half * np.log1p(reach * reach / width)
+    else:
+        gain = rules.gains[row, ahead] - 1.5 * np.log(ratio)
+        reach = np.minimum(reach, np.sqrt(width * np.expm1(np.maximum(gain, 0.0) / half)))
+    return expected, np.column_stack([reach, gain, width, half])
+
+
+def _rename(counters: Ints, totals: Ints, cut: Ints) -> None:
+    """Give new identities to tracks whose link is doubtful."""
+    counters[cut, IDENTITY] = totals[GIVEN] + np.arange(len(cut))
+    totals[GIVEN] += len(cut)
 
 
 def _continue_tracks(
-    points: Floats, tracks: tuple[Floats, Ints, Ints], rules: Rules, owner: Ints, surprise: Floats
-) -> tuple[Ints, bool]:
-    """Move the tracks that are alive; returns the points that nobody claims and whether a track jumped."""
+    points: Floats,
+    weights: Floats,
+    tracks: _State,
+    step: int,
+    expected: Floats,
+    point_of_track: Ints,
+    rules: Rules,
+    results: tuple[Ints, Floats, Floats],
+) -> bool:
+    """Move the tracks that are alive onto their points; returns whether a track that was just seen is lost."""
     motion, counters, totals = tracks
-    motion, counters = motion[: totals[0]], counters[: totals[0]]
-    ahead = counters[:, MISSED] + 1
-    expected = motion[:, 0] + ahead[:, np.newaxis] * motion[:, 1]
-    reaches = rules.reach * np.where(counters[:, AGE] == 1, NEWBORN_REACH, 1.0)
+    motion, counters = motion[: totals[ALIVE]], counters[: totals[ALIVE]]
+    owner, surprise, told = results
     seen_before = (counters[:, AGE] > 1) & (counters[:, MISSED] == 0)
-    rows, columns = _match(_gains(expected, reaches, points), rules.optimal)
-    lost = np.ones(len(motion), dtype=np.bool_)
-    lost[rows] = False
-
-    error = points[columns] - expected[rows]
-    _correct(motion, rows, expected[rows], error, counters, rules)
-    squared = error[:, 0] * error[:, 0] + error[:, 1] * error[:, 1] + error[:, 2] * error[:, 2]
-    surprise[:] = np.nan
-    surprise[columns] = np.where(seen_before[rows], squared, np.nan)
+    rows = np.flatnonzero(point_of_track >= 0)
+    columns = point_of_track[rows]
+    squared = _move(motion, counters, rows, expected[rows], points[columns], weights[columns], step, rules)
+    surprise[columns] = np.where(seen_before[rows] & (step == 1), squared, np.nan)
     owner[columns] = _own(counters, rows)
-    counters[lost, MISSED] += 1
-    kept = ~(lost & (counters[:, MISSED] > np.minimum(rules.max_gap, counters[:, AGE])))
-    _keep(motion, counters, totals, kept)
-    unclaimed = np.ones(len(points), dtype=np.bool_)
-    unclaimed[columns] = False
-    return np.flatnonzero(unclaimed), bool((lost & seen_before).any())
+    if len(told):
+        told[columns, :3], told[columns, 3:] = motion[rows, SLOPE], motion[rows, CALM, :2]
+    lost = point_of_track < 0
+    counters[lost, MISSED] += step
+    _keep(tracks, ~(lost & (counters[:, MISSED] > np.minimum(rules.max_gap, counters[:, AGE]))))
+    return bool((lost & seen_before).any())
 
 
-def _gains(expected: Floats, reaches: Floats, points: Floats) -> Floats:
-    """How much nearer each point is to each track than the track's reach, in squares; 0 out of reach."""
-    apart = points[np.newaxis] - expected[:, np.newaxis]
-    x, y, z = apart[..., 0], apart[..., 1], apart[..., 2]
-    gains: Floats = np.maximum((reaches * reaches)[:, np.newaxis] - (x * x + y * y + z * z), 0.0)
-    return gains
-
-
-def _match(gain: Floats, optimal: bool) -> tuple[Ints, Ints]:
-    """Tracks and their points, pair by pair."""
-    rows, columns = linear_sum_assignment(gain, maximize=True) if optimal else _assign_greedy(gain)
-    useful = gain[rows, columns] > 0.0
-    return rows[useful], columns[useful]
-
-
-def _assign_greedy(gain: Floats) -> tuple[Ints, Ints]:
-    """Pair rows with columns, largest gain first."""
-    rows, columns = np.nonzero(gain)
-    order = np.argsort(-gain[rows, columns], kind="stable")
-    column_of_row: dict[int, int] = {}
-    taken: set[int] = set()
-    for row, column in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
-        if row not in column_of_row and column not in taken:
-            column_of_row[row] = column
-            taken.add(column)
-            if len(taken) == min(gain.shape):
-                break
-    pairs = np.array(list(column_of_row.items()), dtype=np.intp).reshape(-1, 2)
-    return pairs[:, 0], pairs[:, 1]
-
-
-def _correct(motion: Floats, rows: Ints, expected: Floats, error: Floats, counters: Ints, rules: Rules) -> None:
-    """Move tracks onto their points."""
+def _move(
+    motion: Floats,
+    counters: Ints,
+    rows: Ints,
+    expected: Floats,
+    points: Floats,
+    weights: Floats,
+    step: int,
+    rules: Rules,
+) -> Floats:
+    """Move tracks onto their points; returns the squared distances from where they were expected."""
+    error = points - expected
+    ahead = counters[rows, MISSED] + step
     new = counters[rows, AGE] == 1
-    level_gain = np.where(new, 1.0, rules.level_gain)[:, np.newaxis]
-    slope_gain = np.where(new, float(rules.slope_gain > 0.0), rules.slope_gain)[:, np.newaxis]
-    motion[rows, 0] = expected + level_gain * error
-    motion[rows, 1] += slope_gain * error / (counters[rows, MISSED] + 1)[:, np.newaxis]
+    level_gain = np.where(new, 1.0, weights * rules.level_gain)[:, np.newaxis]
+    slope_gain = np.where(new, float(rules.slope_gain > 0.0), weights * rules.slope_gain)[:, np.newaxis]
+    motion[rows, LEVEL] = expected + level_gain * error
+    motion[rows, SLOPE] += slope_gain * error / ahead[:, np.newaxis]
+    squared = error[:, 0] * error[:, 0] + error[:, 1] * error[:, 1] + error[:, 2] * error[:, 2]
+    settled = ~new & (ahead == 1)
+    calmed, scale = rows[settled], rules.scales[SETTLED, 0]
+    motion[calmed, CALM, 0] = FADE * motion[calmed, CALM, 0] + (squared * weights)[settled] / (3.0 * scale * scale)
+    motion[calmed, CALM, 1] = FADE * motion[calmed, CALM, 1] + 1.0
     counters[rows, AGE] += 1
     counters[rows, MISSED] = 0
+    return np.asarray(squared)
 
 
 def _own(counters: Ints, rows: Ints) -> Ints:
@@ -123,30 +197,36 @@ def _own(counters: Ints, rows: Ints) -> Ints:
     return identities
 
 
-def _keep(motion: Floats, counters: Ints, totals: Ints, kept: Bools) -> None:
-    """Drop the tracks that are dead, in place."""
-    n_kept = int(kept.sum())
-    motion[:n_kept] = motion[kept]
-    counters[:n_kept] = counters[kept]
-    totals[0] = n_kept
-
-
-def _begin_tracks(
-    points: Floats, begun: Ints, jumped: bool, tracks: tuple[Floats, Ints, Ints], rules: Rules, owner: Ints
-) -> None:
-    """Begin a track at each unclaimed point, with the slope of the nearest track that is seen and has a slope."""
+def _begin_tracks(points: Floats, placed: Bools, jumped: bool, tracks: _State, rules: Rules, owner: Ints) -> None:
+    """Begin a track at each point that has none and is not the double of one that has."""
     motion, counters, totals = tracks
-    new = np.arange(totals[0], totals[0] + len(begun))
-    motion[new, 0] = points[begun]
-    motion[new, 1] = 0.0
-    known = np.flatnonzero((counters[: totals[0], AGE] > 1) & (counters[: totals[0], MISSED] == 0))
-    if len(known) and rules.slope_gain > 0.0:
-        apart = motion[known, 0] - points[begun][:, np.newaxis]
-        x, y, z = apart[..., 0], apart[..., 1], apart[..., 2]
-        motion[new, 1] = motion[known[np.argmin(x * x + y * y + z * z, axis=1)], 1]
+    begun = _without_doubles(points, placed, rules.duplicate)
+    known = np.flatnonzero((counters[: totals[ALIVE], AGE] > 1) & (counters[: totals[ALIVE], MISSED] == 0))
+    new = np.arange(totals[ALIVE], totals[ALIVE] + len(begun))
+    motion[new] = 0.0
+    motion[new, LEVEL] = points[begun]
+    motion[new, CALM, 2] = 0.0 if len(known) else 1.0
+    for track in new if len(known) and rules.slope_gain > 0.0 else ():
+        apart = motion[known, LEVEL] - motion[track, LEVEL]
+        x, y, z = apart[:, 0], apart[:, 1], apart[:, 2]
+        nearest = known[np.argmin(x * x + y * y + z * z)]
+        motion[track, SLOPE], motion[track, CALM, :2] = motion[nearest, SLOPE], motion[nearest, CALM, :2]
     counters[new, AGE] = 1
     counters[new, MISSED] = 0
     counters[new, MUTED] = rules.mute if jumped else 0
-    counters[new, IDENTITY] = totals[1] + np.arange(len(begun))
+    counters[new, IDENTITY] = totals[GIVEN] + np.arange(len(begun))
+    totals[ALIVE] += len(begun)
+    totals[GIVEN] += len(begun)
     owner[begun] = _own(counters, new)
-    totals += len(begun)
+
+
+def _without_doubles(points: Floats, placed: Bools, near: float) -> Ints:
+    """Points without a track that are not within `near` of one that has one or gets one."""
+    begun = []
+    for point in np.flatnonzero(~placed):
+        apart = points[placed] - points[point]
+        x, y, z = apart[:, 0], apart[:, 1], apart[:, 2]
+        if not (x * x + y * y + z * z < near * near).any():
+            begun.append(point)
+            placed[point] = True
+    return np.array(begun, dtype=np.intp)

@@ -146,6 +146,8 @@ class _Grouping:
         if self._wishes.is_empty:
             return groups
         groups = self._wishes.obeyed(groups, _complete(deviation))
+        if self._n_limbs is not None:
+            groups = self._wishes.parted(groups, _complete(deviation), self._n_limbs)
         n_found = len(np.unique(groups))
         if self._n_limbs not in (None, n_found):
             raise InputError(

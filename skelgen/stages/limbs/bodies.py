@@ -17,7 +17,7 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.limbs.constraints import Constraints
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.pieces import GAIN, LINKED, marker_noise, misfit, rigid_pieces
-from skelgen.stages.limbs.relative import Group, Movements
+from skelgen.stages.limbs.relative import Group, Movements, Spread
 from skelgen.stages.limbs.rigidity import (
     LEAST_GAIN,
     PRIOR_WEIGHT,
@@ -26,6 +26,9 @@ from skelgen.stages.limbs.rigidity import (
     noise_variance,
     single_order,
 )
+
+RARELY = 0.5
+"""Markers that fewer frames show may have been seen at rest only."""
 
 LIMB = 3.0
 """nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
@@ -101,27 +104,30 @@ def rigid_bodies(
 def _with_resting(movements: Movements, ratio: Floats, groups: Ints, noise: Floats, wishes: Constraints) -> Ints:
     """Put markers that fit several limbs alike, because all rest while they are seen, on the nearest of these."""
     groups = groups.copy()
-    free = [block[0] for block in wishes.blocks if len(block) == 1]
-    for marker in free:
-        mates = groups == groups[marker]
-        near = [
-            group
+    rarely_seen = movements.seen_part < RARELY
+    for marker in [block[0] for block in wishes.blocks if len(block) == 1 and rarely_seen[block[0]]]:
+        own = int(groups[marker])
+        others = {
+            group: tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
             for group in np.unique(groups).tolist()
-            if ratio[marker, groups == group].max() <= LINKED and not wishes.apart[marker, groups == group].any()
-        ]
-        if len(near) < 2 or mates.sum() < 2:
+            if group == own
+            or (ratio[marker, groups == group].max() <= LINKED and not wishes.apart[marker, groups == group].any())
+        }
+        if len(others) < 2 or not others[own]:
             continue
-        costs, gaps = np.full((2, len(near)), np.inf)
-        for index, group in enumerate(near):
-            others = tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
-            motion = movements.relative(others, (marker,))
-            if motion is not None:
-                costs[index] = misfit(motion.ratios(noise))
-                gaps[index] = movements.distance(marker, others)
-        alike = costs <= costs[near.index(int(groups[marker]))] + LEAST_GAIN
-        if np.isfinite(costs).all() and alike.sum() > 1:
-            groups[marker] = near[int(np.argmin(np.where(alike, gaps, np.inf)))]
+        costs = {group: _cost_of(movements.relative(mates, (marker,)), noise) for group, mates in others.items()}
+        gaps = {
+            movements.distance(marker, others[group]): group
+            for group, cost in costs.items()
+            if cost <= costs[own] + LEAST_GAIN
+        }
+        if np.isfinite(costs[own]):
+            groups[marker] = gaps[min(gaps)]
     return groups
+
+
+def _cost_of(motion: Spread | None, noise: Floats) -> float:
+    return np.inf if motion is None else misfit(motion.ratios(noise))
 
 
 class _Joiner:

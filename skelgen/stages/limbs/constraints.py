@@ -72,6 +72,17 @@ class Constraints:
                 groups[list(block)] = free[int(np.argmin(means))] if len(free) else groups.max() + 1
         return groups
 
+    def parted(self, groups: Ints, deviation: Floats, n_groups: int) -> Ints:
+        """Let the loosest blocks leave their groups until there are `n_groups`, or nothing is left to part."""
+        groups = groups.copy()
+        for _ in range(len(np.unique(groups)), n_groups):
+            loose = [block for block in self.blocks if (groups == groups[block[0]]).sum() > len(block)]
+            if not loose:
+                break
+            means = [deviation[list(block)][:, groups == groups[block[0]]].mean() for block in loose]
+            groups[list(loose[int(np.argmax(means))])] = groups.max() + 1
+        return groups
+
 
 def find_constraints(names: Sequence[str], together: NameGroups, apart: NameGroups) -> Constraints:
     """Turn what the user says of names into what is asked of markers.

@@ -89,6 +89,11 @@ class Movements:
         self._relative: dict[tuple[Group, Group], Spread | None] = {}
         self._inner: dict[Group, Spread | None] = {}
 
+    @property
+    def seen_part(self) -> Floats:
+        """Part of the sampled frames that shows each marker, shape (n_markers,)."""
+        return np.asarray(self._sampled_seen.mean(axis=0))
+
     def inner(self, group: Group) -> Spread | None:
         """Return the spread of the inner coordinates of two markers or more; None if too few frames show them."""
         if group not in self._inner:

@@ -30,13 +30,13 @@ NEAREST = 12
 LEAST_SIZE = 4.0
 """mm: smaller changes are no slips, however exact the take."""
 
-AT_FIRST, LATER, LARGEST_GAIN = 0.5, 0.15, 2.0
+AT_FIRST, LATER, LARGEST_GAIN = 0.4, 0.15, 2.5
 """Part of the step that distances must show at once, and still show later, when skin has moved on; and the largest."""
 
 SURE, SURE_GAIN = 4.0, 0.5
 """Variations that a step exceeds, and part of it that distances show throughout, where nothing else explains it."""
 
-VARIES = 2.5
+VARIES = 2.0
 """Of what distances vary anyway between such means: a slip is larger."""
 
 CORROBORATED = 4.0
@@ -60,8 +60,8 @@ LARGEST = 0.5
 COMMON = 99.9
 """Percentile of a measure over the take, which a slip must exceed."""
 
-ABOVE_COMMON = 2.0
-"""How many times it must exceed that."""
+ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 1.7, 1.3
+"""How many times lines, and single frames, must exceed that."""
 
 LEAST_DEVIATION = 0.05
 """mm: what distances on exact limbs are taken to vary."""
@@ -222,7 +222,10 @@ def _slips_of(names: tuple[str, ...], marker: int, place: _Place, seen: Floats, 
         size, weights = float(np.linalg.norm(place.step[frame])), place.weights(frame)
         if not LEAST_SIZE < size < place.largest or not weights.any():
             continue
-        stands_out = min(_standing_out(part, weights, frame, place.window) for part in (place.sudden, place.at_once))
+        stands_out = min(
+            _standing_out(place.sudden, weights, frame, place.window, ABOVE_COMMON),
+            _standing_out(place.at_once, weights, frame, place.window, ABOVE_COMMON_AT_ONCE),
+        )
         gains, varies = place.gains(frame, weights), place.variations(weights)
         if stands_out > CORROBORATED and varies > VARIES and _stays(gains):
             strongest = np.argsort(-np.abs(weights), kind="stable")[:NAMED_MATES]
@@ -277,13 +280,13 @@ def _weighted(measures: Floats, weights: Floats) -> Floats:
     return np.asarray(np.where(np.isnan(measures).all(axis=1), np.nan, np.nan_to_num(measures) @ weights))
 
 
-def _standing_out(measures: Floats, weights: Floats, frame: int, window: int) -> float:
+def _standing_out(measures: Floats, weights: Floats, frame: int, window: int, above: float) -> float:
     """A weighted sum of changes in standard deviations; 0 where such sums are common in the take."""
     sums = _weighted(measures, weights)
     value = float(sums[frame])
     rest = np.abs(np.concatenate([sums[: max(frame - window, 0)], sums[frame + window :]]))
     rest = rest[~np.isnan(rest)]
-    if not len(rest) or np.isnan(value) or value < ABOVE_COMMON * np.percentile(rest, COMMON):
+    if not len(rest) or np.isnan(value) or value < above * np.percentile(rest, COMMON):
         return 0.0
     usual = SIGMA_OF_MEDIAN * float(np.median(rest))
     return value / max(usual, LEAST_DEVIATION * float(np.linalg.norm(weights)))

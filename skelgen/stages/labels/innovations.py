@@ -1,0 +1,266 @@
+"""What a trial shows of a take: how far points lie from where tracks expect them, how often tracks are lost, and begin.
+
+From this the tracker's rules follow, without a number from the user: innovations of Student's t distribution in three
+dimensions, its scale for each number of unseen steps, and the odds of a link against a lost track and a new point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.special import fdtri, gammaln
+
+from skelgen.model.arrays import Bools, Floats, Ints
+
+# The tail is found from quantiles of the innovations, the heavier one counts: farther out wrong links would tell.
+_MIDDLE, _FAR = 0.5, (0.95, 0.99)
+# Degrees of freedom that are tried: below 1.5 not even the mean is known, above 30 is normal for all that matters.
+_TAILS = np.geomspace(1.5, 30.0, 40)
+# Frames in which neighbours are looked at.
+_NEIGHBOUR_FRAMES = 200
+# Fewer innovations than this tell nothing of a tail.
+LEAST_INNOVATIONS = 100
+# Nats by which links are favoured where tracks break too often: a factor of a hundred and fifty.
+_WIDENING = 5.0
+# Mean squared difference of two independent innovations, in their own.
+_INDEPENDENT = 2.0
+# A track's slope is its own from the third point on: the second gave the first difference.
+_SETTLED_AGE = 3
+# Part of the typical spacing that no scale goes below: in exact takes that stand still, rounding is not surprising.
+_LEAST_SCALE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Points that were followed for a trial.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        Points, frame after frame.
+    starts : ndarray of intp, shape (n_frames + 1,)
+        Where frames begin.
+    steps : ndarray of intp, shape (n_frames,)
+        Steps of time since the frame before.
+    owner : ndarray of intp, shape (n_points,)
+        Track of each point, -1 for none.
+    slopes : ndarray, shape (n_points, 3), mm
+        Step per frame that the track had after this point; NaN at a track's first point.
+    calm : ndarray, shape (n_points, 2)
+        The track's fading sum of squared innovations per coordinate [mm^2] after this point, and of their number.
+    """
+
+    points: Floats
+    starts: Ints
+    steps: Ints
+    owner: Ints
+    slopes: Floats
+    calm: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Innovations:
+    """What is known of links, for tracks that are settled (row 0), were seen once (1), or had no neighbour either (2).
+
+    Attributes
+    ----------
+    tails : ndarray, shape (3,)
+        Degrees of freedom of the innovations' t distribution.
+    relative : float
+        Median squared innovation of a track relative to its neighbour, in its own: 2 where neighbours move for
+        themselves, less where they accelerate together.
+    habit : float
+        Number of a track's own innovations that the take's usual scale counts for.
+    scales : ndarray, shape (3, n_steps + 1), mm
+        Scale per coordinate for each number of steps since the track was last seen; column 0 is not used.
+    odds : ndarray, shape (3, n_steps + 1), nats
+        Log odds of a point exactly where it was expected against a lost track and a new point there.
+    """
+
+    tails: Floats
+    relative: float
+    habit: float
+    scales: Floats
+    odds: Floats
+
+    def reaches(self, evidence: float) -> Floats:
+        """Distance [mm] beyond which the odds fall below `evidence`, shape (3, n_steps + 1)."""
+        tails = self.tails[:, np.newaxis]
+        loss = np.maximum(self.odds - evidence, 0.0) * 2.0 / (tails + 3.0)
+        return np.asarray(self.scales * np.sqrt(tails * np.expm1(loss)))
+
+    def widened(self) -> Innovations:
+        """Return innovations with a heavier tail, and odds that many more nats favour links."""
+        tails = np.maximum(self.tails / 2.0, _TAILS[0])
+        return replace(self, tails=tails, odds=self.odds + _WIDENING)
+
+
+def supposed_innovations(reach: float, quantile: float, n_steps: int, newborn: float) -> Innovations:
+    """Return innovations of which all but the part 1 - `quantile` stay below `reach` [mm], with the heaviest tail.
+
+    Those of tracks that were seen once are `newborn` times as large.
+    """
+    tail = float(_TAILS[0])
+    scales = np.full((3, n_steps + 1), reach / np.sqrt(3.0 * fdtri(3.0, tail, quantile)))
+    scales[1:] *= newborn
+    return Innovations(np.full(3, tail), _INDEPENDENT, tail / 3.0, scales, np.zeros_like(scales))
+
+
+def find_innovations(trial: Trial, spacing: float, n_steps: int) -> Innovations | None:
+    """Learn from a trial; None if it shows too little.
+
+    Parameters
+    ----------
+    trial : Trial
+        Points that were followed with wide gates.
+    spacing : float, mm
+        Typical distance of neighbouring points.
+    n_steps : int
+        Largest number of steps over which tracks are followed.
+    """
+    runs = _Runs.of(trial)
+    sizes, _ = runs.innovations(trial, 1)
+    if len(sizes) < LEAST_INNOVATIONS:
+        return None
+    least = _LEAST_SCALE * spacing
+    mixed, usual = _fit_t(sizes, least)
+    habit = mixed / 3.0
+    # A track's own scale, in the take's usual one, after each of its points.
+    own = np.sqrt((habit + trial.calm[:, 0] / usual**2) / (habit + trial.calm[:, 1]))
+    by_step = [_ratios(runs.innovations(trial, step), own) for step in range(1, n_steps + 1)]
+    tail, scale = _fit_t(by_step[0], least)
+    middle = np.array([np.median(ratios) if len(ratios) else np.nan for ratios in by_step])
+    growth = np.fmax.accumulate(middle) / max(middle[0], least)
+    newborn, beside, alone = _by_neighbours(trial, runs, own)
+    newborn_tail, newborn_scale = _fit_t(newborn, least) if len(newborn) else (tail, scale)
+    lone_tail, lone_scale = _fit_t(alone, least) if len(alone) else (tail, scale)
+    relative = (max(float(np.median(beside)), least) / max(middle[0], least)) ** 2 if len(beside) else _INDEPENDENT
+    grown = scale * np.maximum(growth, 1.0)
+    factors = np.array([1.0, newborn_scale / scale, lone_scale / scale])
+    scales = np.column_stack([np.full(3, usual), factors[:, np.newaxis] * grown])
+    tails = np.array([tail, newborn_tail, lone_tail])
+    constant = gammaln((tails + 3.0) / 2.0) - gammaln(tails / 2.0) - 1.5 * np.log(tails * np.pi)
+    births, losses = _turnover(trial)
+    seen = runs.log_odds(n_steps)
+    seen[0, :2] = np.log((1.0 - losses) / losses)
+    odds = constant[:, np.newaxis] - 3.0 * np.log(scales) - np.log(births) - _log_density(spacing) + seen
+    return Innovations(tails, relative, habit, scales, odds)
+
+
+def _fit_t(sizes: Floats, least: float) -> tuple[float, float]:
+    """Degrees of freedom and scale [mm] of distances: their squares, a third each, follow an F distribution."""
+    middle, *far = np.maximum(np.quantile(sizes, [_MIDDLE, *_FAR]), least)
+    tails = []
+    for quantile, size in zip(_FAR, far, strict=True):
+        ratios = np.sqrt(fdtri(3.0, _TAILS, quantile) / fdtri(3.0, _TAILS, _MIDDLE))
+        tails.append(float(_TAILS[np.argmin(np.abs(np.log(ratios * middle / size)))]))
+    tail = min(tails)
+    return tail, float(middle / np.sqrt(3.0 * fdtri(3.0, tail, _MIDDLE)))
+
+
+def _log_density(spacing: float) -> float:
+    """Log of the points per mm^3 that other points see around them: one in two has one nearer than the spacing."""
+    return float(np.log(np.log(2.0) / (4.0 / 3.0 * np.pi * spacing**3)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """Points with a track, track after track in order of time, shape (n,) each."""
+
+    index: Ints
+    track: Ints
+    time: Ints
+    age: Ints
+    is_last_frame: Bools
+
+    @classmethod
+    def of(cls, trial: Trial) -> _Runs:
+        counts = np.diff(trial.starts)
+        time = np.repeat(np.cumsum(trial.steps), counts)
+        pause = np.concatenate([trial.steps[1:] > 1, [True]])
+        index = np.flatnonzero(trial.owner >= 0)
+        index = index[np.lexsort((time[index], trial.owner[index]))]
+        track = trial.owner[index]
+        age = 1 + np.arange(len(track)) - np.searchsorted(track, track)
+        return cls(index, track, time[index], age, np.repeat(pause, counts)[index])
+
+    def innovations(self, trial: Trial, step: int) -> tuple[Floats, Ints]:
+        """Distances [mm] of points from where settled tracks expected them `step` steps before, and from which."""
+        same = self.track[step:] == self.track[:-step]
+        same &= (self.time[step:] - self.time[:-step] == step) & (self.age[:-step] >= _SETTLED_AGE)
+        first, last = self.index[:-step][same], self.index[step:][same]
+        return np.linalg.norm(trial.points[last] - trial.points[first] - step * trial.slopes[first], axis=1), first
+
+    def later(self) -> Ints:
+        """Steps until the track is seen again; 0 for never."""
+        wait = np.zeros(len(self.track), dtype=np.intp)
+        same = self.track[1:] == self.track[:-1]
+        wait[:-1][same] = (self.time[1:] - self.time[:-1])[same]
+        return wait
+
+    def log_odds(self, n_steps: int) -> Floats:
+        """Log odds that a lost track is seen again after so many steps, shape (3, n_steps + 1)."""
+        wait, inside = self.later(), ~self.is_last_frame
+        settled, newborn = inside & (self.age > 1), inside & (self.age == 1)
+        odds = np.empty((3, n_steps + 1))
+        gone = settled & (wait != 1)
+        found = gone & (wait > 1)
+        unseen = (wait[found] - 1).sum() + (n_steps - 1) * (gone & (wait == 0)).sum()
+        odds[:] = _log_odds(int(found.sum()), int(unseen))
+        odds[1:, :2] = _log_odds(int((newborn & (wait == 1)).sum()), int(newborn.sum()))
+        return odds
+
+
+def _turnover(trial: Trial) -> tuple[float, float]:
+    """Part of the points that are new in a frame, and part that is lost, by how the number of points changes.
+
+    Tracks of the trial would tell too much of both where it loses markers that move fast.
+    """
+    counts = np.diff(trial.starts)
+    change = np.diff(counts)[trial.steps[1:] == 1]
+    n_points = max(1, int(counts.sum())) + 2.0
+    return float((change[change > 0].sum() + 1) / n_points), float((-change[change < 0].sum() + 1) / n_points)
+
+
+def _log_odds(n_true: int, n_all: int) -> float:
+    """Log odds of something that was seen so often, with Laplace's rule of succession."""
+    return float(np.log((n_true + 1.0) / (max(n_all - n_true, 0) + 1.0)))
+
+
+def _by_neighbours(trial: Trial, runs: _Runs, own: Floats) -> tuple[Floats, Floats, Floats]:
+    """Innovations of tracks that have only their neighbour's slope, innovations relative to the neighbour's, and steps.
+
+    The first two by the own scale of the tracks, the last, which a track without a neighbour is surprised by, in mm.
+    """
+    next_point = np.full(len(trial.points), -1, dtype=np.intp)
+    follows = (runs.track[1:] == runs.track[:-1]) & (np.diff(runs.time) == 1)
+    next_point[runs.index[:-1][follows]] = runs.index[1:][follows]
+    is_settled = np.zeros(len(trial.points), dtype=np.bool_)
+    is_settled[runs.index] = (runs.age >= _SETTLED_AGE) & (next_point[runs.index] >= 0)
+    here, near = _neighbours(trial, is_settled)
+    steps = trial.points[next_point[here]] - trial.points[here]
+    steps_of_near = trial.points[next_point[near]] - trial.points[near]
+    newborn = np.linalg.norm(steps - trial.slopes[near], axis=1) / own[near]
+    relative = (steps - trial.slopes[here]) - (steps_of_near - trial.slopes[near])
+    scale = np.sqrt((own[here] ** 2 + own[near] ** 2) / 2.0)
+    return newborn, np.asarray(np.linalg.norm(relative, axis=1) / scale), np.linalg.norm(steps, axis=1)
+
+
+def _neighbours(trial: Trial, chosen: Bools) -> tuple[Ints, Ints]:
+    """Chosen points of some frames, and the chosen point of the same frame that is nearest to each."""
+    points, nearest = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=np.intp)]
+    for frame in np.unique(np.linspace(0, len(trial.steps) - 1, _NEIGHBOUR_FRAMES).astype(int)):
+        here = trial.starts[frame] + np.flatnonzero(chosen[trial.starts[frame] : trial.starts[frame + 1]])
+        if len(here) > 1:
+            _, found = cKDTree(trial.points[here]).query(trial.points[here], k=2)
+            points.append(here)
+            nearest.append(here[found[:, 1]])
+    return np.concatenate(points), np.concatenate(nearest)
+
+
+def _ratios(innovations: tuple[Floats, Ints], own: Floats) -> Floats:
+    """Sizes of innovations by the own scale of the track that they are innovations of."""
+    sizes, origins = innovations
+    return np.asarray(sizes / own[origins])
