@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from skelgen.errors import Cancelled, InputError
+from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.progress import SilentMonitor
 from skelgen.simulation import simulate

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from skelgen.model import PointCloud
 from skelgen.simulation import simulate
-from skelgen.stages.labels import windows
+from skelgen.stages.labels import label_markers, windows
 from skelgen.stages.labels.follow import follow_points, typical_spacing
 from skelgen.stages.labels.likeness import DistanceRecord, distance_sums, join_likely
 from skelgen.stages.labels.marker_sets import find_marker_sets
@@ -85,3 +86,17 @@ def test_sets_of_one_group_never_overlap_in_time(monkeypatch):
     sets, group = joined(simulate("human", n_frames=600, seed=1, **OCCLUDED), 20, monkeypatch)
     same = (group[:, np.newaxis] == group) & ~np.eye(len(group), dtype=bool)
     assert not (same & sets.overlaps).any()
+
+
+@pytest.mark.parametrize("structure", ["seed-human", "tree:8"])
+def test_markers_are_found_again_after_a_pause_in_which_nothing_was_seen(structure):
+    case = simulate(structure, n_frames=900, seed=0, noise=0.3, dropouts=0.02, labelled=False)
+    cloud, truth = case.take, case.truth.marker_of_point
+    frames = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
+    kept = (frames < 400) | (frames >= 480)
+    starts = np.concatenate([[0], np.cumsum(np.bincount(frames[kept], minlength=cloud.n_frames))])
+    paused = PointCloud(cloud.points[kept], starts, cloud.times)
+    labels = label_markers(paused, LabelParameters())
+    assert labels.n_markers == len(np.unique(truth[truth >= 0]))
+    assert labels.seen[:400].any(axis=0).all()
+    assert labels.seen[480:].any(axis=0).all()

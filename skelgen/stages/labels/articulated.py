@@ -24,11 +24,12 @@ from skelgen.progress import Monitor
 from skelgen.stages.labels.blocks import Block, blocks_of, marker_names, marker_positions, one_point_a_frame, renumbered
 from skelgen.stages.labels.by_hand import Fixed, fixed_scores, targets
 from skelgen.stages.labels.follow import typical_spacing
-from skelgen.stages.labels.likeness import DistanceRecord, distance_sums, join_likely, sample_frames
+from skelgen.stages.labels.likeness import DistanceRecord, distance_sums, sample_frames
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.places import Newcomers, same_places
 from skelgen.stages.labels.posing import BLIND_GATE, Model, fit_model
 from skelgen.stages.labels.quality import point_weights
+from skelgen.stages.labels.sessions import join_everything
 from skelgen.stages.labels.votes import assign_tracks, fill_single_points, point_scores, split_where_marker_changes
 
 MODEL_FRAMES = 800
@@ -127,7 +128,7 @@ def _sampled(cloud: PointCloud, marker_of_point: Ints, frames: Ints) -> Floats:
 def _joined_again(cloud: PointCloud, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
     """Join markers by the likelihood of their distances, of which each turn knows more."""
     sums = distance_sums(_sampled(cloud, marker_of_point, sample_frames(rate, 0, cloud.n_frames)))
-    joined = join_likely(DistanceRecord(*sums, sums[0] > 0, spacing))
+    joined = join_everything(DistanceRecord(*sums, sums[0] > 0, spacing))
     if (joined == np.arange(len(joined))).all():
         return marker_of_point
     found = one_point_a_frame(cloud, np.append(joined, -1)[marker_of_point])
