@@ -30,7 +30,7 @@ from skelgen.stages.limbs.rigidity import (
 BEND = 4.0
 """Times what three markers or more are seen to bend: no more is allowed for a limb that they belong to."""
 
-LIMB = 3.0
+LIMB = 5.0
 """nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
 
 
@@ -197,8 +197,7 @@ class _Joiner:
         variances = np.full(len(self._apart), (self._bend(one, other) * motion.radius) ** 2)
         variances[list(one)] += self._group_noise(one)
         variances[list(other)] += self._group_noise(other)
-        ratios = motion.ratios(variances)
-        return misfit(ratios) - GAIN * len(ratios) - LIMB
+        return misfit(motion.ratios(variances)) - LIMB
 
     def _bend(self, *groups: Group) -> float:
         """Part of its size by which a limb of these groups may bend: less for what is seen to be a rigid plate."""
