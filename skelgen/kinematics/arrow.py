@@ -71,8 +71,8 @@ class Solution:
         What no step of any frame's own unknowns could take away.
     scores : ndarray, shape (n_frames, n_constants)
         How each frame's residuals pull at the constants; they balance at the solution.
-    rank : int
-        Number of directions of the constants that are determined.
+    unknown : ndarray, shape (n_constants, n_unknown)
+        Unit directions of the constants that are not determined.
     """
 
     constants: Floats
@@ -81,21 +81,22 @@ class Solution:
     angle_covariance: Floats
     residuals: Floats
     scores: Floats
-    rank: int
+    unknown: Floats
+
+    @property
+    def rank(self) -> int:
+        """Number of directions of the constants that are determined."""
+        return len(self.constants) - int(self.unknown.shape[1])
 
 
 def solve_arrow(linear: Linear) -> Solution:
     """Solve a linear problem by eliminating the frames' own unknowns."""
-    own = np.swapaxes(linear.angles, 1, 2)
-    normal = own @ linear.angles
-    level = _RIDGE * np.einsum("fii->f", normal)[:, np.newaxis, np.newaxis] + np.finfo(np.float64).tiny
-    inverse = np.linalg.inv(normal + level * np.eye(normal.shape[1]))
-    gain = inverse @ own
+    inverse, gain = own_gain(linear.angles)
     follow, alone = gain @ linear.constants, (gain @ linear.residuals[..., np.newaxis])[..., 0]
     reduced = linear.constants - linear.angles @ follow
     left = linear.residuals - (linear.angles @ alone[..., np.newaxis])[..., 0]
     flat = reduced.reshape(-1, reduced.shape[2])
-    covariance, rank = _pseudo_inverse(flat.T @ flat)
+    covariance, unknown = _pseudo_inverse(flat.T @ flat)
     step = covariance @ (flat.T @ left.ravel())
     last = left - reduced @ step
     return Solution(
@@ -105,8 +106,23 @@ def solve_arrow(linear: Linear) -> Solution:
         angle_covariance=inverse + follow @ covariance @ np.swapaxes(follow, 1, 2),
         residuals=last,
         scores=np.einsum("frc,fr->fc", reduced, last),
-        rank=rank,
+        unknown=unknown,
     )
+
+
+def own_gain(slopes: Floats) -> tuple[Floats, Floats]:
+    """Return the inverse normal matrix of each frame's own unknowns, and how they follow its residuals.
+
+    Parameters
+    ----------
+    slopes : ndarray, shape (n_frames, n_rows, n_angles)
+        How the model follows them.
+    """
+    own = np.swapaxes(slopes, 1, 2)
+    normal = own @ slopes
+    level = _RIDGE * np.einsum("fii->f", normal)[:, np.newaxis, np.newaxis] + np.finfo(np.float64).tiny
+    inverse = np.linalg.inv(normal + level * np.eye(normal.shape[1]))
+    return inverse, inverse @ own
 
 
 def descend(
@@ -154,11 +170,13 @@ class Descent(Generic[State]):
     solution: Solution
 
 
-def _pseudo_inverse(matrix: Floats) -> tuple[Floats, int]:
+def _pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
+    """The inverse on what is determined, and unit directions of the rest."""
     if not len(matrix):
-        return matrix, 0
+        return matrix, matrix
     scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))  # mm and rad beside each other
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     known = values > RANK_TOLERANCE * max(values[-1], np.finfo(np.float64).tiny)
     root = vectors[:, known] / np.sqrt(values[known]) / scale[:, np.newaxis]
-    return root @ root.T, int(known.sum())
+    unknown = vectors[:, ~known] / scale[:, np.newaxis]
+    return root @ root.T, unknown / np.linalg.norm(unknown, axis=0)

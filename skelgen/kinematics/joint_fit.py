@@ -10,6 +10,7 @@ from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_
 from skelgen.kinematics.arrow import Solution, solve_arrow
 from skelgen.kinematics.convention import conventional
 from skelgen.kinematics.correlated import effective_frames
+from skelgen.kinematics.dilution import held_covariance
 from skelgen.kinematics.hinge import hinge_turning
 from skelgen.kinematics.placed import Placed, fit_placed, linearised
 from skelgen.kinematics.relative import RelativePoses, relative_poses, whitener
@@ -17,6 +18,9 @@ from skelgen.kinematics.turning import AxisTurning, FixedTurning, FreeTurning, T
 from skelgen.kinematics.universal import universal_turning
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
+
+UNKNOWN = 1000.0
+"""mm; stated deviation of a place along directions that no frame tells: farther than any limb is long."""
 
 KINDS = ("ball", "hinge", "universal", "rigid")
 
@@ -164,7 +168,7 @@ def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
     variance = found.squares / max(freedoms, 1)
     n_effective = effective_frames(solution.residuals)
     scale = max(variance, 1.0) if measured.is_scaled else variance
-    constants = _covariance_of_constants(solution, scale, measured.is_scaled) * len(measured.frames) / n_effective
+    constants = _covariance_of_constants(joint, measured, solution, scale, n_effective)
     free = joint.free_places()
     n_places = free.shape[1]
     angles, angle_std = _spread_over_take(joint, scale * solution.angle_covariance, measured)
@@ -210,16 +214,21 @@ def linear_place(measured: RelativePoses, rank: int = 6) -> tuple[Floats, Floats
     return singular / np.sqrt(n_frames), place
 
 
-def _covariance_of_constants(solution: Solution, scale: float, is_scaled: bool) -> Floats:
+def _covariance_of_constants(
+    joint: Placed, measured: RelativePoses, solution: Solution, scale: float, n_effective: float
+) -> Floats:
     """That of the model where the poses' covariances are known; else what the frames' own pulls say (White 1980).
 
-    Residuals larger than the stated covariances count as they are; smaller ones do not make the result surer.
+    Errors that last count as fewer frames; what no frame tells is stated as unknown.
     """
-    if is_scaled:
-        return scale * solution.covariance
-    pulls = solution.scores @ solution.covariance
-    n_frames = len(pulls)
-    return np.asarray(pulls.T @ pulls * n_frames / max(n_frames - 1, 1))
+    n_frames = len(measured.frames)
+    covariance, yielding = held_covariance(joint, measured, whitener(measured.covariances), solution, scale)
+    if measured.is_scaled:
+        covariance = scale * covariance
+    else:
+        moves = solution.scores @ yielding
+        covariance = moves.T @ moves * n_frames / max(n_frames - 1, 1)
+    return np.asarray(covariance * n_frames / n_effective + UNKNOWN**2 * solution.unknown @ solution.unknown.T)
 
 
 def _start(kind: str, measured: RelativePoses, place: Floats) -> Placed:

@@ -81,6 +81,15 @@ def test_files_from_before_labels_were_judged_are_read(saved, tmp_path):
     assert project.has("skeleton")
 
 
+def test_files_from_before_joints_had_a_second_axis_are_read(saved, tmp_path):
+    with zipfile.ZipFile(saved) as archive:
+        structure = json.loads(archive.read("project.json"))
+    for joint in structure["skeleton"]["fields"]["joints"]:
+        del joint["fields"]["second_axis"]
+    project = open_project(with_member(saved, "project.json", json.dumps(structure), tmp_path / "old.skelgen"))
+    assert [joint.second_axis for joint in project.skeleton.joints] == [None] * project.skeleton.n_joints
+
+
 def test_account_of_other_labels_is_refused(judged, tmp_path):
     saved = save_project(judged, tmp_path / "j.skelgen")
     stream = io.BytesIO()

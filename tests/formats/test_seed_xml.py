@@ -14,7 +14,7 @@ from skelgen_formats.registry import read_take, write_file
 from skelgen_formats.seed_xml import read_seed_xml, write_seed_xml
 
 from skelgen.errors import FormatError, MissingResultError, SkelgenError, WriteError
-from skelgen.model import Project, Trajectories
+from skelgen.model import Project, StageReport, Trajectories
 
 ROUND_TRIP_MM = 1e-9  # metres in double have steps of 1e-13; composing three poses adds a few
 KB_PER_MB = 1024  # ru_maxrss counts kilobytes
@@ -71,6 +71,19 @@ def test_joints_come_back(file, small_project):
         assert_close(back.position_in_parent, made.position_in_parent)
         assert_close(back.std, made.std)
         assert (back.axis is None) == (made.axis is None)
+
+
+def test_both_axes_of_a_universal_joint_come_back(small_project, tmp_path):
+    first, *others = small_project.skeleton.joints
+    axes = {"axis": np.array([0.0, 0.6, 0.8]), "second_axis": np.array([1.0, 0.0, 0.0])}
+    joints = (replace(first, kind="universal", **axes), *others)
+    skeleton = replace(small_project.skeleton, joints=joints)
+    project = small_project.with_skeleton(skeleton, small_project.motion, StageReport())
+    back = read_seed_xml(write_seed_xml(project, tmp_path / "two.xml")[0]).skeleton.joints
+    assert back[0].kind == "universal"
+    assert_close(back[0].axis, axes["axis"])
+    assert_close(back[0].second_axis, axes["second_axis"])
+    assert back[1].second_axis is None
 
 
 def test_tracked_markers_come_back_exactly_with_their_names_and_gaps(file, small_project):

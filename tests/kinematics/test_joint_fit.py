@@ -131,6 +131,33 @@ def test_free_ball_joint_with_20_degrees_of_motion(fitted):
     assert found == pytest.approx(stated, rel=RMS_TOLERANCE)
 
 
+def test_a_hinge_taken_for_a_ball_is_not_sure_of_its_place_along_the_axis(tracked_joint):
+    inside = []
+    for seed in range(20):
+        case = tracked_joint("hinge", seed)
+        fit = fit_ball(case.poses, "upper", "lower", case.covariances)
+        error = (fit.in_parent - case.in_parent) @ case.first
+        inside.append(abs(error) < 1.96 * np.sqrt(case.first @ fit.covariance[:3, :3] @ case.first))
+    assert np.mean(inside) >= COVERAGE[0]
+
+
+def test_what_no_frame_tells_is_stated_as_unknown(tracked_joint):
+    case = tracked_joint("hinge", noise=0.0)
+    fit = fit_ball(case.poses, "upper", "lower")
+    both = np.concatenate([case.first, case.second]) / np.sqrt(2)
+    assert np.sqrt(both @ fit.covariance @ both) > 500  # mm
+    across = np.cross(case.first, [1.0, 0.0, 0.0])
+    assert np.sqrt(across @ fit.covariance[:3, :3] @ across) < EXACT
+
+
+@pytest.mark.parametrize("degrees", [2.0, 5.0])
+def test_little_motion_states_the_deviation_that_it_has(fitted, degrees):
+    pairs = [errors("ball", *one) for one in fitted("ball", degrees=degrees)]
+    found = np.sqrt(np.mean([error @ error for error, _ in pairs]))
+    stated = np.sqrt(np.mean([std @ std for _, std in pairs]))
+    assert found == pytest.approx(stated, rel=0.25)  # noise as large as the motion
+
+
 def test_refinement_beats_the_linear_start(fitted):
     from skelgen.kinematics.joint_fit import linear_place
 

@@ -27,10 +27,10 @@ from skelgen.stages.limbs.rigidity import (
     single_order,
 )
 
-RARELY = 0.5
-"""Markers that fewer frames show may have been seen at rest only."""
+BEND = 4.0
+"""Times what three markers or more are seen to bend: no more is allowed for a limb that they belong to."""
 
-LIMB = 3.0
+LIMB = 5.0
 """nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
 
 
@@ -102,32 +102,41 @@ def rigid_bodies(
 
 
 def _with_resting(movements: Movements, ratio: Floats, groups: Ints, noise: Floats, wishes: Constraints) -> Ints:
-    """Put markers that fit several limbs alike, because all rest while they are seen, on the nearest of these."""
+    """Put markers that are seen only while their limb and others rest against each other on the nearest of these."""
     groups = groups.copy()
-    rarely_seen = movements.seen_part < RARELY
-    for marker in [block[0] for block in wishes.blocks if len(block) == 1 and rarely_seen[block[0]]]:
+    seen_part = movements.seen_part
+    for marker in [block[0] for block in wishes.blocks if len(block) == 1 and seen_part[block[0]] < 1]:
         own = int(groups[marker])
-        others = {
-            group: tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
-            for group in np.unique(groups).tolist()
-            if group == own
-            or (ratio[marker, groups == group].max() <= LINKED and not wishes.apart[marker, groups == group].any())
-        }
-        if len(others) < 2 or not others[own]:
+        mates = {group: _others(groups, group, marker) for group in np.unique(groups).tolist()}
+        near = [
+            group
+            for group, others in mates.items()
+            if group != own and ratio[marker, others].max() <= LINKED and not wishes.apart[marker, others].any()
+        ]
+        if not near or not mates[own]:
             continue
-        costs = {group: _cost_of(movements.relative(mates, (marker,)), noise) for group, mates in others.items()}
-        gaps = {
-            movements.distance(marker, others[group]): group
-            for group, cost in costs.items()
-            if cost <= costs[own] + LEAST_GAIN
-        }
-        if np.isfinite(costs[own]):
-            groups[marker] = gaps[min(gaps)]
+        meanwhile = movements.while_seen(marker)
+        least = _cost(meanwhile.relative(mates[own], (marker,)), noise) + LEAST_GAIN
+        resting = [
+            group
+            for group in near
+            if _cost(meanwhile.relative(mates[group], (marker,)), noise) <= least
+            and _cost(meanwhile.relative(mates[own], mates[group]), noise) < 0
+        ]
+        groups[marker] = min((own, *resting), key=lambda group: movements.distance(marker, mates[group]))
     return groups
 
 
-def _cost_of(motion: Spread | None, noise: Floats) -> float:
-    return np.inf if motion is None else misfit(motion.ratios(noise))
+def _others(groups: Ints, group: int, marker: int) -> Group:
+    return tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
+
+
+def _cost(motion: Spread | None, noise: Floats) -> float:
+    """Evidence of a joint beside what the coordinates explain [nats per frame], without any bending."""
+    if motion is None:
+        return np.inf
+    ratios = motion.ratios(noise)
+    return misfit(ratios) - GAIN * len(ratios)
 
 
 class _Joiner:
@@ -185,11 +194,20 @@ class _Joiner:
         motion = self._movements.relative(one, other)
         if motion is None:
             return np.inf
-        variances = np.full(len(self._apart), (self._parameters.flexibility * motion.radius) ** 2)
+        variances = np.full(len(self._apart), (self._bend(one, other) * motion.radius) ** 2)
         variances[list(one)] += self._group_noise(one)
         variances[list(other)] += self._group_noise(other)
-        ratios = motion.ratios(variances)
-        return misfit(ratios) - GAIN * len(ratios) - LIMB
+        return misfit(motion.ratios(variances)) - LIMB
+
+    def _bend(self, *groups: Group) -> float:
+        """Part of its size by which a limb of these groups may bend: less for what is seen to be a rigid plate."""
+        inner = [self._movements.inner(group) for group in groups if len(group) > 2]
+        seen = [
+            np.sqrt(np.trace(spread.covariance) / len(spread.covariance)) / spread.radius
+            for spread in inner
+            if spread is not None and spread.radius > 0
+        ]
+        return float(min(self._parameters.flexibility, BEND * max(seen, default=np.inf)))
 
     def _group_noise(self, group: Group) -> float:
         """Noise variance [mm^2] of a group's markers, steadied by that of the take."""

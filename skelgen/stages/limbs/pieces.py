@@ -46,7 +46,7 @@ PARTED = 6
 MOST_CHANGES = 500
 """Ends a search that rounding might keep going."""
 
-NOISE_RANGE = 16.0
+NOISE_RANGE = 6.0
 """The variance of one marker's noise is at most so many times that of the take."""
 
 FORBIDDEN = 1e9

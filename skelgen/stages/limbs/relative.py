@@ -94,6 +94,11 @@ class Movements:
         """Part of the sampled frames that shows each marker, shape (n_markers,)."""
         return np.asarray(self._sampled_seen.mean(axis=0))
 
+    def while_seen(self, marker: int) -> Movements:
+        """Return the movements in the sampled frames that show a marker."""
+        shown = self._sampled[self._sampled_seen[:, marker]]
+        return Movements(shown, np.arange(len(shown)))
+
     def inner(self, group: Group) -> Spread | None:
         """Return the spread of the inner coordinates of two markers or more; None if too few frames show them."""
         if group not in self._inner:
