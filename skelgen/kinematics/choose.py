@@ -11,7 +11,7 @@ from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.arrow import solve_arrow
 from skelgen.kinematics.joint_fit import JointFit, fit_kind, linear_place
-from skelgen.kinematics.kind import KNOWN_KINDS, JointKind, KindLimits, find_kind
+from skelgen.kinematics.kind import KNOWN_KINDS, ROUNDING, JointKind, KindLimits, find_kind
 from skelgen.kinematics.placed import Placed, fit_placed, linearised
 from skelgen.kinematics.relative import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.turning import FreeTurning
@@ -21,9 +21,6 @@ from skelgen.model.arrays import Floats
 FREEDOMS_OF_GAP = 3.0
 """Per frame: what poses alone tell of their noise is how far a ball joint's two images are apart."""
 
-
-ROUNDING = 1e-9
-"""rad; noise of rotations that are exact in double precision."""
 
 VARIANCE_OF_THIRD = 20.0
 """Of third differences of independent numbers of variance 1: 1 + 9 + 9 + 1."""

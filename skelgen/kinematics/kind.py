@@ -30,6 +30,9 @@ AXIS_WAY = 10.0
 ROUNDING_TURN = 1e-6
 """rad; rotations in double precision wobble by the square root of their rounding."""
 
+ROUNDING = 1e-9
+"""rad; noise of rotations that are exact in double precision."""
+
 CLEARLY_LESS = 0.5
 """A kind counts as found if the noise cannot hide a turn of this part of those that it allows."""
 
@@ -170,7 +173,7 @@ def find_kind(
     """
     limits = limits or KindLimits()
     u, singular, vt = np.linalg.svd(rotations.mean(axis=0))
-    weight = whitener(covariances)
+    weight = whitener(covariances + ROUNDING**2 * np.eye(3))
     kind, leftovers = "ball", dict[str, Leftover]()
     for name in KNOWN_KINDS[:-1] if wanted is None else (wanted,):
         if name == "ball":

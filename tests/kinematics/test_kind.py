@@ -62,6 +62,11 @@ def test_turn_about_all_axes_is_a_ball(noise):
     assert found(np.random.default_rng(3).normal(size=(N_FRAMES, 3)) * 0.5, noise).kind == "ball"
 
 
+@pytest.mark.parametrize(("vectors", "kind"), [(wave(0.5, 20) * AXIS, "hinge"), (np.zeros((N_FRAMES, 3)), "rigid")])
+def test_exact_rotations_with_no_stated_noise_are_told(vectors, kind):
+    assert find_kind(matrix_from_vector(vectors), np.zeros((N_FRAMES, 3, 3)), FREEDOMS).kind == kind
+
+
 @NOISES
 def test_no_turn_beyond_the_noise_is_rigid(noise):
     assert found(np.tile([0.3, -0.2, 0.5], (N_FRAMES, 1)), noise).kind == "rigid"
