@@ -11,7 +11,15 @@ import math
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.compiled_matching import compile_function, find_doubts, find_pairs, match
+from skelgen.stages.labels.compiled_matching import (
+    compile_function,
+    difference,
+    find_doubts,
+    find_pairs,
+    first_not_below,
+    match,
+    rising_order,
+)
 from skelgen.stages.labels.tracks import (
     AGE,
     ALIVE,
@@ -24,6 +32,8 @@ from skelgen.stages.labels.tracks import (
     LONE,
     MISSED,
     MUTED,
+    N_COUNTERS,
+    N_MOTION,
     NEWBORN,
     SETTLED,
     SLOPE,
@@ -40,16 +50,26 @@ def _end_tracks(tracks: _State, step: int, max_gap: int) -> None:
     n_kept = 0
     for track in range(totals[ALIVE]):
         if counters[track, MISSED] + step <= min(max_gap, counters[track, AGE]) + 1:
-            motion[n_kept] = motion[track]
-            counters[n_kept] = counters[track]
+            _keep_as(motion, counters, track, n_kept)
             n_kept += 1
     totals[ALIVE] = n_kept
 
 
 @compile_function
-def _expect(motion: Floats, counters: Ints, step: int, rules: Rules) -> tuple[Floats, Floats]:
+def _keep_as(motion: Floats, counters: Ints, track: int, place: int) -> None:
+    """Move a track's state to another place."""
+    for row in range(N_MOTION):
+        for axis in range(3):
+            motion[place, row, axis] = motion[track, row, axis]
+    for column in range(N_COUNTERS):
+        counters[place, column] = counters[track, column]
+
+
+@compile_function
+def _expect(tracks: _State, step: int, rules: Rules) -> tuple[Floats, Floats]:
     """Where each track is expected; and its reach, gain there, squared width, and exponent."""
-    n_tracks = len(motion)
+    motion, counters, totals = tracks
+    n_tracks = totals[ALIVE]
     expected, terms = np.empty((n_tracks, 3)), np.empty((n_tracks, 4))
     for track in range(n_tracks):
         ahead = counters[track, MISSED] + step
@@ -71,41 +91,36 @@ def _expect(motion: Floats, counters: Ints, step: int, rules: Rules) -> tuple[Fl
 
 @compile_function
 def _move(
-    motion: Floats, counters: Ints, expected: Floats, point: Floats, weight: float, step: int, rules: Rules
+    tracks: _State, track: int, expected: Floats, points: Floats, point: int, weight: float, step: int, rules: Rules
 ) -> float:
     """Move one track onto its point; returns the squared distance from where it was expected."""
-    ahead = counters[MISSED] + step
+    motion, counters, _ = tracks
+    ahead = counters[track, MISSED] + step
     level_gain, slope_gain = weight * rules.level_gain, weight * rules.slope_gain
-    if counters[AGE] == 1:
+    if counters[track, AGE] == 1:
         level_gain, slope_gain = 1.0, 1.0 if rules.slope_gain > 0.0 else 0.0
     squared = 0.0
     for axis in range(3):
-        error = point[axis] - expected[axis]
+        error = points[point, axis] - expected[track, axis]
         squared += error * error
-        motion[LEVEL, axis] = expected[axis] + level_gain * error
-        motion[SLOPE, axis] += slope_gain * error / ahead
-    if counters[AGE] > 1 and ahead == 1:
+        motion[track, LEVEL, axis] = expected[track, axis] + level_gain * error
+        motion[track, SLOPE, axis] += slope_gain * error / ahead
+    if counters[track, AGE] > 1 and ahead == 1:
         scale = rules.scales[SETTLED, 0]
-        motion[CALM, 0] = FADE * motion[CALM, 0] + squared * weight / (3.0 * scale * scale)
-        motion[CALM, 1] = FADE * motion[CALM, 1] + 1.0
-    counters[AGE] += 1
-    counters[MISSED] = 0
+        motion[track, CALM, 0] = FADE * motion[track, CALM, 0] + squared * weight / (3.0 * scale * scale)
+        motion[track, CALM, 1] = FADE * motion[track, CALM, 1] + 1.0
+    counters[track, AGE] += 1
+    counters[track, MISSED] = 0
     return squared
 
 
 @compile_function
-def _own(counters: Ints) -> int:
+def _own(counters: Ints, track: int) -> int:
     """Identity that the track gives to its point of this frame: -1 while it is muted."""
-    if counters[MUTED] > 0:
-        counters[MUTED] -= 1
+    if counters[track, MUTED] > 0:
+        counters[track, MUTED] -= 1
         return -1
-    return int(counters[IDENTITY])
-
-
-@compile_function
-def _miss(counters: Ints, step: int) -> None:
-    """Note that tracks are not seen."""
-    counters[:, MISSED] += step
+    return int(counters[track, IDENTITY])
 
 
 @compile_function
@@ -121,10 +136,11 @@ def _continue_tracks(
     owner: Ints,
     surprise: Floats,
     told: Floats,
-) -> bool:
-    """Move the tracks that are alive onto their points; returns whether a track that was just seen is lost."""
+) -> Bools:
+    """Move the tracks that are alive onto their points; returns which are lost that were just seen."""
     motion, counters, totals = tracks
-    n_kept, jumped = 0, False
+    lost = np.zeros(totals[ALIVE], dtype=np.bool_)
+    n_kept = 0
     for track in range(totals[ALIVE]):
         point = point_of_track[track]
         seen_before = counters[track, AGE] > 1 and counters[track, MISSED] == 0
@@ -132,77 +148,101 @@ def _continue_tracks(
             if doubtful[track]:
                 counters[track, IDENTITY] = totals[GIVEN]
                 totals[GIVEN] += 1
-            squared = _move(motion[track], counters[track], expected[track], points[point], weights[point], step, rules)
+            squared = _move(tracks, track, expected, points, point, weights[point], step, rules)
             surprise[point] = squared if seen_before and step == 1 else np.nan
-            owner[point] = _own(counters[track])
+            owner[point] = _own(counters, track)
             if len(told):
-                told[point, :3] = motion[track, SLOPE]
-                told[point, 3:] = motion[track, CALM, :2]
+                for axis in range(3):
+                    told[point, axis] = motion[track, SLOPE, axis]
+                told[point, 3], told[point, 4] = motion[track, CALM, 0], motion[track, CALM, 1]
         else:
-            jumped = jumped or seen_before
+            lost[track] = seen_before
             counters[track, MISSED] += step
             if counters[track, MISSED] > min(rules.max_gap, counters[track, AGE]):
                 continue
-        motion[n_kept] = motion[track]
-        counters[n_kept] = counters[track]
+        _keep_as(motion, counters, track, n_kept)
         n_kept += 1
     totals[ALIVE] = n_kept
-    return jumped
+    return lost
 
 
 @compile_function
-def _has_double(point: Floats, points: Floats, order: Ints, sorted_x: Floats, placed: Bools, near: float) -> bool:
+def _has_double(points: Floats, point: int, order: Ints, placed: Bools, near: float) -> bool:
     """Whether a point with a track is so near that this one is the same marker."""
-    for rank in range(np.searchsorted(sorted_x, point[0] - near), len(order)):
-        if sorted_x[rank] > point[0] + near:
-            break
+    for rank in range(first_not_below(points, order, points[point, 0] - near), len(order)):
         other = order[rank]
-        x, y, z = points[other, 0] - point[0], points[other, 1] - point[1], points[other, 2] - point[2]
+        if points[other, 0] > points[point, 0] + near:
+            break
+        x, y, z = difference(points, other, points, point)
         if placed[other] and x * x + y * y + z * z < near * near:
             return True
     return False
 
 
 @compile_function
-def _begin(motion: Floats, counters: Ints, n_old: int, track: int, point: Floats, slope_gain: float) -> None:
+def _begin(tracks: _State, n_old: int, track: int, points: Floats, point: int, slope_gain: float) -> None:
     """Begin a track at a point, with the slope of the nearest track that is seen and has a slope."""
+    motion, counters, _ = tracks
     nearest, least = -1, np.inf
     for other in range(n_old):
         if counters[other, AGE] > 1 and counters[other, MISSED] == 0:
-            x = motion[other, LEVEL, 0] - point[0]
-            y = motion[other, LEVEL, 1] - point[1]
-            z = motion[other, LEVEL, 2] - point[2]
+            x = motion[other, LEVEL, 0] - points[point, 0]
+            y = motion[other, LEVEL, 1] - points[point, 1]
+            z = motion[other, LEVEL, 2] - points[point, 2]
             if x * x + y * y + z * z < least:
                 nearest, least = other, x * x + y * y + z * z
-    motion[track] = 0.0
-    motion[track, LEVEL] = point
+    for axis in range(3):
+        motion[track, LEVEL, axis] = points[point, axis]
+        motion[track, SLOPE, axis] = motion[track, CALM, axis] = 0.0
     if nearest >= 0 and slope_gain > 0.0:
-        motion[track, SLOPE] = motion[nearest, SLOPE]
-        motion[track, CALM] = motion[nearest, CALM]
+        for axis in range(3):
+            motion[track, SLOPE, axis] = motion[nearest, SLOPE, axis]
+            motion[track, CALM, axis] = motion[nearest, CALM, axis]
     motion[track, CALM, 2] = 1.0 if nearest < 0 else 0.0
     counters[track, AGE] = 1
     counters[track, MISSED] = 0
 
 
 @compile_function
-def _begin_tracks(
-    points: Floats, order: Ints, placed: Bools, jumped: bool, tracks: _State, rules: Rules, owner: Ints
-) -> None:
-    """Begin a track at each point that has none and is not the double of one that has."""
-    motion, counters, totals = tracks
-    n_old = totals[ALIVE]
-    sorted_x = points[order, 0]
+def _begin_tracks(points: Floats, order: Ints, placed: Bools, tracks: _State, rules: Rules, owner: Ints) -> Ints:
+    """Begin a track at each point that has none and is not the double of one that has; returns these points."""
+    _, counters, totals = tracks
+    n_old, n_begun = totals[ALIVE], 0
+    begun = np.empty(len(points), dtype=np.intp)
     for point in range(len(points)):
-        if placed[point] or _has_double(points[point], points, order, sorted_x, placed, rules.duplicate):
+        if placed[point] or _has_double(points, point, order, placed, rules.duplicate):
             continue
         track = totals[ALIVE]
-        _begin(motion, counters, n_old, track, points[point], rules.slope_gain)
-        counters[track, MUTED] = rules.mute if jumped else 0
+        _begin(tracks, n_old, track, points, point, rules.slope_gain)
+        counters[track, MUTED] = 0
         counters[track, IDENTITY] = totals[GIVEN]
-        owner[point] = _own(counters[track])
+        owner[point] = totals[GIVEN]
         placed[point] = True
+        begun[n_begun] = point
+        n_begun += 1
         totals[ALIVE] += 1
         totals[GIVEN] += 1
+    return begun[:n_begun]
+
+
+@compile_function
+def _mute_jumps(
+    points: Floats, begun: Ints, expected: Floats, lost: Bools, tracks: _State, mute: int, owner: Ints
+) -> None:
+    """Mute, for each lost track, the begun one that is nearest to where that was expected: the same marker, perhaps."""
+    _, counters, totals = tracks
+    if mute == 0 or len(begun) == 0:
+        return
+    for track in range(len(lost)):
+        if not lost[track]:
+            continue
+        nearest, least = 0, np.inf
+        for rank in range(len(begun)):
+            x, y, z = difference(points, begun[rank], expected, track)
+            if x * x + y * y + z * z < least:
+                nearest, least = rank, x * x + y * y + z * z
+        counters[totals[ALIVE] - len(begun) + nearest, MUTED] = mute - 1
+        owner[begun[nearest]] = -1
 
 
 @compile_function
@@ -218,20 +258,21 @@ def follow_frames(
     told: Floats,
 ) -> None:
     """Follow all points through some frames; arguments as `plain.follow_frames`."""
-    motion, counters, totals = tracks
+    _, counters, totals = tracks
     for frame in range(len(frame_starts) - 1):
         first, last = frame_starts[frame], frame_starts[frame + 1]
         own, step = points[first:last], steps[frame]
-        owner[first:last] = -1
-        surprise[first:last] = np.nan
+        for point in range(first, last):
+            owner[point], surprise[point] = -1, np.nan
         _end_tracks(tracks, step, rules.max_gap)
         n_tracks = totals[ALIVE]
-        expected, terms = _expect(motion[:n_tracks], counters[:n_tracks], step, rules)
-        order = np.argsort(own[:, 0], kind="mergesort")
+        expected, terms = _expect(tracks, step, rules)
+        order = rising_order(own[:, 0])
         pairs, gains, is_crowded = find_pairs(expected, terms, own, weights[first:last], order)
         if is_crowded:
             totals[CROWDED] += 1
-            _miss(counters[:n_tracks], step)
+            for track in range(n_tracks):
+                counters[track, MISSED] += step
             continue
         point_of_track = match(pairs, gains, n_tracks, last - first, rules.optimal)
         track_of_point = np.full(last - first, -1, dtype=np.intp)
@@ -239,7 +280,7 @@ def follow_frames(
             if point_of_track[track] >= 0:
                 track_of_point[point_of_track[track]] = track
         doubtful = find_doubts(pairs, gains, point_of_track, track_of_point, expected, terms, own, rules)
-        jumped = _continue_tracks(
+        lost = _continue_tracks(
             own,
             weights[first:last],
             tracks,
@@ -252,4 +293,8 @@ def follow_frames(
             surprise[first:last],
             told[first:last],
         )
-        _begin_tracks(own, order, track_of_point >= 0, jumped, tracks, rules, owner[first:last])
+        placed = np.empty(last - first, dtype=np.bool_)
+        for point in range(last - first):
+            placed[point] = track_of_point[point] >= 0
+        begun = _begin_tracks(own, order, placed, tracks, rules, owner[first:last])
+        _mute_jumps(own, begun, expected, lost, tracks, rules.mute, owner[first:last])

@@ -19,8 +19,47 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def compile_function(function: _Function) -> _Function:
-    """Return the function compiled; kept on disk for the next time."""
-    return cast(_Function, numba.njit(cache=True, nogil=True)(function))
+    """Return the function compiled; kept on disk for the next time.
+
+    Compiling takes a second or two for each sort, set or array expression of NumPy's: loops over numbers are used
+    instead, which take none.
+    """
+    return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+@compile_function
+def rising_order(values: Floats) -> Ints:
+    """Order that sorts numbers, equal ones as they come: a merge sort, from the bottom up."""
+    n_values = len(values)
+    order, room = np.arange(n_values), np.empty(n_values, dtype=np.intp)
+    width = 1
+    while width < n_values:
+        for start in range(0, n_values, 2 * width):
+            middle, end = min(start + width, n_values), min(start + 2 * width, n_values)
+            left, right = start, middle
+            for place in range(start, end):
+                if right == end or (left < middle and values[order[left]] <= values[order[right]]):
+                    room[place] = order[left]
+                    left += 1
+                else:
+                    room[place] = order[right]
+                    right += 1
+        order, room = room, order
+        width *= 2
+    return order
+
+
+@compile_function
+def first_not_below(points: Floats, order: Ints, x: float) -> int:
+    """Rank of the first point, in the order of their x, that is not below."""
+    low, high = 0, len(order)
+    while low < high:
+        middle = (low + high) // 2
+        if points[order[middle], 0] < x:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @compile_function
@@ -31,37 +70,51 @@ def find_pairs(
 
     `order` sorts the points by their x.
     """
-    sorted_x = points[order, 0]
     room = 4 * (len(points) + len(expected))
     pairs, gains = np.empty((room, 2), dtype=np.intp), np.empty(room)
     n_pairs = 0
     for track in range(len(expected)):
         reach = terms[track, 0]
-        for rank in range(np.searchsorted(sorted_x, expected[track, 0] - reach), len(points)):
-            if sorted_x[rank] > expected[track, 0] + reach:
-                break
+        for rank in range(first_not_below(points, order, expected[track, 0] - reach), len(points)):
             point = order[rank]
-            gain = gain_of(points[point], weights[point], expected[track], terms[track])
+            if points[point, 0] > expected[track, 0] + reach:
+                break
+            gain = gain_of(points, point, weights[point], expected, track, terms)
             if gain <= 0.0:
                 continue
             if n_pairs == MOST_PAIRS:
                 return pairs[:0], gains[:0], True
             if n_pairs == len(gains):
-                pairs, gains = np.concatenate((pairs, pairs)), np.concatenate((gains, gains))
+                pairs, gains = _with_more_room(pairs, gains)
             pairs[n_pairs, 0], pairs[n_pairs, 1], gains[n_pairs] = track, point, gain
             n_pairs += 1
     return pairs[:n_pairs], gains[:n_pairs], False
 
 
 @compile_function
-def gain_of(point: Floats, weight: float, expected: Floats, terms: Floats) -> float:
+def _with_more_room(pairs: Ints, gains: Floats) -> tuple[Ints, Floats]:
+    """The same pairs in arrays of twice the size."""
+    more_pairs, more_gains = np.empty((2 * len(pairs), 2), dtype=np.intp), np.empty(2 * len(gains))
+    for pair in range(len(pairs)):
+        more_pairs[pair, 0], more_pairs[pair, 1], more_gains[pair] = pairs[pair, 0], pairs[pair, 1], gains[pair]
+    return more_pairs, more_gains
+
+
+@compile_function
+def gain_of(points: Floats, point: int, weight: float, expected: Floats, track: int, terms: Floats) -> float:
     """Gain [nats] of linking a track to a point; not above 0 out of reach."""
-    x, y, z = point[0] - expected[0], point[1] - expected[1], point[2] - expected[2]
+    x, y, z = difference(points, point, expected, track)
     squared = x * x + y * y + z * z
-    if squared > terms[0] * terms[0]:
+    if squared > terms[track, 0] * terms[track, 0]:
         return 0.0
-    loss = terms[3] * math.log1p(squared * weight / terms[2])
-    return float(terms[1] + 1.5 * math.log(weight) - loss)
+    loss = terms[track, 3] * math.log1p(squared * weight / terms[track, 2])
+    return float(terms[track, 1] + 1.5 * math.log(weight) - loss)
+
+
+@compile_function
+def difference(points: Floats, point: int, others: Floats, other: int) -> tuple[float, float, float]:
+    """Vector from another point to this one."""
+    return points[point, 0] - others[other, 0], points[point, 1] - others[other, 1], points[point, 2] - others[other, 2]
 
 
 @compile_function
@@ -69,26 +122,21 @@ def match(pairs: Ints, gains: Floats, n_tracks: int, n_points: int, optimal: boo
     """Point of each track, or -1: the best assignment within each cluster of tracks that compete for points."""
     point_of_track = np.full(n_tracks, -1, dtype=np.intp)
     root = _clusters(pairs, n_tracks, n_points)
-    order = np.argsort(root[pairs[:, 0]], kind="mergesort")
-    row_of_track = np.empty(n_tracks, dtype=np.intp)
-    column_of_point = np.empty(n_points, dtype=np.intp)
-    start = 0
-    while start < len(order):
-        stop = start + 1
-        while stop < len(order) and root[pairs[order[stop], 0]] == root[pairs[order[start], 0]]:
-            stop += 1
-        own = order[start:stop]
-        if len(own) == 1:
-            point_of_track[pairs[own[0], 0]] = pairs[own[0], 1]
-        else:
-            _match_cluster(pairs[own], gains[own], row_of_track, column_of_point, optimal, point_of_track)
-        start = stop
+    starts, order = _by_root(pairs, root)
+    row_of_track = np.full(n_tracks, -1, dtype=np.intp)
+    column_of_point = np.full(n_points, -1, dtype=np.intp)
+    for cluster in range(n_tracks):
+        start, stop = starts[cluster], starts[cluster + 1]
+        if stop == start + 1:
+            point_of_track[pairs[order[start], 0]] = pairs[order[start], 1]
+        elif stop > start:
+            _match_cluster(pairs, gains, order[start:stop], row_of_track, column_of_point, optimal, point_of_track)
     return point_of_track
 
 
 @compile_function
 def _clusters(pairs: Ints, n_tracks: int, n_points: int) -> Ints:
-    """A number for each track that tracks which compete share, directly or through others."""
+    """A track for each track that those which compete share, directly or through others."""
     parent = np.arange(n_tracks + n_points)
     for pair in range(len(pairs)):
         one, other = pairs[pair, 0], n_tracks + pairs[pair, 1]
@@ -101,42 +149,72 @@ def _clusters(pairs: Ints, n_tracks: int, n_points: int) -> Ints:
         parent[max(one, other)] = min(one, other)
     for index in range(n_tracks):  # a parent comes before its children
         parent[index] = parent[parent[index]]
-    return parent[:n_tracks]
+    return parent
+
+
+@compile_function
+def _by_root(pairs: Ints, root: Ints) -> tuple[Ints, Ints]:
+    """Where each cluster's pairs begin among all, in `order`, which keeps them as they come."""
+    starts = np.zeros(len(root) + 2, dtype=np.intp)
+    for pair in range(len(pairs)):
+        starts[root[pairs[pair, 0]] + 2] += 1
+    for cluster in range(len(root)):
+        starts[cluster + 1] += starts[cluster]
+    order = np.empty(len(pairs), dtype=np.intp)
+    for pair in range(len(pairs)):
+        cluster = root[pairs[pair, 0]]
+        order[starts[cluster + 1]] = pair
+        starts[cluster + 1] += 1
+    return starts, order
 
 
 @compile_function
 def _match_cluster(
-    pairs: Ints, gains: Floats, row_of_track: Ints, column_of_point: Ints, optimal: bool, point_of_track: Ints
+    pairs: Ints,
+    gains: Floats,
+    own: Ints,
+    row_of_track: Ints,
+    column_of_point: Ints,
+    optimal: bool,
+    point_of_track: Ints,
 ) -> None:
-    """Assign the points of one cluster to its tracks."""
-    tracks, points = np.unique(pairs[:, 0]), np.unique(pairs[:, 1])
-    if not optimal or len(tracks) * len(points) > MOST_OPTIMAL_PAIRS:
-        _match_greedy(pairs, gains, point_of_track, column_of_point)
+    """Assign the points of one cluster, which has the pairs `own`, to its tracks; both maps are room to work in."""
+    tracks, points = np.empty(len(own), dtype=np.intp), np.empty(len(own), dtype=np.intp)
+    n_tracks, n_points = 0, 0
+    for pair in own:
+        track, point = pairs[pair, 0], pairs[pair, 1]
+        if row_of_track[track] < 0:
+            row_of_track[track], tracks[n_tracks] = n_tracks, track
+            n_tracks += 1
+        if column_of_point[point] < 0:
+            column_of_point[point], points[n_points] = n_points, point
+            n_points += 1
+    if not optimal or n_tracks * n_points > MOST_OPTIMAL_PAIRS:
+        _match_greedy(pairs, gains, own, point_of_track, column_of_point)
         return
-    row_of_track[tracks] = np.arange(len(tracks))
-    column_of_point[points] = np.arange(len(points))
-    gain = np.zeros((len(tracks), len(points)))
-    for pair in range(len(pairs)):
-        gain[row_of_track[pairs[pair, 0]], column_of_point[pairs[pair, 1]]] = gains[pair]
-    if len(tracks) > len(points):
-        row_of_column = _assign(np.ascontiguousarray(gain.T))
-        for row in range(len(tracks)):
-            if row_of_column[row] >= 0 and gain[row, row_of_column[row]] > 0.0:
-                point_of_track[tracks[row]] = points[row_of_column[row]]
-    else:
-        row_of_column = _assign(gain)
-        for column in range(len(points)):
-            row = row_of_column[column]
-            if row >= 0 and gain[row, column] > 0.0:
-                point_of_track[tracks[row]] = points[column]
+    turned = n_tracks > n_points
+    gain = np.zeros((min(n_tracks, n_points), max(n_tracks, n_points)))
+    for pair in own:
+        row, column = row_of_track[pairs[pair, 0]], column_of_point[pairs[pair, 1]]
+        if turned:
+            row, column = column, row
+        gain[row, column] = gains[pair]
+    row_of_column = _assign(gain)
+    for column in range(gain.shape[1]):
+        row = row_of_column[column]
+        if row >= 0 and gain[row, column] > 0.0:
+            point_of_track[tracks[column if turned else row]] = points[row if turned else column]
 
 
 @compile_function
-def _match_greedy(pairs: Ints, gains: Floats, point_of_track: Ints, taken: Ints) -> None:
+def _match_greedy(pairs: Ints, gains: Floats, own: Ints, point_of_track: Ints, taken: Ints) -> None:
     """Pair tracks with points, largest gain first; `taken` is room to note who is."""
-    taken[pairs[:, 1]] = -1
-    for pair in np.argsort(-gains, kind="mergesort"):
-        track, point = pairs[pair, 0], pairs[pair, 1]
+    losses = np.empty(len(own))
+    for rank in range(len(own)):
+        losses[rank] = -gains[own[rank]]
+        taken[pairs[own[rank], 1]] = -1
+    for rank in rising_order(losses):
+        track, point = pairs[own[rank], 0], pairs[own[rank], 1]
         if point_of_track[track] < 0 and taken[point] < 0:
             point_of_track[track] = point
             taken[point] = track
@@ -146,7 +224,8 @@ def _match_greedy(pairs: Ints, gains: Floats, point_of_track: Ints, taken: Ints)
 def _assign(gain: Floats) -> Ints:
     """Pair rows with columns for the largest total gain: the Hungarian method by shortest augmenting paths.
 
-    Needs at least as many columns as rows; returns the row of each column or -1.
+    Rows whose best column nobody wants before them have it to begin with; only the others need paths. Needs at least as
+    many columns as rows; returns the row of each column or -1.
     """
     n_rows, n_columns = gain.shape
     row_price = np.zeros(n_rows)
@@ -154,10 +233,24 @@ def _assign(gain: Floats) -> Ints:
     # The extra column stands for the row that is being placed.
     row_of_column = np.full(n_columns + 1, -1, dtype=np.intp)
     came_from = np.zeros(n_columns, dtype=np.intp)
+    slack = np.empty(n_columns)
+    placed = np.zeros(n_rows, dtype=np.bool_)
+    visited = np.empty(n_columns + 1, dtype=np.bool_)
     for start in range(n_rows):
+        best = 0
+        for column in range(1, n_columns):
+            if gain[start, column] > gain[start, best]:
+                best = column
+        row_price[start] = -gain[start, best]
+        if row_of_column[best] < 0:
+            row_of_column[best] = start
+            placed[start] = True
+    for start in range(n_rows):
+        if placed[start]:
+            continue
         row_of_column[n_columns] = start
-        slack = np.full(n_columns, np.inf)
-        visited = np.zeros(n_columns + 1, dtype=np.bool_)
+        slack[:] = np.inf
+        visited[:] = False
         column = n_columns
         while row_of_column[column] >= 0:
             visited[column] = True
@@ -206,20 +299,30 @@ def find_doubts(
         if other == track:
             continue
         if point < 0:
-            doubtful[other] |= other >= 0 and gain_of_track[other] - gain < rules.evidence
+            if other >= 0 and gain_of_track[other] - gain < rules.evidence:
+                doubtful[other] = True
         elif other < 0:
-            close = gain_of_track[track] - gain < rules.evidence
-            doubtful[track] |= close and _squared(points[point], points[other_point]) >= rules.duplicate**2
+            if gain_of_track[track] - gain < rules.evidence:
+                x, y, z = difference(points, point, points, other_point)
+                if x * x + y * y + z * z >= rules.duplicate * rules.duplicate:
+                    doubtful[track] = True
         else:
-            apart, ahead = points[point] - points[other_point], expected[track] - expected[other]
+            kept, exchanged = _surprises(points, point, other_point, expected, track, other)
             width = rules.relative * (terms[track, 2] + terms[other, 2]) / 2.0
-            kept, exchanged = _squared(apart, ahead) / width, _squared(apart, -ahead) / width
-            if 1.0 + exchanged < rules.exchange * (1.0 + kept):
+            if 1.0 + exchanged / width < rules.exchange * (1.0 + kept / width):
                 doubtful[track] = doubtful[other] = True
     return doubtful
 
 
 @compile_function
-def _squared(one: Floats, other: Floats) -> float:
-    x, y, z = one[0] - other[0], one[1] - other[1], one[2] - other[2]
-    return float(x * x + y * y + z * z)
+def _surprises(
+    points: Floats, point: int, other_point: int, expected: Floats, track: int, other: int
+) -> tuple[float, float]:
+    """Squared change [mm^2] of the vector between two tracks, as they are linked and if they exchange their points."""
+    kept, exchanged = 0.0, 0.0
+    for axis in range(3):
+        apart = points[point, axis] - points[other_point, axis]
+        ahead = expected[track, axis] - expected[other, axis]
+        kept += (apart - ahead) * (apart - ahead)
+        exchanged += (apart + ahead) * (apart + ahead)
+    return kept, exchanged

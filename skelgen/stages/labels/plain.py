@@ -96,8 +96,9 @@ def _follow_frame(
     track_of_point[point_of_track[rows]] = rows
     doubtful = find_doubts(pairs, gains, point_of_track, track_of_point, expected, terms, points, rules)
     _rename(counters, totals, rows[doubtful[rows]])
-    jumped = _continue_tracks(points, weights, tracks, step, expected, point_of_track, rules, results)
-    _begin_tracks(points, track_of_point >= 0, jumped, tracks, rules, owner)
+    lost = _continue_tracks(points, weights, tracks, step, expected, point_of_track, rules, results)
+    begun = _begin_tracks(points, track_of_point >= 0, tracks, rules, owner)
+    _mute_jumps(points, begun, expected[lost], tracks, rules.mute, owner)
 
 
 def _keep(tracks: _State, kept: Bools) -> None:
@@ -142,8 +143,8 @@ def _continue_tracks(
     point_of_track: Ints,
     rules: Rules,
     results: tuple[Ints, Floats, Floats],
-) -> bool:
-    """Move the tracks that are alive onto their points; returns whether a track that was just seen is lost."""
+) -> Bools:
+    """Move the tracks that are alive onto their points; returns which are lost that were just seen."""
     motion, counters, totals = tracks
     motion, counters = motion[: totals[ALIVE]], counters[: totals[ALIVE]]
     owner, surprise, told = results
@@ -158,7 +159,7 @@ def _continue_tracks(
     lost = point_of_track < 0
     counters[lost, MISSED] += step
     _keep(tracks, ~(lost & (counters[:, MISSED] > np.minimum(rules.max_gap, counters[:, AGE]))))
-    return bool((lost & seen_before).any())
+    return np.asarray(lost & seen_before)
 
 
 def _move(
@@ -197,8 +198,8 @@ def _own(counters: Ints, rows: Ints) -> Ints:
     return identities
 
 
-def _begin_tracks(points: Floats, placed: Bools, jumped: bool, tracks: _State, rules: Rules, owner: Ints) -> None:
-    """Begin a track at each point that has none and is not the double of one that has."""
+def _begin_tracks(points: Floats, placed: Bools, tracks: _State, rules: Rules, owner: Ints) -> Ints:
+    """Begin a track at each point that has none and is not the double of one that has; returns these points."""
     motion, counters, totals = tracks
     begun = _without_doubles(points, placed, rules.duplicate)
     known = np.flatnonzero((counters[: totals[ALIVE], AGE] > 1) & (counters[: totals[ALIVE], MISSED] == 0))
@@ -213,11 +214,25 @@ def _begin_tracks(points: Floats, placed: Bools, jumped: bool, tracks: _State, r
         motion[track, SLOPE], motion[track, CALM, :2] = motion[nearest, SLOPE], motion[nearest, CALM, :2]
     counters[new, AGE] = 1
     counters[new, MISSED] = 0
-    counters[new, MUTED] = rules.mute if jumped else 0
+    counters[new, MUTED] = 0
     counters[new, IDENTITY] = totals[GIVEN] + np.arange(len(begun))
     totals[ALIVE] += len(begun)
     totals[GIVEN] += len(begun)
-    owner[begun] = _own(counters, new)
+    owner[begun] = counters[new, IDENTITY]
+    return begun
+
+
+def _mute_jumps(points: Floats, begun: Ints, expected: Floats, tracks: _State, mute: int, owner: Ints) -> None:
+    """Mute, for each lost track, the begun one that is nearest to where that was expected: the same marker, perhaps."""
+    _, counters, totals = tracks
+    if mute == 0 or len(begun) == 0:
+        return
+    for place in expected:
+        apart = points[begun] - place
+        x, y, z = apart[:, 0], apart[:, 1], apart[:, 2]
+        nearest = int(np.argmin(x * x + y * y + z * z))
+        counters[totals[ALIVE] - len(begun) + nearest, MUTED] = mute - 1
+        owner[begun[nearest]] = -1
 
 
 def _without_doubles(points: Floats, placed: Bools, near: float) -> Ints:
