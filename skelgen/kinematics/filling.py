@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.kinematics.helpers import Base, Helpers, features_of, find_helpers
+from skelgen.kinematics.helpers import Base, Helpers, OwnPoses, features_of, find_helpers
 from skelgen.kinematics.process import Clock, Features, Series, fit_variances, learnt_frames, needed_frames, predict
 from skelgen.model import Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
@@ -65,6 +65,7 @@ class _Work:
 
     def __init__(self, trajectories: Trajectories, skeleton: Skeleton, motion: Motion) -> None:
         self.trajectories, self.skeleton, self.motion = trajectories, skeleton, motion
+        self.own_poses = OwnPoses(trajectories, skeleton, motion)
         self.seen = trajectories.seen
         self.with_gaps = np.asarray(self.seen.any(axis=0) & ~self.seen.all(axis=0))
         self.positions = trajectories.positions.copy()
@@ -84,7 +85,7 @@ def _fill_limb(work: _Work, limb: int) -> None:
     markers = work.skeleton.markers_of(limb)
     if not work.with_gaps[markers].any():
         return
-    helpers = find_helpers(work.trajectories, work.skeleton, work.motion, limb)
+    helpers = find_helpers(work.own_poses, limb)
     for index in np.flatnonzero(work.with_gaps[markers]).tolist():
         frames = np.flatnonzero(~work.seen[:, markers[index]])
         usable = helpers.usable[frames]
@@ -164,7 +165,7 @@ def _fill_rest(work: _Work, marker: int) -> None:
 def _fill_by_reference(work: _Work, marker: int, known: Ints, targets: Ints) -> None:
     """Fill a marker in the frame of the nearest limb that its own markers pose, where this is surer."""
     limb = int(work.skeleton.limb_of_marker[marker])
-    helpers = find_helpers(work.trajectories, work.skeleton, work.motion, limb)
+    helpers = find_helpers(work.own_poses, limb)
     posed = work.motion.limb_seen[:, helpers.reference]
     known, targets = known[posed[known]], targets[posed[targets]]
     if helpers.reference == limb or len(known) < _FEWEST_TOGETHER or not len(targets):

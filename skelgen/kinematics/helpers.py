@@ -103,7 +103,33 @@ class Base:
         return np.asarray(self.origin[rows] + np.einsum("fij,fj->fi", self.rotations[rows], local))
 
 
-def find_helpers(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, limb: int) -> Helpers:
+class OwnPoses:
+    """Poses of limbs by their own markers alone, each found when it is first asked for.
+
+    Parameters
+    ----------
+    trajectories, skeleton, motion : Trajectories, Skeleton, Motion
+        Of the take.
+    """
+
+    def __init__(self, trajectories: Trajectories, skeleton: Skeleton, motion: Motion) -> None:
+        self.trajectories, self.skeleton, self.motion = trajectories, skeleton, motion
+        self._found: dict[int, tuple[Floats, Bools]] = {}
+
+    def of(self, limb: int) -> tuple[Floats, Bools]:
+        """World from limb, shape (n_frames, 4, 4), and where that is known, shape (n_frames,)."""
+        if limb not in self._found:
+            markers = self.skeleton.markers_of(limb)
+            places, usable = (
+                self.skeleton.marker_offsets[markers],
+                reliable(self.trajectories, self.skeleton, self.motion, limb),
+            )
+            poses = fit_transform(places, self.trajectories.positions[:, markers], usable, rotation_by_svd)
+            self._found[limb] = poses, determines_pose(places, usable)
+        return self._found[limb]
+
+
+def find_helpers(own_poses: OwnPoses, limb: int) -> Helpers:
     """Gather the points of a limb.
 
     A joint is where the neighbouring limb has it, posed by its own markers; where it rarely has the markers for that,
@@ -111,19 +137,18 @@ def find_helpers(trajectories: Trajectories, skeleton: Skeleton, motion: Motion,
 
     Parameters
     ----------
-    trajectories : Trajectories
-        Measured markers.
-    skeleton, motion : Skeleton, Motion
-        Fitted to them.
+    own_poses : OwnPoses
+        Of all limbs, with the take.
     limb : int
         Its index.
     """
+    trajectories, skeleton, motion = own_poses.trajectories, own_poses.skeleton, own_poses.motion
     markers, joints = skeleton.markers_of(limb), skeleton.joints_of(limb)
     usable = reliable(trajectories, skeleton, motion, limb)
     places, firm = [skeleton.marker_offsets[markers]], [True] * len(markers)
     world, usables = [np.where(usable[..., np.newaxis], trajectories.positions[:, markers], 0.0)], [usable]
     for joint, place in joints:
-        there, known, by_markers = _joint_by_neighbour(trajectories, skeleton, motion, joint, limb)
+        there, known, by_markers = _joint_by_neighbour(own_poses, joint, limb)
         places.append(place[np.newaxis])
         world.append(np.where(known[:, np.newaxis], there, 0.0)[:, np.newaxis])
         usables.append(known[:, np.newaxis])
@@ -194,23 +219,20 @@ def _principal(values: Floats, most: int) -> Floats:
     """Coordinates along the directions in which values vary most, shape (n_frames, up to `most`)."""
     centred = values - values.mean(axis=0)
     sample = centred[:: max(1, len(centred) // _PRINCIPAL_FRAMES)]
-    _, _, directions = np.linalg.svd(sample, full_matrices=False)
-    return np.asarray(centred @ directions[:most].T)
+    _, directions = np.linalg.eigh(sample.T @ sample)
+    return np.asarray(centred @ directions[:, ::-1][:, :most])
 
 
-def _joint_by_neighbour(
-    trajectories: Trajectories, skeleton: Skeleton, motion: Motion, joint: int, limb: int
-) -> tuple[Floats, Bools, bool]:
+def _joint_by_neighbour(own_poses: OwnPoses, joint: int, limb: int) -> tuple[Floats, Bools, bool]:
     """Where the neighbouring limb has a joint, where that is known, and if by its markers alone."""
+    skeleton, motion = own_poses.skeleton, own_poses.motion
     neighbour = _neighbour(skeleton, joint, limb)
-    if not _posed_by_markers(trajectories, skeleton, neighbour):
+    if not _posed_by_markers(own_poses.trajectories, skeleton, neighbour):
         return motion.joint_positions[:, joint], motion.limb_seen[:, neighbour], False
-    markers = skeleton.markers_of(neighbour)
-    places, place = skeleton.marker_offsets[markers], dict(skeleton.joints_of(neighbour))[joint]
-    usable = reliable(trajectories, skeleton, motion, neighbour)
-    poses = fit_transform(places, trajectories.positions[:, markers], usable, rotation_by_svd)
+    poses, known = own_poses.of(neighbour)
+    place = dict(skeleton.joints_of(neighbour))[joint]
     there = np.einsum("fij,j->fi", poses[:, :3, :3], place) + poses[:, :3, 3]
-    return there, determines_pose(places, usable), True
+    return there, known, True
 
 
 def _posed_by_markers(trajectories: Trajectories, skeleton: Skeleton, limb: int) -> bool:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from skelgen.model.arrays import Floats, Ints
 
@@ -22,11 +23,12 @@ _DAMPING = 1.5  # periods after which a wave has lost its phase
 _WIDTHS = (0.5, 1.0)  # of bells over features, whose mean square length is 1
 _FORGOTTEN = 12.0  # longest decay times, after which nothing is left of it
 _ROUNDS = 12  # of the iteration: few, so that shapes that hardly matter keep a small part
-_LEARNT_FRAMES = 200  # that variances and predictions rest on: the work grows with their cube
+_LEARNT_FRAMES = 126  # that variances rest on: the work grows with their cube
+_ANYWHERE_FRAMES = 130  # all over the take, that predictions rest on
 _CLUSTER = (0, 1, 3, 7, 15, 31)  # frames that are looked at together, to see short and long times
 _NEAREST, _NEARER, _EVERY = 30, 120, 3  # known frames about a gap: all of the nearest, then every third
 _WHOLE = 70  # of the frames that a prediction rests on lie about the gap, the rest anywhere
-_TOGETHER_SECONDS = 0.5  # gaps within this time are predicted together
+_TOGETHER_SECONDS = 2.0  # gaps within this time are predicted together
 _JITTER = 1e-9  # of the variance, keeps the equations of noiseless series solvable
 _LEAST_VARIANCE = 1e-12  # mm^2, so that a constant series is no division by zero
 _STILL = 1e-9  # features that vary less say nothing
@@ -153,7 +155,7 @@ def fit_variances(series: Series, rows: Ints, clock: Clock) -> Floats:
     for _ in range(_ROUNDS):
         covariance = (shares[:-1] @ flat).reshape(len(rows), len(rows))
         covariance[diagonal, diagonal] += shares[-1] + _JITTER * variance
-        inverse = np.linalg.inv(covariance)
+        inverse = _inverse(covariance)
         weights = inverse @ values
         found = np.append(flat @ (weights @ weights.T).ravel(), (weights**2).sum()) / values.shape[1]
         expected = np.append(flat @ inverse.ravel(), np.trace(inverse))
@@ -184,20 +186,21 @@ def predict(series: Series, known: Ints, targets: Ints, clock: Clock, shares: Fl
         The values, and the standard deviation of each coordinate of what would have been measured.
     """
     values, deviation = np.empty((len(targets), series.values.shape[1])), np.empty(len(targets))
+    anywhere = _anywhere(known)
     for part in _gaps_together(targets, clock.rate):
-        frames = np.union1d(_around(known, targets[part]), _anywhere(known))
+        frames = np.union1d(_around(known, targets[part]), anywhere)
         rows, aims = np.searchsorted(series.frames, frames), np.searchsorted(series.frames, targets[part])
         values[part], deviation[part] = _predict_from(series, rows, aims, clock, shares)
     return values, deviation
 
 
-def left_out_errors(covariance: Floats, values: Floats) -> Floats:
+def left_out_errors(precision: Floats, values: Floats) -> Floats:
     """Errors in stated deviations where each few neighbouring values are predicted from all others.
 
     Parameters
     ----------
-    covariance : ndarray, shape (n, n), mm^2
-        Of the values.
+    precision : ndarray, shape (n, n), 1 / mm^2
+        Inverse of the covariance of the values.
     values : ndarray, shape (n, n_axes), mm
         Their mean taken off.
 
@@ -205,13 +208,15 @@ def left_out_errors(covariance: Floats, values: Floats) -> Floats:
     -------
     ndarray, shape (n, n_axes)
     """
-    precision = np.linalg.inv(covariance)
-    weighted = precision @ values
+    weighted, size = precision @ values, len(_CLUSTER)
+    whole = len(values) // size * size
+    rows = np.arange(whole).reshape(-1, size)
+    parts = [rows, np.arange(whole, len(values))[np.newaxis]] if whole < len(values) else [rows]
     found = np.empty_like(values)
-    for start in range(0, len(values), len(_CLUSTER)):
-        block = slice(start, start + len(_CLUSTER))
-        inner = np.linalg.inv(precision[block, block])
-        found[block] = (inner @ weighted[block]) / np.sqrt(np.diag(inner))[:, np.newaxis]
+    for part in parts:  # blocks of one size are inverted together
+        inner = np.linalg.inv(precision[part[:, :, np.newaxis], part[:, np.newaxis]])
+        spread = np.sqrt(np.diagonal(inner, axis1=1, axis2=2))
+        found[part] = (inner @ weighted[part]) / spread[..., np.newaxis]
     return found
 
 
@@ -225,10 +230,11 @@ def _predict_from(series: Series, rows: Ints, targets: Ints, clock: Clock, share
     diagonal = np.arange(len(rows))
     among[diagonal, diagonal] += noise + _JITTER * max(float(shares.sum()), _LEAST_VARIANCE)
     towards = clock.sum(shares[:n_times], aims, frames) + _sum(of_features, own, there)
-    weights = np.linalg.solve(among, towards.T)
+    precision = _inverse(among)
+    weights = precision @ towards.T
     total = shares[:n_times].sum() + _own_variances(of_features, own) + noise
     variance = np.maximum(total - (weights * towards.T).sum(axis=0), noise)
-    factor = _liveliness(left_out_errors(among, values), frames, aims)
+    factor = _liveliness(left_out_errors(precision, values), frames, aims)
     return mean + weights.T @ values, factor * np.sqrt(variance)
 
 
@@ -242,7 +248,18 @@ def _liveliness(errors: Floats, frames: Ints, targets: Ints) -> float:
 
 
 def _anywhere(known: Ints) -> Ints:
-    return learnt_frames(known, _LEARNT_FRAMES - _WHOLE)
+    return learnt_frames(known, _ANYWHERE_FRAMES)
+
+
+def _inverse(covariance: Floats) -> Floats:
+    """Inverse of a positive definite matrix, in half the time of a general one's; that of a doubtful one as it is."""
+    factor, failed = dpotrf(covariance, lower=True)
+    if failed:
+        return np.linalg.inv(covariance)
+    below, _ = dpotri(factor, lower=True)  # zeros above
+    inverse = below + below.T
+    inverse[np.diag_indices(len(below))] /= 2
+    return np.asarray(inverse)
 
 
 def _shapes(first: Features, second: Features) -> Floats:
@@ -255,7 +272,18 @@ def _shapes(first: Features, second: Features) -> Floats:
 
 
 def _sum(shares: Floats, first: Features, second: Features) -> Floats | float:
-    return np.asarray(np.tensordot(shares, _shapes(first, second), 1)) if len(shares) else 0.0
+    """Sum of the shapes of features, each times its share."""
+    if not len(shares):
+        return 0.0
+    n_groups = len(first.straight + first.curved)
+    weighted = [share * x for share, x in zip(shares, first.straight + first.curved, strict=False)]
+    total = np.hstack(weighted) @ np.hstack(second.straight + second.curved).T
+    for index, (a, b) in enumerate(zip(first.curved, second.curved, strict=True)):
+        square = _squares(a, b)
+        for share, width in zip(shares[n_groups + index * len(_WIDTHS) :], _WIDTHS, strict=False):
+            if share > 0.0:
+                total += share * np.exp(square / -(width**2) / 2)
+    return np.asarray(total)
 
 
 def _own_variances(shares: Floats, features: Features) -> Floats | float:

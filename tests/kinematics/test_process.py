@@ -108,4 +108,4 @@ def test_left_out_errors_are_those_of_values_truly_left_out():
     towards = covariance[:6, 6:] @ np.linalg.inv(covariance[6:, 6:])
     left = covariance[:6, :6] - towards @ covariance[6:, :6]
     expected = (values[:6] - towards @ values[6:]) / np.sqrt(np.diag(left))[:, np.newaxis]
-    assert left_out_errors(covariance, values)[:6] == pytest.approx(expected)
+    assert left_out_errors(np.linalg.inv(covariance), values)[:6] == pytest.approx(expected)
