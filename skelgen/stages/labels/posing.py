@@ -7,6 +7,7 @@ joints of posed neighbours stand in for missing markers.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +16,12 @@ from skelgen.geometry.orientation import fit_transform, rotation_by_quaternion
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.chain import Chain
 from skelgen.kinematics.shape import FLATNESS, determines_pose
-from skelgen.model import Skeleton, Trajectories
+from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.limbs import find_limbs
-from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
+from skelgen.stages.skeleton import SkeletonParameters
+from skelgen.stages.skeleton.assemble import Body, assemble, cut_out
 from skelgen.stages.skeleton.outward import pose_outward
 
 GATE_DEVIATIONS = 6.0
@@ -73,16 +75,24 @@ class Poses:
         return Poses(self.world_from_limb[frames], self.by_own[frames], self.credible[frames])
 
 
+class Tree(NamedTuple):
+    """One tree of limbs: its limbs outward from the root, their chain, and the chain's markers among all."""
+
+    limbs: Ints
+    chain: Chain
+    markers: Ints
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A skeleton as the labelling uses it.
+    """Rigid limbs joined to trees, as the labelling uses them.
 
     Attributes
     ----------
-    skeleton : Skeleton
-        Rigid limbs with the markers of the core.
+    trees : list of Tree
+        Limbs with the markers of the core, posed by these.
     core : ndarray of intp, shape (n_core,)
-        Markers that the skeleton was fitted to.
+        Markers that the limbs were fitted to.
     limb_of_marker : ndarray of intp, shape (n_markers,)
         Limb of every marker, of the core or not; -1 for none.
     offsets : ndarray, shape (n_markers, 3), mm
@@ -95,7 +105,7 @@ class Model:
         Wider gates tell nothing.
     """
 
-    skeleton: Skeleton
+    trees: list[Tree]
     core: Ints
     limb_of_marker: Ints
     offsets: Floats
@@ -123,7 +133,7 @@ class Model:
 
     def pose(self, positions: Floats) -> Poses:
         """Pose all limbs in successive frames by markers, shape (n_frames, n_markers, 3), NaN where unseen."""
-        return _pose(self.skeleton, positions[:, self.core])
+        return _pose(self.trees, positions)
 
     def predict(self, poses: Poses) -> tuple[Floats, Floats]:
         """Where markers must be [mm], NaN where unknown, (n_frames, n_markers, 3); and gates, (n_frames, n_markers)."""
@@ -153,26 +163,28 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Mo
     try:
         limbs = find_limbs(chosen, seed=seed)
         topology = find_joints(chosen, limbs, JointParameters(samples=JOINT_SAMPLES), seed=seed)
-        skeleton, _ = fit_skeleton(chosen, limbs, topology, SkeletonParameters(fit="root-outward"))
     except InputError:
         return None
-    poses = _pose(skeleton, chosen.positions)
+    trees = [_tree(cut_out(chosen, limbs, topology, int(root)), core) for root in topology.roots]
+    poses = _pose(trees, markers.positions)
     limb_of_marker = np.full(markers.n_markers, -1, dtype=np.intp)
+    limb_of_marker[core] = limbs.limb_of_marker
     offsets = np.full((markers.n_markers, 3), np.nan)
-    limb_of_marker[core], offsets[core] = skeleton.limb_of_marker, skeleton.marker_offsets
-    own, chain = _core_gates(chosen.positions, skeleton, poses)
+    for tree in trees:
+        offsets[tree.markers] = tree.chain.offsets
+    own, chain = _core_gates(chosen.positions, limbs.limb_of_marker, offsets[core], poses)
     gates = np.full((2, markers.n_markers), np.median(own))
     gates[0, core], gates[1, core] = own, np.maximum(own, chain)
     usual = np.median(gates[:, core], axis=1)
     limb_of_marker[gates[0] > SPOILS * usual[0]] = -1
-    sizes = np.append(np.bincount(limb_of_marker[limb_of_marker >= 0], minlength=skeleton.n_limbs), 0)
+    sizes = np.append(np.bincount(limb_of_marker[limb_of_marker >= 0], minlength=limbs.n_limbs), 0)
     limits = _limits(poses.by_own, usual, widest)
     for marker in np.flatnonzero(sizes[limb_of_marker] < 3):
         place = steadiest_place(markers.positions[:, marker], poses, limits)
         if place is not None and place[0] != limb_of_marker[marker]:
             limb_of_marker[marker], offsets[marker] = place
             gates[:, marker] = usual
-    return Model(skeleton, core, limb_of_marker, offsets, gates[0], gates[1], limits, widest)
+    return Model(trees, core, limb_of_marker, offsets, gates[0], gates[1], limits, widest)
 
 
 def steadiest_place(
@@ -216,13 +228,13 @@ def _limits(by_own: Bools, usual: Floats, widest: float) -> Floats:
     return np.asarray(STEADINESS * np.where(mostly_own, usual[0], min(usual[1], widest)))
 
 
-def _core_gates(positions: Floats, skeleton: Skeleton, poses: Poses) -> tuple[Floats, Floats]:
+def _core_gates(positions: Floats, limb_of_marker: Ints, offsets: Floats, poses: Poses) -> tuple[Floats, Floats]:
     """Gates of the core's markers where the limb's own markers pose it, and where the chain does [mm]."""
-    limb = np.maximum(skeleton.limb_of_marker, 0)
-    residuals = np.linalg.norm(positions - _placed(limb, skeleton.marker_offsets, poses.world_from_limb), axis=2)
+    limb = np.maximum(limb_of_marker, 0)
+    residuals = np.linalg.norm(positions - _placed(limb, offsets, poses.world_from_limb), axis=2)
     by_own = poses.by_own[:, limb]
-    offsets = skeleton.marker_offsets[skeleton.limb_of_marker >= 0]
-    least = LEAST_GATE * float(np.sqrt((offsets**2).sum(axis=1).mean())) if len(offsets) else 0.0
+    places = offsets[limb_of_marker >= 0]
+    least = LEAST_GATE * float(np.sqrt((places**2).sum(axis=1).mean())) if len(places) else 0.0
     return _gates(np.where(by_own, residuals, np.nan), least), _gates(np.where(by_own, np.nan, residuals), least)
 
 
@@ -243,61 +255,44 @@ def _placed(limb: Ints, offsets: Floats, world_from_limb: Floats) -> Floats:
     return np.asarray(np.einsum("fmij,mj->fmi", pose[..., :3, :3], offsets) + pose[..., :3, 3])
 
 
-def _pose(skeleton: Skeleton, positions: Floats) -> Poses:
-    own, by_own = _own_poses(skeleton, positions)
-    poses = np.tile(np.eye(4), (len(positions), skeleton.n_limbs, 1, 1))
-    posed = np.zeros(by_own.shape, dtype=bool)
-    joints = np.where(by_own[..., np.newaxis], own[..., :3, 3], np.nan)  # the origin is the joint to the parent
-    for root in skeleton.roots:
-        order, chain, markers = _tree(skeleton, int(root))
-        raw = joints[:, order]
-        raw[:, 0] = np.nan
-        found, posed[:, order] = pose_outward(chain, positions[:, markers], raw, rotation_by_quaternion, FLATNESS)
-        poses[:, order] = transform_from(found.rotations, found.origins(chain))
-    poses[by_own] = own[by_own]
+def _tree(body: Body, core: Ints) -> Tree:
+    """A tree of mean limbs."""
+    frames = np.flatnonzero((~np.isnan(body.positions[:, :, 0])).any(axis=1))
+    chain, _ = assemble(body, SkeletonParameters(), rotation_by_quaternion, frames)
+    return Tree(body.limbs, chain, core[body.markers])
+
+
+def _pose(trees: list[Tree], positions: Floats) -> Poses:
+    """Pose all limbs by markers, shape (n_frames, n_markers, 3), NaN where unseen."""
+    n_limbs = sum(len(tree.limbs) for tree in trees)
+    poses = np.tile(np.eye(4), (len(positions), n_limbs, 1, 1))
+    by_own, posed = np.zeros((2, len(positions), n_limbs), dtype=bool)
+    for tree in trees:
+        places = positions[:, tree.markers]
+        own, by_own[:, tree.limbs] = _own_poses(tree.chain, places)
+        joints = own[..., :3, 3].copy()  # a limb's origin is the joint to its parent
+        joints[:, 0] = np.nan
+        found, posed[:, tree.limbs] = pose_outward(tree.chain, places, joints, rotation_by_quaternion, FLATNESS)
+        chained = transform_from(found.rotations, found.origins(tree.chain))
+        poses[:, tree.limbs] = np.where(by_own[:, tree.limbs, np.newaxis, np.newaxis], own, chained)
     return Poses(poses, by_own, _widened(posed | by_own, STEADY_FRAMES))
 
 
-def _own_poses(skeleton: Skeleton, positions: Floats) -> tuple[Floats, Bools]:
-    """Poses of limbs that show three of their own markers, and which these are."""
+def _own_poses(chain: Chain, positions: Floats) -> tuple[Floats, Bools]:
+    """Poses of limbs that show three of their own markers, and which these are; NaN for others."""
     seen = ~np.isnan(positions[:, :, 0])
-    poses = np.full((len(positions), skeleton.n_limbs, 4, 4), np.nan)
+    poses = np.full((len(positions), chain.n_limbs, 4, 4), np.nan)
     by_own = np.zeros(poses.shape[:2], dtype=bool)
-    for limb in range(skeleton.n_limbs):
-        markers = skeleton.markers_of(limb)
+    for limb in range(chain.n_limbs):
+        markers = np.flatnonzero(chain.limb_of_marker == limb)
         if len(markers) < 3:
             continue
-        points = skeleton.marker_offsets[markers]
+        points = chain.offsets[markers]
         by_own[:, limb] = determines_pose(points, seen[:, markers], FLATNESS)
         frames = np.flatnonzero(by_own[:, limb])
         block = np.ix_(frames, markers)
         poses[frames, limb] = fit_transform(points, positions[block], seen[block])
     return poses, by_own
-
-
-def _tree(skeleton: Skeleton, root: int) -> tuple[Ints, Chain, Ints]:
-    """Limbs of one tree outward from its root, the tree as a chain, and its markers."""
-    inside = np.zeros(skeleton.n_limbs, dtype=bool)
-    inside[root] = True
-    for joint in skeleton.joints:  # outward
-        inside[joint.child] = inside[joint.parent] | inside[joint.child]
-    order = skeleton.outward[inside[skeleton.outward]]
-    place = np.full(skeleton.n_limbs, -1, dtype=np.intp)
-    place[order] = np.arange(len(order))
-    joints = np.zeros((len(order), 3))
-    for joint in skeleton.joints:
-        if inside[joint.child]:
-            joints[place[joint.child]] = joint.position_in_parent
-    parents = skeleton.parents[order]
-    carried = skeleton.limb_of_marker >= 0
-    markers = np.flatnonzero(carried & inside[np.maximum(skeleton.limb_of_marker, 0)])
-    chain = Chain(
-        np.where(parents >= 0, place[parents], -1),
-        place[skeleton.limb_of_marker[markers]],
-        joints,
-        skeleton.marker_offsets[markers],
-    )
-    return order, chain, markers
 
 
 def _widened(known: Bools, frames: int) -> Bools:

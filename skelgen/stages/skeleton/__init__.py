@@ -12,9 +12,8 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import ROTATORS
 from skelgen.model import Limbs, Motion, Skeleton, Topology, Trajectories
-from skelgen.model.topology import outward_order
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.skeleton.assemble import Body
+from skelgen.stages.skeleton.assemble import cut_out
 from skelgen.stages.skeleton.fitting import FittedBody, fit_body
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.result import make_motion, make_skeleton
@@ -62,7 +61,7 @@ def fit_skeleton(
     monitor.begin("skeleton")
     fitted = []
     for index, root in enumerate(topology.roots):
-        body = _cut_out(trajectories, limbs, topology, int(root))
+        body = cut_out(trajectories, limbs, topology, int(root))
         if not (~np.isnan(body.positions[:, :, 0])).any():
             raise InputError(f"{trajectories.name or 'the take'}: no marker of limb {root} is seen in any frame")
         fitted.append(fit_body(body, parameters, ROTATORS[parameters.rotation], are_poses))
@@ -71,32 +70,6 @@ def fit_skeleton(
     _report_outliers(fitted, trajectories, monitor)
     skeleton = make_skeleton(fitted, limbs, topology)
     return skeleton, make_motion(fitted, trajectories, skeleton)
-
-
-def _cut_out(trajectories: Trajectories, limbs: Limbs, topology: Topology, root: int) -> Body:
-    """Cut the tree with one root out of the take."""
-    order = [limb for limb in outward_order(topology.parents) if _root_of(topology, int(limb)) == root]
-    index = {int(limb): position for position, limb in enumerate(order)}
-    parents = np.array([index.get(int(topology.parents[limb]), -1) for limb in order], dtype=np.intp)
-    markers = np.flatnonzero([int(limb) in index for limb in limbs.limb_of_marker])
-    raw = np.full((trajectories.n_frames, len(order), 3), np.nan)
-    for column, child in enumerate(topology.children):
-        if int(child) in index:
-            raw[:, index[int(child)]] = topology.raw_joint_positions[:, column]
-    return Body(
-        limbs=np.array(order, dtype=np.intp),
-        parents=parents,
-        markers=markers,
-        limb_of_marker=np.array([index[int(limb)] for limb in limbs.limb_of_marker[markers]], dtype=np.intp),
-        positions=trajectories.positions[:, markers],
-        raw_joints=raw,
-    )
-
-
-def _root_of(topology: Topology, limb: int) -> int:
-    while (parent := int(topology.parents[limb])) >= 0:
-        limb = parent
-    return limb
 
 
 def _report_unseen(fitted: list[FittedBody], monitor: Monitor) -> None:

@@ -14,7 +14,9 @@ from skelgen.geometry.orientation import Rotator
 from skelgen.geometry.rotations import fill_rotations
 from skelgen.kinematics.chain import Chain
 from skelgen.kinematics.shape import LimbShape, fit_shape
+from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
+from skelgen.model.topology import outward_order
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
 
@@ -44,6 +46,32 @@ class Body:
     limb_of_marker: Ints
     positions: Floats
     raw_joints: Floats
+
+
+def cut_out(trajectories: Trajectories, limbs: Limbs, topology: Topology, root: int) -> Body:
+    """Cut the tree with one root out of a take, its limbs in order outward from the root."""
+    order = [limb for limb in outward_order(topology.parents) if _root_of(topology, int(limb)) == root]
+    index = {int(limb): position for position, limb in enumerate(order)}
+    parents = np.array([index.get(int(topology.parents[limb]), -1) for limb in order], dtype=np.intp)
+    markers = np.flatnonzero([int(limb) in index for limb in limbs.limb_of_marker])
+    raw = np.full((trajectories.n_frames, len(order), 3), np.nan)
+    for column, child in enumerate(topology.children):
+        if int(child) in index:
+            raw[:, index[int(child)]] = topology.raw_joint_positions[:, column]
+    return Body(
+        limbs=np.array(order, dtype=np.intp),
+        parents=parents,
+        markers=markers,
+        limb_of_marker=np.array([index[int(limb)] for limb in limbs.limb_of_marker[markers]], dtype=np.intp),
+        positions=trajectories.positions[:, markers],
+        raw_joints=raw,
+    )
+
+
+def _root_of(topology: Topology, limb: int) -> int:
+    while (parent := int(topology.parents[limb])) >= 0:
+        limb = parent
+    return limb
 
 
 def assemble(body: Body, parameters: SkeletonParameters, rotator: Rotator, frames: Ints) -> tuple[Chain, int]:
