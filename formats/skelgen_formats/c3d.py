@@ -21,13 +21,14 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen.model.filled import Filled, Source
 from skelgen_formats.c3d_layout import MAGIC, MOST_HEADER_FRAMES, C3dLayout, dec_floats, read_layout
+from skelgen_formats.filled_markers import FILLED, markers_to_write, positions_of, write_table
 from skelgen_formats.markers import (
     check_writable_names,
     mm_per_unit,
     scaled,
     take_from_markers,
-    trajectories_of,
     zeros_unseen,
 )
 from skelgen_formats.registry import Format
@@ -35,6 +36,7 @@ from skelgen_formats.registry import Format
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
 _LONGEST_NAME = 127  # the format has signed bytes for some lengths
 _MOST_POINTS = 65535
+_CAMERAS = 7  # bits of the mask
 _FIRST_PRINTABLE = 0x20  # block numbers lie below; above, "P" as second byte is text
 
 
@@ -60,19 +62,24 @@ def read_c3d(path: Path) -> Trajectories | PointCloud:
     _compare_counts(layout, len(raw), notices)
     raw[residuals < 0] = np.nan
     positions = zeros_unseen(raw)
+    _tell_of_generated(positions, residuals, notices)
     factor = _mm_per_unit(path, layout, positions, notices)
     return take_from_markers(path, scaled(path, positions, factor), names, layout.rate, notices)
 
 
-def write_c3d(value: Project | Take, path: Path) -> list[Path]:
+def write_c3d(value: Project | Take | Filled, path: Path, filled: bool = False) -> list[Path]:
     """Write labelled markers as C3D: f32 in mm, unseen markers with residual -1.
+
+    With `filled`, filled positions have residual 0 and no camera, as c3d.org has it for points that are not measured,
+    and measured ones residual 1 and camera 1, because by which cameras they were seen is not known.
 
     Raises
     ------
     WriteError
         If the value has no labelled markers, or a name is longer than 127 bytes.
     """
-    take = trajectories_of(value, "C3D")
+    markers = markers_to_write(value, "C3D", filled)
+    take = positions_of(markers)
     names = check_writable_names(path, take.names, "", str.strip)
     too_long = [name for name in names if len(name.encode()) > _LONGEST_NAME]
     if too_long or take.n_markers > _MOST_POINTS:
@@ -80,10 +87,13 @@ def write_c3d(value: Project | Take, path: Path) -> list[Path]:
         raise WriteError(f"{path}: {what} for C3D; csm or trc can hold it")
     with replacing(path) as temporary:
         try:
-            _filled(take, names).write(os.fspath(temporary))
+            content = _content(take, names)
+            if isinstance(markers, Filled):
+                content["data"]["meta_points"] = _told_apart(markers)
+            content.write(os.fspath(temporary))
         except (RuntimeError, ValueError, IndexError) as error:
             raise WriteError(f"{path}: ezc3d cannot write it: {error}") from error
-    return [path]
+    return [path, *write_table(markers, path)]
 
 
 def _names(layout: C3dLayout, notices: list[str]) -> list[str]:
@@ -114,6 +124,13 @@ def _read_points(path: Path, layout: C3dLayout) -> tuple[Floats, Floats]:
     return points[:, :, :3], points[:, :, 3]
 
 
+def _tell_of_generated(positions: Floats, residuals: Floats, notices: list[str]) -> None:
+    """Points without residual and camera are computed, by the convention, if others of the file have them."""
+    generated = int(((residuals == 0) & ~np.isnan(positions[..., 0])).sum())
+    if generated and (residuals > 0).any():
+        notices.append(f"{generated} positions are marked as computed (residual 0), and taken as if they were measured")
+
+
 def _compare_counts(layout: C3dLayout, found: int, notices: list[str]) -> None:
     said = layout.parameters.get(("POINT", "FRAMES"))
     if said is None or said.size == 0 or said.dtype.kind == "S":
@@ -138,7 +155,7 @@ def _mm_per_unit(path: Path, layout: C3dLayout, positions: Floats, notices: list
     return mm_per_unit(path, "", unit)
 
 
-def _filled(take: Trajectories, names: list[str]) -> Any:
+def _content(take: Trajectories, names: list[str]) -> Any:
     import ezc3d  # noqa: PLC0415 - compiled code that only this format needs
 
     content = ezc3d.c3d()
@@ -155,6 +172,15 @@ def _filled(take: Trajectories, names: list[str]) -> Any:
     points[:3] = np.moveaxis(take.positions, -1, 0).swapaxes(1, 2)
     content["data"]["points"] = points
     return content
+
+
+def _told_apart(markers: Filled) -> dict[str, Any]:
+    """Residuals and cameras by which filled positions are told from measured ones and from gaps."""
+    source = markers.source.T
+    cameras = np.zeros((_CAMERAS, *source.shape), dtype=bool)
+    cameras[0] = source == Source.MEASURED
+    residuals = np.where(cameras[0], 1.0, np.where(source == Source.NONE, -1.0, 0.0))
+    return {"residuals": residuals[np.newaxis], "camera_masks": cameras}
 
 
 def _long_word(number: int) -> dict[str, Any]:
@@ -176,5 +202,6 @@ FORMAT = Format(
     sniff=_sniff,
     read=read_c3d,
     write=write_c3d,
+    options=(FILLED,),
     note="Units from the file; residual below 0 and all zeros are unseen; any number of labels and frames; f32 in mm.",
 )

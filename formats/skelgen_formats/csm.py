@@ -32,12 +32,13 @@ from skelgen.errors import FormatError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen.model.filled import Filled
+from skelgen_formats.filled_markers import FILLED, markers_to_write, positions_of, write_table
 from skelgen_formats.markers import (
     check_frames,
     check_writable_names,
     scaled,
     take_from_markers,
-    trajectories_of,
     zeros_unseen,
 )
 from skelgen_formats.registry import Format, Option
@@ -85,32 +86,35 @@ def read_csm(path: Path, dropout: str = "word") -> Trajectories | PointCloud:
     return take_from_markers(path, scaled(path, positions, _MM), names, rate_value, notices)
 
 
-def write_csm(value: Project | Take, path: Path, dropout: str = "word") -> list[Path]:
+def write_csm(value: Project | Take | Filled, path: Path, dropout: str = "word", filled: bool = False) -> list[Path]:
     """Write labelled markers as a Character Studio marker file.
 
     Parameters
     ----------
-    value : Project or Trajectories
+    value : Project, Trajectories or Filled
         What has labelled markers.
     path : Path
         The file.
     dropout : str
         ``word`` writes DROPOUT for an unseen marker, ``zero`` three zeros.
+    filled : bool
+        Write filled positions as well, and the table that tells which they are.
 
     Raises
     ------
     WriteError
         If the value has no labelled markers, or two names become equal when blanks become underscores.
     """
-    take = trajectories_of(value, "CSM")
+    markers = markers_to_write(value, "CSM", filled)
+    take = positions_of(markers)
     names = check_writable_names(path, take.names, "", lambda name: "_".join(name.split()).lstrip("$"))
     gap = _DROPOUT if dropout == "word" else "0 0 0"
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(take, names))
         for number, row in enumerate(take.positions.tolist(), start=1):
-            markers = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row)
-            stream.write(f"{number}  " + "  ".join(markers) + "\n")
-    return [path]
+            words = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row)
+            stream.write(f"{number}  " + "  ".join(words) + "\n")
+    return [path, *write_table(markers, path)]
 
 
 def _sections(path: Path, lines: Sequence[str]) -> tuple[_Sections, int]:
@@ -222,6 +226,6 @@ FORMAT = Format(
     sniff=_sniff,
     read=read_csm,
     write=write_csm,
-    options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")),),
+    options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")), FILLED),
     note="No unit in the file: mm; dropouts as the word DROPOUT or as zeros; blanks in names become underscores.",
 )

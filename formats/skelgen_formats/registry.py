@@ -13,6 +13,7 @@ from typing import Any
 
 from skelgen.errors import FormatError, WriteError
 from skelgen.model import Project, Take
+from skelgen.model.filled import Filled
 
 SNIFF_BYTES = 4096
 """How much of a file's beginning the sniffers are shown."""
@@ -32,12 +33,15 @@ class Option:
         One sentence for the user.
     choices : tuple of str
         Allowed values, empty for any.
+    reading : bool
+        Whether the reader takes it too, not only the writer.
     """
 
     name: str
     default: Any
     help: str
     choices: tuple[str, ...] = ()
+    reading: bool = True
 
 
 @dataclass(frozen=True)
@@ -140,12 +144,14 @@ def read_take(path: Path | str, format_name: str | None = None, **options: Any) 
     entry = find_format(format_name) if format_name else recognise(path)
     if entry.read is None:
         raise FormatError(path, "", f"the format {entry.name} can only be written")
-    _check_options(entry, options)
+    _check_options(entry, options, reading=True)
     return entry.read(path, **options)
 
 
-def write_file(value: Project | Take, path: Path | str, format_name: str | None = None, **options: Any) -> list[Path]:
-    """Write a project or a take; the format comes from `format_name` or the suffix. Return the files written.
+def write_file(
+    value: Project | Take | Filled, path: Path | str, format_name: str | None = None, **options: Any
+) -> list[Path]:
+    """Write a project, a take or filled markers in the format named or of the suffix, and return the files written.
 
     Raises
     ------
@@ -153,11 +159,22 @@ def write_file(value: Project | Take, path: Path | str, format_name: str | None 
         If no writer belongs to the suffix, or the format cannot hold the value.
     """
     path = Path(path)
-    entry = find_format(format_name) if format_name else _by_suffix_for_writing(path)
+    entry = format_for_writing(path, format_name)
     if entry.write is None:
         raise WriteError(f"the format {entry.name} can only be read")
     _check_options(entry, options)
     return entry.write(value, path, **options)
+
+
+def format_for_writing(path: Path, format_name: str | None = None) -> Format:
+    """Return the format that a file is written in: that of the name, or that of the suffix.
+
+    Raises
+    ------
+    WriteError
+        If there is none.
+    """
+    return find_format(format_name) if format_name else _by_suffix_for_writing(path)
 
 
 def _by_suffix_for_writing(path: Path) -> Format:
@@ -171,8 +188,8 @@ def _by_suffix_for_writing(path: Path) -> Format:
     raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}")
 
 
-def _check_options(entry: Format, options: dict[str, Any]) -> None:
-    known = {option.name: option for option in entry.options}
+def _check_options(entry: Format, options: dict[str, Any], *, reading: bool = False) -> None:
+    known = {option.name: option for option in entry.options if option.reading or not reading}
     for name, value in options.items():
         if name not in known:
             raise WriteError(f"the format {entry.name} has no option {name!r}; it has {', '.join(known) or 'none'}")

@@ -25,12 +25,13 @@ from skelgen.errors import FormatError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
+from skelgen.model.filled import Filled
+from skelgen_formats.filled_markers import FILLED, markers_to_write, positions_of, write_table
 from skelgen_formats.markers import (
     check_writable_names,
     mm_per_unit,
     scaled,
     take_from_markers,
-    trajectories_of,
     zeros_unseen,
 )
 from skelgen_formats.registry import Format
@@ -82,22 +83,25 @@ def read_trc(path: Path) -> Trajectories | PointCloud:
     return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
 
 
-def write_trc(value: Project | Take, path: Path) -> list[Path]:
+def write_trc(value: Project | Take | Filled, path: Path, filled: bool = False) -> list[Path]:
     """Write labelled markers as TRC in mm; unseen markers are empty cells.
+
+    With `filled`, filled positions are written as well, and the table that tells which they are.
 
     Raises
     ------
     WriteError
         If the value has no labelled markers, or a name holds a tab or line end.
     """
-    take = trajectories_of(value, "TRC")
+    markers = markers_to_write(value, "TRC", filled)
+    take = positions_of(markers)
     names = check_writable_names(path, take.names, "\t", str.strip)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(path, take, names))
         for number, (time, row) in enumerate(zip(take.times.tolist(), take.positions, strict=True), start=1):
             cells = ["" if x != x else repr(x) for x in row.ravel().tolist()]  # noqa: PLR0124 - NaN differs from itself
             stream.write(f"{number}\t{time!r}\t" + "\t".join(cells) + "\n")
-    return [path]
+    return [path, *write_table(markers, path)]
 
 
 def _header_start(path: Path, lines: Sequence[str]) -> int:
@@ -174,5 +178,6 @@ FORMAT = Format(
     sniff=_sniff,
     read=read_trc,
     write=write_trc,
+    options=(FILLED,),
     note="Units mm, cm, m from the header; empty cells and three zeros are unseen; written in mm with full precision.",
 )

@@ -7,8 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from skelgen_formats.filled_markers import marking_sentence
 from skelgen_formats.identities_csv import read_identities
-from skelgen_formats.registry import find_format, read_take, recognise, write_file
+from skelgen_formats.registry import find_format, format_for_writing, read_take, recognise, write_file
 from skelgen_formats.table import COLUMNS, formats_table
 
 from skelgen.app.store import SUFFIX, find_result, is_project_file, open_project, save_project
@@ -94,7 +95,7 @@ def convert_file(
     Returns
     -------
     notices : tuple of str
-        What the reader did that the user should know.
+        What reader and writer did that the user should know.
     files : list of Path
         The files written.
     """
@@ -102,7 +103,9 @@ def convert_file(
     project = open_input(source, from_format, **{name: value for name, value in options.items() if name in known})
     remaining = {name: value for name, value in options.items() if name not in known}
     value = project if project.has("labels") else project.take
-    return project.take.notices, write_any(value, target, to_format, **remaining)
+    files = write_any(value, target, to_format, **remaining)
+    marking = (marking_sentence(format_for_writing(target, to_format), target),) if remaining.get("filled") else ()
+    return (*project.take.notices, *marking), files
 
 
 def name_of_format(path: Path) -> str:
@@ -118,4 +121,4 @@ def format_rows() -> list[dict[str, str]]:
 def _option_names(format_name: str) -> set[str]:
     if format_name == PROJECT_FORMAT:
         return set()
-    return {option.name for option in find_format(format_name).options}
+    return {option.name for option in find_format(format_name).options if option.reading}

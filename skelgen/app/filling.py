@@ -1,20 +1,16 @@
-"""Write markers with their gaps filled, and beside them a table of what is filled and how sure it is."""
+"""Markers with their gaps filled, written in any format that holds markers."""
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
-import numpy as np
-from skelgen_formats.registry import write_file
+from skelgen_formats.filled_markers import FILLED, marking_sentence
+from skelgen_formats.registry import format_for_writing, write_file
 
-from skelgen.files import replacing
+from skelgen.errors import WriteError
 from skelgen.kinematics.filling import fill_gaps
 from skelgen.model import Project
-from skelgen.model.filled import Filled, Source
-
-TABLE_SUFFIX = ".filled.csv"
-"""What follows the stem in the name of the table."""
+from skelgen.model.filled import Filled
 
 
 def fill_project(project: Project) -> Filled:
@@ -28,23 +24,20 @@ def fill_project(project: Project) -> Filled:
     return fill_gaps(project.trajectories, project.skeleton, project.motion)
 
 
-def write_filled(filled: Filled, path: Path) -> list[Path]:
+def write_filled(filled: Filled, path: Path) -> tuple[list[Path], str]:
     """Write complete markers in the format of the suffix, and a table with a row per filled position.
 
-    Marker files cannot tell filled from measured positions: the table ``<stem>.filled.csv`` does, with frame (from 0),
-    marker, source and standard deviation [mm].
+    Returns
+    -------
+    tuple of list of Path and str
+        The files, and how filled positions are told from measured ones in them.
 
     Raises
     ------
     WriteError
         If a file cannot be written, or no format for markers has the suffix.
     """
-    table = path.with_name(path.stem + TABLE_SUFFIX)
-    files = write_file(filled.trajectories, path)
-    with replacing(table) as temporary, temporary.open("w", newline="", encoding="utf-8", errors="replace") as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("frame", "marker", "source", "std_mm"))
-        for frame, marker in np.argwhere(filled.filled).tolist():
-            source = Source(int(filled.source[frame, marker]))
-            rows.writerow((frame, filled.measured.names[marker], source.word, f"{filled.std[frame, marker]:.3f}"))
-    return [*files, table]
+    entry = format_for_writing(path)
+    if FILLED not in entry.options:
+        raise WriteError(f"{path}: {entry.name} holds the {entry.holds} and no markers; write c3d, trc or csm")
+    return write_file(filled, path, filled=True), marking_sentence(entry, path)

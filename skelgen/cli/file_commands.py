@@ -160,5 +160,6 @@ def fill(
 
     filled = fill_project(open_project(find_result(result)))
     screen = Screen(quiet)
-    screen.note((filled.sentence,))
-    show_files(screen, write_filled(filled, output))
+    files, marking = write_filled(filled, output)
+    screen.note((filled.sentence, marking))
+    show_files(screen, files)

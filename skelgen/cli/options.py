@@ -120,6 +120,8 @@ def _format_options(panel: str, *, reading: bool) -> list[inspect.Parameter]:
         if (entry.read if reading else entry.write) is None:
             continue
         for option in entry.options:
+            if reading and not option.reading:
+                continue
             text = f"{entry.name}: {option.help}" + (f" ({' | '.join(option.choices)})" if option.choices else "")
             kind = type(option.default) if option.default is not None else str
             found.setdefault(option.name, _option(option.name, kind, text, option.default, panel))

@@ -255,7 +255,7 @@ def _inverse(covariance: Floats) -> Floats:
     """Inverse of a positive definite matrix, in half the time of a general one's; that of a doubtful one as it is."""
     factor, failed = dpotrf(covariance, lower=True)
     if failed:
-        return np.linalg.inv(covariance)
+        return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     below, _ = dpotri(factor, lower=True)  # zeros above
     inverse = below + below.T
     inverse[np.diag_indices(len(below))] /= 2

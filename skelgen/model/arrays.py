@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelgen.errors import InputError
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.intp]
+Ints = NDArray[np.signedinteger[Any]]
 Bools = NDArray[np.bool_]
 
 

@@ -33,9 +33,20 @@ def test_filled_markers_are_written_complete(project, tmp_path):
     assert written.positions == pytest.approx(filled.positions, abs=FILE_DIGITS)
 
 
+def test_convert_fills_a_project_only_if_told_so(project, tmp_path, capsys):
+    source, target = tmp_path / "take.skelgen", tmp_path / "out.c3d"
+    skelgen.write(project, source)
+    assert main(["convert", str(source), str(target)]) == 0
+    assert np.array_equal(skelgen.read(target).seen, project.trajectories.seen)
+    assert main(["convert", str(source), str(target), "--filled"]) == 0
+    assert skelgen.read(target).seen.all()
+    assert "filled positions have residual 0" in " ".join("".join(capsys.readouterr()).split())
+
+
 def test_table_has_a_row_for_every_filled_position(project, tmp_path):
     filled = fill_project(project)
-    _, table = write_filled(filled, tmp_path / "filled.trc")
+    (_, table), marking = write_filled(filled, tmp_path / "filled.trc")
+    assert "cannot mark filled positions; filled.filled.csv" in marking
     with table.open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     names = project.trajectories.names

@@ -7,6 +7,8 @@ Both twins move tracks by the same operations in the same order, so that their r
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
@@ -298,3 +300,10 @@ def follow_frames(
             placed[point] = track_of_point[point] >= 0
         begun = _begin_tracks(own, order, placed, tracks, rules, owner[first:last])
         _mute_jumps(own, begun, expected, lost, tracks, rules.mute, owner[first:last])
+
+
+def is_compiled() -> bool:
+    """Whether this process or an earlier one has compiled the loop."""
+    loop = cast(Any, follow_frames)
+    kept = Path(loop.stats.cache_path).glob(f"{Path(__file__).stem}.{follow_frames.__name__}-*.nbi")
+    return bool(loop.signatures) or any(kept)

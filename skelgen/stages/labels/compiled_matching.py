@@ -228,52 +228,54 @@ def _assign(gain: Floats) -> Ints:
     many columns as rows; returns the row of each column or -1.
     """
     n_rows, n_columns = gain.shape
-    row_price = np.zeros(n_rows)
-    column_price = np.zeros(n_columns + 1)
+    row_price, column_price = np.empty(n_rows), np.zeros(n_columns + 1)
     # The extra column stands for the row that is being placed.
     row_of_column = np.full(n_columns + 1, -1, dtype=np.intp)
-    came_from = np.zeros(n_columns, dtype=np.intp)
-    slack = np.empty(n_columns)
     placed = np.zeros(n_rows, dtype=np.bool_)
-    visited = np.empty(n_columns + 1, dtype=np.bool_)
-    for start in range(n_rows):
+    for row in range(n_rows):
         best = 0
         for column in range(1, n_columns):
-            if gain[start, column] > gain[start, best]:
+            if gain[row, column] > gain[row, best]:
                 best = column
-        row_price[start] = -gain[start, best]
+        row_price[row] = -gain[row, best]
         if row_of_column[best] < 0:
-            row_of_column[best] = start
-            placed[start] = True
-    for start in range(n_rows):
-        if placed[start]:
-            continue
-        row_of_column[n_columns] = start
-        slack[:] = np.inf
-        visited[:] = False
-        column = n_columns
-        while row_of_column[column] >= 0:
-            visited[column] = True
-            row = row_of_column[column]
-            step, following = np.inf, n_columns
-            for other in range(n_columns):
-                if not visited[other]:
-                    reduced = -gain[row, other] - row_price[row] - column_price[other]
-                    if reduced < slack[other]:
-                        slack[other], came_from[other] = reduced, column
-                    if slack[other] < step:
-                        step, following = slack[other], other
-            for other in range(n_columns + 1):
-                if visited[other]:
-                    row_price[row_of_column[other]] += step
-                    column_price[other] -= step
-                elif other < n_columns:
-                    slack[other] -= step
-            column = following
-        while column != n_columns:
-            row_of_column[column] = row_of_column[came_from[column]]
-            column = came_from[column]
+            row_of_column[best] = row
+            placed[row] = True
+    for row in range(n_rows):
+        if not placed[row]:
+            _place(row, gain, row_price, column_price, row_of_column)
     return row_of_column[:n_columns]
+
+
+@compile_function
+def _place(start: int, gain: Floats, row_price: Floats, column_price: Floats, row_of_column: Ints) -> None:
+    """Give one more row a column by the shortest path along which others change theirs."""
+    n_columns = gain.shape[1]
+    came_from, slack = np.empty(n_columns, dtype=np.intp), np.full(n_columns, np.inf)
+    visited = np.zeros(n_columns + 1, dtype=np.bool_)
+    row_of_column[n_columns] = start
+    column = n_columns
+    while row_of_column[column] >= 0:
+        visited[column] = True
+        row = row_of_column[column]
+        step, following = np.inf, n_columns
+        for other in range(n_columns):
+            if not visited[other]:
+                reduced = -gain[row, other] - row_price[row] - column_price[other]
+                if reduced < slack[other]:
+                    slack[other], came_from[other] = reduced, column
+                if slack[other] < step:
+                    step, following = slack[other], other
+        for other in range(n_columns + 1):
+            if visited[other]:
+                row_price[row_of_column[other]] += step
+                column_price[other] -= step
+            elif other < n_columns:
+                slack[other] -= step
+        column = following
+    while column != n_columns:
+        row_of_column[column] = row_of_column[came_from[column]]
+        column = came_from[column]
 
 
 @compile_function

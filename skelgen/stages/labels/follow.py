@@ -21,12 +21,15 @@ from skelgen.stages.labels.tracks import CROWDED, Rules, Tracks
 
 # More points than this in a frame are no markers but a scanner's surface or noise; it bounds the work per frame.
 MOST_POINTS_PER_FRAME = 10_000
-# Below this number of pairs of points the plain twin is done before numba is imported, let alone has compiled.
-_WORTH_COMPILING = 40_000_000
+# Below these numbers of pairs of points the plain twin is done before numba is imported, and before it has compiled.
+_WORTH_IMPORTING, _WORTH_COMPILING = 4_000_000, 40_000_000
 # Work between two calls of the monitor, in pairs of points; about a tenth of a second plain.
 _PAIRS_PER_CHUNK = 2_000_000
 # The trial follows this many spans of this many frames, spread over the take: a take may begin at rest.
 _TRIAL_SPANS, _TRIAL_FRAMES = 10, 60
+# It is followed several times over, so that frames with thousands of points must be few: their pairs, and the least
+# number of frames in a span and of spans, which still show how tracks go on.
+_TRIAL_PAIRS, _LEAST_TRIAL_FRAMES, _LEAST_TRIAL_SPANS = 100_000_000, 10, 3
 # Where nothing is known of innovations, the reach is this often what all but one in a thousand stay below.
 _QUANTILE, _MARGIN = 0.999, 1.5
 # Bounds of the reach in typical spacings: beyond one spacing identity is a guess.
@@ -80,9 +83,7 @@ def follow_points(
     kept, counts = _without_crowds(cloud, monitor)
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
     take = _Take(cloud.points[kept], starts, time_steps(cloud, monitor), point_weights(cloud)[kept])
-    if compiled is None:
-        compiled = float((counts.astype(np.float64) ** 2).sum()) > _WORTH_COMPILING
-    twin = (_compiled_twin() if compiled else None) or plain.follow_frames
+    twin = _twin(float((counts.astype(np.float64) ** 2).sum()), compiled)
     spacing = typical_spacing(cloud)
     is_open = not parameters.max_jump and bool(np.ptp(counts) == 0)
     given = _OPEN_SPACINGS * spacing if is_open else parameters.max_jump
@@ -92,7 +93,9 @@ def follow_points(
     followed, n_crowded = take.follow(rules, twin, monitor)
     if n_crowded:
         monitor.notice(f"{n_crowded} frames hold too many points close together to be followed, and are left out")
-    owner = np.full(cloud.n_points, -1, dtype=np.intp)
+    if len(followed) == cloud.n_points:
+        return followed, rules.reach
+    owner = np.full(cloud.n_points, -1, dtype=followed.dtype)
     owner[kept] = followed
     return owner, rules.reach
 
@@ -144,36 +147,45 @@ class _Take:
         """Track of each point, and the number of frames left out; `told` receives slopes and calm."""
         counts = np.diff(self.starts)
         tracks = Tracks((rules.max_gap + 2) * int(counts.max(initial=1)))
-        owner = np.full(len(self.points), -1, dtype=np.intp)
-        surprise = np.full(len(self.points), np.nan)
+        owner = np.full(len(self.points), -1, dtype=np.int32)  # an hour of markers holds tens of millions of points
         state = (tracks.motion, tracks.counters, tracks.totals)
-        heard = np.empty((0, 5)) if told is None else told
         for first, last in _chunks(counts):
-            starts, steps = self.starts[first : last + 1], self.steps[first:last]
-            twin(self.points, starts, state, rules, owner, surprise, self.weights, steps, heard)
+            starts = self.starts[first : last + 1]
+            span = slice(int(starts[0]), int(starts[-1]))
+            found, surprise = np.empty(span.stop - span.start, dtype=np.intp), np.empty(span.stop - span.start)
+            # Copies, so that the loop is compiled once, for arrays that may be written to.
+            points, weights = self.points[span].copy(), self.weights[span].copy()
+            heard = np.empty((0, 5)) if told is None else told[span]
+            steps = self.steps[first:last]
+            twin(points, starts - span.start, state, rules, found, surprise, weights, steps, heard)
+            owner[span] = found
             monitor.advance(last, len(counts))
         return owner, int(tracks.totals[CROWDED])
 
     def sampled(self) -> _Take:
         """Some spans of frames, with pauses between them; the whole take if it is short."""
         n_frames = len(self.steps)
-        if n_frames <= _TRIAL_SPANS * _TRIAL_FRAMES:
+        pairs = float((np.diff(self.starts).astype(np.float64) ** 2).mean()) if n_frames else 0.0
+        wanted = min(_TRIAL_SPANS * _TRIAL_FRAMES, int(_TRIAL_PAIRS / max(pairs, 1.0)))
+        wanted = max(wanted, _LEAST_TRIAL_SPANS * _LEAST_TRIAL_FRAMES)
+        if n_frames <= wanted:
             return self
-        begins = np.linspace(0, n_frames - _TRIAL_FRAMES, _TRIAL_SPANS).astype(int)
-        frames = (begins[:, np.newaxis] + np.arange(_TRIAL_FRAMES)).ravel()
+        length = max(wanted // _TRIAL_SPANS, _LEAST_TRIAL_FRAMES)
+        begins = np.linspace(0, n_frames - length, wanted // length).astype(int)
+        frames = (begins[:, np.newaxis] + np.arange(length)).ravel()
         steps = self.steps[frames]
-        steps[::_TRIAL_FRAMES] = _LONGEST_PAUSE
+        steps[::length] = _LONGEST_PAUSE
         kept = np.concatenate([np.arange(self.starts[frame], self.starts[frame + 1]) for frame in frames])
         starts = np.concatenate([[0], np.cumsum(np.diff(self.starts)[frames])]).astype(np.intp)
         return _Take(self.points[kept], starts, steps, self.weights[kept])
 
 
-def _without_crowds(cloud: PointCloud, monitor: Monitor) -> tuple[Bools, Ints]:
+def _without_crowds(cloud: PointCloud, monitor: Monitor) -> tuple[Bools | slice, Ints]:
     """Points of frames that can be followed, and how many there are in each frame."""
     counts = cloud.points_per_frame
     crowded = counts > MOST_POINTS_PER_FRAME
     if not crowded.any():
-        return np.ones(cloud.n_points, dtype=np.bool_), counts
+        return slice(None), counts
     frame = int(np.argmax(crowded))
     what = (
         f"frame {frame} holds {counts[frame]} points, more than the {MOST_POINTS_PER_FRAME} that can be told apart as "
@@ -185,13 +197,20 @@ def _without_crowds(cloud: PointCloud, monitor: Monitor) -> tuple[Bools, Ints]:
     return np.repeat(~crowded, counts), np.where(crowded, 0, counts)
 
 
-def _compiled_twin() -> _Follow | None:
-    """Return the compiled loop, or None where numba cannot keep what it compiles."""
+def _twin(n_pairs: float, compiled: bool | None) -> _Follow:
+    """The loop that is done first with so many pairs of points; the plain one where numba cannot keep what it compiles.
+
+    What an earlier run has compiled is there at once.
+    """
+    if compiled is False or (compiled is None and n_pairs < _WORTH_IMPORTING):
+        return plain.follow_frames
     try:
-        from skelgen.stages.labels import compiled  # noqa: PLC0415 - numba takes a second to import
+        from skelgen.stages.labels import compiled as twin  # noqa: PLC0415 - numba takes a second to import
     except (ImportError, RuntimeError):
-        return None
-    return compiled.follow_frames
+        return plain.follow_frames
+    if compiled or n_pairs > _WORTH_COMPILING or twin.is_compiled():
+        return twin.follow_frames
+    return plain.follow_frames
 
 
 def _find_rules(

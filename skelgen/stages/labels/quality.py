@@ -26,15 +26,14 @@ def point_weights(cloud: PointCloud) -> Floats:
     Returns
     -------
     ndarray, shape (n_points,)
-        Between `LEAST_WEIGHT` and 1; all 1 where the file says nothing, or the same of all points.
+        Between `LEAST_WEIGHT` and 1; all 1 where the file says nothing, or the same of all points. Read-only.
     """
+    error, n_blobs = cloud.attributes.get("reprojection_error"), cloud.attributes.get("n_blobs")
+    if cloud.n_points == 0 or (error is None and n_blobs is None):
+        return np.broadcast_to(np.float64(1.0), cloud.n_points)  # a long take is not filled with ones
     weights = np.ones(cloud.n_points)
-    if cloud.n_points == 0:
-        return weights
-    error = cloud.attributes.get("reprojection_error")
     if error is not None:
         weights *= _by_error(np.abs(error))
-    n_blobs = cloud.attributes.get("n_blobs")
     if n_blobs is not None:
         weights *= _by_blobs(n_blobs)
     return np.asarray(np.clip(weights, LEAST_WEIGHT, 1.0))
