@@ -21,7 +21,15 @@ import numpy as np
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import Monitor
-from skelgen.stages.labels.blocks import Block, blocks_of, marker_names, marker_positions, one_point_a_frame, renumbered
+from skelgen.stages.labels.blocks import (
+    Block,
+    blocks_of,
+    counts_together,
+    marker_names,
+    marker_positions,
+    one_point_a_frame,
+    renumbered,
+)
 from skelgen.stages.labels.by_hand import Fixed, fixed_scores, targets
 from skelgen.stages.labels.follow import typical_spacing
 from skelgen.stages.labels.likeness import DistanceRecord, distance_sums, sample_frames
@@ -131,7 +139,7 @@ def _joined_again(cloud: PointCloud, marker_of_point: Ints, rate: float, spacing
     joined = join_everything(DistanceRecord(*sums, sums[0] > 0, spacing))
     if (joined == np.arange(len(joined))).all():
         return marker_of_point
-    found = one_point_a_frame(cloud, np.append(joined, -1)[marker_of_point])
+    found = one_point_a_frame(cloud, np.append(joined, -1).astype(np.int32)[marker_of_point])
     return renumbered(found, np.bincount(found[found >= 0], minlength=len(joined)) > 0)
 
 
@@ -142,7 +150,7 @@ def _relabelled(
     n_markers = model.n_markers
     target = targets(marker_of_point, fixed, n_markers) if fixed is not None else None
     weights = point_weights(cloud)
-    result = np.full(cloud.n_points, -1, dtype=np.intp)
+    result = np.full(cloud.n_points, -1, dtype=np.int32)
     newcomers = Newcomers(model.gate, model.limits)
     together = np.zeros((n_markers, n_markers))
     for block in blocks_of(cloud):
@@ -164,7 +172,7 @@ def _relabelled(
         together += _seen_together(block, marker, n_markers)
         monitor.advance(block.first + block.n_frames, cloud.n_frames)
     joined = same_places(together, model.offsets, model.limb_of_marker, model.limits)
-    result = np.append(joined, -1)[result]
+    result = np.append(joined, -1).astype(np.int32)[result]
     for number, members in enumerate(newcomers.found(cloud.n_frames)):
         result[members] = n_markers + number
     result = one_point_a_frame(cloud, result)
@@ -189,8 +197,6 @@ def _seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:
 
 def _n_changed(before: Ints, after: Ints) -> int:
     """Number of points that changed their marker, whatever the markers' numbers are."""
-    both = (before >= 0) & (after >= 0)
-    together = np.zeros((int(before.max(initial=-1)) + 1, int(after.max(initial=-1)) + 1))
-    np.add.at(together, (before[both], after[both]), 1.0)
-    kept = int(together.max(axis=1, initial=0.0).sum())
-    return max(int((before >= 0).sum()), int((after >= 0).sum())) - kept
+    together = counts_together(before, after)
+    kept = int(together[1:, 1:].max(axis=1, initial=0).sum())
+    return max(int(together[1:].sum()), int(together[:, 1:].sum())) - kept

@@ -13,6 +13,9 @@ from skelgen.model.arrays import Bools, Floats, Ints
 BLOCK_FRAMES = 2000
 """Frames that are labelled at once; bounds the memory."""
 
+BLOCK_POINTS = 100_000
+"""Points that are looked at together, where frames do not matter."""
+
 
 @dataclass(frozen=True, eq=False)
 class Block:
@@ -26,7 +29,7 @@ class Block:
         Number of frames.
     points : slice
         Their points in the cloud.
-    frames : ndarray of intp
+    frames : ndarray of int32
         Frame of each of these points, counted from `first`.
     """
 
@@ -40,13 +43,13 @@ def blocks_of(cloud: PointCloud, size: int = BLOCK_FRAMES) -> Iterator[Block]:
     """Cut a take into blocks of frames."""
     for first in range(0, cloud.n_frames, size):
         starts = cloud.frame_starts[first : first + size + 1]
-        frames = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        frames = np.repeat(np.arange(len(starts) - 1, dtype=np.int32), np.diff(starts))
         yield Block(first, len(starts) - 1, slice(int(starts[0]), int(starts[-1])), frames)
 
 
 def renumbered(marker_of_point: Ints, keep: Bools) -> Ints:
     """Number the markers that are kept without holes; points of others get -1."""
-    place = np.full(len(keep) + 1, -1, dtype=np.intp)
+    place = np.full(len(keep) + 1, -1, dtype=np.int32)
     place[:-1][keep] = np.arange(int(keep.sum()))
     return place[marker_of_point]
 
@@ -77,10 +80,14 @@ def all_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> F
 
 def in_order_of_appearance(marker_of_point: Ints) -> Ints:
     """Number markers in the order in which they are first seen, without holes."""
-    owned = np.flatnonzero(marker_of_point >= 0)
-    markers, first = np.unique(marker_of_point[owned], return_index=True)
-    place = np.full(int(marker_of_point.max(initial=-1)) + 2, -1, dtype=np.intp)
-    place[markers[np.argsort(first, kind="stable")]] = np.arange(len(markers))
+    first = np.full(int(marker_of_point.max(initial=-1)) + 1, -1, dtype=np.intp)
+    for start in reversed(range(0, len(marker_of_point), BLOCK_POINTS)):
+        owned = np.flatnonzero(marker_of_point[start : start + BLOCK_POINTS] >= 0)[::-1] + start
+        first[marker_of_point[owned]] = owned  # of several the last that is written, the first point
+    order = np.argsort(first, kind="stable")
+    order = order[first[order] >= 0]
+    place = np.full(len(first) + 1, -1, dtype=np.int32)
+    place[order] = np.arange(len(order))
     return np.asarray(place[marker_of_point])
 
 
@@ -88,9 +95,22 @@ def one_point_a_frame(cloud: PointCloud, marker_of_point: Ints) -> Ints:
     """Let markers that were joined keep the first of two points in a frame."""
     for block in blocks_of(cloud):
         marker = marker_of_point[block.points]
-        owned = np.flatnonzero(marker >= 0)
-        _, first = np.unique(block.frames[owned] * (int(marker.max(initial=0)) + 1) + marker[owned], return_index=True)
-        single = np.full(len(marker), -1, dtype=np.intp)
-        single[owned[first]] = marker[owned[first]]
-        marker_of_point[block.points] = single
+        owned = np.flatnonzero(marker >= 0)[::-1]
+        first = np.empty((block.n_frames, int(marker.max(initial=0)) + 1), dtype=np.intp)
+        first[block.frames[owned], marker[owned]] = owned  # of several the last that is written, the first point
+        later = owned[first[block.frames[owned], marker[owned]] != owned]
+        marker_of_point[block.points.start + later] = -1
     return marker_of_point
+
+
+def counts_together(one: Ints, other: Ints) -> Ints:
+    """Number of points with each pair of markers of two labellings, -1 for none, shape (n_one + 1, n_other + 1).
+
+    Row and column 0 stand for points of no marker.
+    """
+    n_one, n_other = int(one.max(initial=-1)) + 2, int(other.max(initial=-1)) + 2
+    counts = np.zeros(n_one * n_other, dtype=np.intp)
+    for start in range(0, len(one), BLOCK_POINTS):
+        part = slice(start, start + BLOCK_POINTS)
+        counts += np.bincount((one[part] + 1) * np.intp(n_other) + (other[part] + 1), minlength=len(counts))
+    return counts.reshape(n_one, n_other)

@@ -8,7 +8,7 @@ from skelgen.model import PointCloud
 from skelgen.model.arrays import Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.articulated import refine_labels
-from skelgen.stages.labels.blocks import renumbered
+from skelgen.stages.labels.blocks import counts_together, renumbered
 from skelgen.stages.labels.by_hand import Fixed
 from skelgen.stages.labels.by_sets import stand_alone_frames
 from skelgen.stages.labels.follow import typical_spacing
@@ -64,11 +64,12 @@ def markers_by_rigidity(
         Marker of each point, -1 for none.
     """
     monitor.begin("joining Marker Sets")
-    markers = sets.merged(join_sets(cloud.points, sets, rate, typical_spacing(cloud), monitor))
+    group = join_sets(cloud.points, sets, rate, typical_spacing(cloud), monitor)
+    by_distances = np.append(group, -1).astype(np.int32)[sets.set_of_points(cloud.n_points)]
     found = refine_labels(
         cloud,
         owner,
-        markers.set_of_points(cloud.n_points),
+        by_distances,
         rate,
         parameters,
         n_markers=n_markers,
@@ -77,21 +78,18 @@ def markers_by_rigidity(
         monitor=monitor,
     )
     least = max(stand_alone_frames(cloud.n_frames, rate, parameters), STRANGER_SHARE * cloud.n_frames)
-    found = _with_strangers(found, markers, least)
+    found = _with_strangers(found, by_distances, least)
     return found if n_markers is None else _most_seen(found, n_markers)
 
 
-def _with_strangers(found: Ints, markers: MarkerSets, least: float) -> Ints:
-    """Add markers that were seen for long and of which the skeleton explains next to nothing."""
-    free = np.bincount(markers.set_of_point, weights=found[markers.points] < 0, minlength=len(markers))
-    strangers = (free >= least) & (free >= FREE_SHARE * markers.lengths)
-    number = np.full(len(markers), -1, dtype=np.intp)
-    number[strangers] = found.max(initial=-1) + 1 + np.arange(int(strangers.sum()))
-    added = number[markers.set_of_point]
-    use = (added >= 0) & (found[markers.points] < 0)
-    result = found.copy()
-    result[markers.points[use]] = added[use]
-    return result
+def _with_strangers(found: Ints, by_distances: Ints, least: float) -> Ints:
+    """Add markers that distances found, were seen for long, and of which the skeleton explains next to nothing."""
+    together = counts_together(by_distances, found)[1:]
+    free = together[:, 0]
+    strangers = (free >= least) & (free >= FREE_SHARE * together.sum(axis=1))
+    number = np.full(len(free) + 1, -1, dtype=np.int32)
+    number[:-1][strangers] = found.max(initial=-1) + 1 + np.arange(int(strangers.sum()))
+    return np.where(found < 0, number[by_distances], found)
 
 
 def _most_seen(found: Ints, n_markers: int) -> Ints:

@@ -8,6 +8,7 @@ import numpy as np
 
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels.blocks import blocks_of
 from skelgen.stages.labels.parameters import LabelParameters
 
 # The seed removes sets shorter than half a second; a take of less than two seconds would lose all, hence the share.
@@ -23,12 +24,12 @@ class MarkerSets:
 
     Attributes
     ----------
-    points : ndarray of intp, shape (n,)
+    points : ndarray of int32, shape (n,)
         Indices into the cloud's points, set after set.
-    frames : ndarray of intp, shape (n,)
+    frames : ndarray of int32, shape (n,)
         Frame of each of `points`.
     starts : ndarray of intp, shape (n_sets + 1,)
-        Set k holds ``points[starts[k]:starts[k + 1]]``; no set is empty.
+        Set k holds ``points[starts[k]:starts[k + 1]]``.
     n_frames : int
         Number of frames of the take.
     """
@@ -59,7 +60,7 @@ class MarkerSets:
     @property
     def set_of_point(self) -> Ints:
         """Set of each of `points`, shape (n,)."""
-        return np.repeat(np.arange(len(self)), self.lengths)
+        return np.repeat(np.arange(len(self), dtype=np.int32), self.lengths)
 
     @property
     def overlaps(self) -> Bools:
@@ -69,23 +70,38 @@ class MarkerSets:
 
     def chosen(self, keep: Bools) -> MarkerSets:
         """Return only the sets for which `keep` holds."""
-        lengths = self.lengths[keep]
+        return self.parts(self.starts[:-1][keep], self.lengths[keep])
+
+    def within(self, chosen: Ints, first: int, last: int) -> MarkerSets:
+        """Return the part of some sets from frame `first` to before `last`, which may be empty."""
+        begins, lengths = np.empty((2, len(chosen)), dtype=np.intp)
+        for place, index in enumerate(chosen):
+            start, stop = self.starts[index : index + 2]
+            inside = np.searchsorted(self.frames[start:stop], [first, last])
+            begins[place], lengths[place] = start + inside[0], inside[1] - inside[0]
+        return self.parts(begins, lengths)
+
+    def parts(self, begins: Ints, lengths: Ints) -> MarkerSets:
+        """Return sets of so many points each, from some places on, both of shape (n,)."""
         starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.intp)
-        kept_points = np.repeat(self.starts[:-1][keep] - starts[:-1], lengths) + np.arange(starts[-1])
-        return MarkerSets(self.points[kept_points], self.frames[kept_points], starts, self.n_frames)
+        index = np.arange(starts[-1])
+        index += np.repeat(begins - starts[:-1], lengths)
+        return MarkerSets(self.points[index], self.frames[index], starts, self.n_frames)
 
     def set_of_points(self, n_points: int) -> Ints:
         """Set of each of all `n_points` points of the take, -1 for none, shape (n_points,)."""
-        result = np.full(n_points, -1, dtype=np.intp)
+        result = np.full(n_points, -1, dtype=np.int32)
         result[self.points] = self.set_of_point
         return result
 
     def merged(self, group: Ints) -> MarkerSets:
         """Return one set for each group of sets that do not overlap, in order of the groups, shape (n_sets,)."""
-        group_of_point = group[self.set_of_point]
-        order = np.lexsort((self.frames, group_of_point))
-        starts = np.concatenate([[0], np.cumsum(np.bincount(group_of_point))]).astype(np.intp)
-        return MarkerSets(self.points[order], self.frames[order], starts, self.n_frames)
+        first = np.append(self.frames, 0)[self.starts[:-1]]  # of empty sets, whatever
+        order = np.lexsort((first, group))
+        sorted_sets = self.parts(self.starts[:-1][order], self.lengths[order])
+        sizes = np.bincount(group, weights=self.lengths).astype(np.intp)
+        starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.intp)
+        return MarkerSets(sorted_sets.points, sorted_sets.frames, starts, self.n_frames)
 
     def indices_at(self, frames: Ints) -> Ints:
         """Index of the point of each set in some frames.
@@ -100,7 +116,7 @@ class MarkerSets:
         ndarray of intp, shape (n, n_sets)
             Index into the cloud's points, -1 where the set is not seen.
         """
-        row_of_frame = np.full(self.n_frames, -1, dtype=np.intp)
+        row_of_frame = np.full(self.n_frames, -1, dtype=np.int32)
         row_of_frame[frames] = np.arange(len(frames))
         rows = row_of_frame[self.frames]
         wanted = rows >= 0
@@ -123,14 +139,28 @@ def find_marker_sets(cloud: PointCloud, owner: Ints, rate: float, parameters: La
     parameters : LabelParameters
         `min_range` and `trim_range`.
     """
-    frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
-    points = np.argsort(owner, kind="stable")[int((owner < 0).sum()) :]
-    sizes = np.bincount(owner[points])
-    sizes = sizes[sizes > 0]
-    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.intp)
-    sets = MarkerSets(points, frame_of_point[points], starts, cloud.n_frames)
-    sets = sets.chosen(sets.lengths >= least_length(cloud.n_frames, rate, parameters))
-    return _trimmed(sets, parameters.trim_range)
+    sizes = np.bincount(np.maximum(owner, -1) + 1)[1:]
+    is_long = sizes >= least_length(cloud.n_frames, rate, parameters)
+    return _trimmed(_gathered(cloud, owner, sizes, is_long), parameters.trim_range)
+
+
+def _gathered(cloud: PointCloud, owner: Ints, sizes: Ints, wanted: Bools) -> MarkerSets:
+    """Points of the wanted tracks, which have so many each: sorted block by block, as long takes need much memory."""
+    starts = np.concatenate([[0], np.cumsum(sizes[wanted])]).astype(np.intp)
+    points, frames = np.empty((2, starts[-1]), dtype=np.int32)
+    following = np.full(len(sizes), -1, dtype=np.intp)  # where a track's next point goes
+    following[wanted] = starts[:-1]
+    for block in blocks_of(cloud):
+        tracks = owner[block.points]
+        used = np.flatnonzero(np.append(wanted, False)[tracks])
+        used = used[np.argsort(tracks[used], kind="stable")]
+        tracks = tracks[used]
+        begins = np.flatnonzero(np.diff(tracks, prepend=-1))
+        counts = np.diff(begins, append=len(tracks))
+        place = np.arange(len(tracks)) + np.repeat(following[tracks[begins]] - begins, counts)
+        points[place], frames[place] = block.points.start + used, block.first + block.frames[used]
+        following[tracks[begins]] += counts
+    return MarkerSets(points, frames, starts, cloud.n_frames)
 
 
 def least_length(n_frames: int, rate: float, parameters: LabelParameters) -> int:
@@ -151,13 +181,9 @@ def count_markers(sets: MarkerSets, least: int) -> int:
 def _trimmed(sets: MarkerSets, trim: int) -> MarkerSets:
     """Cut `trim` frames off both ends, but not where the take itself begins or ends."""
     start = np.where(sets.first > 0, trim, 0)
-    stop = np.where(sets.last < sets.n_frames - 1, trim, 0)
-    lengths = sets.lengths
-    rank = np.arange(len(sets.points)) - np.repeat(sets.starts[:-1], lengths)
-    inside: Bools = (rank >= np.repeat(start, lengths)) & (rank < np.repeat(lengths - stop, lengths))
-    left = np.bincount(sets.set_of_point[inside], minlength=len(sets))
-    starts = np.concatenate([[0], np.cumsum(left[left > 0])]).astype(np.intp)
-    return MarkerSets(sets.points[inside], sets.frames[inside], starts, sets.n_frames)
+    lengths = sets.lengths - start - np.where(sets.last < sets.n_frames - 1, trim, 0)
+    left = lengths > 0
+    return sets.parts((sets.starts[:-1] + start)[left], lengths[left])
 
 
 def poses_at(cloud_points: Floats, sets: MarkerSets, frames: Ints) -> Floats:

@@ -102,7 +102,7 @@ class _Joined:
 
     def _record(self, span: tuple[int, int], inside: Ints, row: Ints, names: Ints) -> DistanceRecord:
         """Distances of all groups and new sets, those of the window added to what is known."""
-        sets = self._sets.chosen(np.isin(np.arange(len(self._sets)), inside))
+        sets = self._sets.within(inside, *span)
         used, place = np.unique(row, return_inverse=True)
         tables = [_padded(table, len(names)) for table in self._tables]
         block = np.ix_(used, used)
@@ -110,7 +110,8 @@ class _Joined:
         for table, more in zip(tables, distance_sums(poses), strict=True):
             table[block] += more
         apart = _padded(self._apart, len(names)).astype(np.bool_)
-        first, second = np.nonzero(sets.overlaps)
+        begins_before = self._first[inside][:, np.newaxis] <= self._last[inside]
+        first, second = np.nonzero(begins_before & begins_before.T)
         apart[row[first], row[second]] = True
         return DistanceRecord(tables[0], tables[1], tables[2], apart, self._spacing)
 
