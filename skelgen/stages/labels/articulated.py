@@ -109,7 +109,7 @@ def refine_labels(
         monitor.advance(turn + 1, parameters.rounds)
         if n_changed <= SETTLED * cloud.n_points:
             break
-    return marker_of_point
+    return _joined_again(cloud, marker_of_point, rate, spacing)
 
 
 def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
