@@ -27,10 +27,10 @@ from skelgen.model import (
     Topology,
     Trajectories,
 )
-from skelgen.model.labelling import Agreement, Doubt, Tracklets
+from skelgen.model.labelling import Agreement, Doubt, Finding, Tracklets
 
 _TAKES = (PointCloud, Trajectories, Poses, Identities, Identity)
-_RESULTS = (Labelling, Tracklets, Doubt, Agreement, Limbs, Topology, Skeleton, Joint, Motion)
+_RESULTS = (Labelling, Tracklets, Doubt, Finding, Agreement, Limbs, Topology, Skeleton, Joint, Motion)
 _VALUES: dict[str, type] = {cls.__name__: cls for cls in (*_TAKES, *_RESULTS)}
 
 _ODD_NUMBERS = ("nan", "inf", "-inf")

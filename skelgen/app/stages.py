@@ -128,12 +128,13 @@ def _label(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) 
     from skelgen.stages.labels import labelling_of_markers  # noqa: PLC0415 - see the module's docstring
     from skelgen.stages.labels.repair import repair_take  # noqa: PLC0415
 
-    repaired = repair_take(take, parameters, monitor=monitor)
+    repair = repair_take(take, parameters, monitor=monitor)
+    repaired = repair.trajectories
     if project.identities is not None:
         from skelgen.stages.labels.obedience import obey_in_labelled  # noqa: PLC0415
 
         repaired = obey_in_labelled(take, repaired, project.identities, parameters, monitor)
-    return repaired, labelling_of_markers(repaired, take)
+    return repaired, labelling_of_markers(repaired, take, repair.findings)
 
 
 def _attach_labels(

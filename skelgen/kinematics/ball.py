@@ -52,7 +52,9 @@ class FixedPoint:
     n_frames: int
 
 
-def fit_fixed_point(first: Floats, second: Floats, near_first: Floats, near_second: Floats) -> FixedPoint | None:
+def fit_fixed_point(
+    first: Floats, second: Floats, near_first: Floats, near_second: Floats, weights: Floats | None = None
+) -> FixedPoint | None:
     """Fit the point that is fixed in two bodies.
 
     Parameters
@@ -61,6 +63,8 @@ def fit_fixed_point(first: Floats, second: Floats, near_first: Floats, near_seco
         world_from_body of both; NaN where unknown.
     near_first, near_second : ndarray, shape (3,), mm
         Where the bodies are in their own frames (centroids of their markers): undetermined directions lean there.
+    weights : ndarray, shape (n_frames,), optional
+        Of the frames, not negative; all count alike if left out.
 
     Returns
     -------
@@ -70,16 +74,19 @@ def fit_fixed_point(first: Floats, second: Floats, near_first: Floats, near_seco
     both = ~np.isnan(first[:, 0, 0]) & ~np.isnan(second[:, 0, 0])
     if both.sum() < MIN_FRAMES:
         return None
+    share = np.ones(int(both.sum())) if weights is None else weights[both]
+    share = share / share.sum()
     ra, rb = first[both, :3, :3], second[both, :3, :3]
     between = second[both, :3, 3] - first[both, :3, 3]
-    relative = np.einsum("fji,fjk->ik", ra, rb) / len(ra)
-    seen_from_first = np.einsum("fji,fj->i", ra, between) / len(ra)
-    seen_from_second = np.einsum("fji,fj->i", rb, between) / len(rb)
+    weighted = share[:, np.newaxis, np.newaxis] * ra
+    relative = np.tensordot(weighted, rb, ((0, 1), (0, 1)))
+    seen_from_first = np.tensordot(weighted, between, ((0, 1), (0, 1)))
+    seen_from_second = np.einsum("f,fji,fj->i", share, rb, between)
     normal = np.block([[np.eye(3), -relative], [-relative.T, np.eye(3)]])
     right = np.concatenate([seen_from_first, -seen_from_second])
     near = np.concatenate([near_first, near_second])
     point = near + np.linalg.solve(normal + RELATIVE_RIDGE * np.eye(6), right - normal @ near)
-    gap = (between**2).sum(axis=1).mean() - 2 * point @ right + point @ normal @ point
+    gap = share @ (between**2).sum(axis=1) - 2 * point @ right + point @ normal @ point
     u, singular, vt = np.linalg.svd(relative)
     return FixedPoint(
         in_first=point[:3],

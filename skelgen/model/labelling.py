@@ -115,6 +115,41 @@ class Doubt:
             raise InputError(f"a doubtful span from frame {self.first_frame} to frame {self.last_frame}")
 
 
+FINDING_KINDS = ("exchanged", "moved", "slipped")
+"""Errors of labels that came with the take: exchanged in a ring; on another marker; on a marker that has slipped."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An error of the labels that came with the take.
+
+    Attributes
+    ----------
+    kind : str
+        One of `FINDING_KINDS`.
+    names : tuple of str
+        The labels, as in the file.
+    first_frame, last_frame : int
+        Both included.
+    evidence : str
+        What speaks for it.
+    outcome : str
+        What was done about it.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    first_frame: int
+    last_frame: int
+    evidence: str
+    outcome: str
+
+    def __post_init__(self) -> None:
+        if self.kind not in FINDING_KINDS:
+            raise InputError(f"a finding of the kind {self.kind!r}; kinds are {', '.join(FINDING_KINDS)}")
+        object.__setattr__(self, "names", tuple(self.names))
+
+
 @dataclass(frozen=True)
 class Agreement:
     """What another method of labelling gave on the same take.
@@ -156,6 +191,8 @@ class Labelling:
         As points were followed; None for takes that came with labels.
     seed_method : Agreement or None
         What the seed's own method gave, where another one was used; None for takes that came with labels.
+    findings : tuple of Finding
+        Errors of labels that came with the take, in the order of their first frames.
     """
 
     confidence: Floats
@@ -164,6 +201,7 @@ class Labelling:
     left_out: Ints
     tracklets: Tracklets | None = None
     seed_method: Agreement | None = None
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         confidence = check_floats(self.confidence, (None, None), "confidence")
@@ -181,6 +219,7 @@ class Labelling:
             raise InputError(f"a tracklet went to a marker that does not exist: there are {n_markers}")
         object.__setattr__(self, "confidence", confidence)
         object.__setattr__(self, "doubts", doubts)
+        object.__setattr__(self, "findings", tuple(self.findings))
         object.__setattr__(self, "twins", twins)
         object.__setattr__(self, "left_out", check_ints(self.left_out, (n_frames,), "left_out"))
 

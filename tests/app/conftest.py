@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -54,14 +54,14 @@ def _label_and_judge(cloud, parameters, **wishes):
     return markers, _labelling_of_markers(markers, markers)
 
 
-def _labelling_of_markers(trajectories, file):
+def _labelling_of_markers(trajectories, file, findings=()):
     confidence = np.where(trajectories.seen, 0.75, np.nan)
     return Labelling(confidence, (), (), np.zeros(trajectories.n_frames, dtype=int))
 
 
 def _repair_take(take, parameters, *, monitor=None):
     monitor.notice("the markers are labelled already: no exchanged labels are found")
-    return take
+    return SimpleNamespace(trajectories=take, findings=())
 
 
 def _find_limbs(trajectories, parameters, *, n_limbs=None, seed=0, monitor=None):

@@ -12,7 +12,7 @@ from skelgen.app.report import report_html
 from skelgen.app.report.contents import report_content
 from skelgen.app.report.figure_tracklets import lanes
 from skelgen.model import Labelling, PointCloud, Project, StageReport, Trajectories
-from skelgen.model.labelling import DOUBT_KINDS, Agreement, Doubt, Tracklets
+from skelgen.model.labelling import DOUBT_KINDS, FINDING_KINDS, Agreement, Doubt, Finding, Tracklets
 
 LARGEST_REPORT = 400_000  # bytes: a long take with many tracks is no larger than a page of pictures
 MOST_ROWS = 40
@@ -64,6 +64,16 @@ def test_the_longest_doubts_are_shown_in_order_of_time_and_the_rest_is_counted()
     assert labels["more"] == 100 - MOST_ROWS
     assert firsts == sorted(firsts)
     assert any(row["reason"] == "reason <99>" for row in labels["rows"])
+
+
+@pytest.mark.parametrize("kind", FINDING_KINDS)
+def test_errors_of_labels_stand_in_one_table_with_evidence_and_outcome(kind):
+    finding = Finding(kind, ("<M0>", "<M1>"), 10, 20, "evidence <1>", "outcome <1>")
+    html = report_html(build(findings=(finding,)))
+    for text in ("Errors of the labels in the file", "&lt;M0&gt; → &lt;M1&gt;", "10 – 20", "evidence &lt;1&gt;"):
+        assert text in html
+    assert "outcome &lt;1&gt;" in html
+    assert "Errors of the labels" not in report_html(build())
 
 
 def test_names_and_reasons_are_text():

@@ -53,8 +53,8 @@ def test_a_slipped_marker_is_split_and_nothing_is_lost(slipped):
 
 def test_the_labels_stage_splits_unless_it_is_told_not_to(slipped):
     take = slipped()
-    assert f"{NAME}_2" in repair_take(take).names
-    assert repair_take(take, LabelParameters(slips=False)) is take
+    assert f"{NAME}_2" in repair_take(take).trajectories.names
+    assert repair_take(take, LabelParameters(slips=False)).trajectories is take
 
 
 def test_what_may_be_a_slip_is_told_and_left(slipped):

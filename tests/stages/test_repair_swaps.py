@@ -30,7 +30,7 @@ def relabelled(take, cycle, first, last):
 @pytest.mark.parametrize("faults", [{}, {"noise": 0.5}, FAULTS])
 def test_takes_without_errors_pass_untouched(simulated, structure, faults):
     take = simulated(structure, n_frames=600, **faults).take
-    assert repair_take(take) is take
+    assert repair_take(take).trajectories is take
 
 
 @pytest.mark.parametrize("pair", [("left foot 1", "left foot 3"), ("left shank 1", "right shank 1")])
@@ -56,7 +56,7 @@ def test_an_exchange_until_the_end_of_the_take_is_undone(soft):
 
 
 def test_every_repair_is_told_with_its_frames_and_evidence(soft, notices):
-    repaired = repair_take(relabelled(soft, (0, 20), 100, 149), monitor=notices)
+    repaired = repair_take(relabelled(soft, (0, 20), 100, 149), monitor=notices).trajectories
     (told,) = repaired.notices
     assert "frames 100 to 149" in told
     assert "mm before" in told
@@ -79,7 +79,7 @@ def test_mirror_images_are_told_to_be_indistinguishable():
 
 def test_nothing_is_looked_for_when_repair_is_off(soft, notices):
     spoiled = relabelled(soft, (0, 20), 100, 149)
-    assert repair_take(spoiled, LabelParameters(repair=False), monitor=notices) is spoiled
+    assert repair_take(spoiled, LabelParameters(repair=False), monitor=notices).trajectories is spoiled
     assert "skipped" in notices.sentences[0]
 
 
@@ -87,11 +87,11 @@ def test_nothing_is_looked_for_when_repair_is_off(soft, notices):
 def test_takes_that_say_nothing_pass_untouched(positions):
     names = [f"m{index}" for index in range(positions.shape[1])]
     take = Trajectories(positions, names, 100.0)
-    assert repair_take(take) is take
+    assert repair_take(take).trajectories is take
 
 
 @pytest.mark.parametrize("path", ["arm/arm-4-4-4_clean_30fps.c3d", "rods_pendulum/pendulum_01.c3d"])
 def test_clean_recordings_pass_untouched(recording, path):
     take = recording(path)
-    assert repair_take(take, LabelParameters(slips=False)) is take
-    np.testing.assert_array_equal(repair_take(take).positions, take.positions)
+    assert repair_take(take, LabelParameters(slips=False)).trajectories is take
+    np.testing.assert_array_equal(repair_take(take).trajectories.positions, take.positions)

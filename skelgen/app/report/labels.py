@@ -9,10 +9,12 @@ from skelgen.app.report.figure_confidence import confidence_figure
 from skelgen.app.report.figure_tracklets import owners_figure, tracks_figure
 from skelgen.app.report.wording import counted, duration, percent
 from skelgen.model import Labelling, PointCloud, Project
-from skelgen.model.labelling import Doubt, seen_runs
+from skelgen.model.labelling import Doubt, Finding, seen_runs
 
 _MOST_ROWS = 40
 """Doubtful spans in the table, the longest; the others are counted."""
+
+_FINDING_WORDS = {"exchanged": "Labels exchanged", "moved": "Label on another marker", "slipped": "Marker slipped"}
 
 
 def labels_content(project: Project) -> dict[str, Any]:
@@ -24,6 +26,8 @@ def labels_content(project: Project) -> dict[str, Any]:
         "facts": _facts(project),
         "advice": advice_on(project),
         "rows": [_row(project, doubt) for doubt in sorted(shown, key=lambda doubt: doubt.first_frame)],
+        "findings": [_finding_row(project, finding) for finding in labelling.findings[:_MOST_ROWS]],
+        "more_findings": max(len(labelling.findings) - _MOST_ROWS, 0),
         "more": len(labelling.doubts) - len(shown),
         "confidence": confidence_figure(project),
         "tracks": tracks_figure(project, tracklets) if tracklets is not None and tracklets.n_parts else "",
@@ -49,6 +53,18 @@ def _facts(project: Project) -> list[tuple[str, str]]:
     facts.append(("Doubtful positions", percent(doubtful_share(labelling))))
     facts.append(("Pairs no distance tells apart", str(len(labelling.twins))))
     return facts
+
+
+def _finding_row(project: Project, finding: Finding) -> dict[str, str]:
+    rate = project.trajectories.rate
+    return {
+        "kind": _FINDING_WORDS[finding.kind],
+        "names": " → ".join(finding.names),
+        "frames": _span(str(finding.first_frame), str(finding.last_frame)),
+        "time": _span(duration(finding.first_frame / rate), duration(finding.last_frame / rate)),
+        "evidence": finding.evidence,
+        "outcome": finding.outcome,
+    }
 
 
 def _row(project: Project, doubt: Doubt) -> dict[str, str]:

@@ -16,8 +16,10 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.joints.comparable import comparable_costs
 from skelgen.stages.joints.loose import loose_sentences
-from skelgen.stages.joints.pairs import MIN_COMMON, JointGuess, Segment, guess_joint, make_segment
+from skelgen.stages.joints.noise import typical_variance
+from skelgen.stages.joints.pairs import ENOUGH_FRAMES, MIN_COMMON, JointGuess, Segment, guess_joint, make_segment
 from skelgen.stages.joints.parallel import map_pairs
 from skelgen.stages.joints.parameters import JointParameters
 from skelgen.stages.joints.tree import spanning_tree
@@ -25,6 +27,9 @@ from skelgen.stages.joints.tree import spanning_tree
 __all__ = ["JointParameters", "find_joints"]
 
 Costs = dict[tuple[int, int], JointGuess]
+
+POSE_POINTS = 3
+"""Points that fix a pose, where a limb has as many."""
 
 
 def find_joints(
@@ -70,13 +75,15 @@ def find_joints(
         raise InputError(f"{trajectories.name or 'the take'}: no marker belongs to a limb, so there are no joints")
     tracks = [trajectories.positions[:, limbs.markers_of(limb)] for limb in range(limbs.n_limbs)]
     frames = sample_frames(trajectories.n_frames, parameters)
-    sampled = [make_segment(track[frames], np.arange(len(frames))) for track in tracks]
-    guesses = _all_pairs(sampled, parameters, seed, n_jobs, monitor)
-    costs = _cost_matrix(guesses, limbs.n_limbs)
+    segments = [make_segment(track, _telling_frames(track, frames)) for track in tracks]
+    guesses = _all_pairs(segments, frames, parameters, seed, n_jobs, monitor)
+    sizes = np.array([segment.n_markers for segment in segments])
+    judged = comparable_costs(guesses, limbs.n_limbs, parameters.alpha)
+    costs = judged.costs
     if parents is None:
-        parents = spanning_tree(costs, np.array([segment.n_markers for segment in sampled]), root)
+        parents = spanning_tree(costs, sizes, root)
     _check_parents(parents, costs)
-    kept = _place_joints(tracks, frames, parents, parameters, seed, monitor)
+    kept = _place_joints(segments, frames, parents, parameters, seed, monitor)
     children = outward_order(parents)[(parents < 0).sum() :]
     _report_separate_bodies(parents, monitor)
     topology = Topology(
@@ -84,7 +91,7 @@ def find_joints(
         joint_costs=np.where(np.isfinite(costs), costs, np.nan),
         raw_joint_positions=_stacked([kept[int(child)].positions for child in children], trajectories.n_frames),
         n_iterations=np.array([kept[int(child)].n_iterations for child in children], dtype=np.intp),
-        values=np.array([_finite(kept[int(child)].cost) for child in children]),
+        values=np.array([_value(kept[int(child)], parameters.alpha_final) for child in children]),
         alpha=parameters.alpha,
     )
     for sentence in loose_sentences(trajectories, limbs, topology):
@@ -98,36 +105,62 @@ def sample_frames(n_frames: int, parameters: JointParameters) -> Ints:
     return np.unique(np.arange(0, n_frames, step).astype(np.intp).clip(max=n_frames - 1))  # rounding may reach the end
 
 
-def _all_pairs(segments: list[Segment], parameters: JointParameters, seed: int, n_jobs: int, monitor: Monitor) -> Costs:
+def _telling_frames(track: Floats, frames: Ints) -> Ints:
+    """Sampled frames, or, where they hardly show a limb, as many of all frames that do."""
+    enough = min(track.shape[1], POSE_POINTS)
+    shows = (~np.isnan(track[:, :, 0])).sum(axis=1) >= enough
+    if shows[frames].sum() >= min(ENOUGH_FRAMES, shows.sum()):
+        return frames
+    return spread(np.flatnonzero(shows), len(frames))
+
+
+def spread(frames: Ints, most: int) -> Ints:
+    """At most so many of the frames, evenly."""
+    return frames[np.unique(np.linspace(0, len(frames) - 1, most).astype(np.intp))] if len(frames) > most else frames
+
+
+def _all_pairs(
+    segments: list[Segment], frames: Ints, parameters: JointParameters, seed: int, n_jobs: int, monitor: Monitor
+) -> Costs:
     """Guess every pair; then let limbs without a pose gain one from their best joint and guess their pairs again."""
+    segments = list(segments)
+    sampled = [segment.at(frames) for segment in segments]
+    typical = typical_variance(segment.noise for segment in segments)
     pairs = list(combinations(range(len(segments)), 2))
     guesses: Costs = {}
-    _guess_into(guesses, pairs, segments, parameters, seed, n_jobs, monitor)
+
+    def guess(some: list[tuple[int, int]]) -> None:
+        work = [_common_frames(segments, sampled, pair, frames) for pair in some]
+        found = map_pairs(work, typical, parameters, seed, n_jobs, monitor)
+        guesses.update(zip(some, found, strict=True))
+
+    guess(pairs)
     if parameters.solver != "closed-form":
         return guesses
-    everywhere = np.arange(len(segments[0].points))
     joined: set[int] = set()
     while (choice := _surest_joint_to_small_limb(guesses, segments, joined)) is not None:
         small, pair = choice
         joined.add(small)
-        segments[small] = segments[small].with_joint(guesses[pair].positions, everywhere)
-        changed = [other for other in pairs if small in other and other != pair]
-        _guess_into(guesses, changed, segments, parameters, seed, n_jobs, monitor)
+        whole = guess_joint(segments[pair[0]], segments[pair[1]], typical, parameters.alpha, parameters, seed)
+        segments[small] = segments[small].with_joint(whole.positions, frames)
+        sampled[small] = segments[small].at(frames)
+        guess([other for other in pairs if small in other and other != pair])
     return guesses
 
 
-def _guess_into(
-    guesses: Costs,
-    pairs: list[tuple[int, int]],
-    segments: list[Segment],
-    parameters: JointParameters,
-    seed: int,
-    n_jobs: int,
-    monitor: Monitor,
-) -> None:
-    work = [(segments[first], segments[second]) for first, second in pairs]
-    found = map_pairs(work, parameters.alpha, parameters, seed, n_jobs, monitor)
-    guesses.update(zip(pairs, found, strict=True))
+def _common_frames(
+    segments: list[Segment], sampled: list[Segment], pair: tuple[int, int], frames: Ints
+) -> tuple[Segment, Segment]:
+    """Both limbs in the sampled frames, or, where these hardly show both, in others that do."""
+    first, second = pair
+    if (sampled[first].is_known & sampled[second].is_known).sum() >= ENOUGH_FRAMES:
+        return sampled[first], sampled[second]
+    one, other = segments[first], segments[second]
+    both = np.flatnonzero(one.is_known & other.is_known)
+    chosen = spread(both, len(frames))
+    if len(both) < ENOUGH_FRAMES:
+        chosen = np.union1d(chosen, spread(np.flatnonzero(one.is_seen & other.is_seen), len(frames)))
+    return one.at(chosen), other.at(chosen)
 
 
 def _surest_joint_to_small_limb(
@@ -137,25 +170,18 @@ def _surest_joint_to_small_limb(
     best: tuple[float, int, tuple[int, int]] | None = None
     for pair, guess in guesses.items():
         for small, body in (pair, pair[::-1]):
-            waits = not segments[small].shape.has_pose and small not in joined and segments[body].shape.has_pose
-            if waits and np.isfinite(guess.cost) and (best is None or guess.cost < best[0]):
-                best = (guess.cost, small, pair)
+            waits = small not in joined and segments[small].lacks_poses and not segments[body].lacks_poses
+            if waits and np.isfinite(guess.square) and (best is None or guess.doubt < best[0]):
+                best = (guess.doubt, small, pair)
     return None if best is None else best[1:]
 
 
-def _cost_matrix(guesses: Costs, n_limbs: int) -> Floats:
-    costs = np.full((n_limbs, n_limbs), np.inf)
-    np.fill_diagonal(costs, 0.0)
-    for (first, second), guess in guesses.items():
-        costs[first, second] = costs[second, first] = guess.cost
-    return costs
-
-
 def _place_joints(
-    tracks: list[Floats], frames: Ints, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
+    segments: list[Segment], frames: Ints, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
 ) -> dict[int, JointGuess]:
     """Place the joints of the tree in all frames, those between limbs with poses first; keys are child limbs."""
-    segments = [make_segment(track, frames) for track in tracks]
+    segments = list(segments)
+    typical = typical_variance(segment.noise for segment in segments)
     waiting = [int(child) for child in np.flatnonzero(parents >= 0)]
     n_joints = len(waiting)
     kept: dict[int, JointGuess] = {}
@@ -163,16 +189,18 @@ def _place_joints(
         waiting.sort(key=lambda child: -_known(segments[child].shape) - _known(segments[parents[child]].shape))
         child = waiting.pop(0)
         pair = (int(parents[child]), child)
-        kept[child] = guess_joint(segments[pair[0]], segments[pair[1]], parameters.alpha_final, parameters, seed)
+        kept[child] = guess_joint(
+            segments[pair[0]], segments[pair[1]], typical, parameters.alpha_final, parameters, seed
+        )
         for limb in pair:
-            if not segments[limb].shape.has_pose:
+            if segments[limb].lacks_poses:
                 segments[limb] = segments[limb].with_joint(kept[child].positions, frames)
         monitor.advance(len(kept), n_joints)
     return kept
 
 
 def _known(shape: LimbShape) -> int:
-    return int(shape.has_pose)
+    return int(shape.posed.sum() >= ENOUGH_FRAMES) + int(shape.has_pose)
 
 
 def _stacked(positions: list[Floats], n_frames: int) -> Floats:
@@ -189,8 +217,8 @@ def _check_parents(parents: Ints, costs: Floats) -> None:
             )
 
 
-def _finite(value: float) -> float:
-    return value if np.isfinite(value) else np.nan
+def _value(guess: JointGuess, alpha: float) -> float:
+    return guess.square + alpha * guess.distance if np.isfinite(guess.square) else np.nan
 
 
 def _report_separate_bodies(parents: Ints, monitor: Monitor) -> None:

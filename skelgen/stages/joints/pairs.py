@@ -6,27 +6,40 @@ spheres. Two such limbs are left to the joint cost and its conjugate gradients, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skelgen.geometry.orientation import Rotator, rotation_by_quaternion
-from skelgen.kinematics.ball import fit_fixed_point
+from skelgen.kinematics.ball import FixedPoint, fit_fixed_point
 from skelgen.kinematics.shape import LimbShape, fit_shape
 from skelgen.kinematics.sphere import fit_sphere
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints.conjugate_gradient import minimise
 from skelgen.stages.joints.cost import joint_cost, local_optimum, mean_distances
+from skelgen.stages.joints.noise import PoseNoise, pose_noise
 from skelgen.stages.joints.parameters import JointParameters
 
 FREE_COORDINATES = 3
 """A joint that is free in every frame explains three of its distances to markers by itself."""
 
+ENOUGH_FRAMES = 50
+"""Frames with both limbs below which more are looked for, in the whole take and by other ways."""
+
+LEAST_TURN = 1e-3
+"""rad; limbs that turn less against each other do not turn."""
+
+USUAL_TURN = 0.2
+"""rad, each axis; what limbs of a moving body turn against each other."""
+
 MIN_COMMON = 5
 """Frames that must show both limbs before a joint between them can be judged."""
 
-NEARLY_COINCIDENT = 4.0
-"""Half the images' distance squared: the midpoint of two images is off each by half their gap."""
+LEAST_VARIANCE = 1e-4
+"""mm^2; what rounding and the ridge of the closed forms leave of exact takes."""
+
+KEPT_PART = 0.95
+"""Part of the frames, those with the smallest gap for their noise, that a joint rests on: labels may jump."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +54,14 @@ class Segment:
         The first points are markers, the rest are joints.
     shape : LimbShape
         Rigid shape and poses, where the points suffice.
+    noise : PoseNoise
+        How far the poses may be wrong.
     """
 
     points: Floats
     n_markers: int
     shape: LimbShape
+    noise: PoseNoise
 
     @property
     def markers(self) -> Floats:
@@ -57,15 +73,41 @@ class Segment:
         """Centroid of the markers in the limb's frame [mm]; undetermined joints lean there."""
         return np.asarray(self.shape.points[: self.n_markers].mean(axis=0))
 
+    @property
+    def lacks_poses(self) -> bool:
+        """Whether too few frames determine its pose for more than a start."""
+        return int(self.shape.posed.sum()) < min(ENOUGH_FRAMES, int(self.is_seen.sum()))
+
+    @property
+    def is_known(self) -> Bools:
+        """Frames that show the limb: its pose, or any marker where it never has one, shape (n_frames,)."""
+        posed = self.shape.posed
+        return posed if posed.any() else self.is_seen
+
+    @property
+    def is_seen(self) -> Bools:
+        """Frames that show any of its points, shape (n_frames,)."""
+        return np.asarray(~np.isnan(self.points[:, :, 0]).all(axis=1))
+
     def with_joint(self, joint: Floats, frames: Ints, rotator: Rotator = rotation_by_quaternion) -> Segment:
         """Return the segment with the world positions of one more joint, shape (n_frames, 3), among its points."""
         points = np.concatenate([self.points, joint[:, np.newaxis]], axis=1)
-        return Segment(points, self.n_markers, fit_shape(points, frames, rotator))
+        return _segment(points, self.n_markers, frames, rotator)
+
+    def at(self, frames: Ints) -> Segment:
+        """Return the segment in some frames."""
+        shape = LimbShape(self.shape.points, self.shape.world_from_limb[frames])
+        return Segment(self.points[frames], self.n_markers, shape, self.noise.at(frames))
 
 
 def make_segment(markers: Floats, frames: Ints, rotator: Rotator = rotation_by_quaternion) -> Segment:
-    """Make a segment of a limb's markers, shape (n_frames, n_markers, 3)."""
-    return Segment(markers, markers.shape[1], fit_shape(markers, frames, rotator))
+    """Make a segment of a limb's markers, shape (n_frames, n_markers, 3); `frames` tell its shape."""
+    return _segment(markers, markers.shape[1], frames, rotator)
+
+
+def _segment(points: Floats, n_markers: int, frames: Ints, rotator: Rotator) -> Segment:
+    shape = fit_shape(points, frames, rotator)
+    return Segment(points, n_markers, shape, pose_noise(shape, points, frames))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,30 +118,79 @@ class JointGuess:
     ----------
     positions : ndarray, shape (n_frames, 3), mm
         World positions, NaN where neither limb tells.
-    cost : float, mm^2
-        Comparable between pairs: how far the joint is from being fixed in both limbs, plus alpha times its mean
-        distance from the markers; infinite if the limbs are never seen together.
+    square : float, mm^2
+        How far the joint is from being fixed in both limbs: mean square per coordinate of the distance of its two
+        images, or mean variance of distances; infinite if the limbs are never seen together.
+    expected : float, mm^2
+        What the noise of both limbs lets expect for it.
+    distance : float, mm
+        Mean distance from the markers of both limbs.
+    turn : float, rad
+        Root mean square of how far the limbs turn about the joint, each axis; NaN without poses.
+    n_frames : int
+        Frames that it rests on.
     n_iterations : int
         Iterations of the descent, 0 for closed forms.
     """
 
     positions: Floats
-    cost: float
+    square: float
+    expected: float = np.nan
+    distance: float = np.nan
+    turn: float = np.nan
+    n_frames: int = 0
     n_iterations: int = 0
 
+    @property
+    def hidden_part(self) -> float:
+        """Two standard deviations of the mean square gap, as a part of it: what noise could hide."""
+        return 2 * float(np.sqrt(2 / (3 * max(self.n_frames, 1))))
 
-def guess_joint(first: Segment, second: Segment, alpha: float, parameters: JointParameters, seed: int) -> JointGuess:
-    """Find the joint between two segments; the solver is the parameters' choice where both limbs have poses."""
-    guess = None
-    if parameters.solver == "closed-form":
-        guess = _from_poses(first, second) or _from_sphere(first, second) or _from_sphere(second, first)
-    if guess is None:
-        guess = _from_descent(first, second, alpha, parameters, seed)
-    if not np.isfinite(guess.cost):
+    @property
+    def doubt(self) -> float:
+        """What noise could hide, per motion: of two ways to find one joint the lower tells more."""
+        return self.square + self.hidden_part * self.expected * (USUAL_TURN / max(self.turn, LEAST_TURN)) ** 2
+
+
+def guess_joint(
+    first: Segment, second: Segment, typical: float, alpha: float, parameters: JointParameters, seed: int
+) -> JointGuess:
+    """Find the joint between two segments; the solver is the parameters' choice where both limbs have poses.
+
+    Parameters
+    ----------
+    first, second : Segment
+        Both limbs.
+    typical : float, mm^2
+        Variance of a marker's coordinate, for limbs that do not tell theirs.
+    alpha : float, mm
+        Weight of the mean distance in the joint cost, for limbs without poses.
+    parameters : JointParameters
+        How.
+    seed : int
+        Seed of the annealing jitter.
+    """
+    if parameters.solver == "closed-form" and (first.shape.has_pose or second.shape.has_pose):
+        guess = _closed_form(first, second, typical)
+    else:
+        guess = _from_descent(first, second, typical, alpha, parameters, seed)
+    if not np.isfinite(guess.square):
         return guess
     markers = np.concatenate([first.markers, second.markers], axis=1)
     distances, _ = mean_distances(guess.positions, markers)
-    return JointGuess(guess.positions, guess.cost + alpha * float(distances.mean()), guess.n_iterations)
+    return replace(guess, distance=float(distances.mean()))
+
+
+def _closed_form(first: Segment, second: Segment, typical: float) -> JointGuess:
+    """By the poses of both; where few frames have both, by those of one, if that tells more."""
+    by_poses = _from_poses(first, second, typical)
+    if by_poses is not None and by_poses.n_frames >= ENOUGH_FRAMES:
+        return by_poses
+    by_spheres = (_from_sphere(first, second, typical), _from_sphere(second, first, typical))
+    found = [guess for guess in (by_poses, *by_spheres) if guess is not None]
+    if not found:
+        return JointGuess(np.full((len(first.points), 3), np.nan), np.inf)
+    return min(found, key=lambda guess: guess.doubt)
 
 
 def images(shape: LimbShape, point: Floats) -> Floats:
@@ -108,22 +199,75 @@ def images(shape: LimbShape, point: Floats) -> Floats:
     return np.asarray(poses[:, :3, :3] @ point + poses[:, :3, 3])
 
 
-def _from_poses(first: Segment, second: Segment) -> JointGuess | None:
+def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess | None:
+    """Fit twice: the first place tells how well each frame knows it, and which frames are in error."""
     fit = fit_fixed_point(first.shape.world_from_limb, second.shape.world_from_limb, first.centre, second.centre)
-    if fit is None:
+    if fit is None or fit.n_frames < MIN_COMMON:
         return None
+    weights = _weights(first, second, fit, typical)
+    poses, near = (first.shape.world_from_limb, second.shape.world_from_limb), (first.centre, second.centre)
+    fit = fit_fixed_point(*poses, *near, weights) or fit
+    expected = _expected(first, fit.in_first, typical) + _expected(second, fit.in_second, typical)
     both = np.stack([images(first.shape, fit.in_first), images(second.shape, fit.in_second)])
-    return JointGuess(_mean_of_known(both), fit.gap / NEARLY_COINCIDENT)
+    n_frames = int((weights > 0).sum())
+    freedom = n_frames / max(n_frames - 2, 0.5)
+    square = freedom * fit.gap / 3
+    return JointGuess(
+        _mean_of_known(both),
+        square,
+        float(np.nansum(weights * expected) / weights.sum()),
+        turn=float(np.sqrt(fit.turning.sum() / 6)),
+        n_frames=n_frames,
+    )
 
 
-def _from_sphere(body: Segment, other: Segment) -> JointGuess | None:
+def _weights(first: Segment, second: Segment, fit: FixedPoint, typical: float) -> Floats:
+    expected = _expected(first, fit.in_first, typical) + _expected(second, fit.in_second, typical)
+    gap = ((images(first.shape, fit.in_first) - images(second.shape, fit.in_second)) ** 2).sum(axis=1)
+    known = ~np.isnan(gap)
+    weights = np.zeros(len(gap))
+    weights[known] = 1.0 / expected[known]
+    surprise = gap[known] / expected[known]
+    worst = np.quantile(surprise, KEPT_PART)
+    weights[np.flatnonzero(known)[surprise > worst]] = 0.0
+    return weights
+
+
+def _expected(segment: Segment, point: Floats, typical: float) -> Floats:
+    variance = typical if np.isnan(segment.noise.variance) else segment.noise.variance
+    return max(variance, LEAST_VARIANCE) * segment.noise.of_point(point)
+
+
+def _from_sphere(body: Segment, other: Segment, typical: float) -> JointGuess | None:
     if not body.shape.has_pose:
         return None
-    fit = fit_sphere(body.shape.world_from_limb, other.points, body.centre)
-    return None if fit is None else JointGuess(images(body.shape, fit.centre), fit.variance)
+    counts = (~np.isnan(other.points[:, :, 0]) & body.shape.posed[:, np.newaxis]).sum(axis=0)
+    points = other.points[:, counts >= MIN_COMMON]
+    fit = fit_sphere(body.shape.world_from_limb, points, body.centre) if points.shape[1] else None
+    if fit is None:
+        return None
+    of_body = _expected(body, fit.centre, typical)
+    used = ~np.isnan(of_body) & ~np.isnan(points[:, :, 0]).all(axis=1)
+    n_values = int(counts[counts >= MIN_COMMON].sum())
+    freedom = n_values / max(n_values - points.shape[1] - 3, 0.5)
+    expected = float(of_body[used].mean()) + max(typical, LEAST_VARIANCE)
+    turn = _turn(body, points, fit.centre)
+    positions = images(body.shape, fit.centre)
+    return JointGuess(positions, freedom * fit.variance, expected, turn=turn, n_frames=int(used.sum()) // 3 + 1)
 
 
-def _from_descent(first: Segment, second: Segment, alpha: float, parameters: JointParameters, seed: int) -> JointGuess:
+def _turn(body: Segment, points: Floats, centre: Floats) -> float:
+    """How far the directions from a joint to points turn in the body's frame [rad], each axis."""
+    poses = body.shape.world_from_limb
+    local = np.einsum("fji,fnj->fni", poses[:, :3, :3], points - poses[:, np.newaxis, :3, 3]) - centre
+    units = local / np.maximum(np.linalg.norm(local, axis=2, keepdims=True), np.finfo(float).tiny)
+    means = np.nanmean(units, axis=0)
+    return float(np.sqrt(np.mean(1 - (means**2).sum(axis=1)) / 2))
+
+
+def _from_descent(
+    first: Segment, second: Segment, typical: float, alpha: float, parameters: JointParameters, seed: int
+) -> JointGuess:
     points = np.concatenate([first.points, second.points], axis=1)
     centres = np.stack([_centroid(first.points), _centroid(second.points)])
     usable = ~np.isnan(centres[:, :, 0]).any(axis=0)
@@ -137,7 +281,8 @@ def _from_descent(first: Segment, second: Segment, alpha: float, parameters: Joi
     n_points = points.shape[1]
     nowhere[usable] = refined
     freedom = n_points / max(n_points - FREE_COORDINATES, 0.5)
-    return JointGuess(nowhere, float((spread**2).mean()) * freedom, found.n_iterations)
+    square = float((spread**2).mean()) * freedom
+    return JointGuess(nowhere, square, typical, n_frames=int(usable.sum()), n_iterations=found.n_iterations)
 
 
 def _centroid(points: Floats) -> Floats:

@@ -14,7 +14,7 @@ WORTH_PROCESSES = 200
 
 def map_pairs(
     pairs: list[tuple[Segment, Segment]],
-    alpha: float,
+    typical: float,
     parameters: JointParameters,
     seed: int,
     n_jobs: int,
@@ -24,13 +24,13 @@ def map_pairs(
     if n_jobs == 1 or _n_descents(pairs, parameters) < WORTH_PROCESSES:
         found = []
         for index, (first, second) in enumerate(pairs):
-            found.append(guess_joint(first, second, alpha, parameters, seed))
+            found.append(guess_joint(first, second, typical, parameters.alpha, parameters, seed))
             monitor.advance(index + 1, len(pairs))
         return found
     from joblib import Parallel, delayed  # noqa: PLC0415 - only wanted with several processes
 
     workers = Parallel(n_jobs=n_jobs, return_as="generator")
-    results = workers(delayed(_guess_alone)(first, second, alpha, parameters, seed) for first, second in pairs)
+    results = workers(delayed(_guess_alone)(first, second, typical, parameters, seed) for first, second in pairs)
     found = []
     for guess in results:
         found.append(guess)
@@ -44,8 +44,8 @@ def _n_descents(pairs: list[tuple[Segment, Segment]], parameters: JointParameter
     return int(np.sum([not (first.shape.has_pose or second.shape.has_pose) for first, second in pairs]))
 
 
-def _guess_alone(first: Segment, second: Segment, alpha: float, parameters: JointParameters, seed: int) -> JointGuess:
+def _guess_alone(first: Segment, second: Segment, typical: float, parameters: JointParameters, seed: int) -> JointGuess:
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - only wanted in workers
 
     with threadpool_limits(limits=1):
-        return guess_joint(first, second, alpha, parameters, seed)
+        return guess_joint(first, second, typical, parameters.alpha, parameters, seed)

@@ -38,7 +38,13 @@ from skelgen.stages.labels.places import Newcomers, same_places
 from skelgen.stages.labels.posing import BLIND_GATE, Model, fit_model
 from skelgen.stages.labels.quality import point_weights
 from skelgen.stages.labels.sessions import join_everything
-from skelgen.stages.labels.votes import assign_tracks, fill_single_points, point_scores, split_where_marker_changes
+from skelgen.stages.labels.votes import (
+    Scores,
+    assign_tracks,
+    fill_single_points,
+    point_scores,
+    split_where_marker_changes,
+)
 
 MODEL_FRAMES = 800
 """Frames that the skeleton is fitted to, spread over the take."""
@@ -158,7 +164,8 @@ def _relabelled(
         poses = model.pose(positions)
         points = cloud.points[block.points]
         predicted, gates = model.predict(poses)
-        scores = point_scores(points, block.frames, predicted, gates) * weights[block.points, np.newaxis]
+        scores = point_scores(points, block.frames, predicted, gates)
+        scores *= weights[block.points, np.newaxis]
         known = ~np.isnan(predicted[..., 0]) | ~model.is_placed
         scores = _with_habit(scores, marker_of_point[block.points], block.frames, known)
         if fixed is not None and target is not None:
@@ -179,7 +186,7 @@ def _relabelled(
     return renumbered(result, np.bincount(result[result >= 0], minlength=1) > 1)
 
 
-def _with_habit(scores: Floats, marker: Ints, frames: Ints, known: Bools) -> Floats:
+def _with_habit(scores: Scores, marker: Ints, frames: Ints, known: Bools) -> Scores:
     """Let points keep the marker that they have where nothing is known of its place."""
     owned = np.flatnonzero(marker >= 0)
     lost = owned[~known[frames[owned], marker[owned]]]

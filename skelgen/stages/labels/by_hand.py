@@ -15,6 +15,7 @@ import numpy as np
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.identities import Identities, Identity
+from skelgen.stages.labels.votes import Scores
 
 NOBODY = -1
 """Of `Fixed.who`: the user says that the point is no marker."""
@@ -101,7 +102,7 @@ def fix_points(cloud: PointCloud, owner: Ints, identities: Identities) -> Fixed:
     return Fixed(identities.names, who, owner)
 
 
-def fixed_scores(scores: Floats, fixed: Fixed, target: Ints) -> Floats:
+def fixed_scores(scores: Scores, fixed: Fixed, target: Ints) -> Scores:
     """Let fixed points vote for their markers alone, and with certainty.
 
     Parameters

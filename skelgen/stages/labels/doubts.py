@@ -48,9 +48,10 @@ def repaired_spans(file: Trajectories, repaired: Trajectories, confidence: Float
     confidence : ndarray, shape (n_frames, n_markers)
         Of the repaired markers.
     """
-    if repaired is file or repaired.names != file.names:
+    if repaired is file or repaired.names[: file.n_markers] != file.names:
         return ()
-    changed = repaired.seen & (repaired.positions != file.positions).any(axis=2)
+    same = slice(file.n_markers)  # slipped markers that were split stand behind them
+    changed = repaired.seen[:, same] & (repaired.positions[:, same] != file.positions).any(axis=2)
     doubts = []
     for marker, first, last in zip(*(values.tolist() for values in seen_runs(changed)), strict=True):
         here = (file.positions[first] == repaired.positions[first, marker]).all(axis=1)

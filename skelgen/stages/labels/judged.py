@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.labelling import Agreement, Labelling, Tracklets
+from skelgen.model.labelling import Agreement, Finding, Labelling, Tracklets
 from skelgen.stages.labels.confidence import LABELS_FOUND, identity_confidence
 from skelgen.stages.labels.doubts import doubtful_spans, repaired_spans
 
@@ -90,7 +90,7 @@ def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Or
     )
 
 
-def labelling_of_markers(trajectories: Trajectories, file: Trajectories) -> Labelling:
+def labelling_of_markers(trajectories: Trajectories, file: Trajectories, findings: Iterable[Finding] = ()) -> Labelling:
     """Judge markers that came with labels.
 
     Parameters
@@ -99,12 +99,14 @@ def labelling_of_markers(trajectories: Trajectories, file: Trajectories) -> Labe
         The markers, perhaps repaired.
     file : Trajectories
         As they were read.
+    findings : iterable of Finding
+        Errors of their labels.
     """
     certainty = identity_confidence(trajectories)
     doubts = (*repaired_spans(file, trajectories, certainty.confidence), *doubtful_spans(trajectories, certainty))
     nothing = np.zeros(trajectories.n_frames, dtype=np.intp)
     ordered = tuple(sorted(doubts, key=lambda doubt: doubt.first_frame))
-    return Labelling(certainty.confidence, ordered, certainty.twins, nothing)
+    return Labelling(certainty.confidence, ordered, certainty.twins, nothing, findings=tuple(findings))
 
 
 def find_points(cloud: PointCloud, positions: Floats) -> Ints:

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from skelgen.model.arrays import Floats, Ints
 
-CHUNK_PAIRS = 4_000_000
-"""Distances between points and markers held at once: 32 MB."""
+Scores = NDArray[np.floating[Any]]
+"""How well markers explain points; short numbers do."""
+
+CHUNK_PAIRS = 500_000
+"""Distances between points and markers held at once: 2 MB, which the processor keeps at hand."""
+
+FAR = 1e15
+"""mm; where a marker is put whose place is not known: its square is still a number."""
 
 PERSISTENT = 7
 """Frames for which another marker must explain a track better before the track is cut."""
 
 
-def point_scores(points: Floats, frames: Ints, predicted: Floats, gates: Floats) -> Floats:
+def point_scores(points: Floats, frames: Ints, predicted: Floats, gates: Floats) -> Scores:
     """How well each marker explains each point, 1 - (distance / gate)^2, 0 outside the gate.
 
     Parameters
@@ -29,19 +39,31 @@ def point_scores(points: Floats, frames: Ints, predicted: Floats, gates: Floats)
 
     Returns
     -------
-    ndarray, shape (n_points, n_markers)
+    ndarray of float32, shape (n_points, n_markers)
     """
-    scores = np.zeros((len(points), predicted.shape[1]), dtype=np.float32)
-    step = max(1, CHUNK_PAIRS // max(1, predicted.shape[1]))
+    n_markers = predicted.shape[1]
+    scores = np.zeros((len(points), n_markers), dtype=np.float32)
+    if not len(points) or not n_markers:
+        return scores
+    centre = points.mean(axis=0)  # short numbers are exact enough near it
+    places = np.where(np.isnan(predicted), FAR, predicted - centre).astype(np.float32).transpose(2, 0, 1).copy()
+    near = (points - centre).astype(np.float32)
+    factor = (-1.0 / gates**2).astype(np.float32)
+    step = max(1, CHUNK_PAIRS // n_markers)
     for start in range(0, len(points), step):
-        part = slice(start, start + step)
-        offset = predicted[frames[part]] - points[part, np.newaxis]
-        squares = np.einsum("pmi,pmi->pm", offset, offset)
-        scores[part] = np.nan_to_num(np.maximum(1.0 - squares / gates[frames[part]] ** 2, 0.0))
-    return scores.astype(np.float64)
+        part, squares = slice(start, start + step), scores[start : start + step]
+        for axis in range(3):
+            offset = places[axis].take(frames[part], axis=0)
+            offset -= near[part, axis, np.newaxis]
+            offset *= offset
+            squares += offset
+        squares *= factor.take(frames[part], axis=0)
+        squares += 1.0
+        np.maximum(squares, 0.0, out=squares)
+    return scores
 
 
-def split_where_marker_changes(owner: Ints, scores: Floats) -> Ints:
+def split_where_marker_changes(owner: Ints, scores: Scores) -> Ints:
     """Cut tracks at which one marker stops to explain the points and another begins to.
 
     Parameters
@@ -56,7 +78,8 @@ def split_where_marker_changes(owner: Ints, scores: Floats) -> Ints:
     ndarray of intp, shape (n_points,)
         Finer tracks, numbered from 0; -1 for points of none.
     """
-    best = np.where(scores.max(axis=1) > 0, scores.argmax(axis=1), -1)
+    best = scores.argmax(axis=1)
+    best[np.take_along_axis(scores, best[:, np.newaxis], axis=1)[:, 0] <= 0.0] = -1
     order = np.argsort(owner, kind="stable")
     order = order[owner[order] >= 0]
     pieces = np.full(len(owner), -1, dtype=np.intp)
@@ -78,17 +101,15 @@ def _steady(track: Ints, voted: Ints) -> Ints:
         return voted
     starts = np.flatnonzero(np.concatenate([[True], (track[1:] != track[:-1]) | (voted[1:] != voted[:-1])]))
     lengths = np.diff(np.concatenate([starts, [len(voted)]]))
-    values = voted[starts].copy()
-    for run in range(len(starts)):
-        same_before = run > 0 and track[starts[run - 1]] == track[starts[run]]
-        if lengths[run] < PERSISTENT and same_before:
+    owner, values, is_short = track[starts].tolist(), voted[starts].tolist(), (lengths < PERSISTENT).tolist()
+    for run in range(1, len(starts)):
+        if is_short[run] and owner[run - 1] == owner[run]:
             values[run] = values[run - 1]
     for run in range(len(starts) - 2, -1, -1):
-        same_after = track[starts[run + 1]] == track[starts[run]]
-        first = run == 0 or track[starts[run - 1]] != track[starts[run]]
-        if lengths[run] < PERSISTENT and first and same_after:
+        is_first = run == 0 or owner[run - 1] != owner[run]
+        if is_short[run] and is_first and owner[run + 1] == owner[run]:
             values[run] = values[run + 1]
-    return np.repeat(values, lengths)
+    return np.repeat(np.array(values, dtype=np.intp), lengths)
 
 
 def _carried(track: Ints, heard: Ints, steady: Ints) -> Ints:
@@ -105,7 +126,7 @@ def _carried(track: Ints, heard: Ints, steady: Ints) -> Ints:
     return held
 
 
-def assign_tracks(pieces: Ints, frames: Ints, scores: Floats, n_frames: int) -> Ints:
+def assign_tracks(pieces: Ints, frames: Ints, scores: Scores, n_frames: int) -> Ints:
     """Give tracks to markers, the best explained first; a marker has one point in a frame.
 
     Parameters
@@ -128,16 +149,14 @@ def assign_tracks(pieces: Ints, frames: Ints, scores: Floats, n_frames: int) -> 
     marker_of_point = np.full(len(pieces), -1, dtype=np.intp)
     if n_pieces == 0:
         return marker_of_point
-    tracked = pieces >= 0
-    votes = np.zeros((n_pieces, scores.shape[1]))
-    np.add.at(votes, pieces[tracked], scores[tracked])
-    order = np.argsort(pieces, kind="stable")[int((~tracked).sum()) :]
+    order = np.argsort(pieces, kind="stable")[int((pieces < 0).sum()) :]
     starts = np.searchsorted(pieces[order], np.arange(n_pieces + 1))
+    votes = np.stack([scores[order[start:end]].sum(axis=0) for start, end in itertools.pairwise(starts)])
     taken = np.zeros((n_frames, scores.shape[1]), dtype=bool)
     candidates = np.argwhere(votes > 0)
     ranking = np.argsort(-votes[votes > 0], kind="stable")
     placed = np.zeros(n_pieces, dtype=bool)
-    for piece, marker in candidates[ranking]:
+    for piece, marker in candidates[ranking].tolist():
         if placed[piece]:
             continue
         members = order[starts[piece] : starts[piece + 1]]
@@ -151,7 +170,7 @@ def assign_tracks(pieces: Ints, frames: Ints, scores: Floats, n_frames: int) -> 
     return marker_of_point
 
 
-def fill_single_points(marker_of_point: Ints, frames: Ints, scores: Floats, n_frames: int) -> Ints:
+def fill_single_points(marker_of_point: Ints, frames: Ints, scores: Scores, n_frames: int) -> Ints:
     """Give points that no track brought to the markers that explain them and have none, the best first."""
     result = marker_of_point.copy()
     taken = np.zeros((n_frames, scores.shape[1]), dtype=bool)
@@ -160,7 +179,7 @@ def fill_single_points(marker_of_point: Ints, frames: Ints, scores: Floats, n_fr
     free = np.flatnonzero(~owned)
     rows, markers = np.nonzero(scores[free] > 0)
     ranking = np.argsort(-scores[free[rows], markers], kind="stable")
-    for row, marker in zip(free[rows[ranking]], markers[ranking], strict=True):
+    for row, marker in zip(free[rows[ranking]].tolist(), markers[ranking].tolist(), strict=True):
         if result[row] < 0 and not taken[frames[row], marker]:
             result[row] = marker
             taken[frames[row], marker] = True

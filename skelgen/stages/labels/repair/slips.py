@@ -17,6 +17,7 @@ import numpy as np
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
+from skelgen.model.labelling import Finding
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.repair.jumps import neighbours_of
 from skelgen.stages.labels.repair.steps import LINE_FRAMES, changes, jumps
@@ -101,14 +102,24 @@ class Slip:
     sure: bool
 
     @property
+    def reason(self) -> str:
+        """What speaks for it."""
+        return (
+            f"its distances to {', '.join(self.mates)} change at once, and stay changed, by {self.evidence:.1f} of "
+            "their standard deviations"
+        )
+
+    @property
     def sentence(self) -> str:
         """What the user is told."""
         verb = "slips" if self.sure else "may slip"
-        return (
-            f"{self.name} {verb} on its limb at frame {self.frame} by {self.size:.1f} mm: its distances to "
-            f"{', '.join(self.mates)} change at once, and stay changed, by {self.evidence:.1f} of their standard "
-            "deviations"
-        )
+        return f"{self.name} {verb} on its limb at frame {self.frame} by {self.size:.1f} mm: {self.reason}"
+
+    def finding(self, last_frame: int, new_name: str) -> Finding:
+        """For the account of the labels; `new_name` is empty if the marker is left as it is."""
+        outcome = f"split: {new_name} from then on" if new_name else "not sure: left as it is"
+        evidence = f"{self.size:.1f} mm at once; {self.reason}"
+        return Finding("slipped", (self.name,), self.frame, last_frame, evidence, outcome)
 
 
 _Found = tuple[float, Slip]
@@ -155,29 +166,32 @@ def split_slipped(trajectories: Trajectories, slips: Iterable[Slip]) -> Trajecto
     slips = sorted(slips, key=lambda slip: (slip.marker, slip.frame))
     if not slips:
         return trajectories
-    unsure = [(slip.frame, f"{slip.sentence}; it is left as it is") for slip in slips if not slip.sure]
-    slips = [slip for slip in slips if slip.sure]
-    positions, names = trajectories.positions.copy(), list(trajectories.names)
-    added, notices = [], unsure
-    for index, slip in enumerate(slips):
-        following = slips[index + 1 :]
-        end = next((later.frame for later in following if later.marker == slip.marker), len(positions))
-        moved = np.full((len(positions), 3), np.nan)
-        moved[slip.frame : end] = trajectories.positions[slip.frame : end, slip.marker]
-        positions[slip.frame : end, slip.marker] = np.nan
+    notices = [(slip.frame, f"{slip.sentence}; it is left as it is") for slip in slips if not slip.sure]
+    named = new_names(trajectories.names, slips)
+    positions, added = trajectories.positions.copy(), []
+    for index, (slip, name) in enumerate(named.items()):
+        following = [later.frame for later in list(named)[index + 1 :] if later.marker == slip.marker]
+        frames = slice(slip.frame, min(following, default=len(positions)))
+        moved = np.full((len(positions), 1, 3), np.nan)
+        moved[frames, 0] = trajectories.positions[frames, slip.marker]
+        positions[frames, slip.marker] = np.nan
         added.append(moved)
-        names.append(_free_name(slip.name, names))
-        notices.append((slip.frame, f"{slip.sentence}; from then on it is the marker {names[-1]}"))
-    positions = np.concatenate([positions, *(moved[:, np.newaxis] for moved in added)], axis=1)
+        notices.append((slip.frame, f"{slip.sentence}; from then on it is the marker {name}"))
+    positions, names = np.concatenate([positions, *added], axis=1), trajectories.names + tuple(named.values())
     said = trajectories.notices + tuple(notice for _, notice in sorted(notices))
-    return dataclasses.replace(trajectories, positions=positions, names=tuple(names), notices=said)
+    return dataclasses.replace(trajectories, positions=positions, names=names, notices=said)
 
 
-def _free_name(name: str, taken: list[str]) -> str:
-    number = 2
-    while f"{name}_{number}" in taken:
-        number += 1
-    return f"{name}_{number}"
+def new_names(names: Iterable[str], slips: Iterable[Slip]) -> dict[Slip, str]:
+    """Names of the markers that slipped ones become from each sure slip on, by marker and frame."""
+    taken, found = set(names), {}
+    for slip in sorted((slip for slip in slips if slip.sure), key=lambda slip: (slip.marker, slip.frame)):
+        number = 2
+        while f"{slip.name}_{number}" in taken:
+            number += 1
+        found[slip] = f"{slip.name}_{number}"
+        taken.add(found[slip])
+    return found
 
 
 class _Place:

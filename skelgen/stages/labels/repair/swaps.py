@@ -16,6 +16,7 @@ import numpy as np
 
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.labelling import Finding
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.repair.evidence import Evidence, best_spans, misfits, weigh
@@ -76,13 +77,23 @@ class Swap:
     gain: float
 
     @property
+    def evidence(self) -> str:
+        """What speaks for it."""
+        seen = "; the labels are seen jumping" if self.jumps else ""
+        return f"misfit of distances {self.misfit_before:.1f} mm before, {self.misfit_after:.1f} mm after{seen}"
+
+    @property
     def sentence(self) -> str:
         """What the user is told."""
-        seen = "; the labels are seen jumping" if self.jumps else ""
         return (
             f"labels exchanged in frames {self.first_frame} to {self.last_frame}, repaired: {' -> '.join(self.names)} "
-            f"(misfit of distances {self.misfit_before:.1f} mm before, {self.misfit_after:.1f} mm after{seen})"
+            f"({self.evidence})"
         )
+
+    @property
+    def finding(self) -> Finding:
+        """For the account of the labels."""
+        return Finding("exchanged", self.names, self.first_frame, self.last_frame, self.evidence, "given back")
 
 
 def find_swaps(

@@ -1,0 +1,95 @@
+"""How far a limb's pose may be wrong: from what its markers leave unexplained, frame by frame of what is seen of them.
+
+A joint between two limbs is judged against this noise: the gap of a true joint is explained by it, whether its limbs
+carry three markers near to each other or ten far apart, and whether the joint is near or far from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.rotations import cross_matrix
+from skelgen.kinematics.shape import LimbShape
+from skelgen.model.arrays import Floats, Ints
+
+LEAST_FREEDOMS = 30
+"""Residual coordinates, beyond what the poses and the shape use up, from which a limb's noise is told."""
+
+FREE_OF_POSE = 6
+
+
+@dataclass(frozen=True, eq=False)
+class PoseNoise:
+    """What is known of the errors of a limb's poses.
+
+    Attributes
+    ----------
+    variance : float, mm^2
+        Of each coordinate of a marker about its place on the limb; NaN where too few residuals tell.
+    covariances : ndarray, shape (n_patterns, 6, 6)
+        Of shift and turn in the limb's frame for unit noise, for each set of points that is seen together.
+    pattern : ndarray of intp, shape (n_frames,)
+        Which of these a frame shows; -1 without a pose.
+    """
+
+    variance: float
+    covariances: Floats
+    pattern: Ints
+
+    def of_point(self, point: Floats) -> Floats:
+        """Variance of a coordinate, for unit noise, of the world position of a point of the limb, shape (n_frames,).
+
+        NaN in frames without a pose.
+        """
+        x, y, z = point.tolist()
+        slopes = np.array([[1, 0, 0, 0, z, -y], [0, 1, 0, -z, 0, x], [0, 0, 1, y, -x, 0]], dtype=np.float64)
+        by_pattern = np.einsum("ia,pab,ib->p", slopes, self.covariances, slopes) / 3
+        return np.append(by_pattern, np.nan)[self.pattern]
+
+    def at(self, frames: Ints) -> PoseNoise:
+        """These poses in some frames."""
+        return PoseNoise(self.variance, self.covariances, self.pattern[frames])
+
+
+def pose_noise(shape: LimbShape, points: Floats, frames: Ints) -> PoseNoise:
+    """Return the noise of a limb's poses.
+
+    Parameters
+    ----------
+    shape : LimbShape
+        The limb's shape and poses.
+    points : ndarray, shape (n_frames, n_points, 3), mm
+        The points to which the poses were fitted, NaN where unseen.
+    frames : ndarray of intp
+        Frames that tell the noise.
+    """
+    posed = shape.posed
+    pattern = np.full(len(points), -1, dtype=np.intp)
+    if not posed.any():
+        return PoseNoise(np.nan, np.zeros((0, 6, 6)), pattern)
+    seen = ~np.isnan(points[posed, :, 0])
+    sets, inverse = np.unique(seen, axis=0, return_inverse=True)
+    pattern[posed] = inverse.ravel()
+    slopes = np.concatenate([np.tile(np.eye(3), (len(shape.points), 1, 1)), -cross_matrix(shape.points)], axis=2)
+    information = np.tensordot(sets.astype(np.float64), slopes.swapaxes(1, 2) @ slopes, 1)
+    return PoseNoise(_variance(shape, points, frames), np.linalg.inv(information), pattern)
+
+
+def _variance(shape: LimbShape, points: Floats, frames: Ints) -> float:
+    frames = frames[shape.posed[frames]]
+    poses, sampled = shape.world_from_limb[frames], points[frames]
+    seen = ~np.isnan(sampled[:, :, 0])
+    modelled = np.einsum("fij,nj->fni", poses[:, :3, :3], shape.points) + poses[:, np.newaxis, :3, 3]
+    squares = ((sampled - modelled)[seen] ** 2).sum()
+    known_points = int(seen.any(axis=0).sum())
+    freedoms = 3 * int(seen.sum()) - FREE_OF_POSE * len(seen) - (3 * known_points - FREE_OF_POSE)
+    return float(squares / freedoms) if freedoms >= LEAST_FREEDOMS else np.nan
+
+
+def typical_variance(noises: Iterable[PoseNoise]) -> float:
+    """Median over limbs of the variance [mm^2] of their markers' coordinates; 0 if none tells."""
+    told = [noise.variance for noise in noises if not np.isnan(noise.variance)]
+    return float(np.median(told)) if told else 0.0
