@@ -72,11 +72,22 @@ class DistanceRecord:
         Sets that cannot be one marker.
     spacing : float, mm
         How far apart markers are.
+    prior : ndarray, shape (n, n), nats, optional
+        What else speaks for each two sets being one marker; symmetric.
     """
 
-    def __init__(self, count: Floats, total: Floats, squares: Floats, apart: Bools, spacing: float) -> None:
+    def __init__(
+        self,
+        count: Floats,
+        total: Floats,
+        squares: Floats,
+        apart: Bools,
+        spacing: float,
+        prior: Floats | None = None,
+    ) -> None:
         self.count, self.total, self.squares = count, total, squares
         self.apart = apart | np.eye(len(count), dtype=bool)
+        self.prior = np.zeros(count.shape) if prior is None else prior
         self.usual = _usual_deviations(*self._moments(slice(None)), count, spacing)
         self.mean, self.scatter = self._moments(slice(None))
         self.witness = _witness(count, self.scatter, self.usual)
@@ -96,12 +107,13 @@ class DistanceRecord:
         scatter = self.scatter[one][chosen] + self.scatter[rows, chosen]
         gain = _log_ratio(difference, first, second, scatter, self.usual)
         enough = heard.sum(axis=1) >= LEAST_WITNESSES
-        result[others[enough]] = np.where(heard, gain, 0.0).sum(axis=1)[enough]
+        told = enough | (self.prior[one, others] != 0.0)
+        result[others[told]] = self.prior[one, others[told]] + np.where(heard, gain, 0.0).sum(axis=1)[told]
         return result
 
     def join(self, one: int, other: int) -> None:
         """Make `other` a part of set `one`; its own row says nothing any more."""
-        for table in (self.count, self.total, self.squares):
+        for table in (self.count, self.total, self.squares, self.prior):
             table[one] += table[other]
             table[:, one] += table[:, other]
             table[other] = table[:, other] = 0.0

@@ -10,6 +10,7 @@ import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels.continuity import continuity_evidence
 from skelgen.stages.labels.likeness import DistanceRecord, distance_sums, join_likely, sample_frames
 from skelgen.stages.labels.marker_sets import MarkerSets, poses_at
 
@@ -113,7 +114,10 @@ class _Joined:
         begins_before = self._first[inside][:, np.newaxis] <= self._last[inside]
         first, second = np.nonzero(begins_before & begins_before.T)
         apart[row[first], row[second]] = True
-        return DistanceRecord(tables[0], tables[1], tables[2], apart, self._spacing)
+        prior = np.zeros(apart.shape)
+        before, after, evidence = continuity_evidence(self._points, sets, self._rate, self._spacing)
+        np.add.at(prior, (row[before], row[after]), evidence)
+        return DistanceRecord(tables[0], tables[1], tables[2], apart, self._spacing, prior + prior.T)
 
     def _keep(self, record: DistanceRecord, names: Ints, left: Ints, span: tuple[int, int]) -> None:
         """Carry on the groups that are seen most; what never joins anything is done."""
