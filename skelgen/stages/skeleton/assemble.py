@@ -120,7 +120,8 @@ def _lined_up(
     if not parameters.joints_for_poses:
         shape = fit_shape(points[:, :n_markers], frames, rotator, parameters.flatness)
         seen = ~np.isnan(points[:, :n_markers, 0])
-        if shape.has_pose and seen[shape.posed].any(axis=0)[seen.any(axis=0)].all():
+        placed = (seen & shape.posed[:, np.newaxis]).any(axis=0) | ~seen.any(axis=0)
+        if shape.has_pose and placed.all():
             return shape
     return fit_shape(points, frames, rotator, parameters.flatness)
 
