@@ -9,10 +9,12 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from skelgen.app.hierarchy import known_tree
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, trajectories_from_poses
+from skelgen.app.split import limbs_with_parts
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Poses, Project, StageReport, Trajectories
 from skelgen.parameters import StageParameters
@@ -155,7 +157,8 @@ def _cluster(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor
     check_trajectories(project.trajectories)
     from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - see the module's docstring
 
-    limbs = find_limbs(project.trajectories, parameters, n_limbs=wishes.n_limbs, seed=project.seed, monitor=monitor)
+    find = partial(find_limbs, parameters=parameters, n_limbs=wishes.n_limbs, seed=project.seed, monitor=monitor)
+    limbs = limbs_with_parts(project.trajectories, project.labelling.split if project.has_labelling else (), find)
     if limbs.n_limbs == 1 and wishes.n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
     return (limbs,)

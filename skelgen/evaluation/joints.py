@@ -32,6 +32,14 @@ class JointScore:
         Distance over all frames, for a hinge across its axis; None before the skeleton is fitted.
     raw_mean : float or None, mm
         Mean distance before the fit of rigid limbs, over the frames that have a raw joint.
+    bound : float or None, mm
+        Mean distance that no unbiased method can go below (Cramer-Rao), for noise as large as the take's.
+    times_bound : float or None
+        Mean distance over the frames of the bound, in units of the bound.
+    predicted : float or None, mm
+        Mean distance that the result itself predicts.
+    coverage : float or None
+        Part of the frames and axes in which the predicted 95 % intervals hold the truth.
     """
 
     name: str
@@ -41,6 +49,10 @@ class JointScore:
     median: float | None
     maximum: float | None
     raw_mean: float | None
+    bound: float | None = None
+    times_bound: float | None = None
+    predicted: float | None = None
+    coverage: float | None = None
 
 
 @dataclass(frozen=True)

@@ -6,33 +6,41 @@ skeleton. The poses are eliminated frame by frame (Schur complement), so that th
 .. math::
     S = H_{cc} - \sum_f H_{cf} H_{ff}^{-1} H_{fc}, \qquad S\,\delta c = g_c - \sum_f H_{cf} H_{ff}^{-1} g_f .
 
+After every step the poses are settled, so that their pull :math:`g_f` is nothing. For large chains S is computed from
+evenly spread frames and scaled, while the pull of the constants comes from all: the solution is that of all frames.
+
 The inverse of S, times the noise variance, is the covariance of the constants: the Cramer-Rao bound at the solution.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.chain import (
-    Chain,
-    ChainPoses,
-    fit_poses,
-    normal_equations,
-    residuals,
-    solve_damped,
-    world_arms,
+from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.articulation import Articulation
+from skelgen.kinematics.border import (
+    constant_pull,
+    frames_together,
+    linearised,
+    n_constants,
+    reduced_information,
 )
-from skelgen.model.arrays import Floats
+from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses, residuals, seen_weights
+from skelgen.model.arrays import Bools, Floats, Ints
 
-CHUNK_FLOATS = 8_000_000
-"""Entries of the largest Jacobian held at once: 64 MB."""
+INFORMATION_WORK = 4e8
+"""Multiplications that one matrix S may take, a tenth of a second: larger chains use fewer frames for it."""
+
+LEAST_INFORMATION_FRAMES = 60
+LEAST_SIGHTS = 10
+"""Frames of each marker that are among those for S, if there are as many."""
 
 MAX_ROUNDS = 12
+POSE_STEPS = 3
+"""Steps of the poses after each step of the constants: from so near, more would gain nothing that counts."""
+
 STEP_TOLERANCE = 1e-7
 """mm; rounds stop when no constant moves more."""
 
@@ -45,11 +53,11 @@ LEAST_GAIN = 0.01
 PRIOR_SPREAD = 30.0
 """mm; constants that the frames do not determine (a joint along its hinge) lean to the start with this spread."""
 
-POSE_DAMPING = 1e-6
-"""Relative damping of the eliminated poses; it holds the free turns of the limbs' own frames in place."""
+FREE_SHARE = 1e-8
+"""Of the mean information: the least that holds the free frames of the limbs, above rounding, however exact the take."""
 
 LEAST_NOISE = 1e-12
-"""mm^2; keeps the prior's weight above zero for exact takes."""
+"""mm^2; of a gain in likelihood, for exact takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,22 +68,33 @@ class Calibration:
     ----------
     chain : Chain
         Limbs with their maximum likelihood shapes and joints.
+    articulation : Articulation
+        What the joints allow, their axes calibrated too.
     poses : ChainPoses
         Poses in the frames used.
     noise : float, mm
-        Standard deviation of one coordinate, with the freedoms of poses and constants taken off.
-    information : ndarray, shape (3 (n_markers + n_joints), ...)
-        Information matrix of marker offsets, then joints 1 .. n_limbs - 1, in 1 / mm^2 times `noise` squared.
+        Standard deviation of one coordinate of weight 1, with the freedoms of poses and constants taken off.
+    information : ndarray, shape (n_constants, n_constants)
+        Information matrix of marker offsets, then joints 1 .. n_limbs - 1, in 1 / mm^2 times `noise` squared, then of
+        the constants of axes.
     """
 
     chain: Chain
+    articulation: Articulation
     poses: ChainPoses
     noise: float
     information: Floats
 
 
-def calibrate(chain: Chain, start: ChainPoses, positions: Floats, n_rounds: int | None = None) -> Calibration:
-    """Fit marker offsets and joints together with the poses of all frames.
+def calibrate(
+    chain: Chain,
+    start: ChainPoses,
+    positions: Floats,
+    n_rounds: int | None = None,
+    articulation: Articulation | None = None,
+    weights: Floats | None = None,
+) -> Calibration:
+    """Fit marker offsets, joints and axes together with the poses of all frames.
 
     Parameters
     ----------
@@ -87,40 +106,65 @@ def calibrate(chain: Chain, start: ChainPoses, positions: Floats, n_rounds: int 
         Measured markers of some hundred frames, NaN where unseen.
     n_rounds : int, optional
         Rounds at most; 0 keeps the chain and only finds poses, noise and information.
+    articulation : Articulation, optional
+        What the joints allow; any turn if it is not given.
+    weights : ndarray, shape (n_frames, n_markers), optional
+        Of the squared distances.
     """
-    state = _State(chain, fit_poses(chain, start, positions), positions)
+    articulation = articulation or Articulation.free(chain.n_limbs)
+    weights = seen_weights(positions, weights)
+    if not articulation.is_free:
+        start = ChainPoses(start.root, nearest_rotation(articulation.projected(chain.parents, start.rotations)))
+    poses = fit_poses(chain, start, positions, articulation, weights)
+    state = _State(chain, articulation, poses, positions, weights)
+    information = _information(state, positions, weights)
     for _ in range(MAX_ROUNDS if n_rounds is None else n_rounds):
-        better = _improved(state, chain, positions)
+        better = _improved(state, chain, information, positions, weights)
         if better is None:
             break
         moved = float(np.abs(_packed(better.chain) - _packed(state.chain)).max())
         gain = (state.squares - better.squares) / (2 * max(better.noise, LEAST_NOISE))
         state = better
-        if moved < STEP_TOLERANCE or gain <= LEAST_GAIN * len(_packed(chain)):
+        if moved < STEP_TOLERANCE or gain <= LEAST_GAIN * len(information):
             break
-    information = _reduced(state.chain, state.poses, positions).information
-    return Calibration(state.chain, state.poses, float(np.sqrt(state.noise)), information)
+        information = _information(state, positions, weights)
+    return Calibration(state.chain, state.articulation, state.poses, float(np.sqrt(state.noise)), information)
 
 
 class _State:
     """A chain with poses, and how well they explain the markers."""
 
-    def __init__(self, chain: Chain, poses: ChainPoses, positions: Floats) -> None:
-        self.chain, self.poses = chain, poses
-        self.squares, self.noise = _noise(chain, poses, positions)
+    def __init__(
+        self, chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats
+    ) -> None:
+        self.chain, self.articulation, self.poses = chain, articulation, poses
+        error = residuals(chain, poses, positions)
+        self.squares = float(np.einsum("fmi,fmi,fm->", error, error, weights))
+        n_data = 3 * int((weights > 0).sum())
+        n_free = n_data - len(positions) * articulation.n_freedoms - n_constants(chain, articulation)
+        self.noise = self.squares / max(n_free, 0.05 * n_data, 1)
 
 
-def _improved(state: _State, first: Chain, positions: Floats) -> _State | None:
-    """One Gauss-Newton step of constants and poses, halved until it lowers the sum of squares; None if it does not."""
-    reduced = _reduced(state.chain, state.poses, positions)
-    prior = max(state.noise, LEAST_NOISE) / PRIOR_SPREAD**2
-    constants = _packed(state.chain)
-    right = reduced.right_side + prior * (_packed(first) - constants)
-    step = np.linalg.solve(reduced.information + prior * np.eye(len(right)), right)
+def _improved(state: _State, first: Chain, information: Floats, positions: Floats, weights: Floats) -> _State | None:
+    """One Gauss-Newton step of the constants, halved until it lowers the sum of squares; None if it does not."""
+    chain, articulation = state.chain, state.articulation
+    constants = _packed(chain)
+    held = FREE_SHARE * float(np.diag(information)[: len(constants)].mean())
+    prior = max(state.noise / PRIOR_SPREAD**2, held)
+    levels = np.full(len(information), prior)
+    levels[len(constants) :] *= max(3 * float((chain.offsets**2).mean()), 1.0)  # tilts move what is a limb away
+    right = constant_pull(chain, articulation, state.poses, positions, weights)
+    right[: len(constants)] += prior * (_packed(first) - constants)
+    step: Floats = np.asarray(np.linalg.solve(information + np.diag(levels), right))
     for part in STEP_PARTS:
-        trial = _unpacked(state.chain, constants + part * step)
-        poses = state.poses.stepped(part * reduced.pose_steps(step))
-        better = _State(trial, poses if part == 1 else fit_poses(trial, poses, positions), positions)
+        trial = _unpacked(chain, constants + part * step[: len(constants)])
+        still = np.zeros((len(positions), articulation.n_freedoms))
+        changed, rotations = articulation.stepped(
+            chain.parents, state.poses.rotations, still, np.asarray(part * step[len(constants) :])
+        )
+        start = ChainPoses(state.poses.root, rotations)
+        poses = fit_poses(trial, start, positions, changed, weights, POSE_STEPS)
+        better = _State(trial, changed, poses, positions, weights)
         if better.squares <= state.squares:
             return better
     return None
@@ -136,87 +180,30 @@ def _unpacked(chain: Chain, constants: Floats) -> Chain:
     return chain.moved(joints, offsets)
 
 
-def _noise(chain: Chain, poses: ChainPoses, positions: Floats) -> tuple[float, float]:
-    """Sum of squares [mm^2] and the variance of one coordinate, freedoms taken off."""
-    error = residuals(chain, poses, positions)
-    n_data = 3 * int((~np.isnan(positions[:, :, 0])).sum())
-    n_poses = len(positions) * (3 + 3 * chain.n_limbs)
-    freedoms = max(n_data - n_poses - 3 * (chain.n_markers + chain.n_limbs - 1), 0.05 * n_data, 1)
-    squares = float((error**2).sum())
-    return squares, squares / freedoms
+def _information(state: _State, positions: Floats, weights: Floats) -> Floats:
+    """S of all frames, for large chains scaled up from frames that are evenly spread."""
+    size = n_constants(state.chain, state.articulation)
+    affordable = max(int(INFORMATION_WORK / (size**2 * (3 + 3 * state.chain.n_limbs))), LEAST_INFORMATION_FRAMES)
+    frames = _spread_frames(weights > 0, affordable)
+    scale = (weights > 0).sum() / max((weights[frames] > 0).sum(), 1)
+    together = frames_together(state.chain, state.articulation)
+    total = np.zeros((size, size))
+    for first in range(0, len(frames), together):
+        part = frames[first : first + together]
+        block = linearised(state.chain, state.articulation, state.poses[part], positions[part], weights[part])
+        total += reduced_information(block)
+    return np.asarray(scale * (total + total.T) / 2)
 
 
-@dataclass(frozen=True, eq=False)
-class _Reduced:
-    """Normal equations of the constants after the poses are eliminated, and how the poses follow."""
-
-    information: Floats
-    right_side: Floats
-    own_steps: Floats
-    """Pose steps with the constants held, shape (n_frames, d)."""
-    couplings: Floats
-    """How the pose steps fall with the constants, shape (n_frames, d, n_constants)."""
-
-    def pose_steps(self, constants: NDArray[np.floating[Any]]) -> Floats:
-        """Pose steps that go with a step of the constants, shape (n_frames, d)."""
-        return np.asarray(self.own_steps - self.couplings @ constants)
-
-
-def _reduced(chain: Chain, poses: ChainPoses, positions: Floats) -> _Reduced:
-    n_constants = 3 * (chain.n_markers + chain.n_limbs - 1)
-    step = max(1, CHUNK_FLOATS // (3 * chain.n_markers * n_constants))
-    parts = [
-        _reduced_chunk(chain, poses[slice(start, start + step)], positions[start : start + step])
-        for start in range(0, len(positions), step)
+def _spread_frames(seen: Bools, most: int) -> Ints:
+    """Evenly spread frames, and some of each marker that is seen in few of these."""
+    frames = np.arange(len(seen))
+    if len(frames) <= most:
+        return frames
+    chosen = np.unique(np.linspace(0, len(frames) - 1, most).astype(np.intp))
+    rare = np.flatnonzero(seen[chosen].sum(axis=0) < LEAST_SIGHTS)
+    more = [np.flatnonzero(seen[:, marker]) for marker in rare]
+    picked = [
+        one[np.linspace(0, len(one) - 1, min(LEAST_SIGHTS, len(one))).astype(np.intp)] for one in more if len(one)
     ]
-    return _Reduced(
-        information=np.sum([part.information for part in parts], axis=0),
-        right_side=np.sum([part.right_side for part in parts], axis=0),
-        own_steps=np.concatenate([part.own_steps for part in parts]),
-        couplings=np.concatenate([part.couplings for part in parts]),
-    )
-
-
-def _reduced_chunk(chain: Chain, poses: ChainPoses, positions: Floats) -> _Reduced:
-    n_frames = len(positions)
-    body_arms = chain.arms()
-    hessian, gradient = normal_equations(chain, body_arms, poses, positions)
-    seen = (~np.isnan(positions[:, :, 0])).astype(np.float64)[:, :, np.newaxis, np.newaxis]
-    constants = (_constant_jacobian(chain, poses) * seen).reshape(n_frames, 3 * chain.n_markers, -1)
-    pose = (_pose_jacobian(body_arms, poses) * seen).reshape(n_frames, 3 * chain.n_markers, -1)
-    border = pose.swapaxes(1, 2) @ constants
-    solved = solve_damped(
-        hessian, np.concatenate([border, gradient[..., np.newaxis]], axis=2), np.full(n_frames, POSE_DAMPING)
-    )
-    couplings, own_steps = np.ascontiguousarray(solved[..., :-1]), solved[..., -1]
-    flat, flat_border = constants.reshape(-1, constants.shape[-1]), border.reshape(-1, border.shape[-1])
-    schur = flat.T @ flat - flat_border.T @ couplings.reshape(flat_border.shape)
-    error = residuals(chain, poses, positions).ravel()
-    return _Reduced(
-        information=(schur + schur.T) / 2,
-        right_side=flat.T @ error - flat_border.T @ own_steps.ravel(),
-        own_steps=own_steps,
-        couplings=couplings,
-    )
-
-
-def _pose_jacobian(body_arms: Floats, poses: ChainPoses) -> Floats:
-    """How markers follow the pose, shape (n_frames, n_markers, 3, 3 + 3 n_limbs)."""
-    arms = world_arms(body_arms, poses)
-    n_frames, n_markers, n_limbs = arms.shape[:3]
-    turns = -cross_matrix(arms).transpose(0, 1, 3, 2, 4).reshape(n_frames, n_markers, 3, 3 * n_limbs)
-    shift = np.broadcast_to(np.eye(3), (n_frames, n_markers, 3, 3))
-    return np.concatenate([shift, turns], axis=3)
-
-
-def _constant_jacobian(chain: Chain, poses: ChainPoses) -> Floats:
-    """How markers follow offsets and joints, shape (n_frames, n_markers, 3, 3 (n_markers + n_limbs - 1))."""
-    n_frames, n_markers = len(poses.root), chain.n_markers
-    jacobian = np.zeros((n_frames, n_markers, 3, n_markers + chain.n_limbs - 1, 3))
-    for marker, limb in enumerate(chain.limb_of_marker):
-        jacobian[:, marker, :, marker] = poses.rotations[:, limb]
-        beyond = int(limb)
-        while (parent := int(chain.parents[beyond])) >= 0:
-            jacobian[:, marker, :, n_markers + beyond - 1] = poses.rotations[:, parent]
-            beyond = parent
-    return jacobian.reshape(n_frames, n_markers, 3, -1)
+    return np.unique(np.concatenate([chosen, *picked]))

@@ -18,10 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, nearest_rotation
+from skelgen.kinematics.articulation import Articulation
 from skelgen.model.arrays import Bools, Floats, Ints
 
-CHUNK_FRAMES = 512
-"""Frames solved together: their normal matrices stay within some ten megabytes."""
+CHUNK_FRAMES = 128
+"""Frames solved together: their normal matrices stay within a few megabytes."""
 
 DAMPING = 1e-6
 """Levenberg damping relative to the mean diagonal: what no marker determines stays where it starts."""
@@ -133,7 +134,14 @@ class ChainPoses:
         return ChainPoses(self.root[frames], self.rotations[frames])
 
 
-def fit_poses(chain: Chain, start: ChainPoses, positions: Floats) -> ChainPoses:
+def fit_poses(
+    chain: Chain,
+    start: ChainPoses,
+    positions: Floats,
+    articulation: Articulation | None = None,
+    weights: Floats | None = None,
+    max_steps: int = MAX_STEPS,
+) -> ChainPoses:
     """Fit a chain to markers in every frame by least squares over all its limbs.
 
     Parameters
@@ -141,12 +149,26 @@ def fit_poses(chain: Chain, start: ChainPoses, positions: Floats) -> ChainPoses:
     chain : Chain
         Known limbs.
     start : ChainPoses
-        First guess; directions that no marker determines stay there.
+        First guess; directions that no marker determines stay there. It must obey the joints.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
+    articulation : Articulation, optional
+        What the joints allow; any turn if it is not given.
+    weights : ndarray, shape (n_frames, n_markers), optional
+        Of the squared distances; 1 if not given.
+    max_steps : int
+        Gauss-Newton steps at most.
     """
+    articulation = articulation or Articulation.free(chain.n_limbs)
+    weights = seen_weights(positions, weights)
     fitted = [
-        _fit_chunk(chain, start[slice(first, first + CHUNK_FRAMES)], positions[first : first + CHUNK_FRAMES])
+        _fit_chunk(
+            _Problem(
+                chain, articulation, positions[first : first + CHUNK_FRAMES], weights[first : first + CHUNK_FRAMES]
+            ),
+            start[slice(first, first + CHUNK_FRAMES)],
+            max_steps,
+        )
         for first in range(0, len(positions), CHUNK_FRAMES)
     ]
     return ChainPoses(
@@ -155,18 +177,55 @@ def fit_poses(chain: Chain, start: ChainPoses, positions: Floats) -> ChainPoses:
     )
 
 
-def _fit_chunk(chain: Chain, start: ChainPoses, positions: Floats) -> ChainPoses:
+def seen_weights(positions: Floats, weights: Floats | None = None) -> Floats:
+    """Weights that are 0 where markers are unseen, shape (n_frames, n_markers)."""
+    seen = ~np.isnan(positions[:, :, 0])
+    return seen.astype(np.float64) if weights is None else np.where(seen, weights, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What poses are fitted to."""
+
+    chain: Chain
+    articulation: Articulation
+    positions: Floats
+    weights: Floats
+
+    def squares(self, poses: ChainPoses, frames: Ints) -> Floats:
+        """Weighted sum of squares of some frames."""
+        error = residuals(self.chain, poses, self.positions[frames])
+        return np.asarray(np.einsum("fmi,fmi,fm->f", error, error, self.weights[frames]))
+
+    def step(self, body_arms: Floats, poses: ChainPoses, frames: Ints, damping: Floats) -> Floats:
+        """Damped step of some frames' freedoms."""
+        positions, weights = self.positions[frames], self.weights[frames]
+        hessian, gradient = normal_equations(self.chain, body_arms, poses, positions, weights)
+        if not self.articulation.is_free:
+            turns, _ = self.articulation.bases(self.chain.parents, poses.rotations)
+            gradient = np.einsum("fdq,fd->fq", turns, gradient)
+            hessian = turns.swapaxes(1, 2) @ hessian @ turns
+        return solve_damped(hessian, gradient, damping)
+
+    def stepped(self, poses: ChainPoses, step: Floats) -> ChainPoses:
+        """Poses after a step of the freedoms."""
+        if self.articulation.is_free:
+            return poses.stepped(step)
+        _, rotations = self.articulation.stepped(self.chain.parents, poses.rotations, step)
+        return ChainPoses(poses.root + step[:, :3], rotations)
+
+
+def _fit_chunk(problem: _Problem, start: ChainPoses, max_steps: int) -> ChainPoses:
     poses = ChainPoses(start.root.copy(), start.rotations.copy())
-    body_arms = chain.arms()
-    active = np.arange(len(positions))
-    loss = _squares(residuals(chain, poses, positions))
-    damping = np.full(len(positions), DAMPING)
-    for _ in range(MAX_STEPS):
+    body_arms = problem.chain.arms()
+    active = np.arange(len(problem.positions))
+    loss = problem.squares(poses, active)
+    damping = np.full(len(active), DAMPING)
+    for _ in range(max_steps):
         part = poses[active]
-        hessian, gradient = normal_equations(chain, body_arms, part, positions[active])
-        step = solve_damped(hessian, gradient, damping[active])
-        trial = part.stepped(step)
-        new_loss = _squares(residuals(chain, trial, positions[active]))
+        step = problem.step(body_arms, part, active, damping[active])
+        trial = problem.stepped(part, step)
+        new_loss = problem.squares(trial, active)
         better = new_loss <= loss[active]
         kept = active[better]
         poses.root[kept], poses.rotations[kept] = trial.root[better], trial.rotations[better]
@@ -185,7 +244,9 @@ def residuals(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
     return np.nan_to_num(positions - poses.markers(chain))
 
 
-def normal_equations(chain: Chain, body_arms: Floats, poses: ChainPoses, positions: Floats) -> tuple[Floats, Floats]:
+def normal_equations(
+    chain: Chain, body_arms: Floats, poses: ChainPoses, positions: Floats, weights: Floats | None = None
+) -> tuple[Floats, Floats]:
     """Gauss-Newton normal matrix and right-hand side of every frame.
 
     Parameters
@@ -198,31 +259,89 @@ def normal_equations(chain: Chain, body_arms: Floats, poses: ChainPoses, positio
         Where to linearise.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
+    weights : ndarray, shape (n_frames, n_markers), optional
+        Of the squared distances; 1 if not given.
 
     Returns
     -------
     tuple of ndarray
         Shapes (n_frames, d, d) and (n_frames, d) with d = 3 + 3 n_limbs: translation first, then rotation vectors.
     """
-    n_frames, n_markers = positions.shape[:2]
-    n_limbs = chain.n_limbs
-    seen = (~np.isnan(positions[:, :, 0])).astype(np.float64)
-    error = residuals(chain, poses, positions)
-    arms = world_arms(body_arms, poses) * seen[:, :, np.newaxis, np.newaxis]
-    flat = arms.reshape(n_frames, n_markers, 3 * n_limbs)
-    outer = (flat.swapaxes(1, 2) @ flat).reshape(n_frames, n_limbs, 3, n_limbs, 3)
+    weights = seen_weights(positions, weights)
+    limbs = _limbs_of_frames(chain, body_arms, poses, positions, weights)
+    n_frames, n_limbs = limbs.weights.shape
+    flat = limbs.arms.reshape(n_frames, n_limbs, 3 * n_limbs)
+    weighted = flat * limbs.weights[:, :, np.newaxis]
+    outer = (weighted.swapaxes(1, 2) @ flat).reshape(n_frames, n_limbs, 3, n_limbs, 3)
+    every = np.arange(n_limbs)
+    outer[:, every, :, every] += limbs.spread.swapaxes(0, 1)
     trace = np.einsum("faibi->fab", outer)
     hessian = np.zeros((n_frames, 3 + 3 * n_limbs, 3 + 3 * n_limbs))
-    turns = np.einsum("fab,ij->faibj", trace, np.eye(3)) - outer.transpose(0, 1, 4, 3, 2)
+    turns = trace[:, :, np.newaxis, :, np.newaxis] * np.eye(3)[:, np.newaxis] - outer.transpose(0, 1, 4, 3, 2)
     hessian[:, 3:, 3:] = turns.reshape(n_frames, 3 * n_limbs, 3 * n_limbs)
-    hessian[:, :3, :3] = seen.sum(axis=1)[:, np.newaxis, np.newaxis] * np.eye(3)
-    mixed = -cross_matrix(arms.sum(axis=1)).transpose(0, 2, 1, 3).reshape(n_frames, 3, 3 * n_limbs)
+    hessian[:, :3, :3] = limbs.weights.sum(axis=1)[:, np.newaxis, np.newaxis] * np.eye(3)
+    mixed = -cross_matrix(weighted.sum(axis=1).reshape(n_frames, n_limbs, 3))
+    mixed = mixed.transpose(0, 2, 1, 3).reshape(n_frames, 3, 3 * n_limbs)
     hessian[:, :3, 3:] = mixed
     hessian[:, 3:, :3] = mixed.swapaxes(1, 2)
-    moment = (flat.swapaxes(1, 2) @ error).reshape(n_frames, n_limbs, 3, 3)
+    moment = (flat.swapaxes(1, 2) @ limbs.pull).reshape(n_frames, n_limbs, 3, 3) + limbs.twist
     torque = np.stack([moment[..., i, j] - moment[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
-    gradient = np.concatenate([error.sum(axis=1), torque.reshape(n_frames, -1)], axis=1)
+    gradient = np.concatenate([limbs.pull.sum(axis=1), torque.reshape(n_frames, -1)], axis=1)
     return hessian, gradient
+
+
+@dataclass(frozen=True, eq=False)
+class _LimbSums:
+    """Markers summed by limb: seen from any other limb, all markers of a limb hang on the same arm.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (n_frames, n_limbs)
+        Sums of weights.
+    arms : ndarray, shape (n_frames, n_limbs, n_limbs, 3), mm
+        World arms of the limbs' centroids: that of limb a for limb l is at [l, a].
+    spread : ndarray, shape (n_frames, n_limbs, 3, 3), mm^2
+        Weighted outer products of the markers' arms from the centroid.
+    pull, twist : ndarray, shapes (n_frames, n_limbs, 3) and (n_frames, n_limbs, 3, 3)
+        Weighted sums of residuals, and of their outer products with arms from the centroid.
+    """
+
+    weights: Floats
+    arms: Floats
+    spread: Floats
+    pull: Floats
+    twist: Floats
+
+
+def _limbs_of_frames(
+    chain: Chain, body_arms: Floats, poses: ChainPoses, positions: Floats, weights: Floats
+) -> _LimbSums:
+    n_frames, n_limbs = poses.rotations.shape[:2]
+    forces = residuals(chain, poses, positions) * weights[:, :, np.newaxis]
+    total, pull = np.zeros((n_frames, n_limbs)), np.zeros((n_frames, n_limbs, 3))
+    centre, spread = np.zeros((n_limbs, n_frames, 3)), np.zeros((n_frames, n_limbs, 3, 3))
+    twist = np.zeros((n_frames, n_limbs, 3, 3))
+    carried = np.zeros((n_limbs, n_limbs, 3))
+    for limb in range(n_limbs):
+        own = np.flatnonzero(chain.limb_of_marker == limb)
+        if not len(own):
+            continue
+        heard, offsets = weights[:, own], chain.offsets[own]
+        carried[limb] = body_arms[own[0]]
+        total[:, limb], pull[:, limb] = heard.sum(axis=1), forces[:, own].sum(axis=1)
+        centre[limb] = (heard @ offsets) / np.maximum(total[:, limb], np.finfo(np.float64).tiny)[:, np.newaxis]
+        squares = heard @ (offsets[:, :, np.newaxis] * offsets[:, np.newaxis]).reshape(-1, 9)
+        about = squares.reshape(-1, 3, 3) - total[:, limb, np.newaxis, np.newaxis] * (
+            centre[limb][:, :, np.newaxis] * centre[limb][:, np.newaxis]
+        )
+        turn = poses.rotations[:, limb]
+        spread[:, limb] = turn @ about @ turn.swapaxes(1, 2)
+        moments = offsets.T @ forces[:, own] - centre[limb][:, :, np.newaxis] * pull[:, limb][:, np.newaxis]
+        twist[:, limb] = turn @ moments
+    arms = world_arms(carried, poses)
+    for limb in range(n_limbs):
+        arms[:, limb, limb] = np.einsum("fij,fj->fi", poses.rotations[:, limb], centre[limb])
+    return _LimbSums(total, arms, spread, pull, twist)
 
 
 def world_arms(body_arms: Floats, poses: ChainPoses) -> Floats:
@@ -243,7 +362,3 @@ def solve_damped(hessian: Floats, gradient: Floats, damping: Floats) -> Floats:
     if gradient.ndim == 2:
         return np.asarray(np.linalg.solve(damped, gradient[..., np.newaxis])[..., 0])
     return np.asarray(np.linalg.solve(damped, gradient))
-
-
-def _squares(error: Floats) -> Floats:
-    return np.asarray(np.einsum("fmi,fmi->f", error, error))

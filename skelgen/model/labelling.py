@@ -128,7 +128,7 @@ class Finding:
     kind : str
         One of `FINDING_KINDS`.
     names : tuple of str
-        The labels, as in the file.
+        The labels, as in the file; of a slipped marker that is split, the label and the new name of its second part.
     first_frame, last_frame : int
         Both included.
     evidence : str
@@ -222,6 +222,11 @@ class Labelling:
         object.__setattr__(self, "findings", tuple(self.findings))
         object.__setattr__(self, "twins", twins)
         object.__setattr__(self, "left_out", check_ints(self.left_out, (n_frames,), "left_out"))
+
+    @property
+    def split(self) -> tuple[tuple[str, ...], ...]:
+        """Names of markers that are parts of one physical marker, which slipped: they sit on one limb."""
+        return tuple(finding.names for finding in self.findings if finding.kind == "slipped" and len(finding.names) > 1)
 
     @property
     def marker_confidence(self) -> Floats:

@@ -20,8 +20,8 @@ class Topology:
     parents : ndarray of intp, shape (n_limbs,)
         Parent limb of each limb, -1 for a root.
     joint_costs : ndarray, shape (n_limbs, n_limbs), mm^2
-        Symmetric cost of a joint between each two limbs; infinite costs are NaN (never seen together), the diagonal
-        is 0.
+        Symmetric cost of a joint between each two limbs; infinite costs are NaN (never seen together, or refused by
+        the user), the diagonal is 0.
     raw_joint_positions : ndarray, shape (n_frames, n_joints, 3), mm
         World positions of the joints before the fit of rigid limbs; NaN where not to be told. Joints are in the order
         of `children`.
@@ -31,6 +31,8 @@ class Topology:
         Joint cost at each solution over all frames, with the weight that places joints (0 by default) for `alpha`.
     alpha : float
         Weight of the mean marker-joint distance in `joint_costs`.
+    loops : tuple of pairs of int
+        Pairs of limbs that seem joined although the tree does not join them: they close rings.
     """
 
     parents: Ints
@@ -39,6 +41,7 @@ class Topology:
     n_iterations: Ints
     values: Floats
     alpha: float
+    loops: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
         parents = check_ints(self.parents, (None,), "parents")
@@ -53,6 +56,9 @@ class Topology:
         object.__setattr__(self, "n_iterations", check_ints(self.n_iterations, (n_joints,), "n_iterations"))
         object.__setattr__(self, "values", check_floats(self.values, (n_joints,), "values"))
         object.__setattr__(self, "alpha", float(self.alpha))
+        for pair in self.loops:
+            if len(pair) != 2 or not all(0 <= limb < n_limbs for limb in pair):
+                raise InputError(f"a loop joins two of {n_limbs} limbs, not {pair}")
 
     @property
     def n_limbs(self) -> int:
@@ -80,6 +86,22 @@ class Topology:
         children = self.children
         return np.stack([self.parents[children], children], axis=1)
 
+    @property
+    def rivals(self) -> Ints:
+        """The cheapest other joint between the two parts that each joint connects, shape (n_joints, 2).
+
+        The limb on the parent's side first; -1 where there is no other.
+        """
+        found = cheapest_rivals(self.parents, self.joint_costs)
+        return np.array([found[int(child)][0] for child in self.children], dtype=np.intp).reshape(-1, 2)
+
+    @property
+    def margins(self) -> Floats:
+        """How much worse [mm^2] the best tree without each joint is, shape (n_joints,); NaN where there is no other."""
+        found = cheapest_rivals(self.parents, self.joint_costs)
+        parents, children = self.parents[self.children], self.children
+        return np.array([found[int(child)][1] for child in children]) - self.joint_costs[parents, children]
+
 
 def outward_order(parents: Ints) -> Ints:
     """Limbs sorted from the roots outward, breadth first and by index within a level.
@@ -93,6 +115,44 @@ def outward_order(parents: Ints) -> Ints:
     for limb in order:  # the list grows while it is walked: that is the breadth-first search
         order.extend(int(child) for child in np.flatnonzero(parents == limb))
     return np.array(order, dtype=np.intp)
+
+
+def cheapest_rivals(parents: Ints, costs: Floats) -> dict[int, tuple[tuple[int, int], float]]:
+    """Return the cheapest other edge, and its cost, between the two parts that each edge of a forest connects.
+
+    Parameters
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parent of each limb, -1 for a root.
+    costs : ndarray, shape (n_limbs, n_limbs), mm^2
+        Symmetric; NaN where two limbs cannot be joined.
+
+    Returns
+    -------
+    dict
+        By child: the limb on the parent's side and that on the child's, with the cost; (-1, -1) and NaN if there is no
+        other.
+    """
+    order = outward_order(parents)
+    root, inside = np.arange(len(parents)), np.eye(len(parents), dtype=bool)  # inside[limb]: the branch that it bears
+    for limb in order.tolist():
+        if parents[limb] >= 0:
+            root[limb] = root[parents[limb]]
+    for limb in order[::-1].tolist():
+        if parents[limb] >= 0:
+            inside[parents[limb]] |= inside[limb]
+    found = {}
+    for child in np.flatnonzero(parents >= 0).tolist():
+        rest = (root == root[child]) & ~inside[child]
+        allowed = rest[:, np.newaxis] & inside[child] & ~np.isnan(costs)
+        allowed[parents[child], child] = False
+        if not allowed.any():
+            found[child] = ((-1, -1), float("nan"))
+            continue
+        open_costs = np.where(allowed, costs, np.inf)
+        outer, inner = np.unravel_index(int(open_costs.argmin()), costs.shape)
+        found[child] = ((int(outer), int(inner)), float(open_costs.min()))
+    return found
 
 
 def parents_from_names(names: tuple[str, ...], parents: Mapping[str, str | None]) -> Ints:

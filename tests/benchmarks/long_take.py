@@ -1,4 +1,6 @@
-"""Processor time and memory of the labels stage for takes of any length, up to an hour: ``python tests/benchmarks/long_take.py``.
+"""Time and memory of the labels stage for takes of any length, up to an hour: ``python tests/benchmarks/long_take.py``.
+
+Time is that of the processor, as others may be at work on the machine.
 
 A short simulated take runs forth and back until it is long enough, with fresh noise each time, so that making it costs
 nothing beside labelling it; every length is labelled in a process of its own, whose peak of memory is printed.

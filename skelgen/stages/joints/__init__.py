@@ -16,13 +16,16 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order
 from skelgen.progress import SILENT, Monitor
+from skelgen.stages.joints.bodies import false_joints, usual_radius
 from skelgen.stages.joints.comparable import comparable_costs
-from skelgen.stages.joints.loose import loose_sentences
+from skelgen.stages.joints.loops import loop_joints
 from skelgen.stages.joints.noise import typical_variance
 from skelgen.stages.joints.pairs import ENOUGH_FRAMES, MIN_COMMON, JointGuess, Segment, guess_joint, make_segment
 from skelgen.stages.joints.parallel import map_pairs
 from skelgen.stages.joints.parameters import JointParameters
+from skelgen.stages.joints.said import tree_sentences
 from skelgen.stages.joints.tree import spanning_tree
+from skelgen.stages.joints.wishes import limb_pairs, obeyed_costs
 
 __all__ = ["JointParameters", "find_joints"]
 
@@ -79,24 +82,41 @@ def find_joints(
     guesses = _all_pairs(segments, frames, parameters, seed, n_jobs, monitor)
     sizes = np.array([segment.n_markers for segment in segments])
     judged = comparable_costs(guesses, limbs.n_limbs, parameters.alpha)
-    costs = judged.costs
+    wanted, refused = (limb_pairs(text, trajectories.names, limbs) for text in (parameters.joined, parameters.parted))
+    costs = obeyed_costs(judged.costs, wanted, refused)
+    cut: list[tuple[int, int]] = []
     if parents is None:
         parents = spanning_tree(costs, sizes, root)
-    _check_parents(parents, costs)
+        if parameters.separate:
+            false = false_joints(parents, judged, guesses, usual_radius([track[frames] for track in tracks]))
+            cut = [edge for edge in false if (min(edge), max(edge)) not in wanted]
+            parents = _without(cut, parents, costs, sizes, root)
+    _check_parents(parents, judged.costs)
     kept = _place_joints(segments, frames, parents, parameters, seed, monitor)
     children = outward_order(parents)[(parents < 0).sum() :]
-    _report_separate_bodies(parents, monitor)
     topology = Topology(
         parents=parents,
-        joint_costs=np.where(np.isfinite(costs), costs, np.nan),
+        joint_costs=np.where(np.isfinite(costs), judged.costs, np.nan),
         raw_joint_positions=_stacked([kept[int(child)].positions for child in children], trajectories.n_frames),
         n_iterations=np.array([kept[int(child)].n_iterations for child in children], dtype=np.intp),
         values=np.array([_value(kept[int(child)], parameters.alpha_final) for child in children]),
         alpha=parameters.alpha,
+        loops=loop_joints(parents, judged),
     )
-    for sentence in loose_sentences(trajectories, limbs, topology):
+    for sentence in tree_sentences(topology, judged, guesses, cut):
         monitor.notice(sentence)
     return topology
+
+
+def _without(cut: list[tuple[int, int]], parents: Ints, costs: Floats, sizes: Ints, root: int | None) -> Ints:
+    """The tree without some of its edges, each part rooted at its limb with most joints."""
+    if not cut:
+        return parents
+    kept = np.full_like(costs, np.inf)
+    for child in np.flatnonzero(parents >= 0):
+        if (int(parents[child]), int(child)) not in cut:
+            kept[child, parents[child]] = kept[parents[child], child] = costs[child, parents[child]]
+    return spanning_tree(kept, sizes, root)
 
 
 def sample_frames(n_frames: int, parameters: JointParameters) -> Ints:
@@ -219,9 +239,3 @@ def _check_parents(parents: Ints, costs: Floats) -> None:
 
 def _value(guess: JointGuess, alpha: float) -> float:
     return guess.square + alpha * guess.distance if np.isfinite(guess.square) else np.nan
-
-
-def _report_separate_bodies(parents: Ints, monitor: Monitor) -> None:
-    n_roots = int((parents < 0).sum())
-    if n_roots > 1:
-        monitor.notice(f"{n_roots} limbs or groups of limbs are never seen together: they are separate bodies")

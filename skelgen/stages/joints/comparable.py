@@ -31,6 +31,9 @@ UNEXPLAINED_WEIGHT = 3.0
 CHANCE = 1.5
 """Ratio of gaps to expected gaps that noise still makes: soft tissue lasts, so that few frames are independent."""
 
+USUAL_PART = 0.25
+"""Of all pairs of limbs turn less than what counts as usual: limbs of a joint turn less than those far apart."""
+
 ROUNDS = 3
 """Of tree and usual wandering, each from the other."""
 
@@ -95,7 +98,7 @@ def _stillness(turns: Floats, possible: Bools) -> Floats:
     """Square of how much less than usual two limbs turn, at least 1."""
     moves = np.maximum(np.nan_to_num(turns, nan=1.0), LEAST_TURN)
     upper = np.triu(possible, 1)
-    usual = float(np.median(moves[upper])) if upper.any() else 1.0
+    usual = float(np.quantile(moves[upper], USUAL_PART)) if upper.any() else 1.0
     return np.asarray(np.maximum(1.0, (usual / moves) ** 2))
 
 

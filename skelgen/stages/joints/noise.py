@@ -49,6 +49,11 @@ class PoseNoise:
         by_pattern = np.einsum("ia,pab,ib->p", slopes, self.covariances, slopes) / 3
         return np.append(by_pattern, np.nan)[self.pattern]
 
+    def of_turn(self) -> Floats:
+        """Variance [rad^2] of a turn about each axis for unit noise, shape (n_frames,); NaN without a pose."""
+        by_pattern = np.einsum("paa->p", self.covariances[:, 3:, 3:]) / 3
+        return np.append(by_pattern, np.nan)[self.pattern]
+
     def at(self, frames: Ints) -> PoseNoise:
         """These poses in some frames."""
         return PoseNoise(self.variance, self.covariances, self.pattern[frames])

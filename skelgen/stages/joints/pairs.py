@@ -26,8 +26,8 @@ FREE_COORDINATES = 3
 ENOUGH_FRAMES = 50
 """Frames with both limbs below which more are looked for, in the whole take and by other ways."""
 
-LEAST_TURN = 1e-3
-"""rad; limbs that turn less against each other do not turn."""
+LEAST_TURN = 0.02
+"""rad, each axis; limbs that turn less against each other hardly turn."""
 
 USUAL_TURN = 0.2
 """rad, each axis; what limbs of a moving body turn against each other."""
@@ -126,7 +126,7 @@ class JointGuess:
     distance : float, mm
         Mean distance from the markers of both limbs.
     turn : float, rad
-        Root mean square of how far the limbs turn about the joint, each axis; NaN without poses.
+        Root mean square of how far the limbs turn about the joint beyond noise, each axis; NaN without poses.
     n_frames : int
         Frames that it rests on.
     n_iterations : int
@@ -143,8 +143,8 @@ class JointGuess:
 
     @property
     def hidden_part(self) -> float:
-        """Two standard deviations of the mean square gap, as a part of it: what noise could hide."""
-        return 2 * float(np.sqrt(2 / (3 * max(self.n_frames, 1))))
+        """Standard deviation of the mean square gap, as a part of it: what noise could hide."""
+        return float(np.sqrt(2 / (3 * max(self.n_frames, 1))))
 
     @property
     def doubt(self) -> float:
@@ -208,6 +208,8 @@ def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess |
     poses, near = (first.shape.world_from_limb, second.shape.world_from_limb), (first.centre, second.centre)
     fit = fit_fixed_point(*poses, *near, weights) or fit
     expected = _expected(first, fit.in_first, typical) + _expected(second, fit.in_second, typical)
+    shaking = _shaking(first, typical) + _shaking(second, typical)
+    turned = fit.turning.sum() / 6 - float(np.nansum(weights * shaking) / weights.sum())
     both = np.stack([images(first.shape, fit.in_first), images(second.shape, fit.in_second)])
     n_frames = int((weights > 0).sum())
     freedom = n_frames / max(n_frames - 2, 0.5)
@@ -216,7 +218,7 @@ def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess |
         _mean_of_known(both),
         square,
         float(np.nansum(weights * expected) / weights.sum()),
-        turn=float(np.sqrt(fit.turning.sum() / 6)),
+        turn=float(np.sqrt(max(turned, 0.0))),
         n_frames=n_frames,
     )
 
@@ -234,8 +236,15 @@ def _weights(first: Segment, second: Segment, fit: FixedPoint, typical: float) -
 
 
 def _expected(segment: Segment, point: Floats, typical: float) -> Floats:
-    variance = typical if np.isnan(segment.noise.variance) else segment.noise.variance
-    return max(variance, LEAST_VARIANCE) * segment.noise.of_point(point)
+    return _noise(segment, typical) * segment.noise.of_point(point)
+
+
+def _shaking(segment: Segment, typical: float) -> Floats:
+    return _noise(segment, typical) * segment.noise.of_turn()
+
+
+def _noise(segment: Segment, typical: float) -> float:
+    return max(typical if np.isnan(segment.noise.variance) else segment.noise.variance, LEAST_VARIANCE)
 
 
 def _from_sphere(body: Segment, other: Segment, typical: float) -> JointGuess | None:

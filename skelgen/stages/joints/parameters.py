@@ -131,3 +131,10 @@ class JointParameters(DescentParameters):
     max_fallback: int = declare(
         5, "how many frames back such a start may come from", unit="frames", low=0, high=1000, seed_name="MAXFALLBACK"
     )
+    joined: str = declare(
+        "", "joints that are there, as pairs of limbs or of one marker of each: 'limb0, limb3; LKNE, LANK'"
+    )
+    parted: str = declare("", "joints that are not there, in the same form")
+    separate: bool = declare(
+        True, "whether edges of the tree that are no joints are cut, so that separate bodies are separate trees"
+    )

@@ -141,8 +141,11 @@ def _sampled(cloud: PointCloud, marker_of_point: Ints, frames: Ints) -> Floats:
 
 def _joined_again(cloud: PointCloud, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
     """Join markers by the likelihood of their distances, of which each turn knows more."""
-    sums = distance_sums(_sampled(cloud, marker_of_point, sample_frames(rate, 0, cloud.n_frames)))
-    joined = join_everything(DistanceRecord(*sums, sums[0] > 0, spacing))
+    frames = sample_frames(rate, 0, cloud.n_frames)
+    sums = np.zeros((3, *[int(marker_of_point.max(initial=-1)) + 1] * 2))
+    for start in range(0, len(frames), MODEL_FRAMES):
+        sums += distance_sums(_sampled(cloud, marker_of_point, frames[start : start + MODEL_FRAMES]))
+    joined = join_everything(DistanceRecord(sums[0], sums[1], sums[2], sums[0] > 0, spacing))
     if (joined == np.arange(len(joined))).all():
         return marker_of_point
     found = one_point_a_frame(cloud, np.append(joined, -1).astype(np.int32)[marker_of_point])

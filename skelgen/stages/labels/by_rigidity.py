@@ -14,7 +14,7 @@ from skelgen.stages.labels.by_sets import stand_alone_frames
 from skelgen.stages.labels.follow import typical_spacing
 from skelgen.stages.labels.marker_sets import MarkerSets
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.windows import join_sets
+from skelgen.stages.labels.windows import MOST_KEPT, join_sets
 
 STRANGER_SHARE = 0.1
 """Of all frames in which a marker that no limb carries must be seen."""
@@ -66,6 +66,7 @@ def markers_by_rigidity(
     monitor.begin("joining Marker Sets")
     group = join_sets(cloud.points, sets, rate, typical_spacing(cloud), monitor)
     by_distances = np.append(group, -1).astype(np.int32)[sets.set_of_points(cloud.n_points)]
+    by_distances = _most_seen(by_distances, MOST_KEPT * max(1, int(np.median(cloud.points_per_frame))))
     found = refine_labels(
         cloud,
         owner,

@@ -155,6 +155,7 @@ def identity_confidence(
     confidence[:, original >= 0] *= PIECE_RIGHT
     confidence[:, alone] *= ALONE_RIGHT
     confidence[:, rare] *= prior.rare
+    confidence.flags.writeable = False
     return Certainty(confidence, rival, n_seen, evidence, original, alone, rare, twins)
 
 

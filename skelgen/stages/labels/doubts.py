@@ -28,7 +28,7 @@ def doubtful_spans(trajectories: Trajectories, certainty: Certainty) -> tuple[Do
     certainty : Certainty
         What is known of them.
     """
-    low = np.nan_to_num(certainty.confidence, nan=1.0) < DOUBTFUL
+    low: Bools = certainty.confidence < DOUBTFUL
     trusted = trajectories.seen & ~low
     bridged = max(1, round(CORRELATED_SECONDS * trajectories.rate))
     spans = zip(*(values.tolist() for values in _joined(low, trusted, bridged)), strict=True)
@@ -68,7 +68,7 @@ def _joined(low: Bools, trusted: Bools, bridged: int) -> tuple[Ints, Ints, Ints]
     marker, first, last = seen_runs(low)
     if not len(marker):
         return marker, first, last
-    sums = np.cumsum(trusted, axis=0)
+    sums = np.cumsum(trusted, axis=0, dtype=np.int32)
     between: Ints = sums[first[1:], marker[1:]] - sums[last[:-1], marker[1:]]
     new = np.concatenate([[True], (marker[1:] != marker[:-1]) | (between > bridged)])
     starts = np.flatnonzero(new)

@@ -72,11 +72,13 @@ def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Or
     origin : Origin
         What they were made of.
     """
-    changes, stated = np.zeros((2, *trajectories.seen.shape), dtype=np.bool_)
+    changes = np.zeros(trajectories.seen.shape, dtype=np.bool_)
+    stated = None if origin.stated is None else np.zeros_like(changes)
     parts = []
     for portion in _portions(origin.cloud, trajectories.positions):
         changes[portion.frames] = _track_changes(origin, portion, trajectories.n_markers)
-        stated[portion.frames] = _stated(origin, portion, trajectories.n_markers)
+        if origin.stated is not None and stated is not None:
+            stated[portion.frames] = _stated(origin.stated, portion, trajectories.n_markers)
         parts.append(_parts(origin.owner[portion.points], portion.marker_of_point, portion.frame_of_point))
     certainty = identity_confidence(trajectories, changes, stated, LABELS_FOUND)
     left_out = np.maximum(cloud.points_per_frame - trajectories.seen.sum(axis=1), 0)
@@ -177,12 +179,11 @@ def _track_changes(origin: Origin, portion: _Portion, n_markers: int) -> Bools:
     return changes
 
 
-def _stated(origin: Origin, portion: _Portion, n_markers: int) -> Bools:
-    """Frames in which the user has stated that a point is the marker, shape (n_frames, n_markers)."""
+def _stated(stated: Bools, portion: _Portion, n_markers: int) -> Bools:
+    """Frames in which the user says that the marker is the one that it is called."""
     result = np.zeros((portion.frames.stop - portion.frames.start, n_markers), dtype=np.bool_)
-    if origin.stated is not None:
-        told = origin.stated[portion.points] & (portion.marker_of_point >= 0)
-        result[portion.frame_of_point[told] - portion.frames.start, portion.marker_of_point[told]] = True
+    told = stated[portion.points] & (portion.marker_of_point >= 0)
+    result[portion.frame_of_point[told] - portion.frames.start, portion.marker_of_point[told]] = True
     return result
 
 

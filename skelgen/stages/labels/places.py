@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import dataclass
+
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
@@ -49,6 +52,20 @@ def same_places(together: Floats, offsets: Floats, limb_of_marker: Ints, limits:
     return result
 
 
+@dataclass(eq=False)
+class _Newcomer:
+    """A place that tracks keep: where it is, the points, and those of the latest block with their frames."""
+
+    place: Floats
+    points: list[Ints]
+    block: int
+    frames: Ints
+
+    @property
+    def n_points(self) -> int:
+        return sum(len(points) for points in self.points)
+
+
 class Newcomers:
     """Tracks without a marker that keep a place of their own on a limb; gathered block by block.
 
@@ -62,7 +79,7 @@ class Newcomers:
 
     def __init__(self, gate: float, limits: Floats) -> None:
         self._gate, self._limits = gate, limits
-        self._found: list[tuple[int, Floats, Ints, Ints]] = []  # limb, place, points, frames
+        self._found: dict[int, list[_Newcomer]] = {}  # by limb
 
     def look(self, points: Floats, block: Block, free: Ints, pieces: Ints, poses: Poses) -> None:
         """Look at the free tracks of a block.
@@ -88,20 +105,26 @@ class Newcomers:
             frames = block.frames[members]
             place = steadiest_place(points[members], poses.at(frames), self._limits, LEAST_FRAMES)
             if place is not None:
-                self._add(place, block.points.start + members, block.first + frames)
+                self._add(place, block, members)
 
     def found(self, n_frames: int) -> list[Ints]:
         """Points of each new marker, of those that are seen in enough of the take's `n_frames`."""
         least = max(LEAST_FRAMES, LEAST_SHARE * n_frames)
-        return [members for _, _, members, _ in self._found if len(members) >= least]
+        everybody = itertools.chain.from_iterable(self._found.values())
+        return [np.concatenate(one.points) for one in everybody if one.n_points >= least]
 
-    def _add(self, place: tuple[int, Floats], members: Ints, frames: Ints) -> None:
+    def _add(self, place: tuple[int, Floats], block: Block, members: Ints) -> None:
+        """Add a track's points to those of its place; tracks of earlier blocks are in other frames anyway."""
         limb, position = place
-        for index, (other_limb, other, others, other_frames) in enumerate(self._found):
-            if other_limb != limb or np.linalg.norm(other - position) >= self._gate:
+        points, frames = (block.points.start + members).astype(np.int32), block.frames[members]
+        others = self._found.setdefault(limb, [])
+        for other in others:
+            if np.linalg.norm(other.place - position) >= self._gate:
                 continue
-            if len(np.intersect1d(frames, other_frames)) <= COMMON_FRAMES:
-                joined = np.concatenate([others, members]), np.concatenate([other_frames, frames])
-                self._found[index] = (limb, (other + position) / 2, *joined)
+            known = other.frames if other.block == block.first else frames[:0]
+            if len(np.intersect1d(frames, known)) <= COMMON_FRAMES:
+                other.place = (other.place + position) / 2
+                other.points.append(points)
+                other.block, other.frames = block.first, np.concatenate([known, frames])
                 return
-        self._found.append((limb, position, members, frames))
+        others.append(_Newcomer(position, [points], block.first, frames))

@@ -88,6 +88,7 @@ def label_and_judge(
             origin.cloud, sets, trajectories.rate, parameters, n_markers=n_markers, seed=seed, monitor=monitor
         )
         origin = dataclasses.replace(origin, by_sets=theirs)
+    del sets  # of long takes they are large
     return trajectories, labelling_of_cloud(cloud, trajectories, origin)
 
 

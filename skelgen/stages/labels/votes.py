@@ -13,8 +13,8 @@ from skelgen.model.arrays import Floats, Ints
 Scores = NDArray[np.floating[Any]]
 """How well markers explain points; short numbers do."""
 
-CHUNK_PAIRS = 500_000
-"""Distances between points and markers held at once: 2 MB, which the processor keeps at hand."""
+CHUNK_PAIRS = 100_000
+"""Distances between points and markers held at once: less than 1 MB, which the processor keeps at hand."""
 
 FAR = 1e15
 """mm; where a marker is put whose place is not known: its square is still a number."""
@@ -45,21 +45,20 @@ def point_scores(points: Floats, frames: Ints, predicted: Floats, gates: Floats)
     scores = np.zeros((len(points), n_markers), dtype=np.float32)
     if not len(points) or not n_markers:
         return scores
-    centre = points.mean(axis=0)  # short numbers are exact enough near it
-    places = np.where(np.isnan(predicted), FAR, predicted - centre).astype(np.float32).transpose(2, 0, 1).copy()
-    near = (points - centre).astype(np.float32)
-    factor = (-1.0 / gates**2).astype(np.float32)
+    places = np.where(np.isnan(predicted), FAR, predicted).transpose(2, 0, 1).copy()
+    factor = -1.0 / gates**2
     step = max(1, CHUNK_PAIRS // n_markers)
     for start in range(0, len(points), step):
-        part, squares = slice(start, start + step), scores[start : start + step]
+        part = slice(start, start + step)
+        squares = np.zeros((len(points[part]), n_markers))
         for axis in range(3):
             offset = places[axis].take(frames[part], axis=0)
-            offset -= near[part, axis, np.newaxis]
+            offset -= points[part, axis, np.newaxis]
             offset *= offset
             squares += offset
         squares *= factor.take(frames[part], axis=0)
         squares += 1.0
-        np.maximum(squares, 0.0, out=squares)
+        np.maximum(squares, 0.0, out=scores[part], casting="same_kind")
     return scores
 
 

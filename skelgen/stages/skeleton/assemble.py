@@ -113,10 +113,15 @@ def assemble(body: Body, parameters: SkeletonParameters, rotator: Rotator, frame
 def _lined_up(
     points: Floats, n_markers: int, frames: Ints, parameters: SkeletonParameters, rotator: Rotator
 ) -> LimbShape:
-    """Pose the limb by its markers alone where they suffice: raw joints are less certain."""
+    """Pose the limb by its markers alone where they suffice to place all: raw joints are less certain.
+
+    A marker that is split where it slipped is never seen with three others on a limb of three.
+    """
     if not parameters.joints_for_poses:
         shape = fit_shape(points[:, :n_markers], frames, rotator, parameters.flatness)
-        if shape.has_pose:
+        seen = ~np.isnan(points[:, :n_markers, 0])
+        placed = (seen & shape.posed[:, np.newaxis]).any(axis=0) | ~seen.any(axis=0)
+        if shape.has_pose and placed.all():
             return shape
     return fit_shape(points, frames, rotator, parameters.flatness)
 

@@ -7,21 +7,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.orientation import Rotator
-from skelgen.kinematics.calibration import calibrate
-from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses
+from skelgen.kinematics.calibration import Calibration, calibrate
+from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses, seen_weights
 from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
 from skelgen.stages.skeleton.joints import (
+    articulation_of,
     axis_freedom,
     find_kinds,
     joint_covariances,
     settle_along_axes,
+    with_axes,
     with_noise_of_poses,
 )
 from skelgen.stages.skeleton.outliers import out_of_place, out_of_reach
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
+
+FIRST_ROUNDS = 3
+"""Rounds of the fit with free joints: it need only be near enough for the kinds to be told."""
 
 LEAST_FRAMES = 30
 """Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
@@ -70,21 +75,23 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
     trusted, start, posed = _without_outliers(body, chain, parameters, rotator)
     frames = _determined_frames(posed, parameters.samples)
     refine = parameters.fit == "whole-chain"
-    calibration = calibrate(chain, start[frames], trusted[frames], n_rounds=None if refine else 0)
+    first = calibrate(chain, start[frames], trusted[frames], n_rounds=FIRST_ROUNDS if refine else 0)
     if are_poses:
-        calibration = with_noise_of_poses(calibration, trusted[frames])
-    chain = calibration.chain
-    covariances = joint_covariances(calibration, parameters.rank_tolerance)
+        first = with_noise_of_poses(first, trusted[frames])
     limits = KindLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
     wanted = _wanted_kinds(parameters, body)
-    kinds = find_kinds(
-        chain, calibration.poses, trusted[frames], posed[frames], calibration.noise, wanted, limits, are_poses
-    )
-    freedom = axis_freedom(kinds, calibration.noise)
-    chain = settle_along_axes(chain, kinds, freedom)
-    poses, seen = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
+    kinds = find_kinds(first.chain, first.poses, trusted[frames], posed[frames], first.noise, wanted, limits, are_poses)
+    poses, seen = pose_outward(first.chain, trusted, body.raw_joints, rotator, parameters.flatness)
+    last = first
     if refine:
-        poses = fit_poses(chain, poses, trusted)
+        last, poses, kinds = _refined(first, poses, trusted, kinds, set(wanted), parameters.refine_samples)
+        if are_poses:
+            last = with_noise_of_poses(last, trusted)
+    freedom = axis_freedom(kinds, last.noise)
+    chain = settle_along_axes(last.chain, kinds, freedom)
+    if refine:
+        poses = fit_poses(chain, poses, trusted, last.articulation)
+    covariances = joint_covariances(last, parameters.rank_tolerance)
     chain, poses, turn = _with_reference_axes(chain, poses, reference)
     return FittedBody(
         body=body,
@@ -99,6 +106,20 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         @ turn[np.maximum(chain.parents, 0)].swapaxes(1, 2),
         reference=reference,
     )
+
+
+def _refined(
+    first: Calibration, start: ChainPoses, trusted: Floats, kinds: list[JointKind], known: set[int], samples: int
+) -> tuple[Calibration, ChainPoses, list[JointKind]]:
+    """Fit once more with joints that turn as their kinds allow, and with as many frames as count."""
+    articulation = articulation_of(kinds, known)
+    frames = _spread(np.flatnonzero((~np.isnan(trusted[:, :, 0])).any(axis=1)), samples)
+    weights = seen_weights(trusted[frames])
+    last = calibrate(first.chain, start[frames], trusted[frames], None, articulation, weights)
+    rotations = last.articulation.projected(last.chain.parents, start.rotations)
+    root = start.root.copy()
+    root[frames], rotations[frames] = last.poses.root, last.poses.rotations
+    return last, ChainPoses(root, rotations), with_axes(kinds, last.articulation)
 
 
 def _wanted_kinds(parameters: SkeletonParameters, body: Body) -> dict[int, str]:

@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
+from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.calibration import Calibration
 from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, residuals
 from skelgen.kinematics.kind import JointKind, KindLimits, find_kind
 from skelgen.kinematics.relative import MIN_FRAMES
+from skelgen.kinematics.turning import TwoAxisTurning
+from skelgen.kinematics.uncertainty import inverse_root
 from skelgen.model.arrays import Bools, Floats
 
 NEIGHBOUR_WEIGHT = 0.1
@@ -64,6 +67,39 @@ def find_kinds(
         relative = (poses.rotations[:, parent].swapaxes(1, 2) @ poses.rotations[:, limb])[use]
         kinds.append(find_kind(relative, covariances[limb, use], freedoms_of_pair, limits, wanted.get(limb)))
     return kinds
+
+
+def articulation_of(kinds: list[JointKind], known: set[int]) -> Articulation:
+    """Return what the joints allow: joints are held to their kind if noise alone explains what it leaves over.
+
+    Parameters
+    ----------
+    kinds : list of JointKind
+        Of the joints above limbs 1, 2, ...
+    known : set of int
+        Limbs whose kind the user knows: they are held to it in any case.
+    """
+    free = Articulation.free(len(kinds) + 1)
+    held, between = ["ball"], np.zeros(len(kinds) + 1)
+    in_parent, in_child = free.in_parent.copy(), free.in_child.copy()
+    for limb, kind in enumerate(kinds, start=1):
+        left = kind.leftovers.get(kind.kind)
+        holds = left is not None and (limb in known or left.ratio <= left.limit)
+        held.append(kind.kind if holds else "ball")
+        in_parent[limb], in_child[limb] = kind.axis_in_parent, kind.axis_in_child
+        if left is not None and isinstance(left.turning, TwoAxisTurning):
+            between[limb] = left.turning.between
+    return Articulation(tuple(held), in_parent, in_child, between)
+
+
+def with_axes(kinds: list[JointKind], articulation: Articulation) -> list[JointKind]:
+    """Return kinds with the axes of an articulation where it holds them."""
+    return [
+        replace(kind, axis_in_parent=articulation.in_parent[limb], axis_in_child=articulation.in_child[limb])
+        if articulation.kinds[limb] in {"hinge", "universal"}
+        else kind
+        for limb, kind in enumerate(kinds, start=1)
+    ]
 
 
 def relative_rotation_covariances(chain: Chain, poses: ChainPoses, positions: Floats, noise: float) -> Floats:
@@ -168,9 +204,8 @@ def joint_covariances(calibration: Calibration, rank_tolerance: float) -> Floats
     to the rigid motion that best fits the change of the parent's other points.
     """
     chain = calibration.chain
-    values, vectors = np.linalg.eigh(calibration.information)
-    known = values > rank_tolerance * max(values[-1], np.finfo(np.float64).tiny)
-    root = vectors[:, known] * (calibration.noise / np.sqrt(values[known]))
+    n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
+    root = calibration.noise * inverse_root(calibration.information, rank_tolerance)[:n_places]
     result = np.zeros((chain.n_limbs, 3, 3))
     for limb in range(1, chain.n_limbs):
         change = _change_in_parent(chain, limb) @ root

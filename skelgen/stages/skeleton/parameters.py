@@ -48,7 +48,10 @@ class SkeletonParameters(StageParameters):
         seed_name="USE_JOINTS_FOR_CENTROID",
     )
     samples: int = declare(
-        300, "frames from which limbs and joints are estimated together", unit="frames", low=10, high=1e6
+        300, "frames from which limbs and joints are first estimated, and their kinds", unit="frames", low=10, high=1e6
+    )
+    refine_samples: int = declare(
+        2000, "frames from which limbs and joints are estimated at last", unit="frames", low=10, high=1e6
     )
     hinge_wobble: float = declare(
         0.12,
@@ -74,7 +77,7 @@ class SkeletonParameters(StageParameters):
         seed_section="JointFinder",
     )
     rank_tolerance: float = declare(
-        1e-10,
+        1e-8,
         "directions of the skeleton's constants whose information is below this part of the largest are not determined",
         low=1e-15,
         high=1e-2,

@@ -119,7 +119,8 @@ class Slip:
         """For the account of the labels; `new_name` is empty if the marker is left as it is."""
         outcome = f"split: {new_name} from then on" if new_name else "not sure: left as it is"
         evidence = f"{self.size:.1f} mm at once; {self.reason}"
-        return Finding("slipped", (self.name,), self.frame, last_frame, evidence, outcome)
+        names = (self.name, new_name) if new_name else (self.name,)
+        return Finding("slipped", names, self.frame, last_frame, evidence, outcome)
 
 
 _Found = tuple[float, Slip]

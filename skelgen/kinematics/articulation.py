@@ -1,0 +1,203 @@
+r"""What the joints of a chain allow: any turn, turns about two axes, about one, or none.
+
+A limb below a ball joint turns freely. Below a hinge with axis a in the parent and b in the child, its rotation against
+the parent keeps :math:`R b = a`; below a universal joint it keeps the angle between a and R b. Steps of such limbs are
+the turn of the parent plus turns about the axes, so that constrained chains need nothing but two matrices per frame:
+how the turns of all limbs follow the freedoms of the frame, and how they follow the constants of the axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.model.arrays import Floats, Ints
+
+FREEDOMS = {"ball": 3, "undetermined": 3, "universal": 2, "hinge": 1, "rigid": 0}
+"""Turns that each kind of joint allows."""
+
+AXIS_CONSTANTS = {"ball": 0, "undetermined": 0, "universal": 3, "hinge": 2, "rigid": 0}
+"""Constants of the axes: two tilts in the parent, and the angle between the axes of a universal joint. The frame
+of the child is free to turn, which takes up the rest."""
+
+PARALLEL = 1e-9
+"""Sine below which two directions have no common perpendicular."""
+
+
+@dataclass(frozen=True, eq=False)
+class Articulation:
+    """The kinds and axes of a chain's joints.
+
+    Attributes
+    ----------
+    kinds : tuple of str, length n_limbs
+        Of the joint above each limb; that of the root is ``ball``.
+    in_parent, in_child : ndarray, shape (n_limbs, 3)
+        Unit axes: of a hinge in both limbs, of a universal joint that fixed in the parent and that fixed in the child.
+    between : ndarray, shape (n_limbs,), rad
+        Angle between the axes of a universal joint.
+    """
+
+    kinds: tuple[str, ...]
+    in_parent: Floats
+    in_child: Floats
+    between: Floats
+
+    @classmethod
+    def free(cls, n_limbs: int) -> Articulation:
+        """Return ball joints only."""
+        axes = np.tile([0.0, 0.0, 1.0], (n_limbs, 1))
+        return cls(("ball",) * n_limbs, axes, axes, np.zeros(n_limbs))
+
+    @property
+    def is_free(self) -> bool:
+        """Whether every limb may turn as it likes."""
+        return all(FREEDOMS[kind] == 3 for kind in self.kinds)
+
+    @property
+    def columns(self) -> list[slice]:
+        """Freedoms of each limb's rotation; the root's translation comes first."""
+        return _slices([FREEDOMS[kind] for kind in self.kinds], 3)
+
+    @property
+    def constant_columns(self) -> list[slice]:
+        """Constants of the axis above each limb."""
+        return _slices([AXIS_CONSTANTS[kind] for kind in self.kinds], 0)
+
+    @property
+    def n_freedoms(self) -> int:
+        """Freedoms of one frame."""
+        return int(self.columns[-1].stop)
+
+    @property
+    def n_constants(self) -> int:
+        """Constants of all axes."""
+        return int(self.constant_columns[-1].stop)
+
+    def bases(self, parents: Ints, rotations: Floats) -> tuple[Floats, Floats]:
+        """Return how translation and turns of all limbs follow the freedoms and the constants of the axes.
+
+        Parameters
+        ----------
+        parents : ndarray of intp, shape (n_limbs,)
+            Of the chain.
+        rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+            World from limb.
+
+        Returns
+        -------
+        tuple of ndarray, shapes (n_frames, 3 + 3 n_limbs, n_freedoms) and (n_frames, 3 + 3 n_limbs, n_constants)
+        """
+        n_frames, n_limbs = rotations.shape[:2]
+        turns = np.zeros((n_frames, 3 + 3 * n_limbs, self.n_freedoms))
+        tilts = np.zeros((n_frames, 3 + 3 * n_limbs, self.n_constants))
+        turns[:, :3, :3] = np.eye(3)
+        columns, constants = self.columns, self.constant_columns
+        for limb, kind in enumerate(self.kinds):
+            rows = slice(3 + 3 * limb, 6 + 3 * limb)
+            if FREEDOMS[kind] == 3:
+                turns[:, rows, columns[limb]] = np.eye(3)
+                continue
+            parent = int(parents[limb])
+            above = slice(3 + 3 * parent, 6 + 3 * parent)
+            turns[:, rows], tilts[:, rows] = turns[:, above], tilts[:, above]
+            own, change = self._own(limb, rotations[:, parent], rotations[:, limb])
+            turns[:, rows, columns[limb]] += own
+            tilts[:, rows, constants[limb]] += change
+        return turns, tilts
+
+    def _own(self, limb: int, parent: Floats, child: Floats) -> tuple[Floats, Floats]:
+        """World axes of a constrained limb's freedoms and constants, shape (n_frames, 3, n) each."""
+        first = parent @ self.in_parent[limb]
+        tilt = parent @ _across(self.in_parent[limb])
+        if self.kinds[limb] == "hinge":
+            return first[:, :, np.newaxis], tilt
+        if self.kinds[limb] == "rigid":
+            return np.zeros((len(parent), 3, 0)), np.zeros((len(parent), 3, 0))
+        second = child @ self.in_child[limb]
+        normal = _unit(np.cross(first, second))
+        return np.stack([first, second], axis=2), np.concatenate([tilt, normal[:, :, np.newaxis]], axis=2)
+
+    def stepped(
+        self, parents: Ints, rotations: Floats, step: Floats, change: Floats | None = None
+    ) -> tuple[Articulation, Floats]:
+        """Turn limbs by their freedoms and axes by their constants, so that the joints still hold.
+
+        Parameters
+        ----------
+        parents : ndarray of intp, shape (n_limbs,)
+            Of the chain.
+        rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+            World from limb.
+        step : ndarray, shape (n_frames, n_freedoms)
+            Of every frame; the translation is ignored.
+        change : ndarray, shape (n_constants,), optional
+            Of the axes.
+        """
+        new = rotations.copy()
+        axes, between = self.in_parent.copy(), self.between.copy()
+        columns, constants = self.columns, self.constant_columns
+        for limb, kind in enumerate(self.kinds):
+            own = step[:, columns[limb]]
+            if FREEDOMS[kind] == 3:
+                new[:, limb] = matrix_from_vector(own) @ rotations[:, limb]
+                continue
+            parent, axis = int(parents[limb]), self.in_parent[limb]
+            relative = rotations[:, parent].swapaxes(1, 2) @ rotations[:, limb]
+            tilt = np.zeros(AXIS_CONSTANTS[kind]) if change is None else change[constants[limb]]
+            if kind == "universal":
+                normal = _unit(np.cross(axis, relative @ self.in_child[limb]))
+                relative = matrix_from_vector(tilt[2] * normal) @ relative
+                relative = relative @ matrix_from_vector(own[:, 1:] * self.in_child[limb])
+                between[limb] += tilt[2]
+            if kind != "rigid":
+                turn = matrix_from_vector(_across(axis) @ tilt[:2])
+                axes[limb] = turn @ axis
+                relative = turn @ matrix_from_vector(own[:, :1] * axis) @ relative
+            new[:, limb] = new[:, parent] @ relative
+        return replace(self, in_parent=axes, between=between), new
+
+    def projected(self, parents: Ints, rotations: Floats) -> Floats:
+        """Return rotations near to given ones that the joints allow, from the root outward."""
+        new = rotations.copy()
+        for limb, kind in enumerate(self.kinds):
+            if FREEDOMS[kind] == 3:
+                continue
+            parent = int(parents[limb])
+            relative = rotations[:, parent].swapaxes(1, 2) @ rotations[:, limb]
+            if kind == "rigid":
+                new[:, limb] = new[:, parent] @ relative[0]
+                continue
+            axis, second = self.in_parent[limb], relative @ self.in_child[limb]
+            wanted = self.between[limb] if kind == "universal" else 0.0
+            cross = np.cross(second, axis)
+            angle = np.arctan2(np.linalg.norm(cross, axis=1), second @ axis)
+            turn = matrix_from_vector((angle - wanted)[:, np.newaxis] * _unit(cross))
+            new[:, limb] = new[:, parent] @ turn @ relative
+        return new
+
+    def turned(self, parents: Ints, turn: Floats) -> Articulation:
+        """Return the axes for limbs whose frames were turned: new from old, shape (n_limbs, 3, 3)."""
+        above = turn[np.maximum(parents, 0)]
+        return replace(
+            self,
+            in_parent=np.einsum("lij,lj->li", above, self.in_parent),
+            in_child=np.einsum("lij,lj->li", turn, self.in_child),
+        )
+
+
+def _slices(sizes: list[int], first: int) -> list[slice]:
+    ends = first + np.cumsum(sizes)
+    return [slice(int(end) - size, int(end)) for size, end in zip(sizes, ends, strict=True)]
+
+
+def _across(axis: Floats) -> Floats:
+    """Two unit vectors across an axis, as columns."""
+    return np.asarray(np.linalg.svd(axis[np.newaxis])[2][1:].T)
+
+
+def _unit(vectors: Floats) -> Floats:
+    size = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(size > PARALLEL, vectors / np.maximum(size, PARALLEL), 0.0)

@@ -1,0 +1,186 @@
+r"""The border of the arrow: how poses and constants of a chain go together in the normal matrix.
+
+The constants are marker offsets, joints 1 .. n_limbs - 1 in their parents, and tilts of the joints' axes. A marker m
+follows its own offset by the rotation of its limb, and every joint b on the way by the rotation of the joint's parent,
+so that all blocks are sums of rotations and of arms: no Jacobian is ever written down.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.rotations import cross_matrix
+from skelgen.kinematics.articulation import Articulation
+from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, residuals, seen_weights, world_arms
+from skelgen.model.arrays import Bools, Floats, Ints
+
+CHUNK_FLOATS = 4_000_000
+"""Entries of the largest border held at once: 32 MB."""
+
+POSE_RIDGE = 1e-12
+"""Relative ridge under a frame's normal matrix: for turns that no marker determines."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """A chain in some frames, linearised: blocks of the normal matrix.
+
+    Attributes
+    ----------
+    own : ndarray, shape (n_frames, n_freedoms, n_freedoms)
+        Of the poses, with a ridge that keeps it regular.
+    border : ndarray, shape (n_frames, n_freedoms, n_constants)
+        Between poses and constants.
+    turns : ndarray, shape (n_frames, 3 + 3 n_limbs, n_freedoms)
+        How translation and turns of the limbs follow the freedoms.
+    tilts : ndarray, shape (n_frames, 3 + 3 n_limbs, n_axis_constants)
+        How they follow the constants of the axes.
+    constants : ndarray, shape (n_constants, n_constants)
+        Of the constants, summed over the frames.
+    """
+
+    own: Floats
+    border: Floats
+    turns: Floats
+    tilts: Floats
+    constants: Floats
+
+    def follow(self) -> Floats:
+        """How poses follow the constants, shape (n_frames, n_freedoms, n_constants)."""
+        return np.asarray(np.linalg.solve(self.own, self.border))
+
+
+def n_constants(chain: Chain, articulation: Articulation) -> int:
+    """Number of constants of a chain."""
+    return 3 * (chain.n_markers + chain.n_limbs - 1) + articulation.n_constants
+
+
+def frames_together(chain: Chain, articulation: Articulation) -> int:
+    """Frames whose border may be held at once."""
+    return max(1, CHUNK_FLOATS // (n_constants(chain, articulation) * (3 + 3 * chain.n_limbs)))
+
+
+def linearised(
+    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats | None = None
+) -> Frames:
+    """Return the blocks of the normal matrix for some frames.
+
+    Parameters
+    ----------
+    chain, articulation, poses
+        Where to linearise.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    weights : ndarray, shape (n_frames, n_markers), optional
+        Of the squared distances.
+    """
+    weights = seen_weights(positions, weights)
+    body_arms = chain.arms()
+    hessian, _ = normal_equations(chain, body_arms, poses, positions, weights)
+    border = _border(chain, body_arms, poses, weights)
+    constants = _constants(chain, poses, weights)
+    turns, tilts = articulation.bases(chain.parents, poses.rotations)
+    if articulation.n_constants:
+        by_tilt = hessian @ tilts
+        across = np.einsum("fdc,fdt->ct", border, tilts)
+        corner = np.einsum("fds,fdt->st", tilts, by_tilt)
+        constants = np.block([[constants, across], [across.T, corner]])
+        border = np.concatenate([border, by_tilt], axis=2)
+    if not articulation.is_free:
+        hessian = turns.swapaxes(1, 2) @ hessian @ turns
+        border = turns.swapaxes(1, 2) @ border
+    ridge = POSE_RIDGE * np.einsum("fqq->f", hessian) + np.finfo(np.float64).tiny
+    own = hessian + ridge[:, np.newaxis, np.newaxis] * np.eye(hessian.shape[1])
+    own[ridge < 2 * np.finfo(np.float64).tiny] = np.eye(hessian.shape[1])  # frames that show nothing
+    return Frames(own, border, turns, tilts, constants)
+
+
+def constant_pull(
+    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats
+) -> Floats:
+    """How the residuals of settled poses pull at the constants, summed over frames, shape (n_constants,)."""
+    error = residuals(chain, poses, positions) * weights[:, :, np.newaxis]
+    pull = _offset_pull(chain, poses, error)
+    if not articulation.n_constants:
+        return pull
+    return np.concatenate([pull, _tilt_pull(chain, articulation, poses, error)])
+
+
+def reduced_information(frames: Frames) -> Floats:
+    """Information of the constants when the poses are eliminated, shape (n_constants, n_constants)."""
+    root = np.linalg.solve(np.linalg.cholesky(frames.own), frames.border)
+    flat = root.reshape(-1, root.shape[2])
+    return np.asarray(frames.constants - flat.T @ flat)
+
+
+def beyond_joints(chain: Chain) -> Bools:
+    """Whether each marker lies beyond the joint above each limb, shape (n_limbs, n_markers); the root's is False."""
+    beyond = chain.ancestry()[:, chain.limb_of_marker]
+    beyond[0] = False
+    return np.asarray(beyond)
+
+
+def _border(chain: Chain, body_arms: Floats, poses: ChainPoses, weights: Floats) -> Floats:
+    """Border of translation and turns, shape (n_frames, 3 + 3 n_limbs, 3 (n_markers + n_limbs - 1))."""
+    n_frames, n_limbs = poses.rotations.shape[:2]
+    beyond = beyond_joints(chain)[1:].astype(np.float64)
+    arms = world_arms(body_arms, poses) * weights[:, :, np.newaxis, np.newaxis]
+    behind = (beyond @ arms.reshape(n_frames, chain.n_markers, -1)).reshape(n_frames, n_limbs - 1, n_limbs, 3)
+    shift = np.concatenate([weights, weights @ beyond.T], axis=1)
+    carrier = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
+    turning = poses.rotations[:, carrier]
+    border = np.zeros((n_frames, 1 + n_limbs, 3, len(carrier), 3))
+    border[:, 0] = (shift[:, :, np.newaxis, np.newaxis] * turning).swapaxes(1, 2)
+    levers = np.concatenate([arms, behind], axis=1)
+    for limb in range(n_limbs):
+        moved = np.flatnonzero(np.abs(levers[:, :, limb]).max(axis=(0, 2), initial=0.0) > 0)
+        border[:, 1 + limb][:, :, moved] = (cross_matrix(levers[:, moved, limb]) @ turning[:, moved]).swapaxes(1, 2)
+    return border.reshape(n_frames, 3 + 3 * n_limbs, -1)
+
+
+def _constants(chain: Chain, poses: ChainPoses, weights: Floats) -> Floats:
+    """Normal matrix of offsets and joints, summed over frames."""
+    n_markers = chain.n_markers
+    n_points = n_markers + chain.n_limbs - 1
+    beyond = beyond_joints(chain)
+    matrix = np.zeros((n_points, 3, n_points, 3))
+    diagonal = np.arange(n_markers)
+    matrix[diagonal, :, diagonal] = weights.sum(axis=0)[:, np.newaxis, np.newaxis] * np.eye(3)
+    for joint in range(1, chain.n_limbs):
+        parent = poses.rotations[:, chain.parents[joint]].reshape(len(weights), 3, 3)
+        column = n_markers + joint - 1
+        for limb in np.unique(chain.limb_of_marker[beyond[joint]]):
+            markers = np.flatnonzero(chain.limb_of_marker == limb)
+            relative = (poses.rotations[:, limb].swapaxes(1, 2) @ parent).reshape(len(weights), 9)
+            block = (weights[:, markers].T @ relative).reshape(-1, 3, 3)
+            matrix[markers, :, column] = block
+            matrix[column, :, markers] = block.swapaxes(1, 2)
+        for other in range(joint, chain.n_limbs):
+            shared = weights[:, beyond[joint] & beyond[other]].sum(axis=1)
+            if not shared.any():
+                continue
+            relative = (parent.swapaxes(1, 2) @ poses.rotations[:, chain.parents[other]]).reshape(len(weights), 9)
+            block = (shared @ relative).reshape(3, 3)
+            matrix[column, :, n_markers + other - 1] = block
+            matrix[n_markers + other - 1, :, column] = block.T
+    return matrix.reshape(3 * n_points, 3 * n_points)
+
+
+def _offset_pull(chain: Chain, poses: ChainPoses, error: Floats) -> Floats:
+    """How weighted residuals pull at offsets and joints, shape (3 (n_markers + n_limbs - 1),)."""
+    behind = beyond_joints(chain)[1:].astype(np.float64) @ error
+    carrier: Ints = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
+    forces = np.concatenate([error, behind], axis=1)
+    return np.asarray(np.einsum("fpij,fpi->pj", poses.rotations[:, carrier], forces, optimize=True).ravel())
+
+
+def _tilt_pull(chain: Chain, articulation: Articulation, poses: ChainPoses, error: Floats) -> Floats:
+    """How weighted residuals pull at the constants of the axes: by their torque about each limb."""
+    _, tilts = articulation.bases(chain.parents, poses.rotations)
+    n_frames, n_limbs = poses.rotations.shape[:2]
+    arms = world_arms(chain.arms(), poses).reshape(n_frames, chain.n_markers, -1)
+    moment = (arms.swapaxes(1, 2) @ error).reshape(n_frames, n_limbs, 3, 3)
+    torque = np.stack([moment[..., i, j] - moment[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
+    return np.asarray(np.einsum("fdt,fd->t", tilts[:, 3:], torque.reshape(n_frames, -1)))
