@@ -2,8 +2,8 @@ r"""Marker Sets that end and begin within a moment: does the one go on where the
 
 The markers around carry a marker along: the rigid motion of its nearest neighbours over the gap predicts where it must
 come back. How far such predictions err after a time is measured on the sets themselves. With the error's deviation
-:math:`\sigma` after that time and the spacing w of markers, a set that begins at a distance r from the prediction is the
-same marker with the evidence
+:math:`\sigma` after that time and the spacing w of markers, a set that begins at a distance r from the prediction is
+the same marker with the evidence
 
 .. math:: E = 3 \log\frac{\sqrt{\sigma^2 + w^2}}{\sigma} - h(r / \sigma) + h(r / \sqrt{\sigma^2 + w^2}),
 
