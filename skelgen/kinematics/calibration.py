@@ -54,7 +54,7 @@ PRIOR_SPREAD = 30.0
 """mm; constants that the frames do not determine (a joint along its hinge) lean to the start with this spread."""
 
 FREE_SHARE = 1e-8
-"""Of the mean information: the least that holds the free frames of the limbs, above rounding, however exact the take."""
+"""Of the mean information: what at least holds the free frames of the limbs, however exact the take."""
 
 LEAST_NOISE = 1e-12
 """mm^2; of a gain in likelihood, for exact takes."""

@@ -37,10 +37,12 @@ def make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: 
     world_from_limb = np.tile(np.eye(4), (n_frames, skeleton.n_limbs, 1, 1))
     markers = np.full((n_frames, trajectories.n_markers, 3), np.nan)
     seen = np.zeros((n_frames, skeleton.n_limbs), dtype=bool)
+    deviations = np.zeros((n_frames, skeleton.n_limbs, 3))
     for one in fitted:
         world_from_limb[:, one.body.limbs] = transform_from(one.poses.rotations, one.poses.origins(one.chain))
         markers[:, one.body.markers] = one.poses.markers(one.chain)
         seen[:, one.body.limbs] = one.seen
+        deviations[:, one.body.limbs] = one.deviations
     children = np.array([joint.child for joint in skeleton.joints], dtype=np.intp)
     return Motion(
         world_from_limb=world_from_limb,
@@ -49,6 +51,7 @@ def make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: 
         residuals=np.linalg.norm(trajectories.positions - markers, axis=2),
         limb_seen=seen,
         rate=trajectories.rate,
+        joint_std=deviations[:, children],
     )
 
 
