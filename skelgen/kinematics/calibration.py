@@ -115,6 +115,7 @@ def calibrate(
     weights = seen_weights(positions, weights)
     if not articulation.is_free:
         start = ChainPoses(start.root, nearest_rotation(articulation.projected(chain.parents, start.rotations)))
+        articulation = articulation.at_rest(chain.parents, start.rotations)
     poses = fit_poses(chain, start, positions, articulation, weights)
     state = _State(chain, articulation, poses, positions, weights)
     information = _information(state, positions, weights)
