@@ -53,7 +53,7 @@ def known_tree(project: Project, hierarchy: Mapping[str, str] | None, root: str 
     hierarchy : mapping of str to str, or None
         Parent of every limb by name, empty for a root.
     root : str or None
-        Name of the root.
+        Name of the root, or of a marker on it.
 
     Raises
     ------
@@ -67,9 +67,13 @@ def known_tree(project: Project, hierarchy: Mapping[str, str] | None, root: str 
         return {"parents": parents_from_names(names, hierarchy)}
     if root is None:
         return {}
-    if root not in names:
+    if root in names:
+        return {"root": names.index(root)}
+    markers = () if isinstance(project.take, Poses) else project.trajectories.names
+    limb = int(project.limbs.limb_of_marker[markers.index(root)]) if root in markers else -1
+    if limb < 0:
         raise InputError(f"there is no limb {root!r} to be the root; there are {', '.join(names)}")
-    return {"root": names.index(root)}
+    return {"root": limb}
 
 
 def _numbered(n_limbs: int) -> tuple[str, ...]:

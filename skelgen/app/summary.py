@@ -55,6 +55,7 @@ def project_tables(project: Project) -> dict[str, Any]:
         tables["limbs"] = _limb_rows(project)
     if project.has("joints"):
         tables["joints"] = _joint_rows(project)
+        tables["loops"] = [f"limb{first}-limb{second}" for first, second in project.topology.loops]
     if project.has("skeleton"):
         tables["lengths"] = _length_rows(project)
         tables["residuals"] = _spread(project.motion.residuals)
@@ -100,6 +101,7 @@ def _limb_rows(project: Project) -> list[Row]:
 
 def _joint_rows(project: Project) -> list[Row]:
     topology = project.topology
+    margins, rivals = topology.margins, topology.rivals
     rows = []
     for index, (parent, child) in enumerate(topology.edges.tolist()):
         row: Row = {
@@ -107,6 +109,8 @@ def _joint_rows(project: Project) -> list[Row]:
             "parent": parent,
             "child": child,
             "cost_mm2": float(topology.values[index]),
+            "margin_mm2": None if np.isnan(margins[index]) else float(margins[index]),
+            "rival": None if rivals[index, 0] < 0 else "limb{}-limb{}".format(*rivals[index]),
         }
         if project.has("skeleton"):
             joint = project.skeleton.joints[index]

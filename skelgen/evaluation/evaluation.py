@@ -11,6 +11,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.evaluation.identity import LabelScore, find_identity
 from skelgen.evaluation.joints import JointScore, LengthScore, score_joints, score_lengths
+from skelgen.evaluation.limits import with_limits
 from skelgen.evaluation.markers import MarkerScore, score_markers
 from skelgen.evaluation.structure import (
     LimbScore,
@@ -63,6 +64,23 @@ class Evaluation:
         return max((joint.mean for joint in self.joints if joint.mean is not None), default=None)
 
     @property
+    def mean_joint_bound(self) -> float | None:
+        """Mean over the joints of the smallest possible mean distance [mm] (Cramer-Rao)."""
+        return _mean([joint.bound for joint in self.joints])
+
+    @property
+    def times_bound(self) -> float | None:
+        """Mean joint error in units of the mean bound, over the joints and frames that have one."""
+        both = [(one.bound, one.times_bound) for one in self.joints if one.bound and one.times_bound is not None]
+        total = sum(bound for bound, _ in both)
+        return sum(bound * (times or 0.0) for bound, times in both) / total if total else None
+
+    @property
+    def coverage(self) -> float | None:
+        """Mean over the joints of the part of predicted 95 % intervals that hold the truth."""
+        return _mean([joint.coverage for joint in self.joints])
+
+    @property
     def mean_length_error(self) -> float | None:
         """Mean over the lengths of their absolute error [mm]."""
         return _mean([abs(length.error) for length in self.lengths])
@@ -80,7 +98,14 @@ class Evaluation:
 
     def as_mapping(self) -> dict[str, Any]:
         """Return everything as plain values for JSON: numbers, texts, lists, None."""
-        figures = ("mean_joint_error", "worst_joint_error", "mean_length_error", "mean_marker_deviation")
+        figures: tuple[str, ...] = (
+            "mean_joint_error",
+            "worst_joint_error",
+            "mean_joint_bound",
+            "times_bound",
+            "coverage",
+        )
+        figures += ("mean_length_error", "mean_marker_deviation")
         summary = {name: getattr(self, name) for name in (*figures, "limb_deviations")}
         return {**dataclasses.asdict(self), "summary": summary}
 
@@ -131,8 +156,9 @@ def _motion_scores(project: Project, truth: Truth, true_of_limb: Ints, true_of_m
     same_joints = np.array_equal(true_of_joint, raw_of_joint)
     kinds = tuple(joint.kind for joint in skeleton.joints)
     fitted = motion.joint_positions
+    joints = score_joints(true_of_joint, truth, raw=raw if same_joints else None, fitted=fitted, kinds=kinds)
     return {
-        "joints": score_joints(true_of_joint, truth, raw=raw if same_joints else None, fitted=fitted, kinds=kinds),
+        "joints": with_limits(joints, project, true_of_joint, true_of_marker, truth),
         "lengths": score_lengths(skeleton, fitted, true_of_joint, truth),
         "markers": score_markers(project.trajectories, motion, true_of_marker, truth),
     }

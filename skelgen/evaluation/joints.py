@@ -96,10 +96,14 @@ def joint_distances(positions: Floats, true_of_joint: Ints, truth: Truth) -> Flo
     -------
     ndarray, shape (n_frames, n_joints), mm
     """
+    return np.asarray(np.linalg.norm(joint_gaps(positions, true_of_joint, truth), axis=2))
+
+
+def joint_gaps(positions: Floats, true_of_joint: Ints, truth: Truth) -> Floats:
+    """Return the way from true places to joints, for hinges across the true axis; see `joint_distances`."""
     gap = positions - truth.joint_positions[:, true_of_joint]
     axes = _hinge_axes(truth)[:, true_of_joint]
-    gap = gap - (gap * axes).sum(axis=2, keepdims=True) * axes
-    return np.asarray(np.linalg.norm(gap, axis=2))
+    return np.asarray(gap - (gap * axes).sum(axis=2, keepdims=True) * axes)
 
 
 def _hinge_axes(truth: Truth) -> Floats:

@@ -72,6 +72,9 @@ def _overview(evaluation: Evaluation) -> Table:
     figures = {
         "mean joint error [mm]": evaluation.mean_joint_error,
         "worst joint error [mm]": evaluation.worst_joint_error,
+        "smallest possible mean joint error (Cramer-Rao) [mm]": evaluation.mean_joint_bound,
+        "joint error in units of that bound": evaluation.times_bound,
+        "part of predicted 95 % intervals that hold the truth": evaluation.coverage,
         "mean length error [mm]": evaluation.mean_length_error,
         "mean marker deviation [mm]": evaluation.mean_marker_deviation,
     }
@@ -80,7 +83,19 @@ def _overview(evaluation: Evaluation) -> Table:
 
 
 def _joints(evaluation: Evaluation) -> Table:
-    columns = ("joint", "true kind", "found kind", "raw mean", "mean", "median", "maximum")
+    columns = (
+        "joint",
+        "true kind",
+        "found kind",
+        "raw mean",
+        "mean",
+        "median",
+        "maximum",
+        "bound",
+        "times bound",
+        "predicted",
+        "coverage",
+    )
     rows = tuple(
         (joint.name, joint.kind_true, joint.kind_found or _NOTHING, *_joint_numbers(joint))
         for joint in evaluation.joints
@@ -89,7 +104,8 @@ def _joints(evaluation: Evaluation) -> Table:
 
 
 def _joint_numbers(joint: JointScore) -> tuple[str, ...]:
-    return tuple(map(_number, (joint.raw_mean, joint.mean, joint.median, joint.maximum)))
+    errors = (joint.raw_mean, joint.mean, joint.median, joint.maximum)
+    return tuple(map(_number, (*errors, joint.bound, joint.times_bound, joint.predicted, joint.coverage)))
 
 
 def _lengths(evaluation: Evaluation) -> Table:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation
 from skelgen.model.arrays import Floats, Ints
 
 FREEDOMS = {"ball": 3, "undetermined": 3, "universal": 2, "hinge": 1, "rigid": 0}
@@ -38,12 +38,15 @@ class Articulation:
         Unit axes: of a hinge in both limbs, of a universal joint that fixed in the parent and that fixed in the child.
     between : ndarray, shape (n_limbs,), rad
         Angle between the axes of a universal joint.
+    rest : ndarray, shape (n_limbs, 3, 3), optional
+        Rotation child against parent of rigid joints; their mean rotation if it is not given.
     """
 
     kinds: tuple[str, ...]
     in_parent: Floats
     in_child: Floats
     between: Floats
+    rest: Floats | None = None
 
     @classmethod
     def free(cls, n_limbs: int) -> Articulation:
@@ -168,7 +171,8 @@ class Articulation:
             parent = int(parents[limb])
             relative = rotations[:, parent].swapaxes(1, 2) @ rotations[:, limb]
             if kind == "rigid":
-                new[:, limb] = new[:, parent] @ relative[0]
+                rest = nearest_rotation(relative.mean(axis=0)) if self.rest is None else self.rest[limb]
+                new[:, limb] = new[:, parent] @ rest
                 continue
             axis, second = self.in_parent[limb], relative @ self.in_child[limb]
             wanted = self.between[limb] if kind == "universal" else 0.0
@@ -178,14 +182,10 @@ class Articulation:
             new[:, limb] = new[:, parent] @ turn @ relative
         return new
 
-    def turned(self, parents: Ints, turn: Floats) -> Articulation:
-        """Return the axes for limbs whose frames were turned: new from old, shape (n_limbs, 3, 3)."""
-        above = turn[np.maximum(parents, 0)]
-        return replace(
-            self,
-            in_parent=np.einsum("lij,lj->li", above, self.in_parent),
-            in_child=np.einsum("lij,lj->li", turn, self.in_child),
-        )
+    def at_rest(self, parents: Ints, rotations: Floats) -> Articulation:
+        """Return rigid joints fixed as they are in the first of some frames."""
+        relative = rotations[0, np.maximum(parents, 0)].swapaxes(1, 2) @ rotations[0]
+        return replace(self, rest=relative)
 
 
 def _slices(sizes: list[int], first: int) -> list[slice]:

@@ -91,10 +91,7 @@ def linearised(
     if not articulation.is_free:
         hessian = turns.swapaxes(1, 2) @ hessian @ turns
         border = turns.swapaxes(1, 2) @ border
-    ridge = POSE_RIDGE * np.einsum("fqq->f", hessian) + np.finfo(np.float64).tiny
-    own = hessian + ridge[:, np.newaxis, np.newaxis] * np.eye(hessian.shape[1])
-    own[ridge < 2 * np.finfo(np.float64).tiny] = np.eye(hessian.shape[1])  # frames that show nothing
-    return Frames(own, border, turns, tilts, constants)
+    return Frames(with_ridge(hessian), border, turns, tilts, constants)
 
 
 def constant_pull(
@@ -106,6 +103,16 @@ def constant_pull(
     if not articulation.n_constants:
         return pull
     return np.concatenate([pull, _tilt_pull(chain, articulation, poses, error)])
+
+
+def with_ridge(own: Floats) -> Floats:
+    """Return frames' normal matrices of translation and turns made regular, where no marker determines them."""
+    diagonal = np.einsum("fqq->fq", own)
+    level = np.empty_like(diagonal)
+    level[:, :3] = diagonal[:, :3].mean(axis=1, keepdims=True)
+    level[:, 3:] = diagonal[:, 3:].mean(axis=1, keepdims=True)
+    level = np.where(level > 0, POSE_RIDGE * level, 1.0)  # 1 in frames that show nothing
+    return np.asarray(own + level[:, :, np.newaxis] * np.eye(own.shape[1]))
 
 
 def reduced_information(frames: Frames) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.border import frames_together, linearised, n_constants, reduced_information
 from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
-from skelgen.kinematics.uncertainty import expected_distance, frame_covariances, inverse_root
+from skelgen.kinematics.uncertainty import axis_projectors, expected_distance, frame_covariances, inverse_root
 from skelgen.model.arrays import Bools, Floats
 
 DETERMINED = 10.0
@@ -59,7 +59,7 @@ def cramer_rao_bound(
     information = total_information(chain, articulation, poses, positions)
     exact = np.where(np.isnan(positions), np.nan, poses.markers(chain))
     found = frame_covariances(chain, articulation, poses, exact, inverse_root(information), noise)
-    across = _without_axes(chain, articulation, poses)
+    across = axis_projectors(chain, articulation, poses)
     covariances = across @ found.joints @ across
     distance = expected_distance(covariances)
     return Bound(covariances, distance, distance <= DETERMINED * np.median(distance, axis=0), information)
@@ -80,13 +80,3 @@ def total_information(
         part = slice(first, first + together)
         total += reduced_information(linearised(chain, articulation, poses[part], positions[part], weights[part]))
     return np.asarray((total + total.T) / 2)
-
-
-def _without_axes(chain: Chain, articulation: Articulation, poses: ChainPoses) -> Floats:
-    """Projectors across the hinges' axes in the world, the identity elsewhere, shape (n_frames, n_limbs, 3, 3)."""
-    result = np.tile(np.eye(3), (len(poses.root), chain.n_limbs, 1, 1))
-    for limb, kind in enumerate(articulation.kinds):
-        if kind == "hinge":
-            axis = poses.rotations[:, chain.parents[limb]] @ articulation.in_parent[limb]
-            result[:, limb] -= axis[:, :, np.newaxis] * axis[:, np.newaxis]
-    return result

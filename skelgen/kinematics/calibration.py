@@ -54,7 +54,7 @@ PRIOR_SPREAD = 30.0
 """mm; constants that the frames do not determine (a joint along its hinge) lean to the start with this spread."""
 
 FREE_SHARE = 1e-8
-"""Of the mean information: the least that holds the free frames of the limbs, above rounding, however exact the take."""
+"""Of the mean information: what at least holds the free frames of the limbs, however exact the take."""
 
 LEAST_NOISE = 1e-12
 """mm^2; of a gain in likelihood, for exact takes."""
@@ -115,6 +115,7 @@ def calibrate(
     weights = seen_weights(positions, weights)
     if not articulation.is_free:
         start = ChainPoses(start.root, nearest_rotation(articulation.projected(chain.parents, start.rotations)))
+        articulation = articulation.at_rest(chain.parents, start.rotations)
     poses = fit_poses(chain, start, positions, articulation, weights)
     state = _State(chain, articulation, poses, positions, weights)
     information = _information(state, positions, weights)

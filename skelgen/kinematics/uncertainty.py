@@ -19,7 +19,7 @@ import numpy as np
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.border import Frames, frames_together, linearised
-from skelgen.kinematics.chain import Chain, ChainPoses, world_arms
+from skelgen.kinematics.chain import CHUNK_FRAMES, Chain, ChainPoses, normal_equations, world_arms
 from skelgen.model.arrays import Floats
 
 RANK_TOLERANCE = 1e-8
@@ -30,6 +30,13 @@ UNKNOWN_TURN = 1.0
 
 UNKNOWN_SHIFT = 1000.0
 """mm; the same for the place of the root."""
+
+LEAST_NOISE = 1e-6
+"""mm; keeps matrices regular for exact takes."""
+
+
+_LOG_RANGE = (-14.0, 20.0)
+_LOG_STEPS = 137  # a quarter apart: the trapezoidal rule is exact to 1e-4 for so smooth a bell
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +104,42 @@ def frame_covariances(
     )
 
 
+def axis_projectors(chain: Chain, articulation: Articulation, poses: ChainPoses) -> Floats:
+    """Projectors across the hinges' axes in the world, the identity elsewhere, shape (n_frames, n_limbs, 3, 3)."""
+    result = np.tile(np.eye(3), (len(poses.root), chain.n_limbs, 1, 1))
+    for limb, kind in enumerate(articulation.kinds):
+        if kind == "hinge":
+            axis = poses.rotations[:, chain.parents[limb]] @ articulation.in_parent[limb]
+            result[:, limb] -= axis[:, :, np.newaxis] * axis[:, np.newaxis]
+    return result
+
+
+def own_covariances(
+    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, noise: float
+) -> Floats:
+    """Covariances of joints in the world for a skeleton that is known exactly, shape (n_frames, n_limbs, 3, 3), mm^2.
+
+    Parameters are those of `frame_covariances`.
+    """
+    parts = []
+    for first in range(0, len(positions), CHUNK_FRAMES):
+        some, measured = poses[slice(first, first + CHUNK_FRAMES)], positions[first : first + CHUNK_FRAMES]
+        turns, _ = articulation.bases(chain.parents, some.rotations)
+        hessian, _ = normal_equations(chain, chain.arms(), some, measured)
+        own = turns.swapaxes(1, 2) @ hessian @ turns
+        by_pose = joint_slopes(chain, some)[0] @ turns
+        spread = by_pose @ np.linalg.inv(own + weak_prior(articulation, noise))
+        parts.append(noise**2 * _diagonal_blocks(spread, by_pose))
+    return np.concatenate(parts)
+
+
 def _covariances(
     chain: Chain, articulation: Articulation, poses: ChainPoses, block: Frames, root: Floats, noise: float
 ) -> FrameCovariances:
     by_pose, by_constants = joint_slopes(chain, poses)
     by_constants = np.concatenate([by_constants, by_pose @ block.tilts], axis=2)
     by_pose = by_pose @ block.turns
-    inverse = np.linalg.inv(block.own + _weak_prior(articulation, noise))
+    inverse = np.linalg.inv(block.own + weak_prior(articulation, noise))
     spread = by_pose @ inverse
     own = noise**2 * _diagonal_blocks(spread, by_pose)
     change = noise * (by_constants - spread @ block.border) @ root
@@ -113,7 +149,9 @@ def _covariances(
     return FrameCovariances(own + constant, constant, freedoms)
 
 
-def _weak_prior(articulation: Articulation, noise: float) -> Floats:
+def weak_prior(articulation: Articulation, noise: float) -> Floats:
+    """What is known of poses without any marker, as information for noise 1; it keeps deviations finite."""
+    noise = max(noise, LEAST_NOISE)
     level = np.full(articulation.n_freedoms, (noise / UNKNOWN_TURN) ** 2)
     level[:3] = (noise / UNKNOWN_SHIFT) ** 2
     return np.diag(level)
@@ -158,11 +196,7 @@ def expected_distance(covariances: Floats) -> Floats:
     for log in logs:
         t = np.exp(log)
         result += (1 - np.prod(1 + 2 * share * t, axis=-1) ** -0.5) * np.exp(-log / 2)
-    lowest = 1 * np.exp(_LOG_RANGE[0] / 2)  # below the range the bracket is t
+    lowest = np.exp(_LOG_RANGE[0] / 2)  # below the range the bracket is t
     highest = np.exp(-_LOG_RANGE[1] / 2)  # above it is 1
     integral = result * (logs[1] - logs[0]) + 2 * lowest + 2 * highest
     return np.asarray(np.sqrt(total) * integral / (2 * np.sqrt(np.pi)))
-
-
-_LOG_RANGE = (-14.0, 20.0)
-_LOG_STEPS = 137  # a quarter apart: the trapezoidal rule is exact to 1e-4 for so smooth a bell

@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.border import POSE_RIDGE
+from skelgen.kinematics.border import with_ridge
 from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, residuals, seen_weights, world_arms
 from skelgen.kinematics.correlated import effective_frames
 from skelgen.model.arrays import Floats
@@ -35,8 +35,7 @@ def redundancy(
     hessian, _ = normal_equations(chain, body_arms, poses, positions, weights)
     turns, _ = articulation.bases(chain.parents, poses.rotations)
     own = turns.swapaxes(1, 2) @ hessian @ turns
-    ridge = POSE_RIDGE * np.einsum("fqq->f", own) + np.finfo(np.float64).tiny
-    inverse = np.linalg.inv(own + ridge[:, np.newaxis, np.newaxis] * np.eye(own.shape[1]))
+    inverse = np.linalg.inv(with_ridge(own))
     spread = turns @ inverse @ turns.swapaxes(1, 2)
     n_frames, n_limbs = poses.rotations.shape[:2]
     taken = np.empty(weights.shape)

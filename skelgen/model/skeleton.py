@@ -175,6 +175,9 @@ class Motion:
         Whether the limb's rotation rests on markers seen in the frame; False where it is interpolated in time.
     rate : float, Hz
         Frame rate.
+    joint_std : ndarray, shape (n_frames, n_joints, 3), mm, or None
+        Standard deviations of the joints' positions along the world's axes, of hinges across their axes; None where
+        nothing was estimated.
     """
 
     world_from_limb: Floats
@@ -183,6 +186,7 @@ class Motion:
     residuals: Floats
     limb_seen: Bools
     rate: float
+    joint_std: Floats | None = None
 
     def __post_init__(self) -> None:
         poses = check_floats(self.world_from_limb, (None, None, 4, 4), "world_from_limb", finite=True)
@@ -196,6 +200,9 @@ class Motion:
         object.__setattr__(self, "residuals", residuals)
         object.__setattr__(self, "limb_seen", check_bools(self.limb_seen, (n_frames, n_limbs), "limb_seen"))
         object.__setattr__(self, "rate", float(self.rate))
+        if self.joint_std is not None:
+            std = check_floats(self.joint_std, joints.shape, "joint_std", finite=True)
+            object.__setattr__(self, "joint_std", std)
 
     @property
     def n_frames(self) -> int:

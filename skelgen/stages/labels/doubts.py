@@ -58,7 +58,7 @@ def repaired_spans(file: Trajectories, repaired: Trajectories, confidence: Float
         rival = int(here.argmax()) if here.any() else -1
         was = f"was called {file.names[rival]} in the file" if rival >= 0 else "is not in the file"
         least = float(confidence[first : last + 1, marker].min())
-        reason = f"{file.names[marker]} {was}: exchanged labels were given back"
+        reason = f"{file.names[marker]} {was}: the label was given back"
         doubts.append(Doubt(marker, first, last, "repaired", rival, least, reason))
     return tuple(doubts)
 

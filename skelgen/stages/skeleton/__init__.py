@@ -16,7 +16,7 @@ from skelgen.progress import SILENT, Monitor
 from skelgen.stages.skeleton.assemble import cut_out
 from skelgen.stages.skeleton.fitting import FittedBody, fit_body
 from skelgen.stages.skeleton.parameters import SkeletonParameters
-from skelgen.stages.skeleton.result import make_motion, make_skeleton
+from skelgen.stages.skeleton.result import make_motion, make_skeleton, places_not_determined
 
 __all__ = ["SkeletonParameters", "fit_skeleton"]
 
@@ -68,6 +68,8 @@ def fit_skeleton(
         monitor.advance(index + 1, len(topology.roots))
     _report_unseen(fitted, monitor)
     _report_outliers(fitted, trajectories, monitor)
+    for sentence in places_not_determined(fitted):
+        monitor.notice(sentence)
     skeleton = make_skeleton(fitted, limbs, topology)
     return skeleton, make_motion(fitted, trajectories, skeleton)
 

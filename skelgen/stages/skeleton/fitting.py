@@ -12,6 +12,7 @@ from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses, seen_weights
 from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
+from skelgen.stages.skeleton.deviations import joint_deviations, lasting
 from skelgen.stages.skeleton.joints import (
     articulation_of,
     axis_freedom,
@@ -56,6 +57,12 @@ class FittedBody:
         Of the joints in their parents' frames.
     reference : int
         Reference frame.
+    deviations : ndarray, shape (n_frames, n_limbs, 3), mm
+        Of the joints in the world, of hinges across their axes.
+    growth : float
+        How many frames of residuals tell as much as one that is independent.
+    noise : float, mm
+        Standard deviation of a coordinate.
     """
 
     body: Body
@@ -67,6 +74,9 @@ class FittedBody:
     freedom: Floats
     covariances: Floats
     reference: int
+    deviations: Floats
+    growth: float
+    noise: float
 
 
 def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_poses: bool = False) -> FittedBody:
@@ -91,7 +101,10 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
     chain = settle_along_axes(last.chain, kinds, freedom)
     if refine:
         poses = fit_poses(chain, poses, trusted, last.articulation)
-    covariances = joint_covariances(last, parameters.rank_tolerance)
+    used = _frames_of_refinement(trusted, parameters.refine_samples) if refine else frames
+    growth = lasting(last, trusted[used])
+    covariances = growth * joint_covariances(last, parameters.rank_tolerance)
+    deviations = joint_deviations(last, chain, poses, trusted, np.asarray(~seen.all(axis=1)), growth)
     chain, poses, turn = _with_reference_axes(chain, poses, reference)
     return FittedBody(
         body=body,
@@ -105,6 +118,9 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         @ covariances
         @ turn[np.maximum(chain.parents, 0)].swapaxes(1, 2),
         reference=reference,
+        deviations=deviations,
+        growth=growth,
+        noise=last.noise,
     )
 
 
@@ -113,13 +129,17 @@ def _refined(
 ) -> tuple[Calibration, ChainPoses, list[JointKind]]:
     """Fit once more with joints that turn as their kinds allow, and with as many frames as count."""
     articulation = articulation_of(kinds, known)
-    frames = _spread(np.flatnonzero((~np.isnan(trusted[:, :, 0])).any(axis=1)), samples)
+    frames = _frames_of_refinement(trusted, samples)
     weights = seen_weights(trusted[frames])
     last = calibrate(first.chain, start[frames], trusted[frames], None, articulation, weights)
     rotations = last.articulation.projected(last.chain.parents, start.rotations)
     root = start.root.copy()
     root[frames], rotations[frames] = last.poses.root, last.poses.rotations
     return last, ChainPoses(root, rotations), with_axes(kinds, last.articulation)
+
+
+def _frames_of_refinement(trusted: Floats, samples: int) -> Ints:
+    return _spread(np.flatnonzero((~np.isnan(trusted[:, :, 0])).any(axis=1)), samples)
 
 
 def _wanted_kinds(parameters: SkeletonParameters, body: Body) -> dict[int, str]:

@@ -13,7 +13,7 @@ from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, residu
 from skelgen.kinematics.kind import JointKind, KindLimits, find_kind
 from skelgen.kinematics.relative import MIN_FRAMES
 from skelgen.kinematics.turning import TwoAxisTurning
-from skelgen.kinematics.uncertainty import inverse_root
+from skelgen.kinematics.uncertainty import LEAST_NOISE, inverse_root
 from skelgen.model.arrays import Bools, Floats
 
 NEIGHBOUR_WEIGHT = 0.1
@@ -205,7 +205,10 @@ def joint_covariances(calibration: Calibration, rank_tolerance: float) -> Floats
     """
     chain = calibration.chain
     n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
-    root = calibration.noise * inverse_root(calibration.information, rank_tolerance)[:n_places]
+    noise = max(calibration.noise, LEAST_NOISE)
+    within = np.zeros(len(calibration.information))  # what nothing determines is uncertain by the size of a limb
+    within[:n_places] = noise**2 / max(float((chain.offsets**2).sum(axis=1).mean()), 1.0)
+    root = noise * inverse_root(calibration.information + np.diag(within), rank_tolerance)[:n_places]
     result = np.zeros((chain.n_limbs, 3, 3))
     for limb in range(1, chain.n_limbs):
         change = _change_in_parent(chain, limb) @ root

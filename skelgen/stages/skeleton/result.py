@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.geometry.rotations import transform_from
+from skelgen.kinematics.observability import range_of_motion, undetermined_place
 from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.fitting import FittedBody
@@ -37,10 +38,12 @@ def make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: 
     world_from_limb = np.tile(np.eye(4), (n_frames, skeleton.n_limbs, 1, 1))
     markers = np.full((n_frames, trajectories.n_markers, 3), np.nan)
     seen = np.zeros((n_frames, skeleton.n_limbs), dtype=bool)
+    deviations = np.zeros((n_frames, skeleton.n_limbs, 3))
     for one in fitted:
         world_from_limb[:, one.body.limbs] = transform_from(one.poses.rotations, one.poses.origins(one.chain))
         markers[:, one.body.markers] = one.poses.markers(one.chain)
         seen[:, one.body.limbs] = one.seen
+        deviations[:, one.body.limbs] = one.deviations
     children = np.array([joint.child for joint in skeleton.joints], dtype=np.intp)
     return Motion(
         world_from_limb=world_from_limb,
@@ -49,6 +52,7 @@ def make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: 
         residuals=np.linalg.norm(trajectories.positions - markers, axis=2),
         limb_seen=seen,
         rate=trajectories.rate,
+        joint_std=deviations[:, children],
     )
 
 
@@ -64,9 +68,7 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
     found = {}
     for limb in range(1, one.chain.n_limbs):
         kind = one.kinds[limb - 1]
-        covariance = one.covariances[limb]
-        if kind.kind == "hinge":
-            covariance = covariance + one.freedom[limb] * _along_axis(one, limb)
+        covariance = place_covariance(one, limb)
         child = int(one.body.limbs[limb])
         found[child] = Joint(
             parent=int(one.body.limbs[one.chain.parents[limb]]),
@@ -81,9 +83,35 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
     return found
 
 
+def place_covariance(one: FittedBody, limb: int) -> Floats:
+    """Covariance [mm^2] of the joint above a limb in its parent, places along hinges included, shape (3, 3)."""
+    covariance = one.covariances[limb]
+    if one.kinds[limb - 1].kind == "hinge":
+        return np.asarray(covariance + one.freedom[limb] * _along_axis(one, limb))
+    return np.asarray(covariance)
+
+
+def places_not_determined(fitted: list[FittedBody]) -> list[str]:
+    """Say which joints' places the motion leaves open."""
+    found = []
+    for one in fitted:
+        for limb in range(1, one.chain.n_limbs):
+            parent = int(one.chain.parents[limb])
+            relative = one.poses.rotations[:, parent].swapaxes(1, 2) @ one.poses.rotations[:, limb]
+            names = (int(one.body.limbs[parent]), int(one.body.limbs[limb]))
+            motion, kind = range_of_motion(relative), one.kinds[limb - 1].kind
+            found.append(undetermined_place(names, kind, motion, place_covariance(one, limb), limb_size(one, limb)))
+    return [sentence for sentence in found if sentence]
+
+
+def limb_size(one: FittedBody, limb: int) -> float:
+    """Root mean square distance [mm] of a limb's markers from its joint; of all limbs' where it has none."""
+    own = one.chain.limb_of_marker == limb
+    offsets = one.chain.offsets[own] if own.any() else one.chain.offsets
+    return float(np.sqrt((offsets**2).sum(axis=1).mean()))
+
+
 def _along_axis(one: FittedBody, limb: int) -> Floats:
     """Nothing fixes a perfect hinge along its axis: its place there is uncertain by the size of the limb."""
-    offsets = one.chain.offsets[one.chain.limb_of_marker == limb]
-    size = float(np.mean(offsets**2) * 3)
     axis = one.kinds[limb - 1].axis_in_parent
-    return np.asarray(size * np.outer(axis, axis))
+    return np.asarray(limb_size(one, limb) ** 2 * np.outer(axis, axis))
