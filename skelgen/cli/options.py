@@ -45,7 +45,9 @@ Hierarchy = Annotated[
 ]
 Root = Annotated[
     str | None,
-    typer.Option("--root", metavar="NAME", help="Root of the tree: a body, a marker, or limb0 ...", show_default="found"),
+    typer.Option(
+        "--root", metavar="NAME", help="Root of the tree: a body, a marker, or limb0 ...", show_default="found"
+    ),
 ]
 Config = Annotated[
     Path | None,

@@ -8,7 +8,8 @@ import time
 import numpy as np
 from shown import show, show_machine
 
-from skelgen.model import Limbs, Trajectories
+from skelgen.model import Limbs, PointCloud, Trajectories
+from skelgen.model.arrays import Ints
 from skelgen.simulation import SimulatedTake, simulate
 from skelgen.stages.joints import find_joints
 
@@ -51,6 +52,8 @@ def cell(name: str, faults: dict[str, float], n_seeds: int) -> str:
 def are_apart(names: tuple[str, str], seed: int) -> bool:
     """Whether two bodies that are always seen together are two trees, both exact."""
     first, second = simulate(names[0], seed=seed, noise=1.0), simulate(names[1], seed=seed + 50, noise=1.0)
+    assert isinstance(first.take, Trajectories)
+    assert isinstance(second.take, Trajectories)
     n_limbs = len(first.truth.limb_names)
     owner = np.concatenate([first.truth.limb_of_marker, second.truth.limb_of_marker + n_limbs])
     positions = np.concatenate([first.take.positions, second.take.positions + APART], axis=1)
@@ -59,8 +62,9 @@ def are_apart(names: tuple[str, str], seed: int) -> bool:
     return tree(take, owner) == true_tree(first) | shifted
 
 
-def tree(take: Trajectories, limb_of_marker: np.ndarray) -> set[frozenset[int]]:
+def tree(take: Trajectories | PointCloud, limb_of_marker: Ints) -> set[frozenset[int]]:
     """Edges found."""
+    assert isinstance(take, Trajectories)
     topology = find_joints(take, Limbs(limb_of_marker, np.zeros((len(limb_of_marker),) * 2)))
     return {frozenset(edge) for edge in topology.edges.tolist()}
 
