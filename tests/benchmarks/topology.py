@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import Any
 
 import numpy as np
 from shown import show, show_machine
@@ -14,7 +15,7 @@ from skelgen.simulation import SimulatedTake, simulate
 from skelgen.stages.joints import find_joints
 
 STRUCTURES = ("human", "seed-human", "quadruped", "tree:8", "tree:10", "tree:30", "rods")
-FAULTS: dict[str, dict[str, float]] = {
+FAULTS: dict[str, dict[str, Any]] = {
     "0.3 mm": {"noise": 0.3},
     "1 mm": {"noise": 1.0},
     "1 mm, 6 cameras": {"noise": 1.0, "n_cameras": 6},
@@ -37,7 +38,7 @@ def main() -> None:
     show("Two bodies in one take are two exact trees, 1 mm", ("bodies", "takes"), pairs)
 
 
-def cell(name: str, faults: dict[str, float], n_seeds: int) -> str:
+def cell(name: str, faults: dict[str, Any], n_seeds: int) -> str:
     """Exact trees and mean time."""
     exact, started = 0, time.process_time()
     spent = 0.0
