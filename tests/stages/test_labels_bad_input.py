@@ -151,13 +151,14 @@ class TestBodies:
         assert result.trajectories.n_markers == len(still)
         assert result.limbs.n_limbs > 1 or "only one limb is found" in said
 
-    def test_two_bodies_are_found_whole_and_the_joint_between_them_is_doubted(self, simulated):
+    def test_two_bodies_are_found_whole_and_apart(self, simulated):
         random = np.random.default_rng(0)
         one, other = (simulated("rods", seed=seed, n_frames=N_FRAMES, noise=0.3).take.positions for seed in (1, 2))
         both = np.concatenate([one, other + np.array([2500.0, 0.0, 0.0])], axis=1)
         result, said = outcome(cloud_of([random.permutation(frame) for frame in both]))
         assert result.limbs.n_limbs == 6
-        assert "they may be separate bodies" in said
+        assert "they are separate bodies" in said
+        assert len(result.topology.roots) == 2
 
 
 class TestNumberOfMarkers:

@@ -271,7 +271,7 @@ def _turn(body: Segment, points: Floats, centre: Floats) -> float:
     local = np.einsum("fji,fnj->fni", poses[:, :3, :3], points - poses[:, np.newaxis, :3, 3]) - centre
     units = local / np.maximum(np.linalg.norm(local, axis=2, keepdims=True), np.finfo(float).tiny)
     means = np.nanmean(units, axis=0)
-    return float(np.sqrt(np.mean(1 - (means**2).sum(axis=1)) / 2))
+    return float(np.sqrt(max(np.mean(1 - (means**2).sum(axis=1)) / 2, 0.0)))  # below 0 by rounding
 
 
 def _from_descent(

@@ -90,7 +90,7 @@ class Certainty:
     ----------
     confidence : ndarray, shape (n_frames, n_markers)
         Probability that the marker is the one that it is called; NaN where it is unseen.
-    rival : ndarray of int32, shape (n_frames, n_markers)
+    rival : ndarray of int16, shape (n_frames, n_markers)
         The marker whose place fits next best, -1 = nowhere in particular.
     n_mates : ndarray of int8, shape (n_frames, n_markers)
         Mates seen in the frame.
@@ -108,7 +108,7 @@ class Certainty:
     """
 
     confidence: Floats
-    rival: NDArray[np.int32]
+    rival: NDArray[np.int16]
     n_mates: NDArray[np.int8]
     evidence: NDArray[np.float32]
     original: Ints
@@ -161,11 +161,11 @@ def identity_confidence(
 
 def _frame_by_frame(
     trajectories: Trajectories, usual: Usual
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int8]]:
+) -> tuple[NDArray[np.float32], NDArray[np.int16], NDArray[np.int8]]:
     """What `_evidence` says of all frames, in portions that bound the memory, and in short numbers."""
     n_frames, n_markers = trajectories.n_frames, trajectories.n_markers
     evidence = np.zeros((n_frames, n_markers), dtype=np.float32)
-    rival = np.full((n_frames, n_markers), -1, dtype=np.int32)
+    rival = np.full((n_frames, n_markers), -1, dtype=np.int16)
     n_seen = np.zeros((n_frames, n_markers), dtype=np.int8)
     step = max(1, CHUNK_VALUES // max(1, n_markers * (usual.rivals.shape[1] + 1) * max(1, usual.mates.shape[1])))
     for start in range(0, n_frames, step):

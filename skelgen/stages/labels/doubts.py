@@ -83,7 +83,7 @@ def _doubt(trajectories: Trajectories, certainty: Certainty, marker: int, first:
     names = trajectories.names
     own, other = names[marker], names[rival] if rival >= 0 else ""
     mates = int(np.median(certainty.n_mates[span, marker][low]))
-    share = trajectories.seen[:, marker].mean()
+    share = 1.0 - np.isnan(trajectories.positions[:, marker, 0]).mean()
     reason = {
         "piece": f"{own} lies where {other} belongs and is not seen together with it: the two may be one marker",
         "alone": f"{own} is seen too little to know its distance to any other marker",
