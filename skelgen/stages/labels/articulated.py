@@ -46,7 +46,7 @@ from skelgen.stages.labels.votes import (
     split_where_marker_changes,
 )
 
-MODEL_FRAMES = 800
+MODEL_FRAMES = 600
 """Frames that the skeleton is fitted to, spread over the take."""
 
 CORE_SHARE = 0.3

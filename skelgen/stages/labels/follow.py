@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -200,9 +201,10 @@ def _without_crowds(cloud: PointCloud, monitor: Monitor) -> tuple[Bools | slice,
 def _twin(n_pairs: float, compiled: bool | None) -> _Follow:
     """The loop that is done first with so many pairs of points; the plain one where numba cannot keep what it compiles.
 
-    What an earlier run has compiled is there at once.
+    What an earlier run has compiled is there at once, and once imported it serves short takes as well.
     """
-    if compiled is False or (compiled is None and n_pairs < _WORTH_IMPORTING):
+    is_small = n_pairs < _WORTH_IMPORTING and f"{__package__}.compiled" not in sys.modules
+    if compiled is False or (compiled is None and is_small):
         return plain.follow_frames
     try:
         from skelgen.stages.labels import compiled as twin  # noqa: PLC0415 - numba takes a second to import
