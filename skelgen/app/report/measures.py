@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model import Limbs, Motion, Project, Skeleton, Topology, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.topology import outward_order
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.topology import cheapest_rivals
 
 
 @dataclass(frozen=True)
@@ -182,25 +182,9 @@ def runners_up(topology: Topology) -> list[RunnerUp | None]:
 
     The further its cost lies above the joint's own, the surer this edge of the tree is.
     """
-    found: list[RunnerUp | None] = []
-    for parent, child in topology.edges.tolist():
-        below = _branch(topology.parents, child)
-        allowed = below[:, np.newaxis] & ~below[np.newaxis, :] & ~np.isnan(topology.joint_costs)
-        allowed[child, parent] = False
-        if not allowed.any():
-            found.append(None)
-            continue
-        costs = np.where(allowed, topology.joint_costs, np.inf)
-        inside, outside = np.unravel_index(int(costs.argmin()), costs.shape)
-        found.append(RunnerUp((int(outside), int(inside)), float(costs.min())))
-    return found
-
-
-def _branch(parents: Ints, limb: int) -> Bools:
-    inside: Bools = np.arange(len(parents)) == limb
-    for other in outward_order(parents).tolist():
-        inside[other] |= parents[other] >= 0 and inside[parents[other]]
-    return inside
+    rivals = cheapest_rivals(topology.parents, topology.joint_costs)
+    of_joints = (rivals[child] for child in topology.children.tolist())
+    return [None if np.isnan(cost) else RunnerUp(limbs, cost) for limbs, cost in of_joints]
 
 
 def reference_joints(skeleton: Skeleton) -> Floats:
