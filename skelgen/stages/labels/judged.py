@@ -6,10 +6,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Ints
 from skelgen.model.labelling import Agreement, Finding, Labelling, Tracklets
 from skelgen.stages.labels.confidence import LABELS_FOUND, identity_confidence
 from skelgen.stages.labels.doubts import doubtful_spans, repaired_spans
@@ -19,13 +18,6 @@ SEED_METHOD = "sets"
 
 CHUNK_FRAMES = 20_000
 """Frames that are looked at together: bounds the memory for long takes."""
-
-_MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
-"""Odd numbers that scatter the bits of coordinates over a key."""
-
-_FRAME_MIXER = np.uint64(0xD6E8FEB86659FD93)
-
-Keys = NDArray[np.uint64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +30,8 @@ class Origin:
         The points as they were labelled.
     owner : ndarray of intp, shape (n_points,)
         Track of each point, -1 for none.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker that each point became, -1 for none.
     by_sets : ndarray of intp, shape (n_points,), or None
         Marker of each point by the seed's method, -1 for none, where another method came after it.
     stated : ndarray of bool, shape (n_points,), or None
@@ -46,7 +40,8 @@ class Origin:
 
     cloud: PointCloud
     owner: Ints
-    by_sets: Ints | None
+    marker_of_point: Ints
+    by_sets: Ints | None = None
     stated: Bools | None = None
 
 
@@ -60,13 +55,11 @@ class _Portion:
     marker_of_point: Ints
 
 
-def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Origin) -> Labelling:
+def labelling_of_cloud(trajectories: Trajectories, origin: Origin) -> Labelling:
     """Judge markers that were found in an unlabelled take.
 
     Parameters
     ----------
-    cloud : PointCloud
-        The take.
     trajectories : Trajectories
         The markers; each position is that of a point.
     origin : Origin
@@ -75,13 +68,13 @@ def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Or
     changes = np.zeros(trajectories.seen.shape, dtype=np.bool_)
     stated = None if origin.stated is None else np.zeros_like(changes)
     parts = []
-    for portion in _portions(origin.cloud, trajectories.positions):
+    for portion in _portions(origin):
         changes[portion.frames] = _track_changes(origin, portion, trajectories.n_markers)
         if origin.stated is not None and stated is not None:
             stated[portion.frames] = _stated(origin.stated, portion, trajectories.n_markers)
         parts.append(_parts(origin.owner[portion.points], portion.marker_of_point, portion.frame_of_point))
     certainty = identity_confidence(trajectories, changes, stated, LABELS_FOUND)
-    left_out = np.maximum(cloud.points_per_frame - trajectories.seen.sum(axis=1), 0)
+    left_out = np.maximum(origin.cloud.points_per_frame - trajectories.seen.sum(axis=1), 0)
     return Labelling(
         certainty.confidence,
         doubtful_spans(trajectories, certainty),
@@ -111,59 +104,13 @@ def labelling_of_markers(trajectories: Trajectories, file: Trajectories, finding
     return Labelling(certainty.confidence, ordered, certainty.twins, nothing, findings=tuple(findings))
 
 
-def find_points(cloud: PointCloud, positions: Floats) -> Ints:
-    """Find which marker each point became, from positions that are exactly those of points.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The points.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Of the markers, NaN where unseen.
-
-    Returns
-    -------
-    ndarray of intp, shape (n_points,)
-        -1 for points that are no marker's.
-    """
-    return np.concatenate(
-        [portion.marker_of_point for portion in _portions(cloud, positions)] or [np.empty(0, np.intp)]
-    )
-
-
-def _portions(cloud: PointCloud, positions: Floats) -> Iterator[_Portion]:
+def _portions(origin: Origin) -> Iterator[_Portion]:
+    cloud = origin.cloud
     for first in range(0, cloud.n_frames, CHUNK_FRAMES):
         frames = slice(first, min(first + CHUNK_FRAMES, cloud.n_frames))
         points = slice(int(cloud.frame_starts[frames.start]), int(cloud.frame_starts[frames.stop]))
         frame_of_point = np.repeat(np.arange(frames.start, frames.stop), cloud.points_per_frame[frames])
-        frame, marker = np.nonzero(~np.isnan(positions[frames, :, 0]))
-        wanted = _keys(frame + first, positions[frames][frame, marker])
-        found = _places(_keys(frame_of_point, cloud.points[points]), wanted)
-        marker_of_point = np.full(len(frame_of_point), -1, dtype=np.intp)
-        marker_of_point[found[found >= 0]] = marker[found >= 0]
-        yield _Portion(points, frames, frame_of_point, marker_of_point)
-
-
-def _keys(frames: Ints, points: Floats) -> Keys:
-    """One number for each point of each frame; equal numbers mean equal points, but for one case in 2^64."""
-    bits = np.ascontiguousarray(points + 0.0).view(np.uint64)  # + 0.0: minus zero is zero
-    key = frames.astype(np.uint64) * _FRAME_MIXER
-    for axis, mixer in enumerate(_MIXERS):
-        key = (key ^ bits[:, axis]) * mixer
-        key ^= key >> np.uint64(29)
-    return key
-
-
-def _places(keys: Keys, wanted: Keys) -> Ints:
-    """Index of each wanted key among all keys, each used once; -1 where it is not there."""
-    order, turn = np.argsort(keys, kind="stable"), np.argsort(wanted, kind="stable")
-    ordered = wanted[turn]
-    place = np.searchsorted(keys[order], ordered) + np.arange(len(turn)) - np.searchsorted(ordered, ordered)
-    there = place < len(keys)
-    there[there] = keys[order[place[there]]] == ordered[there]
-    result = np.full(len(wanted), -1, dtype=np.intp)
-    result[turn[there]] = order[place[there]]
-    return result
+        yield _Portion(points, frames, frame_of_point, origin.marker_of_point[points])
 
 
 def _track_changes(origin: Origin, portion: _Portion, n_markers: int) -> Bools:
@@ -231,7 +178,7 @@ def _agreement(origin: Origin, trajectories: Trajectories) -> Agreement | None:
     n_markers = int(origin.by_sets.max(initial=-1)) + 1
     counts = np.zeros((n_markers, trajectories.n_markers), dtype=np.intp)
     either = 0
-    for portion in _portions(origin.cloud, trajectories.positions):
+    for portion in _portions(origin):
         theirs, own = origin.by_sets[portion.points], portion.marker_of_point
         both = (theirs >= 0) & (own >= 0)
         np.add.at(counts, (theirs[both], own[both]), 1)

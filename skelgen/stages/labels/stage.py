@@ -89,7 +89,7 @@ def label_and_judge(
         )
         origin = dataclasses.replace(origin, by_sets=theirs)
     del sets  # of long takes they are large
-    return trajectories, labelling_of_cloud(cloud, trajectories, origin)
+    return trajectories, labelling_of_cloud(trajectories, origin)
 
 
 def _labelled(
@@ -129,7 +129,7 @@ def _labelled(
     for sentence in notices:
         monitor.notice(sentence)
     trajectories = Trajectories(positions, names, rate, cloud.name, cloud.notices + notices)
-    return trajectories, Origin(cloud, owner, None, fixed.who >= 0 if fixed else None), sets
+    return trajectories, Origin(cloud, owner, found, None, fixed.who >= 0 if fixed else None), sets
 
 
 def _sets(cloud: PointCloud, owner: Ints, rate: float, parameters: LabelParameters) -> MarkerSets:
