@@ -55,33 +55,66 @@ class _Portion:
     marker_of_point: Ints
 
 
-def labelling_of_cloud(trajectories: Trajectories, origin: Origin) -> Labelling:
+@dataclass(frozen=True, eq=False)
+class History:
+    """What the account needs of how points became markers; small, whatever the number of points.
+
+    Attributes
+    ----------
+    changes : ndarray of bool, shape (n_frames, n_markers)
+        Frames in which a marker's point is of another track than in the frame before.
+    stated : ndarray of bool, shape (n_frames, n_markers), or None
+        Frames in which the user says that the marker is the one that it is called.
+    left_out : ndarray of intp, shape (n_frames,)
+        Points of each frame that became no marker.
+    tracklets : Tracklets
+        Tracks in the parts that went to one marker each.
+    seed_method : Agreement or None
+        What the seed's method gave.
+    """
+
+    changes: Bools
+    stated: Bools | None
+    left_out: Ints
+    tracklets: Tracklets
+    seed_method: Agreement | None
+
+
+def history_of(origin: Origin, n_markers: int) -> History:
+    """Gather what the account needs, so that the points may be forgotten."""
+    changes = np.zeros((origin.cloud.n_frames, n_markers), dtype=np.bool_)
+    stated = None if origin.stated is None else np.zeros_like(changes)
+    left_out = np.zeros(origin.cloud.n_frames, dtype=np.intp)
+    parts = []
+    for portion in _portions(origin):
+        changes[portion.frames] = _track_changes(origin, portion, n_markers)
+        if origin.stated is not None and stated is not None:
+            stated[portion.frames] = _stated(origin.stated, portion, n_markers)
+        free = portion.frame_of_point[portion.marker_of_point < 0] - portion.frames.start
+        left_out[portion.frames] = np.bincount(free, minlength=portion.frames.stop - portion.frames.start)
+        parts.append(_parts(origin.owner[portion.points], portion.marker_of_point, portion.frame_of_point))
+    agreement = None if origin.by_sets is None else _agreement(origin.by_sets, origin.marker_of_point, n_markers)
+    return History(changes, stated, left_out, _joined(parts), agreement)
+
+
+def labelling_of_cloud(trajectories: Trajectories, history: History) -> Labelling:
     """Judge markers that were found in an unlabelled take.
 
     Parameters
     ----------
     trajectories : Trajectories
         The markers; each position is that of a point.
-    origin : Origin
-        What they were made of.
+    history : History
+        How points became markers.
     """
-    changes = np.zeros(trajectories.seen.shape, dtype=np.bool_)
-    stated = None if origin.stated is None else np.zeros_like(changes)
-    parts = []
-    for portion in _portions(origin):
-        changes[portion.frames] = _track_changes(origin, portion, trajectories.n_markers)
-        if origin.stated is not None and stated is not None:
-            stated[portion.frames] = _stated(origin.stated, portion, trajectories.n_markers)
-        parts.append(_parts(origin.owner[portion.points], portion.marker_of_point, portion.frame_of_point))
-    certainty = identity_confidence(trajectories, changes, stated, LABELS_FOUND)
-    left_out = np.maximum(origin.cloud.points_per_frame - trajectories.seen.sum(axis=1), 0)
+    certainty = identity_confidence(trajectories, history.changes, history.stated, LABELS_FOUND)
     return Labelling(
         certainty.confidence,
         doubtful_spans(trajectories, certainty),
         certainty.twins,
-        left_out,
-        _joined(parts),
-        _agreement(origin, trajectories) if origin.by_sets is not None else None,
+        history.left_out,
+        history.tracklets,
+        history.seed_method,
     )
 
 
@@ -169,19 +202,14 @@ def _begins(track: Ints, marker: Ints) -> Bools:
     return new
 
 
-def _agreement(origin: Origin, trajectories: Trajectories) -> Agreement | None:
+def _agreement(by_sets: Ints, found: Ints, n_markers: int) -> Agreement:
     """Compare with what the seed's method gave."""
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
-    if origin.by_sets is None:
-        return None
-    n_markers = int(origin.by_sets.max(initial=-1)) + 1
-    counts = np.zeros((n_markers, trajectories.n_markers), dtype=np.intp)
-    either = 0
-    for portion in _portions(origin):
-        theirs, own = origin.by_sets[portion.points], portion.marker_of_point
-        both = (theirs >= 0) & (own >= 0)
-        np.add.at(counts, (theirs[both], own[both]), 1)
-        either += int(((theirs >= 0) | (own >= 0)).sum())
+    n_theirs = int(by_sets.max(initial=-1)) + 1
+    both = (by_sets >= 0) & (found >= 0)
+    counts = np.bincount(by_sets[both] * n_markers + found[both], minlength=n_theirs * n_markers)
+    counts = counts.reshape(n_theirs, n_markers)
     same = int(counts[linear_sum_assignment(counts, maximize=True)].sum())
-    return Agreement(SEED_METHOD, n_markers, int((origin.by_sets >= 0).sum()), same / max(either, 1))
+    either = int(((by_sets >= 0) | (found >= 0)).sum())
+    return Agreement(SEED_METHOD, n_theirs, int((by_sets >= 0).sum()), same / max(either, 1))
