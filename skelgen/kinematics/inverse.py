@@ -14,9 +14,10 @@ from skelgen.errors import InputError
 from skelgen.geometry.orientation import fit_transform, rotation_by_quaternion
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.kinematics.articulation import FREEDOMS, Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses, normal_equations
+from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.pose_covariances import pose_covariances
+from skelgen.kinematics.posing import fit_poses
 from skelgen.kinematics.shape import determines_pose
-from skelgen.kinematics.uncertainty import weak_prior
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 
@@ -93,7 +94,7 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
             poses = fit_poses(tree.chain, poses, positions[:, tree.markers], tree.articulation)
         world[:, tree.limbs] = transform_from(poses.rotations, poses.origins(tree.chain))
         seen[:, tree.limbs] = fixed
-        covariances = _turn_covariances(tree, poses, positions[:, tree.markers], noise)
+        covariances = pose_covariances(tree.chain, tree.articulation, poses, positions[:, tree.markers], noise).turns
         turns |= {int(limb): covariances[:, place] for place, limb in enumerate(tree.limbs)}
     rotations = world[..., :3, :3]
     relative = [rotations[:, one.parent].swapaxes(1, 2) @ rotations[:, one.child] for one in skeleton.joints]
@@ -219,18 +220,6 @@ def _place_root(points: Floats, places: Floats, heard: Bools, positions: Floats)
     gaps = np.where(heard[..., np.newaxis], places - np.einsum("fij,mj->fmi", turn, points), 0.0).sum(axis=1)
     count = heard.sum(axis=1)[:, np.newaxis]
     return turn, np.where(count > 0, gaps / np.maximum(count, 1), np.nanmean(positions, axis=1)), fixed
-
-
-def _turn_covariances(tree: _Tree, poses: ChainPoses, positions: Floats, noise: float) -> Floats:
-    """Covariances [rad^2] of small turns of limbs against their parents, in the parents' axes."""
-    chain, articulation = tree.chain, tree.articulation
-    turns, _ = articulation.bases(chain.parents, poses.rotations)
-    hessian, _ = normal_equations(chain, chain.arms(), poses, positions)
-    inverse = np.linalg.inv(turns.swapaxes(1, 2) @ hessian @ turns + weak_prior(articulation, noise))
-    limbs = turns[:, 3:].reshape(len(positions), chain.n_limbs, 3, -1)
-    above = np.maximum(chain.parents, 0)
-    relative = poses.rotations[:, above].swapaxes(2, 3) @ (limbs - limbs[:, above])
-    return np.asarray(noise**2 * np.einsum("flip,fpq,fljq->flij", relative, inverse, relative, optimize=True))
 
 
 def _usual_noise(skeleton: Skeleton) -> float:
