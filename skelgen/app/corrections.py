@@ -85,7 +85,8 @@ def limb_wishes(project: Project, monitor: Monitor) -> dict[str, Any]:
         elif correction.kind in {"together", "move"}:
             together.append(names[:2] if correction.kind == "move" else names)
             apart += [[names[0], old] for old in names[2:] if correction.kind == "move"]
-    return {"together": together, "apart": apart}
+    wishes = {"together": together, "apart": apart}
+    return {name: groups for name, groups in wishes.items() if groups}
 
 
 def number_of(project: Project, kind: str) -> int | None:
@@ -104,8 +105,9 @@ def joint_wishes(project: Project, monitor: Monitor) -> dict[str, Any]:
             wishes["root"] = limbs[0]
         else:
             pairs[min(limbs), max(limbs)] = correction.kind == "join"
-    wishes["joined"] = [pair for pair, is_there in pairs.items() if is_there]
-    wishes["parted"] = [pair for pair, is_there in pairs.items() if not is_there]
+    for name, wanted in (("joined", True), ("parted", False)):
+        if wanted in pairs.values():
+            wishes[name] = [pair for pair, is_there in pairs.items() if is_there is wanted]
     return wishes
 
 

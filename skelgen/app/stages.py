@@ -195,7 +195,8 @@ def _join(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -
 def _fit(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
-    told = parameters.knowing(known_kinds(project, monitor))
+    kinds = known_kinds(project, monitor)
+    told = parameters.knowing(kinds) if kinds else parameters
     known = {"are_poses": True} if isinstance(project.take, Poses) else {}
     return fit_skeleton(project.trajectories, project.limbs, project.topology, told, monitor=monitor, **known)
 

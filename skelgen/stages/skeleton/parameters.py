@@ -117,7 +117,7 @@ class SkeletonParameters(StageParameters):
     def knowing(self, kinds: Mapping[int, str]) -> Self:
         """Return parameters that know more kinds of joints, by the joint's child limb; those given last count."""
         more = " ".join(f"{limb}={kind}" for limb, kind in kinds.items())
-        return self.replace(kinds=f"{self.kinds} {more}".strip()) if more else self
+        return self.replace(kinds=f"{self.kinds} {more}".strip())
 
     def _known_kinds(self) -> dict[int | None, str]:
         known: dict[int | None, str] = {}
