@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from skelgen.errors import ParameterError
 from skelgen.kinematics.kind import KNOWN_KINDS
@@ -115,6 +116,11 @@ class SkeletonParameters(StageParameters):
         """Return the kind that the user knows of the joint above a limb, or None."""
         known = self._known_kinds()
         return known.get(limb, known.get(None))
+
+    def knowing(self, kinds: Mapping[int, str]) -> Self:
+        """Return parameters that know more kinds of joints, by the joint's child limb; those given last count."""
+        more = " ".join(f"{limb}={kind}" for limb, kind in kinds.items())
+        return self.replace(kinds=f"{self.kinds} {more}".strip())
 
     def _known_kinds(self) -> dict[int | None, str]:
         known: dict[int | None, str] = {}
