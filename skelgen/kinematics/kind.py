@@ -20,7 +20,7 @@ from skelgen.kinematics.arrow import Linear, descend
 from skelgen.kinematics.correlated import effective_frames
 from skelgen.kinematics.hinge import hinge_turning
 from skelgen.kinematics.relative import whitener
-from skelgen.kinematics.turning import FixedTurning, Turning, TwoAxisTurning
+from skelgen.kinematics.turning import FixedTurning, Turning, TwoAxisTurning, axis_covariance
 from skelgen.kinematics.universal import universal_turning
 from skelgen.model.arrays import Floats
 
@@ -72,6 +72,8 @@ class Leftover:
         Root mean square turn that the noise could hide.
     allowed : float, rad
         Root mean square of the smallest turn that the kind allows; 0 for a rigid joint.
+    axis_covariance : ndarray, shape (6, 6)
+        Of the axis in the parent, then of that in the child, unit vectors; 0 for a rigid joint.
     """
 
     turning: Turning
@@ -81,6 +83,7 @@ class Leftover:
     true_wobble: float
     hidden: float
     allowed: float
+    axis_covariance: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +205,7 @@ def _leftover(name: str, rotations: Floats, weight: Floats, freedoms: float, lim
     n_frames, n_rows = len(rotations), 3 - start.n_angles
     ratio = found.squares / max(n_rows * n_frames - start.n_constants, 1)
     independent = effective_frames(found.solution.residuals, of_squares=True)
+    growth = ratio * n_frames / effective_frames(found.solution.residuals)
     limit = float(fdtri(n_rows * independent, max(freedoms * independent, LEAST_FREEDOMS), 1 - limits.doubt))
     errors = vector_from_matrix(rotations @ found.state.rotations().swapaxes(1, 2))
     wobble = float(np.sqrt((errors**2).sum(axis=1).mean()))
@@ -215,6 +219,7 @@ def _leftover(name: str, rotations: Floats, weight: Floats, freedoms: float, lim
         true_wobble=true_wobble if wobble > ROUNDING_TURN else 0.0,
         hidden=float(noise * np.sqrt(max(limit - 1, 0.0))),
         allowed=_allowed(name, rotations),
+        axis_covariance=growth * axis_covariance(found.state, found.solution.covariance),
     )
 
 

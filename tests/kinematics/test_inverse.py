@@ -7,7 +7,8 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.inverse import METHODS, joint_angles, solve
+from skelgen.kinematics.angles import joint_angles
+from skelgen.kinematics.inverse import METHODS, solve
 from skelgen.model import Joint, Skeleton
 
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])

@@ -10,15 +10,17 @@ from skelgen.geometry.orientation import Rotator
 from skelgen.kinematics.calibration import Calibration, calibrate
 from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses, seen_weights
 from skelgen.kinematics.kind import JointKind, KindLimits
+from skelgen.kinematics.limb_errors import LimbErrors
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
-from skelgen.stages.skeleton.deviations import joint_deviations, lasting
+from skelgen.stages.skeleton.deviations import SHARED_FRAMES, joint_deviations, lasting
 from skelgen.stages.skeleton.joints import (
     articulation_of,
     axis_freedom,
+    errors_of_limbs,
     find_kinds,
-    joint_covariances,
-    settle_along_axes,
+    shifted,
+    shifts_along_axes,
     with_axes,
     with_noise_of_poses,
 )
@@ -51,10 +53,12 @@ class FittedBody:
         Positions that were left out because they cannot belong to their marker.
     kinds : list of JointKind
         Of the joints above limbs 1, 2, ...
-    freedom : ndarray, shape (n_limbs,)
-        How free each joint is along its hinge axis, 0 .. 1.
-    covariances : ndarray, shape (n_limbs, 3, 3), mm^2
-        Of the joints in their parents' frames.
+    errors : LimbErrors
+        Errors of limbs and joints, in frames of the limbs that `turn` brings to those of the chain.
+    turn : ndarray, shape (n_limbs, 3, 3)
+        Chain's frames from those of the errors.
+    turn_covariances : ndarray, shape (n_limbs, 3, 3), rad^2
+        Of limbs against their parents, in the parents' axes: what the errors make in every frame.
     reference : int
         Reference frame.
     deviations : ndarray, shape (n_frames, n_limbs, 3), mm
@@ -71,8 +75,9 @@ class FittedBody:
     seen: Bools
     outliers: Bools
     kinds: list[JointKind]
-    freedom: Floats
-    covariances: Floats
+    errors: LimbErrors
+    turn: Floats
+    turn_covariances: Floats
     reference: int
     deviations: Floats
     growth: float
@@ -98,14 +103,18 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         if are_poses:
             last = with_noise_of_poses(last, trusted)
     freedom = axis_freedom(kinds, last.noise)
-    chain = settle_along_axes(last.chain, kinds, freedom)
+    shifts = shifts_along_axes(last.chain, kinds, freedom)
+    chain = shifted(last.chain, kinds, shifts)
     if refine:
         poses = fit_poses(chain, poses, trusted, last.articulation)
     used = _frames_of_refinement(trusted, parameters.refine_samples) if refine else frames
     growth = lasting(last, trusted[used])
-    covariances = growth * joint_covariances(last, parameters.rank_tolerance)
+    errors = errors_of_limbs(last, chain, kinds, shifts, freedom, growth, parameters.rank_tolerance)
+    shared = _spread(used, SHARED_FRAMES)
+    turn_covariances = errors.turns(poses[shared], trusted[shared])
     deviations = joint_deviations(last, chain, poses, trusted, np.asarray(~seen.all(axis=1)), growth)
     chain, poses, turn = _with_reference_axes(chain, poses, reference)
+    above = np.maximum(chain.parents, 0)
     return FittedBody(
         body=body,
         chain=chain,
@@ -113,10 +122,9 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         seen=seen,
         outliers=np.isnan(trusted[:, :, 0]) & ~np.isnan(body.positions[:, :, 0]),
         kinds=[kind.with_frames(turn[chain.parents[limb]], turn[limb]) for limb, kind in enumerate(kinds, start=1)],
-        freedom=freedom,
-        covariances=turn[np.maximum(chain.parents, 0)]
-        @ covariances
-        @ turn[np.maximum(chain.parents, 0)].swapaxes(1, 2),
+        errors=errors,
+        turn=turn,
+        turn_covariances=turn[above] @ turn_covariances @ turn[above].swapaxes(1, 2),
         reference=reference,
         deviations=deviations,
         growth=growth,

@@ -1,0 +1,230 @@
+r"""How surely the parts of a calibrated chain are known, whatever frames its limbs were given.
+
+The inverse information of the constants leaves open how each limb's frame is turned. What counts is how points of a
+limb lie to each other: of the change :math:`d_i` of each point the rigid motion of the limb's markers is taken off,
+
+.. math::
+    d_i' = d_i - \bar d - \theta \times (p_i - c),
+
+with the mean change :math:`\bar d` and the centroid c of the markers, and the turn :math:`\theta` that fits their
+changes best. Limbs whose markers lie on one line are turned by their joints as well. The same turn is taken off axes
+and off the limbs' rotations, so that joints, axes, offsets, lengths and angles all count against the markers (Gaschler
+2011, 6.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.rotations import cross_matrix
+from skelgen.kinematics.articulation import Articulation, across
+from skelgen.kinematics.border import linearised
+from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.shape import determines_pose
+from skelgen.kinematics.uncertainty import LEAST_NOISE
+from skelgen.model.arrays import Floats
+
+FAINT = 1e-4
+"""Weight of points that only take up a turn which the others leave open."""
+
+RANK_TOLERANCE = 1e-8
+"""Of the largest: information below this part is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class LimbErrors:
+    """Errors of a chain's constants, linear in independent numbers of variance 1.
+
+    Attributes
+    ----------
+    chain : Chain
+        Calibrated limbs.
+    articulation : Articulation
+        What its joints allow.
+    root : ndarray, shape (n_constants, n)
+        Changes of marker offsets, joints and axes: their covariance is root @ root.T.
+    """
+
+    chain: Chain
+    articulation: Articulation
+    root: Floats
+
+    def offsets(self, limb: int) -> Floats:
+        """Changes [mm] of a limb's markers against each other, shape (n_markers, 3, n)."""
+        points = _Points.of(self, limb)
+        centre, shift, turn = points.motion(None)
+        return points.change[: points.n_markers] - shift - _turned(turn, points.place[: points.n_markers] - centre)
+
+    def joint(self, child: int, limb: int) -> Floats:
+        """Change [mm] of the joint above a limb against the markers of one of its limbs, shape (3, n)."""
+        points = _Points.of(self, limb)
+        row = points.row_of(child)
+        centre, shift, turn = points.motion(row)
+        return np.asarray(points.change[row] - shift - _turned(turn, points.place[row : row + 1] - centre)[0])
+
+    def axis(self, child: int, limb: int) -> Floats:
+        """Change of the axis of the joint above `child` that is fixed in one of its limbs, shape (3, n)."""
+        _, _, turn = _Points.of(self, limb).motion(None)
+        if limb == child:
+            axis, moved = self.articulation.in_child[child], -turn
+        else:
+            axis, moved = self.articulation.in_parent[child], self.tilt(child) - turn
+        return np.asarray(-cross_matrix(axis) @ moved)
+
+    def length(self, first: int, second: int, limb: int) -> Floats:
+        """Change [mm] of the distance between the joints above two limbs, both of them joints of `limb`, shape (n,)."""
+        points = _Points.of(self, limb)
+        rows = points.row_of(first), points.row_of(second)
+        way = points.place[rows[0]] - points.place[rows[1]]
+        unit = way / max(float(np.linalg.norm(way)), np.finfo(np.float64).tiny)
+        return np.asarray(unit @ (points.change[rows[0]] - points.change[rows[1]]))
+
+    def turns(self, poses: ChainPoses, positions: Floats, weights: Floats | None = None) -> Floats:
+        """Mean covariance [rad^2] of the turn of each limb against its parent that these errors make.
+
+        Parameters
+        ----------
+        poses : ChainPoses
+            Some frames.
+        positions : ndarray, shape (n_frames, n_markers, 3), mm
+            Measured markers: which are seen says how the poses follow the constants.
+        weights : ndarray, shape (n_frames, n_markers), optional
+            Of the squared distances.
+
+        Returns
+        -------
+        ndarray, shape (n_limbs, 3, 3)
+            In the parents' axes; 0 for the root.
+        """
+        chain = self.chain
+        frames = linearised(chain, self.articulation, poses, positions, weights)
+        n_places = len(self.root) - self.articulation.n_constants
+        own = frames.tilts @ self.root[n_places:] - frames.turns @ (frames.follow() @ self.root)
+        own = own[:, 3:].reshape(len(positions), chain.n_limbs, 3, -1)
+        frame_turns = np.stack([_Points.of(self, limb).motion(None)[2] for limb in range(chain.n_limbs)])
+        own = own + poses.rotations @ frame_turns
+        above = np.maximum(chain.parents, 0)
+        relative = poses.rotations[:, above].swapaxes(2, 3) @ (own - own[:, above])
+        return np.asarray((relative @ relative.swapaxes(2, 3)).mean(axis=0))
+
+    def tilt(self, child: int) -> Floats:
+        """Turn [rad] of the axis of the joint above `child` in its parent's frame, shape (3, n); 0 without axes."""
+        n_places = 3 * (self.chain.n_markers + self.chain.n_limbs - 1)
+        columns = self.articulation.constant_columns[child]
+        rows = self.root[n_places + columns.start : n_places + columns.stop]
+        if not len(rows):
+            return np.zeros((3, self.root.shape[1]))
+        return np.asarray(across(self.articulation.in_parent[child]) @ rows[:2])
+
+
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """Points of one limb: its markers, the joint to its parent, the joints to its children.
+
+    Attributes
+    ----------
+    place : ndarray, shape (n_points, 3), mm
+        In the limb's frame.
+    change : ndarray, shape (n_points, 3, n), mm
+        How they follow the errors.
+    joints : list of int
+        Limbs below the joints, in the order of the points behind the markers.
+    n_markers : int
+        Number of markers, which come first.
+    """
+
+    place: Floats
+    change: Floats
+    joints: list[int]
+    n_markers: int
+
+    @classmethod
+    def of(cls, errors: LimbErrors, limb: int) -> _Points:
+        chain, n = errors.chain, errors.root.shape[1]
+        markers = np.flatnonzero(chain.limb_of_marker == limb)
+        joints = ([limb] if chain.parents[limb] >= 0 else []) + np.flatnonzero(chain.parents == limb).tolist()
+        places = [chain.offsets[markers]]
+        changes = [errors.root[: 3 * chain.n_markers].reshape(-1, 3, n)[markers]]
+        for joint in joints:  # the joint to the parent is the origin of the frame
+            row = 3 * (chain.n_markers + joint - 1)
+            is_origin = joint == limb
+            places.append(np.zeros((1, 3)) if is_origin else chain.joints[joint][np.newaxis])
+            changes.append(np.zeros((1, 3, n)) if is_origin else errors.root[row : row + 3][np.newaxis])
+        return cls(np.concatenate(places), np.concatenate(changes), joints, len(markers))
+
+    def row_of(self, child: int) -> int:
+        """Row of the joint above a limb."""
+        return self.n_markers + self.joints.index(child)
+
+    def motion(self, apart: int | None) -> tuple[Floats, Floats, Floats]:
+        """Rigid motion of the markers: centre (3,), mean change and turn (3, n); the row `apart` hardly counts."""
+        anchor = slice(0, self.n_markers or None)
+        centre, shift = self.place[anchor].mean(axis=0), self.change[anchor].mean(axis=0)
+        weights = np.full(len(self.place), FAINT)
+        fixed = determines_pose(self.place[anchor], np.ones((1, len(self.place[anchor])), dtype=bool))[0]
+        weights[anchor if fixed else slice(None)] = 1.0
+        if apart is not None:
+            weights[apart] = FAINT
+        arms = -cross_matrix(self.place - centre) * weights[:, np.newaxis, np.newaxis]
+        gaps = (self.change - shift) * weights[:, np.newaxis, np.newaxis]
+        turn = np.linalg.pinv(arms.reshape(-1, 3), rcond=FAINT / 100) @ gaps.reshape(3 * len(gaps), -1)
+        return centre, shift, turn
+
+
+def limb_errors(
+    chain: Chain,
+    articulation: Articulation,
+    information: Floats,
+    noise: float,
+    *,
+    growth: float = 1.0,
+    loose: Floats | None = None,
+    tolerance: float = RANK_TOLERANCE,
+) -> LimbErrors:
+    """Return the errors of a calibrated chain's constants.
+
+    Directions that the information does not determine are uncertain by the size of a limb, axes by 1 rad.
+
+    Parameters
+    ----------
+    chain, articulation
+        Calibrated.
+    information : ndarray, shape (n_constants, n_constants)
+        Of the constants, for noise 1.
+    noise : float, mm
+        Standard deviation of a coordinate.
+    growth : float
+        How much less than independent ones the frames tell.
+    loose : ndarray, shape (3 (n_markers + n_limbs - 1), n), mm, optional
+        More errors: changes of offsets and joints that nothing determines, such as shifts along hinges.
+    tolerance : float
+        Information below this part of the largest is none.
+    """
+    deviation = max(noise, LEAST_NOISE) * np.sqrt(growth)
+    n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
+    known = np.ones(len(information))
+    known[:n_places] = max(float((chain.offsets**2).sum(axis=1).mean()), 1.0)
+    scale = np.sqrt(np.maximum(np.diag(information), np.finfo(np.float64).tiny))
+    prior = deviation**2 / known / scale**2
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    told = values > tolerance * max(float(values[-1]), np.finfo(np.float64).tiny)
+    level = np.einsum("cq,c,cq->q", vectors[:, told], prior, vectors[:, told])
+    free = vectors[:, ~told]
+    held = np.linalg.cholesky(free.T @ (prior[:, np.newaxis] * free))
+    parts = [vectors[:, told] / np.sqrt(values[told] + level), np.linalg.solve(held, free.T).T]
+    root = deviation * np.concatenate(parts, axis=1) / scale[:, np.newaxis]
+    if loose is not None:
+        root = np.concatenate([root, np.pad(loose, ((0, len(root) - n_places), (0, 0)))], axis=1)
+    return LimbErrors(chain, articulation, root)
+
+
+def deviations(change: Floats) -> Floats:
+    """Standard deviations of what follows errors of variance 1: root mean squares over the last axis."""
+    return np.asarray(np.sqrt((change**2).sum(axis=-1)))
+
+
+def _turned(turn: Floats, arms: Floats) -> Floats:
+    """Cross products turn x arm, shape (n_points, 3, n) from (3, n) and (n_points, 3)."""
+    return np.asarray(-cross_matrix(arms) @ turn)
