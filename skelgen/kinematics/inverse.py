@@ -142,7 +142,7 @@ def _posture(
     turned = list(zip(skeleton.joints, relative, strict=True))
     return Posture(
         world_from_limb=world,
-        joint_positions=world[:, children, :3, 3],
+        joint_positions=world[:, :, :3, 3][:, children],
         joint_std=np.sqrt(np.maximum(np.einsum("fjii->fji", places[:, children]), 0.0)),
         angles=tuple(joint_angles(one, turn) for one, turn in turned),
         angle_std=tuple(angle_deviations(one, turn, turns[:, one.child]) for one, turn in turned),

@@ -105,6 +105,8 @@ class JointKind:
         Of the mean relative rotation, falling: 1 for directions that never move.
     leftovers : mapping of str to Leftover
         What the kinds that were tried leave over, the simplest first.
+    axis_covariance : ndarray, shape (6, 6)
+        Of the axis in the parent, then of that in the child; 0 for kinds without.
     """
 
     kind: str
@@ -114,10 +116,18 @@ class JointKind:
     true_wobble: float
     singular_values: Floats
     leftovers: dict[str, Leftover]
+    axis_covariance: Floats
 
     def with_frames(self, parent: Floats, child: Floats) -> JointKind:
         """Return the kind for limbs whose frames were turned: new from old, shape (3, 3)."""
-        return replace(self, axis_in_parent=parent @ self.axis_in_parent, axis_in_child=child @ self.axis_in_child)
+        turn = np.zeros((6, 6))
+        turn[:3, :3], turn[3:, 3:] = parent, child
+        return replace(
+            self,
+            axis_in_parent=parent @ self.axis_in_parent,
+            axis_in_child=child @ self.axis_in_child,
+            axis_covariance=turn @ self.axis_covariance @ turn.T,
+        )
 
     def freedom_along_axis(self, noise: float) -> float:
         """How free the joint is to lie anywhere along its axis: 1 for a perfect hinge, 0 where its wobble fixes it.
@@ -195,6 +205,7 @@ def find_kind(
         true_wobble=last.true_wobble if last is not None and kind != "ball" else 0.0,
         singular_values=singular,
         leftovers=leftovers,
+        axis_covariance=leftovers[kind].axis_covariance if kind in leftovers else np.zeros((6, 6)),
     )
 
 

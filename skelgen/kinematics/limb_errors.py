@@ -29,6 +29,11 @@ from skelgen.model.arrays import Floats
 FAINT = 1e-4
 """Weight of points that only take up a turn which the others leave open."""
 
+FRAME_ONLY = 0.05
+"""Of a limb's size: free changes that move points of limbs against each other by less do nothing but turn frames."""
+
+_WITH_AXES = ("hinge", "universal")
+
 RANK_TOLERANCE = 1e-8
 """Of the largest: information below this part is none."""
 
@@ -211,13 +216,27 @@ def limb_errors(
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     told = values > tolerance * max(float(values[-1]), np.finfo(np.float64).tiny)
     level = np.einsum("cq,c,cq->q", vectors[:, told], prior, vectors[:, told])
+    root = deviation * vectors[:, told] / np.sqrt(values[told] + level) / scale[:, np.newaxis]
     free = vectors[:, ~told]
     held = np.linalg.cholesky(free.T @ (prior[:, np.newaxis] * free))
-    parts = [vectors[:, told] / np.sqrt(values[told] + level), np.linalg.solve(held, free.T).T]
-    root = deviation * np.concatenate(parts, axis=1) / scale[:, np.newaxis]
+    open_root = deviation * np.linalg.solve(held, free.T).T / scale[:, np.newaxis]
+    root = np.concatenate([root, _without_frames(LimbErrors(chain, articulation, open_root))], axis=1)
     if loose is not None:
         root = np.concatenate([root, np.pad(loose, ((0, len(root) - n_places), (0, 0)))], axis=1)
     return LimbErrors(chain, articulation, root)
+
+
+def _without_frames(errors: LimbErrors) -> Floats:
+    """Root of errors without those that do nothing but turn the limbs' frames, shape (n_constants, n_open)."""
+    chain, kinds = errors.chain, errors.articulation.kinds
+    size = max(float(np.sqrt((chain.offsets**2).sum(axis=1).mean())), 1.0)
+    rows = [size * errors.axis(limb, chain.parents[limb]) for limb, kind in enumerate(kinds) if kind in _WITH_AXES]
+    for limb in range(chain.n_limbs):
+        points = _Points.of(errors, limb)
+        centre, shift, turn = points.motion(None)
+        rows.append((points.change - shift - _turned(turn, points.place - centre)).reshape(-1, errors.root.shape[1]))
+    _, sizes, directions = np.linalg.svd(np.concatenate(rows), full_matrices=False)
+    return np.asarray(errors.root @ directions[: int((sizes > FRAME_ONLY * size).sum())].T)
 
 
 def deviations(change: Floats) -> Floats:

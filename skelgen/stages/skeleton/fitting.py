@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.orientation import Rotator
+from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.calibration import Calibration, calibrate
 from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses, seen_weights
 from skelgen.kinematics.kind import JointKind, KindLimits
@@ -121,7 +122,7 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         poses=poses,
         seen=seen,
         outliers=np.isnan(trusted[:, :, 0]) & ~np.isnan(body.positions[:, :, 0]),
-        kinds=[kind.with_frames(turn[chain.parents[limb]], turn[limb]) for limb, kind in enumerate(kinds, start=1)],
+        kinds=_in_other_frames(kinds, chain.parents, turn),
         errors=errors,
         turn=turn,
         turn_covariances=turn[above] @ turn_covariances @ turn[above].swapaxes(1, 2),
@@ -143,7 +144,14 @@ def _refined(
     rotations = last.articulation.projected(last.chain.parents, start.rotations)
     root = start.root.copy()
     root[frames], rotations[frames] = last.poses.root, last.poses.rotations
+    turn = nearest_rotation((last.poses.rotations.swapaxes(2, 3) @ start.rotations[frames]).mean(axis=0))
+    kinds = _in_other_frames(kinds, last.chain.parents, turn)
     return last, ChainPoses(root, rotations), with_axes(kinds, last.articulation)
+
+
+def _in_other_frames(kinds: list[JointKind], parents: Ints, turn: Floats) -> list[JointKind]:
+    """Kinds for limbs whose frames were turned: nothing holds the frame of a limb while it is fitted."""
+    return [kind.with_frames(turn[parents[limb]], turn[limb]) for limb, kind in enumerate(kinds, start=1)]
 
 
 def _frames_of_refinement(trusted: Floats, samples: int) -> Ints:

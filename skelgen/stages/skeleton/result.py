@@ -124,8 +124,7 @@ def _axis_std(one: FittedBody, limb: int, where: int) -> Floats | None:
     if one.errors.articulation.kinds[limb] == kind.kind:
         return np.asarray(np.minimum(deviations(one.turn[where] @ one.errors.axis(limb, where)), 1.0))
     own = slice(3, 6) if where == limb else slice(0, 3)
-    covariance = one.turn[where] @ kind.leftovers[kind.kind].axis_covariance[own, own] @ one.turn[where].T
-    return _root(covariance)
+    return _root(kind.axis_covariance[own, own])
 
 
 def _length_std(fitted: list[FittedBody], skeleton: Skeleton) -> Floats:
