@@ -50,24 +50,40 @@ class LimbErrors:
         What its joints allow.
     root : ndarray, shape (n_constants, n)
         Changes of marker offsets, joints and axes: their covariance is root @ root.T.
+    hinges : ndarray, shape (2, n_limbs, 3)
+        Unit axes of hinges, held or not, in the parents' frames and in the limbs' own; 0 for other joints.
+    slides : ndarray, shape (n_limbs,), mm
+        How far hinges were moved along their axes since.
     """
 
     chain: Chain
     articulation: Articulation
     root: Floats
+    hinges: Floats
+    slides: Floats
 
     def offsets(self, limb: int) -> Floats:
         """Changes [mm] of a limb's markers against each other, shape (n_markers, 3, n)."""
         points = _Points.of(self, limb)
-        centre, shift, turn = points.motion(None)
-        return points.change[: points.n_markers] - shift - _turned(turn, points.place[: points.n_markers] - centre)
+        return np.asarray(points.against(points.motion(None))[: points.n_markers])
 
     def joint(self, child: int, limb: int) -> Floats:
         """Change [mm] of the joint above a limb against the markers of one of its limbs, shape (3, n)."""
         points = _Points.of(self, limb)
         row = points.row_of(child)
-        centre, shift, turn = points.motion(row)
-        return np.asarray(points.change[row] - shift - _turned(turn, points.place[row : row + 1] - centre)[0])
+        motion = points.motion(row)
+        return np.asarray(points.against(motion)[row] + self._change_of_way(child, limb, motion[2]))
+
+    def _change_of_way(self, child: int, limb: int, turn: Floats) -> Floats:
+        """How a joint that was moved along its axis follows the errors of the axis [mm], shape (3, n)."""
+        if self.articulation.kinds[child] != "hinge":
+            return np.zeros_like(turn)
+        moved = -turn if limb == child else self.tilt(child) - turn
+        return np.asarray(-cross_matrix(self._way(child, limb)) @ moved)
+
+    def _way(self, child: int, limb: int) -> Floats:
+        """How far a hinge was moved along its axis [mm], shape (3,)."""
+        return np.asarray(self.slides[child] * self.hinges[int(limb == child), child])
 
     def axis(self, child: int, limb: int) -> Floats:
         """Change of the axis of the joint above `child` that is fixed in one of its limbs, shape (3, n)."""
@@ -79,12 +95,22 @@ class LimbErrors:
         return np.asarray(-cross_matrix(axis) @ moved)
 
     def length(self, first: int, second: int, limb: int) -> Floats:
-        """Change [mm] of the distance between the joints above two limbs, both of them joints of `limb`, shape (n,)."""
+        """Change [mm] of the distance between the joints above two limbs, both of them joints of `limb`, shape (n,).
+
+        Where a hinge is along its axis is a choice, and no error of the length.
+        """
         points = _Points.of(self, limb)
-        rows = points.row_of(first), points.row_of(second)
-        way = points.place[rows[0]] - points.place[rows[1]]
+        motion = points.motion(None)
+        places, changes = [], []
+        for child in (first, second):
+            row = points.row_of(child)
+            places.append(points.place[row] + self._way(child, limb))
+            changes.append(points.against(motion)[row] + self._change_of_way(child, limb, motion[2]))
+        way = places[0] - places[1]
         unit = way / max(float(np.linalg.norm(way)), np.finfo(np.float64).tiny)
-        return np.asarray(unit @ (points.change[rows[0]] - points.change[rows[1]]))
+        axes = [self.hinges[int(limb == child), child] for child in (first, second)]
+        ends = [(unit - (unit @ axis) * axis) @ change for axis, change in zip(axes, changes, strict=True)]
+        return np.asarray(ends[0] - ends[1])
 
     def turns(self, poses: ChainPoses, positions: Floats, weights: Floats | None = None) -> Floats:
         """Mean covariance [rad^2] of the turn of each limb against its parent that these errors make.
@@ -163,6 +189,11 @@ class _Points:
         """Row of the joint above a limb."""
         return self.n_markers + self.joints.index(child)
 
+    def against(self, motion: tuple[Floats, Floats, Floats]) -> Floats:
+        """Changes of all points without a rigid motion, shape (n_points, 3, n), mm."""
+        centre, shift, turn = motion
+        return self.change - shift + cross_matrix(self.place - centre) @ turn
+
     def motion(self, apart: int | None) -> tuple[Floats, Floats, Floats]:
         """Rigid motion of the markers: centre (3,), mean change and turn (3, n); the row `apart` hardly counts."""
         anchor = slice(0, self.n_markers or None)
@@ -186,6 +217,8 @@ def limb_errors(
     *,
     growth: float = 1.0,
     loose: Floats | None = None,
+    hinges: Floats | None = None,
+    slides: Floats | None = None,
     tolerance: float = RANK_TOLERANCE,
 ) -> LimbErrors:
     """Return the errors of a calibrated chain's constants.
@@ -204,9 +237,15 @@ def limb_errors(
         How much less than independent ones the frames tell.
     loose : ndarray, shape (3 (n_markers + n_limbs - 1), n), mm, optional
         More errors: changes of offsets and joints that nothing determines, such as shifts along hinges.
+    hinges : ndarray, shape (2, n_limbs, 3), optional
+        Unit axes of hinges in the parents' frames and in the limbs' own; 0 for other joints.
+    slides : ndarray, shape (n_limbs,), mm, optional
+        How far hinges were moved along them since.
     tolerance : float
         Information below this part of the largest is none.
     """
+    hinges = np.zeros((2, chain.n_limbs, 3)) if hinges is None else hinges
+    slides = np.zeros(chain.n_limbs) if slides is None else slides
     deviation = max(noise, LEAST_NOISE) * np.sqrt(growth)
     n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
     known = np.ones(len(information))
@@ -220,10 +259,10 @@ def limb_errors(
     free = vectors[:, ~told]
     held = np.linalg.cholesky(free.T @ (prior[:, np.newaxis] * free))
     open_root = deviation * np.linalg.solve(held, free.T).T / scale[:, np.newaxis]
-    root = np.concatenate([root, _without_frames(LimbErrors(chain, articulation, open_root))], axis=1)
+    root = np.concatenate([root, _without_frames(LimbErrors(chain, articulation, open_root, hinges, slides))], axis=1)
     if loose is not None:
         root = np.concatenate([root, np.pad(loose, ((0, len(root) - n_places), (0, 0)))], axis=1)
-    return LimbErrors(chain, articulation, root)
+    return LimbErrors(chain, articulation, root, hinges, slides)
 
 
 def _without_frames(errors: LimbErrors) -> Floats:
@@ -233,8 +272,7 @@ def _without_frames(errors: LimbErrors) -> Floats:
     rows = [size * errors.axis(limb, chain.parents[limb]) for limb, kind in enumerate(kinds) if kind in _WITH_AXES]
     for limb in range(chain.n_limbs):
         points = _Points.of(errors, limb)
-        centre, shift, turn = points.motion(None)
-        rows.append((points.change - shift - _turned(turn, points.place - centre)).reshape(-1, errors.root.shape[1]))
+        rows.append(points.against(points.motion(None)).reshape(-1, errors.root.shape[1]))
     _, sizes, directions = np.linalg.svd(np.concatenate(rows), full_matrices=False)
     return np.asarray(errors.root @ directions[: int((sizes > FRAME_ONLY * size).sum())].T)
 
@@ -242,8 +280,3 @@ def _without_frames(errors: LimbErrors) -> Floats:
 def deviations(change: Floats) -> Floats:
     """Standard deviations of what follows errors of variance 1: root mean squares over the last axis."""
     return np.asarray(np.sqrt((change**2).sum(axis=-1)))
-
-
-def _turned(turn: Floats, arms: Floats) -> Floats:
-    """Cross products turn x arm, shape (n_points, 3, n) from (3, n) and (n_points, 3)."""
-    return np.asarray(-cross_matrix(arms) @ turn)

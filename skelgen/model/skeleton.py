@@ -101,7 +101,7 @@ class Skeleton:
     offset_std : ndarray, shape (n_markers, 3), mm, or None
         Standard deviations of the markers' places along the axes of their limbs, against the limb's other markers.
     length_std : ndarray, shape (n_lengths,), mm, or None
-        Standard deviations of `lengths`, in their order.
+        Standard deviations of `lengths`, in their order; where hinges are along their axes is a choice and no error.
     marker_noise : ndarray, shape (n_markers,), mm, or None
         Standard deviation of each marker's coordinates, freedoms of the fit taken off: what its deviations rest on.
     """

@@ -14,7 +14,7 @@ from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.kinematics.limb_errors import LimbErrors
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
-from skelgen.stages.skeleton.deviations import SHARED_FRAMES, joint_deviations, lasting
+from skelgen.stages.skeleton.deviations import joint_deviations, lasting
 from skelgen.stages.skeleton.joints import (
     articulation_of,
     axis_freedom,
@@ -34,6 +34,10 @@ FIRST_ROUNDS = 3
 
 LEAST_FRAMES = 30
 """Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
+
+
+TURN_FRAMES = 20
+"""Frames over which the skeleton's part in the errors of turns is averaged: it hardly changes with the pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +114,8 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         poses = fit_poses(chain, poses, trusted, last.articulation)
     used = _frames_of_refinement(trusted, parameters.refine_samples) if refine else frames
     growth = lasting(last, trusted[used])
-    errors = errors_of_limbs(last, chain, kinds, shifts, freedom, growth, parameters.rank_tolerance)
-    shared = _spread(used, SHARED_FRAMES)
+    errors = errors_of_limbs(last, kinds, shifts, freedom, growth, parameters.rank_tolerance)
+    shared = _spread(used, TURN_FRAMES)
     turn_covariances = errors.turns(poses[shared], trusted[shared])
     deviations = joint_deviations(last, chain, poses, trusted, np.asarray(~seen.all(axis=1)), growth)
     chain, poses, turn = _with_reference_axes(chain, poses, reference)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.calibration import Calibration
 from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, residuals
@@ -200,7 +199,6 @@ def shifted(chain: Chain, kinds: list[JointKind], shifts: dict[int, float]) -> C
 
 def errors_of_limbs(
     last: Calibration,
-    chain: Chain,
     kinds: list[JointKind],
     shifts: dict[int, float],
     freedom: Floats,
@@ -213,22 +211,27 @@ def errors_of_limbs(
     ----------
     last : Calibration
         The fit.
-    chain, kinds, shifts, freedom
-        Its chain with hinges moved, the kinds of joints, and how hinges were moved.
+    kinds, shifts, freedom
+        The kinds of its joints, and how hinges were moved.
     growth : float
         How much less than independent ones the frames tell.
     tolerance : float
         Information below this part of the largest is none.
     """
-    loose = _along_hinges(chain, kinds, freedom)
-    found = limb_errors(
-        chain, last.articulation, last.information, last.noise, growth=growth, loose=loose, tolerance=tolerance
+    hinges, slides = np.zeros((2, last.chain.n_limbs, 3)), np.zeros(last.chain.n_limbs)
+    for limb, shift in shifts.items():
+        hinges[:, limb], slides[limb] = (kinds[limb - 1].axis_in_parent, kinds[limb - 1].axis_in_child), shift
+    return limb_errors(
+        last.chain,
+        last.articulation,
+        last.information,
+        last.noise,
+        growth=growth,
+        loose=_along_hinges(last.chain, kinds, freedom),
+        hinges=hinges,
+        slides=slides,
+        tolerance=tolerance,
     )
-    root = found.root.copy()
-    for limb, shift in shifts.items():  # a tilt of the axis moves what is farther along
-        row = 3 * (chain.n_markers + limb - 1)
-        root[row : row + 3] -= shift * cross_matrix(kinds[limb - 1].axis_in_parent) @ found.tilt(limb)
-    return replace(found, root=root)
 
 
 def _along_hinges(chain: Chain, kinds: list[JointKind], freedom: Floats) -> Floats:
