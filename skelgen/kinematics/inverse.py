@@ -15,9 +15,11 @@ from skelgen.geometry.orientation import fit_transform, rotation_by_quaternion
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.angles import angle_deviations, joint_angles
 from skelgen.kinematics.articulation import FREEDOMS, Articulation
-from skelgen.kinematics.chain import CHUNK_FRAMES, Chain, ChainPoses, fit_poses, normal_equations, seen_weights
+from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
+from skelgen.kinematics.pose_covariances import pose_covariances
+from skelgen.kinematics.posing import fit_poses
 from skelgen.kinematics.shape import determines_pose
-from skelgen.kinematics.uncertainty import axis_projectors, joint_slopes, weak_prior
+from skelgen.kinematics.uncertainty import axis_projectors
 from skelgen.model import Joint, Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 
@@ -256,27 +258,9 @@ def _frame_errors(tree: _Tree, poses: ChainPoses, positions: Floats) -> tuple[Fl
     Both of shape (n_frames, n_limbs, 3, 3): what the frame leaves open, and the errors of the skeleton.
     """
     chain, articulation = tree.chain, tree.articulation
-    above = np.maximum(chain.parents, 0)
-    turns, places = [], []
-    for first in range(0, len(positions), CHUNK_FRAMES):
-        some, measured = poses[slice(first, first + CHUNK_FRAMES)], positions[first : first + CHUNK_FRAMES]
-        bases, _ = articulation.bases(chain.parents, some.rotations)
-        weights = seen_weights(measured, np.broadcast_to(tree.weights, measured.shape[:2]))
-        hessian, _ = normal_equations(chain, chain.arms(), some, measured, weights)
-        inverse = np.asarray(
-            np.linalg.inv(bases.swapaxes(1, 2) @ hessian @ bases + weak_prior(articulation, tree.noise))
-        )
-        limbs = bases[:, 3:].reshape(len(measured), chain.n_limbs, 3, -1)
-        parents = some.rotations[:, above]
-        relative = parents.swapaxes(2, 3) @ (limbs - limbs[:, above])
-        turns.append(tree.noise**2 * _sandwich(relative, inverse) + tree.turns)
-        joints = (joint_slopes(chain, some)[0] @ bases).reshape(len(measured), chain.n_limbs, 3, -1)
-        across = axis_projectors(chain, articulation, some)
-        world = tree.noise**2 * _sandwich(joints, inverse) + parents @ tree.places @ parents.swapaxes(2, 3)
-        places.append(across @ world @ across)
-    return np.concatenate(turns), np.concatenate(places)
-
-
-def _sandwich(slopes: Floats, covariance: Floats) -> Floats:
-    """Slopes covariance slopes^T for every limb, shape (n_frames, n_limbs, 3, 3)."""
-    return np.asarray(slopes @ covariance[:, np.newaxis] @ slopes.swapaxes(2, 3))
+    weights = seen_weights(positions, np.broadcast_to(tree.weights, positions.shape[:2]))
+    found = pose_covariances(chain, articulation, poses, positions, tree.noise, weights)
+    parents = poses.rotations[:, np.maximum(chain.parents, 0)]
+    across = axis_projectors(chain, articulation, poses)
+    places = across @ (found.origins + parents @ tree.places @ parents.swapaxes(2, 3)) @ across
+    return found.turns + tree.turns, places

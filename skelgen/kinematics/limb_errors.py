@@ -22,8 +22,8 @@ from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.articulation import Articulation, across
 from skelgen.kinematics.border import linearised
 from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.pose_covariances import LEAST_NOISE
 from skelgen.kinematics.shape import determines_pose
-from skelgen.kinematics.uncertainty import LEAST_NOISE
 from skelgen.model.arrays import Floats
 
 FAINT = 1e-4

@@ -9,9 +9,10 @@ import numpy as np
 from skelgen.geometry.orientation import Rotator
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.calibration import Calibration, calibrate
-from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses, seen_weights
+from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
 from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.kinematics.limb_errors import LimbErrors
+from skelgen.kinematics.posing import fit_poses
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
 from skelgen.stages.skeleton.deviations import joint_deviations, lasting

@@ -8,9 +8,10 @@ import numpy as np
 
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.calibration import Calibration
-from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, residuals
+from skelgen.kinematics.chain import Chain, ChainPoses, residuals
 from skelgen.kinematics.kind import JointKind, KindLimits, find_kind
 from skelgen.kinematics.limb_errors import LimbErrors, limb_errors
+from skelgen.kinematics.pose_covariances import pose_covariances
 from skelgen.kinematics.relative import MIN_FRAMES
 from skelgen.kinematics.turning import TwoAxisTurning
 from skelgen.model.arrays import Bools, Floats
@@ -21,9 +22,6 @@ the markers an axis is known best, and an error of its direction grows with the 
 
 NUMBERS_OF_POSE = 6
 """What one pose of a body tells: a position and a rotation."""
-
-RIDGE = 1e-10
-"""Relative ridge under a frame's normal matrix: rotations that nothing determines get a large but finite noise."""
 
 
 def find_kinds(
@@ -54,7 +52,7 @@ def find_kinds(
     are_poses : bool
         Whether the markers stand for bodies with orientation.
     """
-    covariances = relative_rotation_covariances(chain, poses, positions, noise)
+    covariances = pose_covariances(chain, Articulation.free(chain.n_limbs), poses, positions, noise).turns
     n_seen = float((~np.isnan(positions[:, :, 0])).sum() / len(positions))
     n_numbers = NUMBERS_OF_POSE * chain.n_limbs if are_poses else 3 * n_seen
     freedoms_of_pair = 2 * max(n_numbers - 3 - 3 * chain.n_limbs, 0.0) / chain.n_limbs
@@ -64,7 +62,7 @@ def find_kinds(
         fixed = posed[:, limb] & posed[:, parent]
         use = fixed if fixed.sum() >= MIN_FRAMES else np.ones_like(fixed)
         relative = (poses.rotations[:, parent].swapaxes(1, 2) @ poses.rotations[:, limb])[use]
-        kinds.append(find_kind(relative, covariances[limb, use], freedoms_of_pair, limits, wanted.get(limb)))
+        kinds.append(find_kind(relative, covariances[use, limb], freedoms_of_pair, limits, wanted.get(limb)))
     return kinds
 
 
@@ -99,25 +97,6 @@ def with_axes(kinds: list[JointKind], articulation: Articulation) -> list[JointK
         else kind
         for limb, kind in enumerate(kinds, start=1)
     ]
-
-
-def relative_rotation_covariances(chain: Chain, poses: ChainPoses, positions: Floats, noise: float) -> Floats:
-    """Covariance [rad^2] of each limb's rotation against its parent, in the parent's axes.
-
-    Shape (n_limbs, n_frames, 3, 3); that of the root is 0.
-    """
-    hessian, _ = normal_equations(chain, chain.arms(), poses, positions)
-    ridge = RIDGE * np.einsum("fii->f", hessian)[:, np.newaxis, np.newaxis]
-    inverse = np.linalg.inv(hessian + np.maximum(ridge, np.finfo(np.float64).tiny) * np.eye(hessian.shape[1]))
-    blocks = inverse[:, 3:, 3:].reshape(len(inverse), chain.n_limbs, 3, chain.n_limbs, 3)
-    result = np.zeros((chain.n_limbs, len(inverse), 3, 3))
-    for limb in range(1, chain.n_limbs):
-        parent = int(chain.parents[limb])
-        across = blocks[:, limb, :, parent]
-        world = blocks[:, limb, :, limb] + blocks[:, parent, :, parent] - across - across.swapaxes(1, 2)
-        turn = poses.rotations[:, parent]
-        result[limb] = noise**2 * turn.swapaxes(1, 2) @ world @ turn
-    return result
 
 
 def with_noise_of_poses(calibration: Calibration, positions: Floats) -> Calibration:
