@@ -1,1 +1,1 @@
-"""The desktop window (to come); the only importer of PySide6."""
+"""The desktop window; the only importer of PySide6."""

@@ -27,7 +27,8 @@ from skelgen.kinematics.border import (
     n_constants,
     reduced_information,
 )
-from skelgen.kinematics.chain import Chain, ChainPoses, fit_poses, residuals, seen_weights
+from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
+from skelgen.kinematics.posing import fit_poses
 from skelgen.model.arrays import Bools, Floats, Ints
 
 INFORMATION_WORK = 4e8

@@ -1,4 +1,4 @@
-r"""A tree of rigid limbs fitted to markers in every frame at once: Gauss-Newton on the whole chain.
+r"""A tree of rigid limbs in every frame, and how its markers follow its poses.
 
 In a frame the unknowns are the root's translation and one rotation per limb. A marker m on limb l is at
 
@@ -7,8 +7,8 @@ In a frame the unknowns are the root's translation and one rotation per limb. A 
 
 the sum running over the joints b on the way from the root. Turning limb a by a small rotation vector
 :math:`\omega_a` moves the marker by :math:`\omega_a \times A_a` with the arm :math:`A_a = R_a v_b` (or
-:math:`R_l m`). The normal matrix needs nothing but sums of outer products of arms, so a frame costs one small matrix
-product and one solve; unseen markers are simply absent. Maximum likelihood for Gaussian noise (Gaschler 2011, 5.3).
+:math:`R_l m`). The normal matrix needs nothing but sums of outer products of arms; unseen markers are simply absent.
+`posing` finds the poses.
 """
 
 from __future__ import annotations
@@ -17,28 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, nearest_rotation
-from skelgen.kinematics.articulation import Articulation
+from skelgen.geometry.rotations import cross_matrix, matrix_from_vector
 from skelgen.model.arrays import Bools, Floats, Ints
-
-CHUNK_FRAMES = 128
-"""Frames solved together: their normal matrices stay within a few megabytes."""
-
-DAMPING = 1e-6
-"""Levenberg damping relative to the mean diagonal: what no marker determines stays where it starts."""
-
-LEAST_RIDGE = 1e-12
-"""Keeps the normal matrix of a frame without markers regular."""
-
-GIVE_UP_DAMPING = 1e6
-"""A frame that needs more damping than this does not get better."""
-
-MAX_STEPS = 15
-STEP_TOLERANCE = 1e-10
-"""rad and, scaled by the arms, far below a micrometre."""
-
-GAIN_TOLERANCE = 1e-9
-"""Frames are settled when a step lowers the sum of squares by less than this part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,109 +114,10 @@ class ChainPoses:
         return ChainPoses(self.root[frames], self.rotations[frames])
 
 
-def fit_poses(
-    chain: Chain,
-    start: ChainPoses,
-    positions: Floats,
-    articulation: Articulation | None = None,
-    weights: Floats | None = None,
-    max_steps: int = MAX_STEPS,
-) -> ChainPoses:
-    """Fit a chain to markers in every frame by least squares over all its limbs.
-
-    Parameters
-    ----------
-    chain : Chain
-        Known limbs.
-    start : ChainPoses
-        First guess; directions that no marker determines stay there. It must obey the joints.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers, NaN where unseen.
-    articulation : Articulation, optional
-        What the joints allow; any turn if it is not given.
-    weights : ndarray, shape (n_frames, n_markers), optional
-        Of the squared distances; 1 if not given.
-    max_steps : int
-        Gauss-Newton steps at most.
-    """
-    articulation = articulation or Articulation.free(chain.n_limbs)
-    weights = seen_weights(positions, weights)
-    fitted = [
-        _fit_chunk(
-            _Problem(
-                chain, articulation, positions[first : first + CHUNK_FRAMES], weights[first : first + CHUNK_FRAMES]
-            ),
-            start[slice(first, first + CHUNK_FRAMES)],
-            max_steps,
-        )
-        for first in range(0, len(positions), CHUNK_FRAMES)
-    ]
-    return ChainPoses(
-        np.concatenate([part.root for part in fitted]),
-        nearest_rotation(np.concatenate([part.rotations for part in fitted])),
-    )
-
-
 def seen_weights(positions: Floats, weights: Floats | None = None) -> Floats:
     """Weights that are 0 where markers are unseen, shape (n_frames, n_markers)."""
     seen = ~np.isnan(positions[:, :, 0])
     return seen.astype(np.float64) if weights is None else np.where(seen, weights, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """What poses are fitted to."""
-
-    chain: Chain
-    articulation: Articulation
-    positions: Floats
-    weights: Floats
-
-    def squares(self, poses: ChainPoses, frames: Ints) -> Floats:
-        """Weighted sum of squares of some frames."""
-        error = residuals(self.chain, poses, self.positions[frames])
-        return np.asarray(np.einsum("fmi,fmi,fm->f", error, error, self.weights[frames]))
-
-    def step(self, body_arms: Floats, poses: ChainPoses, frames: Ints, damping: Floats) -> Floats:
-        """Damped step of some frames' freedoms."""
-        positions, weights = self.positions[frames], self.weights[frames]
-        hessian, gradient = normal_equations(self.chain, body_arms, poses, positions, weights)
-        if not self.articulation.is_free:
-            turns, _ = self.articulation.bases(self.chain.parents, poses.rotations)
-            gradient = np.einsum("fdq,fd->fq", turns, gradient)
-            hessian = turns.swapaxes(1, 2) @ hessian @ turns
-        return solve_damped(hessian, gradient, damping)
-
-    def stepped(self, poses: ChainPoses, step: Floats) -> ChainPoses:
-        """Poses after a step of the freedoms."""
-        if self.articulation.is_free:
-            return poses.stepped(step)
-        _, rotations = self.articulation.stepped(self.chain.parents, poses.rotations, step)
-        return ChainPoses(poses.root + step[:, :3], rotations)
-
-
-def _fit_chunk(problem: _Problem, start: ChainPoses, max_steps: int) -> ChainPoses:
-    poses = ChainPoses(start.root.copy(), start.rotations.copy())
-    body_arms = problem.chain.arms()
-    active = np.arange(len(problem.positions))
-    loss = problem.squares(poses, active)
-    damping = np.full(len(active), DAMPING)
-    for _ in range(max_steps):
-        part = poses[active]
-        step = problem.step(body_arms, part, active, damping[active])
-        trial = problem.stepped(part, step)
-        new_loss = problem.squares(trial, active)
-        better = new_loss <= loss[active]
-        kept = active[better]
-        poses.root[kept], poses.rotations[kept] = trial.root[better], trial.rotations[better]
-        settled = better & (loss[active] - new_loss <= GAIN_TOLERANCE * loss[active])
-        settled |= np.abs(step).max(axis=1) < STEP_TOLERANCE
-        loss[kept] = new_loss[better]
-        damping[active] = np.where(better, np.maximum(damping[active] / 10, DAMPING), damping[active] * 100)
-        active = active[~settled & (damping[active] < GIVE_UP_DAMPING)]
-        if not len(active):
-            break
-    return poses
 
 
 def residuals(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
@@ -347,18 +228,3 @@ def _limbs_of_frames(
 def world_arms(body_arms: Floats, poses: ChainPoses) -> Floats:
     """Arms turned into the world [mm], shape (n_frames, n_markers, n_limbs, 3)."""
     return (poses.rotations @ body_arms.transpose(1, 2, 0)).transpose(0, 3, 1, 2)
-
-
-def solve_damped(hessian: Floats, gradient: Floats, damping: Floats) -> Floats:
-    """Solve every frame's normal equations for right-hand sides of shape (n_frames, d) or (n_frames, d, n).
-
-    Translation and rotations are damped relative to the mean of their own diagonal, so that units do not matter.
-    """
-    n = hessian.shape[1]
-    diagonal = np.einsum("fii->fi", hessian)
-    shift, turn = diagonal[:, :3].mean(axis=1), diagonal[:, 3:].mean(axis=1)
-    level = np.stack([shift] * 3 + [turn] * (n - 3), axis=1) * damping[:, np.newaxis]
-    damped = hessian + np.maximum(level, LEAST_RIDGE)[:, :, np.newaxis] * np.eye(n)
-    if gradient.ndim == 2:
-        return np.asarray(np.linalg.solve(damped, gradient[..., np.newaxis])[..., 0])
-    return np.asarray(np.linalg.solve(damped, gradient))

@@ -19,21 +19,12 @@ import numpy as np
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.border import Frames, frames_together, linearised
-from skelgen.kinematics.chain import CHUNK_FRAMES, Chain, ChainPoses, normal_equations, world_arms
+from skelgen.kinematics.chain import Chain, ChainPoses, world_arms
+from skelgen.kinematics.pose_covariances import LEAST_NOISE, UNKNOWN_SHIFT, UNKNOWN_TURN
 from skelgen.model.arrays import Floats
 
 RANK_TOLERANCE = 1e-8
 """Of the largest: information below this part is none. The ridge under the poses leaves some 1e-10."""
-
-UNKNOWN_TURN = 1.0
-"""rad; what is stated for a turn that nothing in the frame determines."""
-
-UNKNOWN_SHIFT = 1000.0
-"""mm; the same for the place of the root."""
-
-LEAST_NOISE = 1e-6
-"""mm; keeps matrices regular for exact takes."""
-
 
 _LOG_RANGE = (-14.0, 20.0)
 _LOG_STEPS = 137  # a quarter apart: the trapezoidal rule is exact to 1e-4 for so smooth a bell
@@ -112,25 +103,6 @@ def axis_projectors(chain: Chain, articulation: Articulation, poses: ChainPoses)
             axis = poses.rotations[:, chain.parents[limb]] @ articulation.in_parent[limb]
             result[:, limb] -= axis[:, :, np.newaxis] * axis[:, np.newaxis]
     return result
-
-
-def own_covariances(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, noise: float
-) -> Floats:
-    """Covariances of joints in the world for a skeleton that is known exactly, shape (n_frames, n_limbs, 3, 3), mm^2.
-
-    Parameters are those of `frame_covariances`.
-    """
-    parts = []
-    for first in range(0, len(positions), CHUNK_FRAMES):
-        some, measured = poses[slice(first, first + CHUNK_FRAMES)], positions[first : first + CHUNK_FRAMES]
-        turns, _ = articulation.bases(chain.parents, some.rotations)
-        hessian, _ = normal_equations(chain, chain.arms(), some, measured)
-        own = turns.swapaxes(1, 2) @ hessian @ turns
-        by_pose = joint_slopes(chain, some)[0] @ turns
-        spread = by_pose @ np.linalg.inv(own + weak_prior(articulation, noise))
-        parts.append(noise**2 * _diagonal_blocks(spread, by_pose))
-    return np.concatenate(parts)
 
 
 def _covariances(

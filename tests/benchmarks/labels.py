@@ -26,7 +26,7 @@ from skelgen.simulation import Structure, find_structure, simulate
 from skelgen.simulation.truth import Truth
 from skelgen.stages.labels import LabelParameters
 from skelgen.stages.labels.follow import follow_points, typical_spacing
-from skelgen.stages.labels.judged import find_points
+from skelgen.stages.labels.found_points import find_points
 
 N_FRAMES = 1500
 FAULTS = {"noise": 0.3, "ghosts": 0.2}  # mm, false points a frame

@@ -130,7 +130,8 @@ def turns_near(take: Trajectories, marker: int) -> np.ndarray:
     first, second = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
     third = np.cross(first, second)
     axes = np.stack([first, np.cross(third, first), third], axis=2)
-    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
+    with np.errstate(invalid="ignore"):  # three markers in a line have no axes
+        return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.kinematics.chain import ChainPoses, fit_poses, normal_equations, residuals
+from skelgen.kinematics.chain import ChainPoses, normal_equations, residuals
+from skelgen.kinematics.posing import fit_poses
 
 STEP = 1e-6
 EXACT = 1e-6  # mm

@@ -19,7 +19,7 @@ from skelgen.model import Identities, Identity, PointCloud, Project, Trajectorie
 from skelgen.model.identities import identities_of
 from skelgen.stages.labels import LabelParameters, label_markers
 from skelgen.stages.labels.by_hand import ANYBODY, NOBODY, fix_points, most_doubtful_link
-from skelgen.stages.labels.judged import find_points
+from skelgen.stages.labels.found_points import find_points
 
 METHODS = ("sets", "rigidity")
 

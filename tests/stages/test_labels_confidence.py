@@ -11,7 +11,8 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters, label_and_judge, labelling_of_markers
 from skelgen.stages.labels.confidence import LABELS_FOUND, LABELS_GIVEN, identity_confidence
-from skelgen.stages.labels.judged import Origin, find_points, labelling_of_cloud, tracklets_of
+from skelgen.stages.labels.found_points import find_points
+from skelgen.stages.labels.judged import Origin, history_of, labelling_of_cloud, tracklets_of
 
 SURE = 0.9  # the threshold of doubt
 
@@ -136,7 +137,8 @@ def test_markers_that_coincide_and_markers_never_seen_are_judged_without_error()
     positions[:, 3] = np.nan
     markers = Trajectories(positions, tuple("abcd"), 100.0)
     cloud = PointCloud(np.zeros((90, 3)), np.arange(31) * 3, np.arange(30.0))
-    labelling = labelling_of_cloud(cloud, markers, Origin(cloud, np.tile([0, 1, 2], 30), None))
+    origin = Origin(cloud, np.tile([0, 1, 2], 30), np.tile([0, 1, 2], 30))
+    labelling = labelling_of_cloud(markers, history_of(origin, 4))
     assert np.isnan(labelling.confidence[:, 3]).all()
     assert labelling.left_out.sum() == 0
 

@@ -200,7 +200,8 @@ def test_without_flexibility_small_motions_of_rigid_limbs_are_found(simulated, s
 
 
 def test_markers_that_hang_together_by_different_votes_are_not_chained():
-    votes = [np.array([0, 0, 0, 1, 1]), np.array([0, 1, 1, 1, 1]), np.array([0, 0, 1, 1, 1])]  # 1-2 and 0-1, but not 0-2
+    # 0-1 and 1-2 have two votes of three, 0-2 has one
+    votes = [np.array([0, 0, 0, 1, 1]), np.array([0, 1, 1, 1, 1]), np.array([0, 0, 1, 1, 1])]
     np.testing.assert_array_equal(majority(votes), [0, 0, 2, 2, 2])
 
 

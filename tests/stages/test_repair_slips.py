@@ -9,6 +9,7 @@ import pytest
 
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.repair import find_slips, repair_take, split_slipped
+from skelgen.stages.labels.repair.leaps import leaps
 from skelgen.stages.labels.repair.steps import changes, jumps
 
 FRAME, SIZE, TOLERANCE = 320, 15.0, 2.0  # mm: lines of eight frames with 0.5 mm noise
@@ -67,6 +68,28 @@ def test_what_may_be_a_slip_is_told_and_left(slipped):
 
 def test_a_glitch_of_the_tracker_is_no_slip(slipped):
     assert find_slips(slipped(last=FRAME + 3)) == ()
+
+
+def test_a_step_across_the_plane_of_three_markers_is_told_and_not_split(simulated):
+    case = simulated("human", n_frames=600, noise=0.5)
+    marker = case.take.names.index("left thigh 1")
+    limb = case.truth.limb_of_marker == case.truth.limb_of_marker[marker]
+    corners = case.take.positions[FRAME:, limb]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    positions = case.take.positions.copy()
+    positions[FRAME:, marker] += SIZE * normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    (slip,) = find_slips(dataclasses.replace(case.take, positions=positions))
+    assert (slip.name, slip.frame, slip.sure) == ("left thigh 1", FRAME, False)
+
+
+def test_a_leap_that_is_made_back_is_none():
+    steps = np.zeros((300, 3))
+    steps[100], steps[150] = 20.0, -20.0
+    paces = np.random.default_rng(0).normal(size=(300, 3))
+    paces[100] += 20.0
+    assert leaps(steps, paces, 4.0, 60) == []
+    steps[150] = 0.0
+    assert [frame for frame, _ in leaps(steps, paces, 4.0, 60)] == [100]
 
 
 @pytest.mark.parametrize("structure", ["human", "human:4", "quadruped"])

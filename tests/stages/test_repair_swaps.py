@@ -50,8 +50,9 @@ def test_a_plate_that_rotates_its_labels_is_undone_exactly(simulated, size):
     np.testing.assert_array_equal(repaired.positions, take.positions)
 
 
-def test_an_exchange_until_the_end_of_the_take_is_undone(soft):
-    spoiled = relabelled(soft, (0, 20), 560, 599)
+@pytest.mark.parametrize("first", [480, 560])
+def test_an_exchange_until_the_end_of_the_take_is_undone(soft, first):
+    spoiled = relabelled(soft, (0, 20), first, 599)
     np.testing.assert_array_equal(repair_swaps(spoiled, find_swaps(spoiled)).positions, soft.positions)
 
 
@@ -88,6 +89,13 @@ def test_takes_that_say_nothing_pass_untouched(positions):
     names = [f"m{index}" for index in range(positions.shape[1])]
     take = Trajectories(positions, names, 100.0)
     assert repair_take(take).trajectories is take
+
+
+def test_labels_of_the_suit_that_are_wrong_for_a_fifth_of_the_take_are_found(recording):
+    (swap,) = find_swaps(recording("human/nick_freeform_001.c3d"))
+    assert set(swap.names) == {"LIWR", "LOHAND"}
+    assert swap.first_frame == 0
+    assert 196 < swap.last_frame < 230  # both labels are lost between these frames
 
 
 @pytest.mark.parametrize("path", ["arm/arm-4-4-4_clean_30fps.c3d", "rods_pendulum/pendulum_01.c3d"])

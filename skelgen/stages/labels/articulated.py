@@ -19,7 +19,7 @@ import dataclasses
 import numpy as np
 
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import Monitor
 from skelgen.stages.labels.blocks import (
     Block,
@@ -35,7 +35,7 @@ from skelgen.stages.labels.follow import typical_spacing
 from skelgen.stages.labels.likeness import DistanceRecord, distance_sums, sample_frames
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.places import Newcomers, same_places
-from skelgen.stages.labels.posing import BLIND_GATE, Model, fit_model
+from skelgen.stages.labels.posing import BLIND_GATE, Model, Poses, fit_model
 from skelgen.stages.labels.quality import point_weights
 from skelgen.stages.labels.sessions import join_everything
 from skelgen.stages.labels.votes import (
@@ -75,24 +75,8 @@ def refine_labels(
 
     Parameters
     ----------
-    cloud : PointCloud
-        The unlabelled take.
-    owner : ndarray of intp, shape (n_points,)
-        Track of each point, -1 for none.
     marker_of_point : ndarray of intp, shape (n_points,)
-        Markers found so far, -1 for none.
-    rate : float, Hz
-        Frame rate.
-    parameters : LabelParameters
-        Their `rounds`.
-    n_markers : int or None
-        Number of markers, if the user knows it.
-    fixed : Fixed or None
-        What the user states of some points.
-    seed : int
-        Seed of the stages that build the model.
-    monitor : Monitor
-        Hears of progress and may cancel.
+        Markers found so far, -1 for none; the others are those of `by_rigidity.markers_by_rigidity`.
 
     Returns
     -------
@@ -163,14 +147,10 @@ def _relabelled(
     newcomers = Newcomers(model.gate, model.limits)
     together = np.zeros((n_markers, n_markers))
     for block in blocks_of(cloud):
-        positions = marker_positions(cloud, marker_of_point, n_markers, block)
-        poses = model.pose(positions)
         points = cloud.points[block.points]
-        predicted, gates = model.predict(poses)
-        scores = point_scores(points, block.frames, predicted, gates)
+        poses = model.pose(marker_positions(cloud, marker_of_point, n_markers, block))
+        scores = _scores(points, block, marker_of_point[block.points], poses, model)
         scores *= weights[block.points, np.newaxis]
-        known = ~np.isnan(predicted[..., 0]) | ~model.is_placed
-        scores = _with_habit(scores, marker_of_point[block.points], block.frames, known)
         if fixed is not None and target is not None:
             part = dataclasses.replace(fixed, who=fixed.who[block.points], owner=fixed.owner[block.points])
             scores = fixed_scores(scores, part, target)
@@ -189,10 +169,13 @@ def _relabelled(
     return renumbered(result, np.bincount(result[result >= 0], minlength=1) > 1)
 
 
-def _with_habit(scores: Scores, marker: Ints, frames: Ints, known: Bools) -> Scores:
-    """Let points keep the marker that they have where nothing is known of its place."""
+def _scores(points: Floats, block: Block, marker: Ints, poses: Poses, model: Model) -> Scores:
+    """How well each point of a block suits each marker; points keep theirs where nothing is known of its place."""
+    predicted, gates = model.predict(poses)
+    scores = point_scores(points, block.frames, predicted, gates)
+    known = ~np.isnan(predicted[..., 0]) | ~model.is_placed
     owned = np.flatnonzero(marker >= 0)
-    lost = owned[~known[frames[owned], marker[owned]]]
+    lost = owned[~known[block.frames[owned], marker[owned]]]
     scores[lost, marker[lost]] = HABIT
     return scores
 

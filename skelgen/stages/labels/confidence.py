@@ -148,9 +148,7 @@ def identity_confidence(
     usual = usual.without_pieces(original)
     evidence, rival, n_seen = _frame_by_frame(trajectories, usual)
     seen = trajectories.seen
-    odds = np.where(seen, evidence / np.float32(max(1.0, CORRELATED_SECONDS * trajectories.rate)), np.float32(0.0))
-    if stated is not None:
-        odds[stated] = MOST_NATS
+    odds = _Odds(evidence, seen, stated, max(1.0, CORRELATED_SECONDS * trajectories.rate))
     confidence = _smoothed(odds, seen, breaks | _after_gaps(seen), prior)
     confidence[:, original >= 0] *= PIECE_RIGHT
     confidence[:, alone] *= ALONE_RIGHT
@@ -246,18 +244,31 @@ def _after_gaps(seen: Bools) -> Bools:
     return result
 
 
-def _smoothed(odds: NDArray[np.float32], seen: Bools, breaks: Bools, prior: Prior) -> Floats:
+class _Odds:
+    """Log odds of each frame, from its evidence; made frame by frame, for a long take has many."""
+
+    def __init__(self, evidence: NDArray[np.float32], seen: Bools, stated: Bools | None, share: float) -> None:
+        self._evidence, self._seen, self._stated, self._share = evidence, seen, stated, np.float32(share)
+
+    def __getitem__(self, frame: int) -> NDArray[np.float32]:
+        odds = np.where(self._seen[frame], self._evidence[frame] / self._share, np.float32(0.0))
+        if self._stated is not None:
+            odds[self._stated[frame]] = MOST_NATS
+        return odds
+
+
+def _smoothed(odds: _Odds, seen: Bools, breaks: Bools, prior: Prior) -> Floats:
     """Probability of being right from the log odds of all frames; NaN where unseen, shape (n_frames, n_markers)."""
-    total = np.full(odds.shape, np.nan)
-    state = np.full(odds.shape[1], np.log(prior.right / (1.0 - prior.right)))
-    for frame in range(len(odds)):
+    total = np.full(seen.shape, np.nan)
+    state = np.full(seen.shape[1], np.log(prior.right / (1.0 - prior.right)))
+    for frame in range(len(seen)):
         if frame:
             lose, find = np.where(breaks[frame], prior.lost, CHANGE), np.where(breaks[frame], FOUND, CHANGE)
             ratio = np.exp(state)
             state = np.log((ratio * (1.0 - lose) + find) / (ratio * lose + 1.0 - find))
         state = total[frame] = np.clip(state + odds[frame], -MOST_NATS, MOST_NATS)
-    state = np.zeros(odds.shape[1])  # from now on: log likelihood ratio of what follows
-    for frame in range(len(odds) - 1, -1, -1):
+    state = np.zeros(seen.shape[1])  # from now on: log likelihood ratio of what follows
+    for frame in range(len(seen) - 1, -1, -1):
         total[frame] = 1.0 / (1.0 + np.exp(-np.clip(total[frame] + state, -MOST_NATS, MOST_NATS)))
         lose, find = np.where(breaks[frame], prior.lost, CHANGE), np.where(breaks[frame], FOUND, CHANGE)
         ratio = np.exp(np.clip(state + odds[frame], -MOST_NATS, MOST_NATS))

@@ -6,10 +6,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Ints
 from skelgen.model.labelling import Agreement, Finding, Labelling, Tracklets
 from skelgen.stages.labels.confidence import LABELS_FOUND, identity_confidence
 from skelgen.stages.labels.doubts import doubtful_spans, repaired_spans
@@ -19,13 +18,6 @@ SEED_METHOD = "sets"
 
 CHUNK_FRAMES = 20_000
 """Frames that are looked at together: bounds the memory for long takes."""
-
-_MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
-"""Odd numbers that scatter the bits of coordinates over a key."""
-
-_FRAME_MIXER = np.uint64(0xD6E8FEB86659FD93)
-
-Keys = NDArray[np.uint64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +30,8 @@ class Origin:
         The points as they were labelled.
     owner : ndarray of intp, shape (n_points,)
         Track of each point, -1 for none.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker that each point became, -1 for none.
     by_sets : ndarray of intp, shape (n_points,), or None
         Marker of each point by the seed's method, -1 for none, where another method came after it.
     stated : ndarray of bool, shape (n_points,), or None
@@ -46,7 +40,8 @@ class Origin:
 
     cloud: PointCloud
     owner: Ints
-    by_sets: Ints | None
+    marker_of_point: Ints
+    by_sets: Ints | None = None
     stated: Bools | None = None
 
 
@@ -60,35 +55,66 @@ class _Portion:
     marker_of_point: Ints
 
 
-def labelling_of_cloud(cloud: PointCloud, trajectories: Trajectories, origin: Origin) -> Labelling:
+@dataclass(frozen=True, eq=False)
+class History:
+    """What the account needs of how points became markers; small, whatever the number of points.
+
+    Attributes
+    ----------
+    changes : ndarray of bool, shape (n_frames, n_markers)
+        Frames in which a marker's point is of another track than in the frame before.
+    stated : ndarray of bool, shape (n_frames, n_markers), or None
+        Frames in which the user says that the marker is the one that it is called.
+    left_out : ndarray of intp, shape (n_frames,)
+        Points of each frame that became no marker.
+    tracklets : Tracklets
+        Tracks in the parts that went to one marker each.
+    seed_method : Agreement or None
+        What the seed's method gave.
+    """
+
+    changes: Bools
+    stated: Bools | None
+    left_out: Ints
+    tracklets: Tracklets
+    seed_method: Agreement | None
+
+
+def history_of(origin: Origin, n_markers: int) -> History:
+    """Gather what the account needs, so that the points may be forgotten."""
+    changes = np.zeros((origin.cloud.n_frames, n_markers), dtype=np.bool_)
+    stated = None if origin.stated is None else np.zeros_like(changes)
+    left_out = np.zeros(origin.cloud.n_frames, dtype=np.intp)
+    parts = []
+    for portion in _portions(origin):
+        changes[portion.frames] = _track_changes(origin, portion, n_markers)
+        if origin.stated is not None and stated is not None:
+            stated[portion.frames] = _stated(origin.stated, portion, n_markers)
+        free = portion.frame_of_point[portion.marker_of_point < 0] - portion.frames.start
+        left_out[portion.frames] = np.bincount(free, minlength=portion.frames.stop - portion.frames.start)
+        parts.append(_parts(origin.owner[portion.points], portion.marker_of_point, portion.frame_of_point))
+    agreement = None if origin.by_sets is None else _agreement(origin.by_sets, origin.marker_of_point, n_markers)
+    return History(changes, stated, left_out, _joined(parts), agreement)
+
+
+def labelling_of_cloud(trajectories: Trajectories, history: History) -> Labelling:
     """Judge markers that were found in an unlabelled take.
 
     Parameters
     ----------
-    cloud : PointCloud
-        The take.
     trajectories : Trajectories
         The markers; each position is that of a point.
-    origin : Origin
-        What they were made of.
+    history : History
+        How points became markers.
     """
-    changes = np.zeros(trajectories.seen.shape, dtype=np.bool_)
-    stated = None if origin.stated is None else np.zeros_like(changes)
-    parts = []
-    for portion in _portions(origin.cloud, trajectories.positions):
-        changes[portion.frames] = _track_changes(origin, portion, trajectories.n_markers)
-        if origin.stated is not None and stated is not None:
-            stated[portion.frames] = _stated(origin.stated, portion, trajectories.n_markers)
-        parts.append(_parts(origin.owner[portion.points], portion.marker_of_point, portion.frame_of_point))
-    certainty = identity_confidence(trajectories, changes, stated, LABELS_FOUND)
-    left_out = np.maximum(cloud.points_per_frame - trajectories.seen.sum(axis=1), 0)
+    certainty = identity_confidence(trajectories, history.changes, history.stated, LABELS_FOUND)
     return Labelling(
         certainty.confidence,
         doubtful_spans(trajectories, certainty),
         certainty.twins,
-        left_out,
-        _joined(parts),
-        _agreement(origin, trajectories) if origin.by_sets is not None else None,
+        history.left_out,
+        history.tracklets,
+        history.seed_method,
     )
 
 
@@ -111,59 +137,13 @@ def labelling_of_markers(trajectories: Trajectories, file: Trajectories, finding
     return Labelling(certainty.confidence, ordered, certainty.twins, nothing, findings=tuple(findings))
 
 
-def find_points(cloud: PointCloud, positions: Floats) -> Ints:
-    """Find which marker each point became, from positions that are exactly those of points.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The points.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Of the markers, NaN where unseen.
-
-    Returns
-    -------
-    ndarray of intp, shape (n_points,)
-        -1 for points that are no marker's.
-    """
-    return np.concatenate(
-        [portion.marker_of_point for portion in _portions(cloud, positions)] or [np.empty(0, np.intp)]
-    )
-
-
-def _portions(cloud: PointCloud, positions: Floats) -> Iterator[_Portion]:
+def _portions(origin: Origin) -> Iterator[_Portion]:
+    cloud = origin.cloud
     for first in range(0, cloud.n_frames, CHUNK_FRAMES):
         frames = slice(first, min(first + CHUNK_FRAMES, cloud.n_frames))
         points = slice(int(cloud.frame_starts[frames.start]), int(cloud.frame_starts[frames.stop]))
         frame_of_point = np.repeat(np.arange(frames.start, frames.stop), cloud.points_per_frame[frames])
-        frame, marker = np.nonzero(~np.isnan(positions[frames, :, 0]))
-        wanted = _keys(frame + first, positions[frames][frame, marker])
-        found = _places(_keys(frame_of_point, cloud.points[points]), wanted)
-        marker_of_point = np.full(len(frame_of_point), -1, dtype=np.intp)
-        marker_of_point[found[found >= 0]] = marker[found >= 0]
-        yield _Portion(points, frames, frame_of_point, marker_of_point)
-
-
-def _keys(frames: Ints, points: Floats) -> Keys:
-    """One number for each point of each frame; equal numbers mean equal points, but for one case in 2^64."""
-    bits = np.ascontiguousarray(points + 0.0).view(np.uint64)  # + 0.0: minus zero is zero
-    key = frames.astype(np.uint64) * _FRAME_MIXER
-    for axis, mixer in enumerate(_MIXERS):
-        key = (key ^ bits[:, axis]) * mixer
-        key ^= key >> np.uint64(29)
-    return key
-
-
-def _places(keys: Keys, wanted: Keys) -> Ints:
-    """Index of each wanted key among all keys, each used once; -1 where it is not there."""
-    order, turn = np.argsort(keys, kind="stable"), np.argsort(wanted, kind="stable")
-    ordered = wanted[turn]
-    place = np.searchsorted(keys[order], ordered) + np.arange(len(turn)) - np.searchsorted(ordered, ordered)
-    there = place < len(keys)
-    there[there] = keys[order[place[there]]] == ordered[there]
-    result = np.full(len(wanted), -1, dtype=np.intp)
-    result[turn[there]] = order[place[there]]
-    return result
+        yield _Portion(points, frames, frame_of_point, origin.marker_of_point[points])
 
 
 def _track_changes(origin: Origin, portion: _Portion, n_markers: int) -> Bools:
@@ -222,19 +202,14 @@ def _begins(track: Ints, marker: Ints) -> Bools:
     return new
 
 
-def _agreement(origin: Origin, trajectories: Trajectories) -> Agreement | None:
+def _agreement(by_sets: Ints, found: Ints, n_markers: int) -> Agreement:
     """Compare with what the seed's method gave."""
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
-    if origin.by_sets is None:
-        return None
-    n_markers = int(origin.by_sets.max(initial=-1)) + 1
-    counts = np.zeros((n_markers, trajectories.n_markers), dtype=np.intp)
-    either = 0
-    for portion in _portions(origin.cloud, trajectories.positions):
-        theirs, own = origin.by_sets[portion.points], portion.marker_of_point
-        both = (theirs >= 0) & (own >= 0)
-        np.add.at(counts, (theirs[both], own[both]), 1)
-        either += int(((theirs >= 0) | (own >= 0)).sum())
+    n_theirs = int(by_sets.max(initial=-1)) + 1
+    both = (by_sets >= 0) & (found >= 0)
+    counts = np.bincount(by_sets[both] * n_markers + found[both], minlength=n_theirs * n_markers)
+    counts = counts.reshape(n_theirs, n_markers)
     same = int(counts[linear_sum_assignment(counts, maximize=True)].sum())
-    return Agreement(SEED_METHOD, n_markers, int((origin.by_sets >= 0).sum()), same / max(either, 1))
+    either = int(((by_sets >= 0) | (found >= 0)).sum())
+    return Agreement(SEED_METHOD, n_theirs, int((by_sets >= 0).sum()), same / max(either, 1))

@@ -14,7 +14,7 @@ from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.blocks import all_positions, marker_names, renumbered
 from skelgen.stages.labels.by_hand import Fixed, fix_points, obeyed, targets
 from skelgen.stages.labels.follow import follow_points
-from skelgen.stages.labels.judged import find_points
+from skelgen.stages.labels.found_points import find_points
 from skelgen.stages.labels.parameters import LabelParameters
 
 

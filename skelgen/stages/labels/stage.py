@@ -20,7 +20,7 @@ from skelgen.stages.labels.by_hand import fix_points
 from skelgen.stages.labels.by_rigidity import markers_by_rigidity
 from skelgen.stages.labels.by_sets import markers_by_sets
 from skelgen.stages.labels.follow import follow_points, typical_spacing
-from skelgen.stages.labels.judged import Origin, labelling_of_cloud
+from skelgen.stages.labels.judged import Origin, history_of, labelling_of_cloud
 from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, find_marker_sets, least_length
 from skelgen.stages.labels.obedience import obey
 from skelgen.stages.labels.oddities import guessed_identities, odd_times, too_few_wanted
@@ -88,8 +88,9 @@ def label_and_judge(
             origin.cloud, sets, trajectories.rate, parameters, n_markers=n_markers, seed=seed, monitor=monitor
         )
         origin = dataclasses.replace(origin, by_sets=theirs)
-    del sets  # of long takes they are large
-    return trajectories, labelling_of_cloud(cloud, trajectories, origin)
+    history = history_of(origin, trajectories.n_markers)
+    del sets, origin  # of long takes they are large
+    return trajectories, labelling_of_cloud(trajectories, history)
 
 
 def _labelled(
@@ -129,7 +130,7 @@ def _labelled(
     for sentence in notices:
         monitor.notice(sentence)
     trajectories = Trajectories(positions, names, rate, cloud.name, cloud.notices + notices)
-    return trajectories, Origin(cloud, owner, None, fixed.who >= 0 if fixed else None), sets
+    return trajectories, Origin(cloud, owner, found, None, fixed.who >= 0 if fixed else None), sets
 
 
 def _sets(cloud: PointCloud, owner: Ints, rate: float, parameters: LabelParameters) -> MarkerSets:

@@ -33,7 +33,7 @@ def majority(groupings: list[Ints]) -> Ints:
 
 def _reached(linked: Bools, marker: int) -> Bools:
     """Markers that are linked to one, directly or through others."""
-    reached = linked[marker]
+    reached: Bools = np.asarray(linked[marker])
     while (wider := linked[reached].any(axis=0)).sum() > reached.sum():
         reached = wider
     return reached

@@ -12,7 +12,8 @@ import numpy as np
 from skelgen.kinematics.calibration import Calibration
 from skelgen.kinematics.chain import Chain, ChainPoses, residuals
 from skelgen.kinematics.correlated import effective_frames
-from skelgen.kinematics.uncertainty import axis_projectors, frame_covariances, inverse_root, own_covariances
+from skelgen.kinematics.pose_covariances import pose_covariances
+from skelgen.kinematics.uncertainty import axis_projectors, frame_covariances, inverse_root
 from skelgen.model.arrays import Bools, Floats, Ints
 
 SHARED_FRAMES = 60
@@ -63,7 +64,7 @@ def joint_deviations(
     frames = _exact_frames(unseen)
     articulation = last.articulation
     across = axis_projectors(chain, articulation, poses[frames])
-    covariances = own_covariances(chain, articulation, poses[frames], positions[frames], last.noise)
+    covariances = pose_covariances(chain, articulation, poses[frames], positions[frames], last.noise).origins
     turn = poses.rotations[frames][:, np.maximum(chain.parents, 0)]
     covariances += growth * turn @ _shared(last, chain, poses, positions) @ turn.swapaxes(2, 3)
     variances = np.einsum("flij,fljk,flki->fli", across, covariances, across, optimize=True)

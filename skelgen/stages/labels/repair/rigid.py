@@ -18,11 +18,11 @@ GROUPING_FRAMES = 400
 STATISTIC_FRAMES = 5000
 """Frames from which medians are taken: bounds memory for long takes."""
 
-KEPT_PART = 0.9
+KEPT_PART = 0.75
 """Part of a distance's samples, the densest, that its deviation rests on: wrong labels are among the others."""
 
-TRIMMED_DEVIATION = 0.789
-"""Standard deviation of the central nine tenths of a standard normal variable."""
+TRIMMED_DEVIATION = 0.607
+"""Standard deviation of the central three quarters of a standard normal variable."""
 
 LEAST_COMMON = 8
 """Fewer common frames say nothing of a distance."""
@@ -57,7 +57,7 @@ class RigidModel:
 
 
 def robust_limbs(trajectories: Trajectories) -> Limbs:
-    """Group markers into limbs, unmoved by labels that are wrong for up to a tenth of the time."""
+    """Group markers into limbs, unmoved by labels that are wrong for up to a quarter of the time."""
     n_markers = trajectories.n_markers
     labels = np.full(n_markers, -1, dtype=np.intp)
     deviation = _trimmed_deviations(trajectories.positions[_spaced(trajectories.n_frames, GROUPING_FRAMES)])
@@ -108,7 +108,7 @@ def _sorted_median(rows: Floats) -> tuple[Floats, Ints]:
 
 
 def _trimmed_deviations(positions: Floats) -> Floats:
-    """Standard deviations of the densest nine tenths of all distances, shape (n_markers, n_markers)."""
+    """Standard deviations of the densest three quarters of all distances, shape (n_markers, n_markers)."""
     n_markers = positions.shape[1]
     first, second = np.triu_indices(n_markers, 1)
     values = np.sort(np.linalg.norm(positions[:, first] - positions[:, second], axis=2).T, axis=1)

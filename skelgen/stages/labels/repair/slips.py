@@ -20,6 +20,7 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Finding
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.repair.jumps import neighbours_of
+from skelgen.stages.labels.repair.leaps import leaps
 from skelgen.stages.labels.repair.steps import LINE_FRAMES, changes, jumps
 
 N_MATES = 5
@@ -86,9 +87,10 @@ class Slip:
     size : float, mm
         Length of the step.
     evidence : float
-        Change of the distances to its mates, in standard deviations of what they vary over `slip_seconds` anyway.
+        Change of the distances to its mates, in standard deviations of what they vary over `slip_seconds` anyway;
+        without mates, how many times farther it leaps than elsewhere.
     mates : tuple of str
-        Markers whose distances show it.
+        Markers whose distances show it; none if only the leap does.
     sure : bool
         Whether the change is so clear and so lasting that the marker may be split.
     """
@@ -104,6 +106,8 @@ class Slip:
     @property
     def reason(self) -> str:
         """What speaks for it."""
+        if not self.mates:
+            return f"it leaps {self.evidence:.1f} times as far as in all but few other frames and does not come back"
         return (
             f"its distances to {', '.join(self.mates)} change at once, and stay changed, by {self.evidence:.1f} of "
             "their standard deviations"
@@ -148,11 +152,14 @@ def find_slips(trajectories: Trajectories, parameters: LabelParameters | None = 
     positions, names = trajectories.positions, trajectories.names
     neighbours, near = neighbours_of(positions), neighbours_of(positions, NEAREST)
     steps = jumps(positions.reshape(len(positions), -1)).reshape(positions.shape)
+    paces = np.diff(positions, axis=0, prepend=np.nan)
     found: list[_Found] = []
     for marker in range(trajectories.n_markers):
         seen = np.nan_to_num(steps[:, marker] - _middle(steps[:, neighbours[marker, 1:]]))
         place = _Place(positions, marker, near[marker, 1:], seen, window)
         found += _slips_of(names, marker, place, seen, parameters.slip_evidence)
+        pace = paces[:, marker] - _middle(paces[:, neighbours[marker, 1:]])
+        found += _leaps_of(names, marker, seen, pace, place, window)
     return _one_of_each(found, near, window)
 
 
@@ -205,7 +212,8 @@ class _Place:
         chosen = chosen[np.isfinite(spread[chosen])]
         self.mates, self.spread, self.window = near[chosen], spread[chosen], window
         lengths = np.linalg.norm(away[:, chosen], axis=2)
-        self.towards = away[:, chosen] / lengths[..., np.newaxis]
+        with np.errstate(invalid="ignore"):  # markers in one place have no direction
+            self.towards = away[:, chosen] / lengths[..., np.newaxis]
         self.sudden, self.at_once = jumps(lengths), np.diff(lengths, axis=0, prepend=np.nan)
         self.later = [changes(lengths, max(round(part * window), 2), GLITCH_FRAMES) for part in LASTING_PARTS]
         known = lengths[~np.isnan(lengths)]
@@ -248,6 +256,18 @@ def _slips_of(names: tuple[str, ...], marker: int, place: _Place, seen: Floats, 
             mates = tuple(names[mate] for mate in place.mates[strongest])
             slip = Slip(marker, names[marker], frame, size, varies, mates, sure)
             found.append((float(np.linalg.norm(seen[frame])), slip))
+    return found
+
+
+def _leaps_of(
+    names: tuple[str, ...], marker: int, seen: Floats, pace: Floats, place: _Place, window: int
+) -> list[_Found]:
+    """Possible slips that only the marker's own path shows."""
+    found = []
+    for frame, above in leaps(seen, pace, LEAST_SIZE, window):
+        size = float(np.linalg.norm(seen[frame]))
+        if size < place.largest:
+            found.append((size, Slip(marker, names[marker], frame, size, above, (), sure=False)))
     return found
 
 
@@ -308,9 +328,9 @@ def _standing_out(measures: Floats, weights: Floats, frame: int, window: int, ab
 
 
 def _one_of_each(slips: list[_Found], near: Ints, window: int) -> tuple[Slip, ...]:
-    """Of slips that happen together on markers near each other, that of the marker that jumps farthest in space."""
+    """Of slips that happen together on markers near each other, that which distances show, and then the farthest."""
     kept: list[Slip] = []
-    for _, slip in sorted(slips, key=lambda found: (-found[0], found[1].frame, found[1].marker)):
+    for _, slip in sorted(slips, key=lambda found: (not found[1].mates, -found[0], found[1].frame, found[1].marker)):
         close = [one for one in kept if abs(one.frame - slip.frame) < window]
         if not any(one.marker == slip.marker or one.marker in near[slip.marker] for one in close):
             kept.append(slip)

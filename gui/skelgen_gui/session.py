@@ -1,0 +1,171 @@
+"""The only mutable object of the window: the open project, the frame that is shown, and what is selected.
+
+Pages and views read it, wish through its methods, and follow its signals; they hold no state of the project.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal
+
+from skelgen.model import Project
+
+NO_MARKERS: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What is selected.
+
+    Attributes
+    ----------
+    markers : frozenset of int
+        Indices of markers; of an unlabelled take, before the first stage, nothing can be selected.
+    limb : int or None
+        Index of a limb.
+    joint : int or None
+        Index into the skeleton's joints.
+    """
+
+    markers: frozenset[int] = NO_MARKERS
+    limb: int | None = None
+    joint: int | None = None
+
+
+class Session(QObject):
+    """What the window shows.
+
+    Signals
+    -------
+    project_changed()
+        Another project, or another result of a stage.
+    other_changed()
+        Another project to compare with, or none.
+    frame_changed(int)
+        Another frame is shown.
+    selection_changed()
+        Something else is selected.
+    state_changed()
+        The path, or whether there are unsaved changes.
+    """
+
+    project_changed = Signal()
+    other_changed = Signal()
+    frame_changed = Signal(int)
+    selection_changed = Signal()
+    state_changed = Signal()
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._project: Project | None = None
+        self._other: Project | None = None
+        self._path: Path | None = None
+        self._saved: Project | None = None
+        self._frame = 0
+        self._selection = Selection()
+
+    @property
+    def project(self) -> Project | None:
+        """The open project; None before a file is opened."""
+        return self._project
+
+    @property
+    def other(self) -> Project | None:
+        """A second project that is overlaid, or None."""
+        return self._other
+
+    @property
+    def path(self) -> Path | None:
+        """The project file; None if it was never saved."""
+        return self._path
+
+    @property
+    def is_dirty(self) -> bool:
+        """Whether something would be lost if the window closed."""
+        return self._project is not None and self._project is not self._saved
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, 0 without a project."""
+        return 0 if self._project is None else self._project.take.n_frames
+
+    @property
+    def rate(self) -> float:
+        """Frames per second of the take, 100 without a project."""
+        return 100.0 if self._project is None else float(self._project.take.rate)
+
+    @property
+    def frame(self) -> int:
+        """The frame that is shown."""
+        return self._frame
+
+    @property
+    def selection(self) -> Selection:
+        """What is selected."""
+        return self._selection
+
+    def open(self, project: Project, path: Path | None = None) -> None:
+        """Show another project, from its first frame, with nothing selected.
+
+        Parameters
+        ----------
+        project : Project
+            The project.
+        path : Path, optional
+            The project file that it came from; None for a recording that is not saved as a project yet.
+        """
+        self._path = path
+        self._saved = project if path is not None else None
+        self._frame, self._other = 0, None
+        self._selection = Selection()
+        self.change(project)
+        self.other_changed.emit()
+        self.frame_changed.emit(0)
+        self.selection_changed.emit()
+
+    def change(self, project: Project) -> None:
+        """Show other results of the same take."""
+        self._project = project
+        self._frame = min(self._frame, max(self.n_frames - 1, 0))
+        self._selection = self._still_there(self._selection)
+        self.project_changed.emit()
+        self.state_changed.emit()
+        self.selection_changed.emit()
+
+    def compare_with(self, other: Project | None) -> None:
+        """Overlay a second project, or none."""
+        self._other = other
+        self.other_changed.emit()
+
+    def saved(self, path: Path, project: Project) -> None:
+        """Note that a project is saved in a file."""
+        self._path, self._saved = path, project
+        self.state_changed.emit()
+
+    def show_frame(self, frame: int) -> None:
+        """Show a frame; numbers beyond the take show its ends."""
+        frame = min(max(int(frame), 0), max(self.n_frames - 1, 0))
+        if frame != self._frame:
+            self._frame = frame
+            self.frame_changed.emit(frame)
+
+    def select(self, selection: Selection) -> None:
+        """Select something else."""
+        selection = self._still_there(selection)
+        if selection != self._selection:
+            self._selection = selection
+            self.selection_changed.emit()
+
+    def _still_there(self, selection: Selection) -> Selection:
+        """The selection without what the project does not have."""
+        project = self._project
+        n_markers = project.trajectories.n_markers if project is not None and project.has("labels") else 0
+        n_limbs = project.limbs.n_limbs if project is not None and project.has("limbs") else 0
+        n_joints = project.skeleton.n_joints if project is not None and project.has("skeleton") else 0
+        return Selection(
+            frozenset(marker for marker in selection.markers if marker < n_markers),
+            selection.limb if selection.limb is not None and selection.limb < n_limbs else None,
+            selection.joint if selection.joint is not None and selection.joint < n_joints else None,
+        )
