@@ -122,7 +122,7 @@ class Articulation:
             World from parent, and from the limb itself.
         """
         first = parent @ self.in_parent[limb]
-        tilt = parent @ _across(self.in_parent[limb])
+        tilt = parent @ across(self.in_parent[limb])
         if self.kinds[limb] == "hinge":
             return first[:, :, np.newaxis], tilt
         if self.kinds[limb] == "rigid":
@@ -157,7 +157,7 @@ class Articulation:
                 relative = matrix_from_vector(tilt[2] * normal) @ relative
                 between[limb] += tilt[2]
             if kind != "rigid":
-                turn = matrix_from_vector(_across(axis) @ tilt[:2])
+                turn = matrix_from_vector(across(axis) @ tilt[:2])
                 axes[limb] = turn @ axis
                 relative = turn @ relative
             new[:, limb] = new[:, parent] @ relative
@@ -194,7 +194,7 @@ def _slices(sizes: list[int], first: int) -> list[slice]:
     return [slice(int(end) - size, int(end)) for size, end in zip(sizes, ends, strict=True)]
 
 
-def _across(axis: Floats) -> Floats:
+def across(axis: Floats) -> Floats:
     """Two unit vectors across an axis, as columns."""
     return np.asarray(np.linalg.svd(axis[np.newaxis])[2][1:].T)
 
