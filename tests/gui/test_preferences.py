@@ -11,7 +11,6 @@ from skelgen_gui.preferences_dialog import PreferencesDialog
 from skelgen_gui.recent import RecentMenu
 from skelgen_gui.theme import CHANGED_ROLE, PROBLEM_ROLE, Theme, is_dark, theme_palette
 
-
 READABLE = 4.0
 """Contrast of text on its ground; WCAG 2.1 asks for 4.5, and for 3 where it is large."""
 
