@@ -33,8 +33,9 @@ def majority(groupings: list[Ints]) -> Ints:
 
 def _reached(linked: Bools, marker: int) -> Bools:
     """Markers that are linked to one, directly or through others."""
-    reached: Bools = np.asarray(linked[marker])
-    while (wider := linked[reached].any(axis=0)).sum() > reached.sum():
+    reached = np.zeros(len(linked), dtype=np.bool_)
+    reached[marker] = True
+    while (wider := np.asarray(linked[reached].any(axis=0))).sum() > reached.sum():
         reached = wider
     return reached
 
