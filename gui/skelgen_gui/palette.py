@@ -7,17 +7,12 @@ from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QPalette
 
 from skelgen.app.report.colours import limb_colour
+from skelgen_gui.theme import is_dark
 
-_MIDDLE = 128  # of lightness 0 .. 255
 _DOUBT = {False: "#d9480f", True: "#ff922b"}
 _CURSOR = {False: "#e03131", True: "#ff6b6b"}
 _LIMBLESS = {False: "#868e96", True: "#868e96"}
 _COMPONENTS = {False: ("#c92a2a", "#2b8a3e", "#1864ab"), True: ("#ff8787", "#69db7c", "#74c0fc")}
-
-
-def is_dark(palette: QPalette) -> bool:
-    """Tell whether texts of this palette are on a dark ground."""
-    return palette.color(QPalette.ColorRole.Window).lightness() < _MIDDLE
 
 
 def colour_of_limb(limb: int, palette: QPalette) -> QColor:

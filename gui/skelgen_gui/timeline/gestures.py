@@ -38,7 +38,9 @@ def zoom_or_pan(event: QWheelEvent, span: VisibleSpan, width: float) -> None:
 
 
 def zoomed_by_key(event: QKeyEvent, span: VisibleSpan, frame: int) -> bool:
-    """Zoom about the shown frame with plus and minus, show all with 0; say whether it was one of these keys."""
+    """Zoom about the shown frame with Ctrl and plus or minus, show all with Ctrl+0; say whether it was one of these."""
+    if not event.modifiers() & Qt.KeyboardModifier.ControlModifier:
+        return False
     key = event.key()
     if key in {Qt.Key.Key_Plus, Qt.Key.Key_Equal}:
         span.zoom(_ZOOM**2, frame + 0.5)

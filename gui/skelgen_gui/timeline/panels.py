@@ -47,12 +47,12 @@ def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
     curves = []
     for number, name in enumerate(found.names):
         angles = np.degrees(found.angles[:, number])
-        wide = None if found.std is None else _SURE * np.degrees(found.std[:, number])
-        band = None if wide is None else Extremes.of(angles - wide, angles + wide)
+        wide = _SURE * np.degrees(found.std[:, number])
+        band = Extremes.of(angles - wide, angles + wide)
         curves.append(Curve(name, Extremes.of(angles), band, component=number))
     panels = []
     if curves:
-        note = f"{one.kind}, band: 95 %" if found.std is not None else one.kind
+        note = f"{one.kind} · 95 %" + (f" (every {found.step}th frame)" if found.step > 1 else "")
         panels.append(Panel(f"Joint {one.parent}–{one.child}", "°", tuple(curves), note, from_zero=False))
     if project.motion.joint_std is not None:
         size = np.linalg.norm(project.motion.joint_std[:, joint], axis=1)

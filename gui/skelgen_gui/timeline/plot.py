@@ -10,7 +10,8 @@ from skelgen.app.report.svg import ticks
 from skelgen.app.report.wording import digits, plain
 from skelgen.model.arrays import Floats
 from skelgen_gui.batch import draw_lines
-from skelgen_gui.palette import blended, colour_of_limb, component_colour, is_dark
+from skelgen_gui.palette import blended, colour_of_limb, component_colour
+from skelgen_gui.theme import is_dark
 from skelgen_gui.timeline.curve import Curve, Panel
 from skelgen_gui.timeline.span import VisibleSpan
 

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QRectF, QSize, Qt
-from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPalette, QPen, QPixmap, QWheelEvent
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import (
+    QHelpEvent,
+    QKeyEvent,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QPalette,
+    QPen,
+    QPixmap,
+    QWheelEvent,
+)
+from PySide6.QtWidgets import QToolTip, QWidget
 
+from skelgen.app.report.wording import digits
 from skelgen_gui.palette import cursor_colour
 from skelgen_gui.session import Session
 from skelgen_gui.timeline.curve import Panel
@@ -59,6 +70,23 @@ class PlotView(QWidget):
         height = (self.height() + _GAP) / max(count, 1) - _GAP
         return QRectF(GUTTER, index * (height + _GAP), plot_width(self.width()), height)
 
+    def event(self, event: QEvent) -> bool:
+        """Say what lies under the pointer."""
+        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
+            QToolTip.showText(event.globalPos(), self.told_at(QPointF(event.pos())), self)
+            return True
+        return super().event(event)
+
+    def told_at(self, place: QPointF) -> str:
+        """Return the values of the frame at a place, and what the panel's note says."""
+        found = (panel for index, panel in enumerate(self._panels) if self._holds(index, place))
+        panel = next(found, None)
+        if panel is None or place.x() < GUTTER:
+            return self.toolTip() if panel is None else " · ".join(filter(None, (panel.title, panel.note)))
+        frame = self._span.frame_at(place.x(), GUTTER, plot_width(self.width()))
+        values = [f"{curve.name}: {digits(float(curve.line.low[frame]))} {panel.unit}" for curve in panel.curves]
+        return "\n".join([f"{panel.title}, " + self.tr("frame {}").format(frame), *values])
+
     def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
         """Go to a frame."""
         if event.button() == Qt.MouseButton.LeftButton and event.position().x() >= GUTTER:
@@ -94,6 +122,10 @@ class PlotView(QWidget):
             room = self.panel_rect(len(self._panels)) if self._panels else QRectF(self.rect())
             painter.drawText(room, Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap, self._hint)
         painter.end()
+
+    def _holds(self, index: int, place: QPointF) -> bool:
+        room = self.panel_rect(index)
+        return room.top() <= place.y() <= room.bottom()
 
     def _go_to(self, x: float) -> None:
         self._session.show_frame(self._span.frame_at(x, GUTTER, plot_width(self.width())))

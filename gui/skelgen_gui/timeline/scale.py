@@ -6,7 +6,7 @@ import math
 
 from skelgen_gui.timeline.span import VisibleSpan
 
-GUTTER = 132
+GUTTER = 140
 """px, at the left, for names and scales."""
 
 MARGIN = 16

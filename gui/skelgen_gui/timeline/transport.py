@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 
 from PySide6.QtCore import QEvent, Qt
-from PySide6.QtGui import QAction, QKeySequence
+from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QSpinBox, QToolButton, QWidget
 
 from skelgen.app.report.wording import plain
@@ -14,8 +14,10 @@ from skelgen_gui.timeline.icons import transport_icon
 from skelgen_gui.timeline.player import SPEEDS, Player
 from skelgen_gui.timeline.scale import clock
 
-_LONG_STEP = 10
 _TIME_STEP = 0.01  # s, to which the time of a frame is shown
+_GAP = 10
+_MOVES = ("first_frame", "previous_frame", "play", "next_frame", "last_frame")
+_RANGES = ("range_from", "range_to", "range_all")
 
 
 class Transport(QWidget):
@@ -27,19 +29,17 @@ class Transport(QWidget):
         Whose frame is moved.
     player : Player
         What moves it.
+    actions : mapping of str to QAction
+        What `skelgen_gui.shortcuts.make_actions` gives; they are given signs and buttons here.
     """
 
-    def __init__(self, session: Session, player: Player, parent: QWidget | None = None) -> None:
+    def __init__(
+        self, session: Session, player: Player, actions: Mapping[str, QAction], parent: QWidget | None = None
+    ) -> None:
         super().__init__(parent)
-        self._session, self._player = session, player
-        self._icons: dict[QAction, str] = {}
-        self._row = QHBoxLayout(self)
-        self._row.setContentsMargins(6, 3, 6, 3)
-        self._row.setSpacing(2)
-        self._add_moves()
-        self._add_frame()
-        self._add_range()
-        self._row.addStretch(1)
+        self._session, self._player, self._actions = session, player, actions
+        self._make_controls()
+        self._arrange()
         self._draw_icons()
         for signal in (session.project_changed, session.frame_changed):
             signal.connect(self._follow)
@@ -54,16 +54,7 @@ class Transport(QWidget):
             self._draw_icons()
         super().changeEvent(event)
 
-    def _add_moves(self) -> None:
-        self._button("first", self.tr("First frame of the range"), self._to_first, "Home")
-        self._button("back", self.tr("One frame back"), self._step_back, "Left")
-        self._play = self._button("play", self.tr("Play or pause"), self._player.toggle, "Space", "Media Play")
-        self._button("forward", self.tr("One frame on"), self._step_on, "Right")
-        self._button("last", self.tr("Last frame of the range"), self._to_last, "End")
-        self._keys(self.tr("Ten frames back"), self._leap_back, "Shift+Left")
-        self._keys(self.tr("Ten frames on"), self._leap_on, "Shift+Right")
-
-    def _add_frame(self) -> None:
+    def _make_controls(self) -> None:
         self.frame = QSpinBox(self)
         self.frame.setKeyboardTracking(False)
         self.frame.setMinimumWidth(84)
@@ -73,51 +64,41 @@ class Transport(QWidget):
         self._time = QLabel(self)
         self._time.setAccessibleName(self.tr("Time"))
         self._time.setToolTip(self.tr("Time of the frame, and of the last one"))
-        self._row.addSpacing(10)
-        self._row.addWidget(self.frame)
-        self._row.addSpacing(6)
-        self._row.addWidget(self._time)
-        self._row.addSpacing(10)
-
-    def _add_range(self) -> None:
         self.speed = QComboBox(self)
         self.speed.setAccessibleName(self.tr("Speed"))
         self.speed.setToolTip(self.tr("How fast the take is played"))
         for speed in SPEEDS:
             self.speed.addItem(f"{plain(speed)} ×", speed)
         self.speed.activated.connect(self._set_speed)
-        self._row.addWidget(self.speed)
-        self._loop = self._button("loop", self.tr("Loop"), self._set_loop, "L")
-        self._loop.setCheckable(True)
-        self._row.addSpacing(10)
-        self._button("range from", self.tr("Play from this frame on"), self._range_from, "I")
-        self._button("range to", self.tr("Play up to this frame"), self._range_to, "O")
-        self._button("range all", self.tr("Play the whole take"), self._range_all, "A")
 
-    def _button(self, icon: str, words: str, slot: Callable[..., None], *keys: str) -> QAction:
-        action = self._keys(words, slot, *keys)
+    def _arrange(self) -> None:
+        row = QHBoxLayout(self)
+        row.setContentsMargins(6, 3, 6, 3)
+        row.setSpacing(2)
+        groups = (
+            [self._button(name) for name in _MOVES],
+            [self.frame, self._time],
+            [self.speed, self._button("loop")],
+            [self._button(name) for name in _RANGES],
+        )
+        for group in groups:
+            for part in group:
+                row.addWidget(part)
+            row.addSpacing(_GAP)
+        row.addStretch(1)
+
+    def _button(self, name: str) -> QToolButton:
         button = QToolButton(self)
-        button.setDefaultAction(action)
+        button.setDefaultAction(self._actions[name])
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonIconOnly)
         button.setAutoRaise(True)
-        button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-        button.setAccessibleName(words)
-        self._icons[action] = icon
-        self._row.addWidget(button)
-        return action
-
-    def _keys(self, words: str, slot: Callable[..., None], *keys: str) -> QAction:
-        """An action with single keys: they work in the views that it is added to, and leave text fields alone."""
-        action = QAction(words, self)
-        action.setShortcuts([QKeySequence(key) for key in keys])
-        action.setShortcutContext(Qt.ShortcutContext.WidgetShortcut)
-        action.setToolTip(f"{words} ({QKeySequence(keys[0]).toString(QKeySequence.SequenceFormat.NativeText)})")
-        action.triggered.connect(slot)
-        self.addAction(action)
-        return action
+        button.setAccessibleName(self._actions[name].statusTip())
+        return button
 
     def _draw_icons(self) -> None:
-        for action, name in self._icons.items():
-            action.setIcon(transport_icon(name, self.palette()))
+        for name in (*_MOVES, *_RANGES, "loop"):
+            sign = "pause" if name == "play" and self._player.is_playing else name
+            self._actions[name].setIcon(transport_icon(sign, self.palette()))
 
     def _follow(self) -> None:
         """Show the session's frame and time."""
@@ -131,40 +112,10 @@ class Transport(QWidget):
         self._time.setText(f"{clock(frame / rate, _TIME_STEP)} / {clock(last, _TIME_STEP)}")
 
     def _follow_player(self) -> None:
-        self._icons[self._play] = "pause" if self._player.is_playing else "play"
-        self._play.setIcon(transport_icon(self._icons[self._play], self.palette()))
-        self._loop.setChecked(self._player.loop)
+        self._draw_icons()
+        self._actions["play"].setChecked(self._player.is_playing)
+        self._actions["loop"].setChecked(self._player.loop)
         self.speed.setCurrentIndex(self.speed.findData(self._player.speed))
 
     def _set_speed(self, index: int) -> None:
         self._player.set_speed(self.speed.itemData(index))
-
-    def _set_loop(self) -> None:
-        self._player.set_loop(not self._player.loop)
-
-    def _to_first(self) -> None:
-        self._session.show_frame(self._player.range[0])
-
-    def _to_last(self) -> None:
-        self._session.show_frame(self._player.range[1])
-
-    def _step_back(self) -> None:
-        self._player.step(-1)
-
-    def _step_on(self) -> None:
-        self._player.step(1)
-
-    def _leap_back(self) -> None:
-        self._player.step(-_LONG_STEP)
-
-    def _leap_on(self) -> None:
-        self._player.step(_LONG_STEP)
-
-    def _range_from(self) -> None:
-        self._player.set_range(self._session.frame, max(self._player.range[1], self._session.frame))
-
-    def _range_to(self) -> None:
-        self._player.set_range(min(self._player.range[0], self._session.frame), self._session.frame)
-
-    def _range_all(self) -> None:
-        self._player.set_range(0, self._session.n_frames - 1)

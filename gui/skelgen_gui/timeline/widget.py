@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from skelgen_gui.derived import Deriver
 from skelgen_gui.session import Session
+from skelgen_gui.shortcuts import add_view_actions, make_actions
 from skelgen_gui.timeline.curve import Panel
+from skelgen_gui.timeline.keys import PlayCommands
 from skelgen_gui.timeline.lane_view import LaneView
 from skelgen_gui.timeline.legend import Legend
 from skelgen_gui.timeline.panels import count_panel
@@ -29,40 +32,43 @@ class Timeline(QWidget):
     ----------
     session : Session
         What is shown.
-    player : Player, optional
-        What plays it; one of its own if not given.
+    actions : mapping of str to QAction, optional
+        The window's, from `skelgen_gui.shortcuts.make_actions`; those of the menu Play are obeyed. Without them the
+        timeline makes its own.
+
+    Attributes
+    ----------
+    player : Player
+        What plays.
+    span : VisibleSpan
+        Which frames are in sight; give it to `Curves` to keep both together.
     """
 
-    def __init__(self, session: Session, player: Player | None = None, parent: QWidget | None = None) -> None:
+    def __init__(
+        self, session: Session, actions: Mapping[str, QAction] | None = None, parent: QWidget | None = None
+    ) -> None:
         super().__init__(parent)
         self._session = session
-        self.player = player or Player(session, self)
+        actions = make_actions(self) if actions is None else actions
+        self.player = Player(session, self)
         self.span = VisibleSpan(session, self)
-        self.transport = Transport(session, self.player, self)
+        self.commands = PlayCommands(session, self.player, actions, self)
+        self.transport = Transport(session, self.player, actions, self)
         self.ruler = Ruler(session, self.player, self.span, self)
         self.counts = PlotView(session, self.span, self)
         self.lane_view = LaneView(session, self.span, self)
         self.deriver = Deriver(self)
-        self.counts.setAccessibleName(self.tr("Points that belong to no marker"))
-        self.counts.setToolTip(self.tr("How many points of each frame belong to no marker"))
-        self.counts.setFixedHeight(_COUNTS_HEIGHT)
         self.setAccessibleName(self.tr("Timeline"))
         self._arrange()
-        self.add_keys_to(self.lane_view)
-        self.add_keys_to(self.counts)
+        for view in (self.lane_view, self.counts):
+            add_view_actions(view, actions)
         session.project_changed.connect(self._follow_project)
         self._follow_project()
 
-    @property
-    def actions_of_keys(self) -> list[QAction]:
-        """Actions with single keys, such as Space for play."""
-        return self.transport.actions()
-
-    def add_keys_to(self, view: QWidget) -> None:
-        """Let the single keys work in another view as well while that has the focus."""
-        view.addActions(self.actions_of_keys)
-
     def _arrange(self) -> None:
+        self.counts.setAccessibleName(self.tr("Points that belong to no marker"))
+        self.counts.setToolTip(self.tr("How many points of each frame belong to no marker"))
+        self.counts.setFixedHeight(_COUNTS_HEIGHT)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
@@ -70,7 +76,6 @@ class Timeline(QWidget):
             column.addWidget(part)
         column.addWidget(self.lane_view, 1)
         column.addWidget(Legend(self))
-        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
 
     def _follow_project(self) -> None:
         project = self._session.project
