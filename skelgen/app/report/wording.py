@@ -54,6 +54,8 @@ def plain(value: float) -> str:
     >>> plain(2.50), plain(0.1 + 0.2), plain(1500.0)
     ('2.5', '0.3', '1500')
     """
+    if math.isnan(value):
+        return "–"
     if value and not _TINY <= abs(value) < _HUGE:
         return (_MINUS if value < 0 else "") + _with_power(abs(value), 2)
     return f"{value:.6g}".replace("-", _MINUS)
