@@ -42,6 +42,7 @@ PARTS: tuple[Part, ...] = (
     Part("confidence", "how sure the labels are", lambda project: project.has_labelling),
     Part("limbs", "which marker is on which limb", lambda project: project.has("limbs")),
     Part("joints", "the positions of the joints", lambda project: project.has("skeleton"), True),
+    Part("angles", "the angles of the joints with their deviations", lambda project: project.has("skeleton"), True),
     Part("kinds", "kinds and axes of the joints", lambda project: project.has("skeleton")),
     Part("uncertainty", "how sure the joints are", lambda project: project.has("skeleton")),
     Part("motion", "how the limbs turn", lambda project: project.has("skeleton"), True),

@@ -180,7 +180,7 @@ def _contents(project: Project, entry: Format) -> str:
         counts.append(counted(take.n_bodies, "body", "bodies"))
     if names & {"limbs", "motion"}:
         counts.append(counted(project.limbs.n_limbs, "limb"))
-    if names & {"joints", "kinds"}:
+    if names & {"joints", "angles", "kinds"}:
         counts.append(counted(project.skeleton.n_joints, "joint"))
     frames = f" in {counted(take.n_frames, 'frame')} at {take.rate:g} Hz"
     return listed(counts) + (frames if any(part.in_every_frame for part in kept) else "")
