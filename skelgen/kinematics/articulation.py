@@ -183,6 +183,14 @@ class Articulation:
             new[:, limb] = new[:, parent] @ turn @ relative
         return new
 
+    def turned(self, parents: Ints, turn: Floats) -> Articulation:
+        """Return the same joints for limbs whose frames are turned: `turn` brings old axes to new ones."""
+        above = np.maximum(parents, 0)
+        in_parent = np.einsum("lij,lj->li", turn[above], self.in_parent)
+        in_child = np.einsum("lij,lj->li", turn, self.in_child)
+        rest = None if self.rest is None else turn[above] @ self.rest @ turn.swapaxes(1, 2)
+        return replace(self, in_parent=in_parent, in_child=in_child, rest=rest)
+
     def at_rest(self, parents: Ints, rotations: Floats) -> Articulation:
         """Return rigid joints fixed as they are in the first of some frames."""
         relative = rotations[0, np.maximum(parents, 0)].swapaxes(1, 2) @ rotations[0]

@@ -26,9 +26,9 @@ from skelgen.stages.skeleton.joints import (
     with_axes,
     with_noise_of_poses,
 )
-from skelgen.stages.skeleton.outliers import out_of_place, out_of_reach
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
+from skelgen.stages.skeleton.trusted import without_outliers
 
 FIRST_ROUNDS = 3
 """Rounds of the fit with free joints: it need only be near enough for the kinds to be told."""
@@ -93,7 +93,7 @@ class FittedBody:
 def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_poses: bool = False) -> FittedBody:
     """Fit one tree of limbs to its markers."""
     chain, reference = assemble(body, parameters, rotator, _well_seen_frames(body, parameters.samples))
-    trusted, start, posed = _without_outliers(body, chain, parameters, rotator)
+    trusted, start, posed = without_outliers(body, chain, parameters, rotator)
     frames = _determined_frames(posed, parameters.samples)
     refine = parameters.fit == "whole-chain"
     first = calibrate(chain, start[frames], trusted[frames], n_rounds=FIRST_ROUNDS if refine else 0)
@@ -166,20 +166,6 @@ def _frames_of_refinement(trusted: Floats, samples: int) -> Ints:
 def _wanted_kinds(parameters: SkeletonParameters, body: Body) -> dict[int, str]:
     """Kinds that the user knows, by position of the limb in the body."""
     return {limb: kind for limb, one in enumerate(body.limbs) if (kind := parameters.wanted_kind(int(one)))}
-
-
-def _without_outliers(
-    body: Body, chain: Chain, parameters: SkeletonParameters, rotator: Rotator
-) -> tuple[Floats, ChainPoses, Bools]:
-    """Positions without those that cannot be right, and the poses from the root outward that rest on the others."""
-    trusted = body.positions
-    poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
-    for find in (out_of_reach, out_of_place):
-        outliers = find(chain, poses, posed, trusted, parameters.outlier_limit)
-        if outliers.any():
-            trusted = np.where(outliers[..., np.newaxis], np.nan, trusted)
-            poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
-    return trusted, poses, posed
 
 
 def _well_seen_frames(body: Body, samples: int) -> Ints:
