@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from skelgen.errors import InputError
 from skelgen.model import Labelling, Limbs, Motion, PointCloud, Poses, Project, Skeleton, Topology, Trajectories
+from skelgen.model.corrections import Correction
 
 
 def check_chain(project: Project) -> None:
@@ -27,6 +28,8 @@ def check_chain(project: Project) -> None:
 def _check_kinds(project: Project) -> None:
     if not isinstance(project.take, PointCloud | Trajectories | Poses):
         raise InputError("the take is not a take")
+    if not all(isinstance(correction, Correction) for correction in project.corrections):
+        raise InputError("a correction is none")
     parts = (project._trajectories, project._limbs, project._topology, project._skeleton, project._motion)
     kinds = (Trajectories, Limbs, Topology, Skeleton, Motion)
     missing = ""

@@ -27,9 +27,10 @@ from skelgen.model import (
     Topology,
     Trajectories,
 )
+from skelgen.model.corrections import Correction, Place
 from skelgen.model.labelling import Agreement, Doubt, Finding, Tracklets
 
-_TAKES = (PointCloud, Trajectories, Poses, Identities, Identity)
+_TAKES = (PointCloud, Trajectories, Poses, Identities, Identity, Correction, Place)
 _RESULTS = (Labelling, Tracklets, Doubt, Finding, Agreement, Limbs, Topology, Skeleton, Joint, Motion)
 _VALUES: dict[str, type] = {cls.__name__: cls for cls in (*_TAKES, *_RESULTS)}
 

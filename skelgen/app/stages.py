@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from skelgen.app.corrections import corrected_labels, joint_wishes, known_kinds, limb_wishes, number_of
 from skelgen.app.hierarchy import known_tree
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, trajectories_from_poses
 from skelgen.app.split import limbs_with_parts
@@ -111,13 +112,23 @@ def find_stage(name: str) -> Stage:
 
 
 def _label(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
+    return corrected_labels(project, *_found_labels(project, parameters, wishes, monitor), monitor)
+
+
+def _found_labels(
+    project: Project, parameters: Any, wishes: Wishes, monitor: Monitor
+) -> tuple[Trajectories, Labelling | None]:
     take = project.take
     if isinstance(take, PointCloud):
         from skelgen.stages.labels import label_and_judge  # noqa: PLC0415 - see the module's docstring
 
-        stated = project.identities
         return label_and_judge(
-            take, parameters, n_markers=wishes.n_markers, identities=stated, seed=project.seed, monitor=monitor
+            take,
+            parameters,
+            n_markers=wishes.n_markers or number_of(project, "n_markers"),
+            identities=project.identities,
+            seed=project.seed,
+            monitor=monitor,
         )
     if isinstance(take, Poses):
         if project.identities is not None:
@@ -157,9 +168,11 @@ def _cluster(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor
     check_trajectories(project.trajectories)
     from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - see the module's docstring
 
-    find = partial(find_limbs, parameters=parameters, n_limbs=wishes.n_limbs, seed=project.seed, monitor=monitor)
+    n_limbs = wishes.n_limbs or number_of(project, "n_limbs")
+    told = limb_wishes(project, monitor)
+    find = partial(find_limbs, parameters=parameters, n_limbs=n_limbs, seed=project.seed, monitor=monitor, **told)
     limbs = limbs_with_parts(project.trajectories, project.labelling.split if project.has_labelling else (), find)
-    if limbs.n_limbs == 1 and wishes.n_limbs is None:
+    if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
     return (limbs,)
 
@@ -174,7 +187,7 @@ def _join(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -
         seed=project.seed,
         n_jobs=wishes.n_jobs,
         monitor=monitor,
-        **known_tree(project, wishes.hierarchy, wishes.root),
+        **(joint_wishes(project, monitor) | known_tree(project, wishes.hierarchy, wishes.root)),
     )
     return (topology,)
 
@@ -182,8 +195,10 @@ def _join(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -
 def _fit(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
+    kinds = known_kinds(project, monitor)
+    told = parameters.knowing(kinds) if kinds else parameters
     known = {"are_poses": True} if isinstance(project.take, Poses) else {}
-    return fit_skeleton(project.trajectories, project.limbs, project.topology, parameters, monitor=monitor, **known)
+    return fit_skeleton(project.trajectories, project.limbs, project.topology, told, monitor=monitor, **known)
 
 
 PIPELINE = (

@@ -27,7 +27,7 @@ from skelgen.files import replacing
 from skelgen.model import Project, StageReport
 
 SUFFIX = ".skelgen"
-VERSION = 1
+VERSION = 2
 """Version of the file's layout that is written; older ones are read, newer ones refused."""
 
 _STRUCTURE = "project.json"
@@ -171,7 +171,9 @@ class _Reader:
         }
         chain = {f"_{name}": value for name, value in results.items()}
         identities = unpacked(structure.get("identities"), self._array)  # older files have none
-        project = Project(take, int(structure["seed"]), reports, identities, **chain)
+        corrections = tuple(unpacked(structure.get("corrections", []), self._array))
+        view = dict(structure.get("view", {}))
+        project = Project(take, int(structure["seed"]), reports, identities, corrections, view, **chain)
         check_chain(project)
         return project
 
@@ -216,6 +218,8 @@ def _structure(project: Project, arrays: dict[str, NDArray[Any]]) -> dict[str, A
     structure = {"format": _FORMAT, "version": VERSION, "seed": project.seed, "labelled": labelled, "reports": reports}
     structure["take"] = packed(project.take, "take", arrays)
     structure["identities"] = packed(project.identities, "identities", arrays)
+    structure["corrections"] = packed(project.corrections, "corrections", arrays)
+    structure["view"] = dict(project.view)
     return structure | {name: packed(value, name, arrays) for name, value in results.items()}
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from skelgen.errors import MissingResultError
+from skelgen.model.corrections import Correction
 from skelgen.model.identities import Identities
 from skelgen.model.labelling import Labelling
 from skelgen.model.limbs import Limbs
@@ -52,6 +53,10 @@ class Project:
         One per stage that has run, in order.
     identities : Identities or None
         What the user states of some points; the labels obey it.
+    corrections : tuple of Correction
+        What the user corrected by hand; every run obeys it.
+    view : mapping of str to value
+        What the window shows and what its forms hold, as plain JSON values; no stage looks at it.
 
     Notes
     -----
@@ -68,6 +73,8 @@ class Project:
     seed: int = 0
     reports: Mapping[str, StageReport] = field(default_factory=dict)
     identities: Identities | None = None
+    corrections: tuple[Correction, ...] = ()
+    view: Mapping[str, Any] = field(default_factory=dict)
     _trajectories: Trajectories | None = None
     _labelling: Labelling | None = None
     _limbs: Limbs | None = None
@@ -137,6 +144,25 @@ class Project:
         """Return a project with skeleton and motion replaced."""
         return replace(self._until("skeleton", report), _skeleton=skeleton, _motion=motion)
 
+    def before(self, stage: str) -> Project:
+        """Return a project without the result of a stage and of all after it."""
+        later = STAGES[STAGES.index(stage) :]
+        kept = {name: report for name, report in self.reports.items() if name not in later}
+        return replace(
+            self,
+            reports=kept,
+            _trajectories=None if "labels" in later else self._trajectories,
+            _labelling=None if "labels" in later else self._labelling,
+            _limbs=None if "limbs" in later else self._limbs,
+            _topology=None if "joints" in later else self._topology,
+            _skeleton=None,
+            _motion=None,
+        )
+
+    def renamed(self, names: Sequence[str]) -> Project:
+        """Return a project whose markers have other names; nothing else depends on these."""
+        return replace(self, _trajectories=replace(self.trajectories, names=tuple(names)))
+
     def _result(self, stage: str) -> object | None:
         results = (self._trajectories, self._limbs, self._topology, self._motion)
         return dict(zip(STAGES, results, strict=True))[stage]
@@ -145,18 +171,8 @@ class Project:
         for earlier in STAGES[: STAGES.index(stage)]:
             if not self.has(earlier):
                 raise MissingResultError(f"the stage {stage!r} needs the result of {earlier!r}; run that first")
-        kept = {name: self.reports[name] for name in STAGES[: STAGES.index(stage)] if name in self.reports}
-        later = STAGES[STAGES.index(stage) :]
-        return replace(
-            self,
-            reports={**kept, stage: report},
-            _trajectories=None if "labels" in later else self._trajectories,
-            _labelling=None if "labels" in later else self._labelling,
-            _limbs=None if "limbs" in later else self._limbs,
-            _topology=None if "joints" in later else self._topology,
-            _skeleton=None,
-            _motion=None,
-        )
+        bare = self.before(stage)
+        return replace(bare, reports={**bare.reports, stage: report})
 
 
 def _present(value: _T | None, what: str, stage: str) -> _T:

@@ -136,7 +136,7 @@ def test_newer_version_asks_for_an_update(saved, tmp_path):
     with zipfile.ZipFile(saved) as archive:
         structure = json.loads(archive.read("project.json")) | {"version": VERSION + 1}
     newer = with_member(saved, "project.json", json.dumps(structure), tmp_path / "b.skelgen")
-    with pytest.raises(FormatError, match=r"b.skelgen:project.json: version 2.*update"):
+    with pytest.raises(FormatError, match=rf"b.skelgen:project.json: version {VERSION + 1}.*update"):
         open_project(newer)
 
 

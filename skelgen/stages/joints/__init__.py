@@ -6,6 +6,7 @@ tried on sampled frames; the cheapest joints span the tree; those that are kept 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import combinations
 
 import numpy as np
@@ -25,7 +26,7 @@ from skelgen.stages.joints.parallel import map_pairs
 from skelgen.stages.joints.parameters import JointParameters
 from skelgen.stages.joints.said import tree_sentences
 from skelgen.stages.joints.tree import spanning_tree
-from skelgen.stages.joints.wishes import limb_pairs, obeyed_costs
+from skelgen.stages.joints.wishes import Pair, limb_pairs, obeyed_costs
 
 __all__ = ["JointParameters", "find_joints"]
 
@@ -45,6 +46,8 @@ def find_joints(
     monitor: Monitor = SILENT,
     parents: Ints | None = None,
     root: int | None = None,
+    joined: Iterable[Pair] = (),
+    parted: Iterable[Pair] = (),
 ) -> Topology:
     """Find joints and topology.
 
@@ -66,6 +69,8 @@ def find_joints(
         The tree where it is known, -1 for roots; found if left out.
     root : int, optional
         Limb that is the root of its tree; by default the one with most joints.
+    joined, parted : iterable of pairs of int
+        Limbs that are joined, and that are not, the lower index first; beside those in `parameters`.
 
     Raises
     ------
@@ -82,7 +87,8 @@ def find_joints(
     guesses = _all_pairs(segments, frames, parameters, seed, n_jobs, monitor)
     sizes = np.array([segment.n_markers for segment in segments])
     judged = comparable_costs(guesses, limbs.n_limbs, parameters.alpha)
-    wanted, refused = (limb_pairs(text, trajectories.names, limbs) for text in (parameters.joined, parameters.parted))
+    wanted = (*joined, *limb_pairs(parameters.joined, trajectories.names, limbs))
+    refused = (*parted, *limb_pairs(parameters.parted, trajectories.names, limbs))
     costs = obeyed_costs(judged.costs, wanted, refused)
     cut: list[tuple[int, int]] = []
     if parents is None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from skelgen.errors import ParameterError
 from skelgen.kinematics.kind import KNOWN_KINDS
@@ -29,6 +30,7 @@ class SkeletonParameters(StageParameters):
         "root-outward poses one limb after the other as the seed does; whole-chain then refines limbs, joints and "
         "poses together by maximum likelihood",
         choices=("root-outward", "whole-chain"),
+        basic=True,
     )
     outlier: float = declare(
         1.0,
@@ -41,6 +43,7 @@ class SkeletonParameters(StageParameters):
         "positions that are off their limb by more than this many typical deviations are left out of the fit",
         low=3.0,
         high=1e6,
+        basic=True,
     )
     joints_for_poses: bool = declare(
         False,
@@ -102,6 +105,7 @@ class SkeletonParameters(StageParameters):
         "",
         "kinds of joints that are known: one for all, or by the joint's child limb such as 3=hinge,7=ball; "
         "empty finds them",
+        basic=True,
     )
 
     def __post_init__(self) -> None:
@@ -112,6 +116,11 @@ class SkeletonParameters(StageParameters):
         """Return the kind that the user knows of the joint above a limb, or None."""
         known = self._known_kinds()
         return known.get(limb, known.get(None))
+
+    def knowing(self, kinds: Mapping[int, str]) -> Self:
+        """Return parameters that know more kinds of joints, by the joint's child limb; those given last count."""
+        more = " ".join(f"{limb}={kind}" for limb, kind in kinds.items())
+        return self.replace(kinds=f"{self.kinds} {more}".strip())
 
     def _known_kinds(self) -> dict[int | None, str]:
         known: dict[int | None, str] = {}

@@ -1,0 +1,204 @@
+"""What the user corrects by hand: statements about markers, limbs and joints that every later run obeys."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model.arrays import Floats
+
+SAME_PLACE = 1e-3
+"""mm: a marker's place is a measured position, which only rounding in a file may change."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What a kind of correction consists of.
+
+    Attributes
+    ----------
+    stage : str
+        The stage that obeys it: its result and all after it are computed anew.
+    sentence : str
+        What it says, with ``{names}``, ``{first}``, ``{rest}``, ``{value}``.
+    least, most : int
+        How many markers it names; `most` 0 means any number from `least` on.
+    needs_value : bool
+        Whether it needs a value: a name, a number, a kind of joint.
+    has_frames : bool
+        Whether it may hold for some frames only.
+    """
+
+    stage: str
+    sentence: str
+    least: int = 1
+    most: int = 1
+    needs_value: bool = False
+    has_frames: bool = False
+
+
+RULES: Mapping[str, Rule] = MappingProxyType(
+    {
+        "merge": Rule("labels", "{names} are one marker, {first}", least=2, most=0),
+        "split": Rule("labels", "{first} is another marker, {value}", needs_value=True, has_frames=True),
+        "rename": Rule("labels", "{first} is called {value}", needs_value=True),
+        "delete": Rule("labels", "{names} is nobody", most=0, has_frames=True),
+        "swap": Rule("labels", "{names} change places", least=2, most=2, has_frames=True),
+        "n_markers": Rule("labels", "there are {value} markers", least=0, most=-1, needs_value=True),
+        "together": Rule("limbs", "{names} share a limb", least=2, most=0),
+        "apart": Rule("limbs", "no two of {names} share a limb", least=2, most=0),
+        "move": Rule("limbs", "{first} is on the limb of {rest}", least=2, most=3),
+        "n_limbs": Rule("limbs", "there are {value} limbs", least=0, most=-1, needs_value=True),
+        "join": Rule("joints", "the limbs of {names} are joined", least=2, most=2),
+        "part": Rule("joints", "the limbs of {names} are not joined", least=2, most=2),
+        "root": Rule("joints", "the limb of {first} is the root"),
+        "kind": Rule("skeleton", "the joint between the limbs of {names} is of the kind {value}", 2, 2, True),
+    }
+)
+"""Kinds of corrections."""
+
+NUMBERS = ("n_markers", "n_limbs")
+"""Kinds whose value is a number."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a marker is in one frame: it is found there again although a new run calls it otherwise.
+
+    Attributes
+    ----------
+    frame : int
+        A frame in which the marker is seen.
+    position : tuple of three floats, mm
+        Its measured position there.
+    """
+
+    frame: int
+    position: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        position = tuple(float(value) for value in self.position)
+        if self.frame < 0 or len(position) != 3 or not all(math.isfinite(value) for value in position):
+            raise InputError("a marker's place is a frame from 0 and three finite numbers [mm]")
+        object.__setattr__(self, "position", position)
+
+
+@dataclass(frozen=True)
+class Correction:
+    """One statement of the user.
+
+    Attributes
+    ----------
+    kind : str
+        One of `RULES`.
+    names : tuple of str
+        The markers that it is about; limbs are named by one of their markers, a joint by one marker of either limb.
+        Of ``move``: the marker, one of the limb that it goes to, and perhaps one of the limb that it leaves.
+    first_frame, last_frame : int or None
+        Frames for which it holds, both included; None: from the first, to the last.
+    value : str
+        The new name, the number or the kind of joint.
+    places : tuple of Place
+        Where each named marker is seen once; empty if only the names are known.
+    """
+
+    kind: str
+    names: tuple[str, ...] = ()
+    first_frame: int | None = None
+    last_frame: int | None = None
+    value: str = ""
+    places: tuple[Place, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.kind not in RULES:
+            raise InputError(f"there is no correction {self.kind!r}; there are {', '.join(RULES)}")
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "places", tuple(self.places))
+        self._check_names()
+        self._check_frames()
+        if self.rule.needs_value != bool(self.value.strip()):
+            raise InputError(f"{self.kind}: a value {'is missing' if self.rule.needs_value else 'has no meaning'}")
+        if self.kind in NUMBERS and not (self.value.isdecimal() and int(self.value) > 0):
+            raise InputError(f"{self.kind}: {self.value!r} is no number from 1 on")
+
+    @property
+    def rule(self) -> Rule:
+        """What this kind consists of."""
+        return RULES[self.kind]
+
+    @property
+    def stage(self) -> str:
+        """The stage that obeys it."""
+        return self.rule.stage
+
+    @property
+    def sentence(self) -> str:
+        """What it says."""
+        said = self.rule.sentence.format(
+            names=_listed(self.names),
+            first=self.names[0] if self.names else "",
+            rest=self.names[1] if len(self.names) > 1 else "",
+            value=self.value,
+        )
+        if self.first_frame is None and self.last_frame is None:
+            return said
+        first = "the first frame" if self.first_frame is None else f"frame {self.first_frame}"
+        last = "the end" if self.last_frame is None else f"frame {self.last_frame}"
+        return f"{said}, from {first} to {last}"
+
+    def _check_names(self) -> None:
+        rule, n_names = self.rule, len(self.names)
+        if n_names < rule.least or (rule.most and n_names > max(rule.most, 0)):
+            raise InputError(f"{self.kind}: {n_names} markers are named; {rule.least} belong there")
+        if len(set(self.names)) != n_names or not all(name.strip() for name in self.names):
+            raise InputError(f"{self.kind}: every marker must have a name, and be named once")
+        if self.places and len(self.places) != n_names:
+            raise InputError(f"{self.kind}: {len(self.places)} places for {n_names} markers")
+
+    def _check_frames(self) -> None:
+        first, last = self.first_frame, self.last_frame
+        if not self.rule.has_frames and (first is not None or last is not None):
+            raise InputError(f"{self.kind}: it holds for the whole take, not for some frames")
+        if (first or 0) < 0 or (last is not None and last < (first or 0)):
+            raise InputError(f"{self.kind}: frames {first} to {last} are none")
+
+
+def named_marker(correction: Correction, which: int, names: Sequence[str], positions: Callable[[int], Floats]) -> int:
+    """Find a marker that a correction names: by its place, and where that says nothing by its name.
+
+    Parameters
+    ----------
+    correction : Correction
+        The statement.
+    which : int
+        Index into its names.
+    names : sequence of str
+        All markers.
+    positions : callable (frame) -> ndarray, shape (n_markers, 3), mm
+        Where they are, NaN where unseen; no rows for a frame that is none.
+
+    Raises
+    ------
+    InputError
+        If there is no such marker.
+    """
+    if correction.places:
+        place = correction.places[which]
+        off = np.nan_to_num(np.abs(positions(place.frame) - place.position).max(axis=1), nan=np.inf)
+        if off.min(initial=np.inf) <= SAME_PLACE:
+            return int(off.argmin())
+    if correction.names[which] in names:
+        return list(names).index(correction.names[which])
+    raise InputError(
+        f"the correction '{correction.sentence}' names {correction.names[which]!r}, which the labels do not have; take "
+        f"it back, or name one of {', '.join(names)}"
+    )
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""

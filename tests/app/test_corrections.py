@@ -1,0 +1,171 @@
+"""Corrections by hand change what they are about, are obeyed by later runs, and survive the project file."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skelgen.app.corrections import place_of, with_correction, without_correction
+from skelgen.app.pipeline import run_stages
+from skelgen.app.store import open_project, save_project
+from skelgen.errors import InputError
+from skelgen.model import Project
+from skelgen.model.corrections import RULES, Correction
+from skelgen.simulation import simulate
+
+
+@pytest.fixture(scope="module")
+def human():
+    """A labelled human with all stages done."""
+    return run_stages(Project(simulate("human", n_frames=300, noise=0.5).take))
+
+
+def labelled(project, *corrections):
+    """The project with corrections, and its labels made anew."""
+    for correction in corrections:
+        project = with_correction(project, correction)
+    return run_stages(project, "labels", "labels")
+
+
+def column(project, name):
+    return project.trajectories.positions[:, project.trajectories.names.index(name)]
+
+
+def test_a_split_marker_that_is_merged_again_is_the_one_that_it_was(human):
+    split = with_correction(human, Correction("split", ("head 1",), 100, 199, "stranger"))
+    assert np.isnan(column(split, "head 1")[100:200]).all()
+    np.testing.assert_array_equal(column(split, "stranger")[100:200], column(human, "head 1")[100:200])
+    merged = with_correction(split, Correction("merge", ("head 1", "stranger")))
+    assert merged.trajectories.names == human.trajectories.names
+    np.testing.assert_array_equal(merged.trajectories.positions, human.trajectories.positions)
+
+
+def test_two_markers_change_places_from_here_to_there(human):
+    swapped = with_correction(human, Correction("swap", ("head 1", "chest 1"), 50, 60))
+    np.testing.assert_array_equal(column(swapped, "head 1")[50:61], column(human, "chest 1")[50:61])
+    np.testing.assert_array_equal(column(swapped, "head 1")[61:], column(human, "head 1")[61:])
+
+
+def test_a_new_name_keeps_every_result(human):
+    renamed = with_correction(human, Correction("rename", ("head 1",), value="crown"))
+    assert "crown" in renamed.trajectories.names
+    assert renamed.skeleton is human.skeleton
+
+
+def test_a_deleted_marker_is_gone_and_its_points_are_left_out(human):
+    deleted = with_correction(human, Correction("delete", ("head 1",)))
+    assert "head 1" not in deleted.trajectories.names
+    assert deleted.labelling.confidence.shape == deleted.trajectories.seen.shape
+    assert deleted.labelling.left_out.sum() == np.isfinite(column(human, "head 1")[:, 0]).sum()
+
+
+def test_later_runs_obey_corrections_of_labels(human):
+    corrections = (
+        Correction("rename", ("head 1",), value="crown"),
+        Correction("merge", ("crown", "head 2")),
+        Correction("delete", ("chest 1",), 0, 9),
+    )
+    again = labelled(human, *corrections)
+    assert "head 2" not in again.trajectories.names
+    assert np.isnan(column(again, "chest 1")[:10]).all()
+    assert any("head 2" in sentence for sentence in again.reports["labels"].notices)
+
+
+def test_a_marker_is_found_by_its_place_when_a_run_calls_it_otherwise(human):
+    names = human.trajectories.names
+    place = place_of(human.trajectories, names.index("head 1"), 40)
+    other = dataclasses.replace(human.take, names=tuple(f"M{index:03}" for index in range(len(names))))
+    fresh = run_stages(Project(other), None, "labels")
+    deleted = with_correction(fresh, Correction("delete", ("head 1",), places=(place,)))
+    assert f"M{names.index('head 1'):03}" not in deleted.trajectories.names
+
+
+def test_limbs_obey_together_and_apart_and_number(human):
+    wanted = with_correction(human, Correction("apart", ("head 1", "head 2")))
+    limbs = run_stages(wanted, None, "limbs").limbs.limb_of_marker
+    names = human.trajectories.names
+    assert limbs[names.index("head 1")] != limbs[names.index("head 2")]
+    few = run_stages(with_correction(human, Correction("n_limbs", value="14")), None, "limbs")
+    assert few.limbs.n_limbs == 14
+
+
+def test_a_marker_moves_to_another_limb(human):
+    moved = with_correction(human, Correction("move", ("left hand 1", "left forearm 1", "left hand 2")))
+    limbs = run_stages(moved, None, "limbs").limbs.limb_of_marker
+    first, second, old = (human.trajectories.names.index(name) for name in moved.corrections[0].names)
+    assert limbs[first] == limbs[second] != limbs[old]
+
+
+def test_joints_are_forced_and_forbidden_and_the_root_is_obeyed(human):
+    names, before = human.trajectories.names, human.limbs.limb_of_marker
+
+    def limb(name):
+        return int(before[names.index(name)])
+
+    def joined(project, first, second):
+        parents = project.topology.parents
+        return parents[limb(first)] == limb(second) or parents[limb(second)] == limb(first)
+
+    assert joined(human, "head 1", "chest 1")
+    parted = run_stages(with_correction(human, Correction("part", ("head 1", "chest 1"))), None, "joints")
+    assert not joined(parted, "head 1", "chest 1")
+    forced = run_stages(with_correction(human, Correction("join", ("head 1", "pelvis 1"))), None, "joints")
+    assert joined(forced, "head 1", "pelvis 1")
+    rooted = run_stages(with_correction(human, Correction("root", ("head 1",))), None, "joints")
+    assert rooted.topology.parents[limb("head 1")] == -1
+
+
+def test_the_kind_of_a_joint_is_obeyed(human):
+    said = with_correction(human, Correction("kind", ("head 1", "chest 1"), value="hinge"))
+    fitted = run_stages(said)
+    limbs = {int(fitted.limbs.limb_of_marker[fitted.trajectories.names.index(name)]) for name in ("head 1", "chest 1")}
+    (joint,) = (joint for joint in fitted.skeleton.joints if {joint.parent, joint.child} == limbs)
+    assert joint.kind == "hinge"
+
+
+def test_a_correction_drops_the_results_of_its_stage_and_after(human):
+    parted = with_correction(human, Correction("part", ("head 1", "chest 1")))
+    assert parted.has("limbs")
+    assert not parted.has("joints")
+    assert without_correction(parted, 0).corrections == ()
+
+
+def test_corrections_survive_the_project_file(human, tmp_path):
+    place = place_of(human.trajectories, 0, 0)
+    correction = Correction("swap", ("head 1", "chest 1"), 3, None, places=(place, place))
+    project = dataclasses.replace(human, corrections=(correction,), view={"page": "limbs", "frame": 7})
+    again = open_project(save_project(project, tmp_path / "a.skelgen"))
+    assert again.corrections == (correction,)
+    assert again.view == {"page": "limbs", "frame": 7}
+
+
+def test_a_name_that_is_not_there_is_told(human):
+    with pytest.raises(InputError, match="take it back"):
+        with_correction(human, Correction("delete", ("nobody here",)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "facts"),
+    [
+        ("fold", ("a",), {}),
+        ("merge", ("a",), {}),
+        ("merge", ("a", "a"), {}),
+        ("rename", ("a",), {}),
+        ("n_limbs", (), {"value": "many"}),
+        ("n_limbs", ("a",), {"value": "3"}),
+        ("swap", ("a", "b"), {"first_frame": 9, "last_frame": 3}),
+        ("apart", ("a", "b"), {"first_frame": 9}),
+    ],
+)
+def test_corrections_that_mean_nothing_are_refused(kind, names, facts):
+    with pytest.raises(InputError):
+        Correction(kind, names, **facts)
+
+
+def test_every_kind_says_what_it_means():
+    for kind, rule in RULES.items():
+        value = ("3" if kind.startswith("n_") else "x") if rule.needs_value else ""
+        names = tuple("abc"[: max(rule.least, 0)])
+        assert Correction(kind, names, value=value).sentence
