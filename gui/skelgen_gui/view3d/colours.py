@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from PySide6.QtGui import QColor, QPalette
 
 from skelgen.app.report.colours import limb_colour
+from skelgen_gui.theme import is_dark
 
 N_FOGS = 5
 """Steps in which what is deeper fades into the background."""
 
 _HAZE = 0.55  # of the background in the colour of what is deepest
-_DARK_BELOW = 128  # lightness of a window's background, 0 .. 255
 
 
 @dataclass(frozen=True)
@@ -109,14 +109,14 @@ class Inks:
 def colours_of(palette: QPalette) -> Colours:
     """Return the colours that go with a palette."""
     window, base = palette.color(QPalette.ColorRole.Window), palette.color(QPalette.ColorRole.Base)
-    is_dark = window.lightness() < _DARK_BELOW
+    dark = is_dark(palette)
     return Colours(
-        is_dark,
+        dark,
         above=blend(base, window, 0.25),
-        below=blend(base, window, 0.95).darker(100 if is_dark else 104),
+        below=blend(base, window, 0.95).darker(100 if dark else 104),
         ink=palette.color(QPalette.ColorRole.WindowText),
         highlight=palette.color(QPalette.ColorRole.Highlight),
-        doubt=QColor("#ffb020" if is_dark else "#e07b00"),
+        doubt=QColor("#ffb020" if dark else "#e07b00"),
     )
 
 

@@ -89,7 +89,6 @@ class View3D(QWidget):
         self._wording = Wording(self)
         self._set_up_widget()
         self.commands = Commands(self)
-        self.addActions([*self.commands.movements, self.commands.rectangle])
         self._buttons = ViewButtons(self.commands, self)
         session.project_changed.connect(self._take_project)
         session.other_changed.connect(self._take_other)
@@ -119,6 +118,8 @@ class View3D(QWidget):
             return
         if shown.up != self._shown.up:
             self._outlook.point_up(shown.up)
+        if shown.follow != self._shown.follow:
+            self._outlook.follow(self._session.frame if shown.follow else None)
         self._shown = shown
         self.shown_changed.emit(shown)
         self.update()
@@ -174,19 +175,18 @@ class View3D(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the frame."""
-        canvas = self._outlook.canvas
+        canvas = self._outlook.canvas_at(self._session.frame)
         floor = self._outlook.floor if self._shown.floor else None
         frustums = self._frustums if self._shown.cameras else self._frustums[:0]
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        easel = self._present_easel()
-        easel.paint_backdrop(painter, canvas, floor, frustums, self._legend())
-        self._painted = self._paint_scenes(painter, easel, canvas, floor)
-        if self._drag is not None and self._drag.kind is DragKind.BAND:
-            easel.paint_band(painter, self._drag.band)
-        elif self._drag is None and (text := self.note()):
-            easel.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
-        painter.end()
+        with QPainter(self) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            easel = self._present_easel()
+            easel.paint_backdrop(painter, canvas, floor, frustums, self._legend())
+            self._painted = self._paint_scenes(painter, easel, canvas, floor)
+            if self._drag is not None and self._drag.kind is DragKind.BAND:
+                easel.paint_band(painter, self._drag.band)
+            elif self._drag is None and (text := self.note()):
+                easel.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the buttons in their corner, and an untouched view fitted."""
@@ -249,21 +249,21 @@ class View3D(QWidget):
             self.context_requested.emit(self.mapToGlobal(self.rect().center()), self._session.selection)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Turn (shift and arrows), shift (alt and arrows), zoom (plus, minus), select all (ctrl A) or nothing (esc)."""
+        """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), and the keys of the commands."""
         modifiers = event.modifiers() & ~Qt.KeyboardModifier.KeypadModifier
-        if event.key() in _ARROWS and modifiers in (_SHIFT, _ALT):
+        if event.key() in _ARROWS and modifiers in (_CONTROL, _ALT):
             right, down = _ARROWS[Qt.Key(event.key())]
-            if modifiers == _SHIFT:
+            if modifiers == _CONTROL:
                 self._move(self.viewpoint.orbited(_KEY_TURN * right, -_KEY_TURN * down))
             else:
                 self._move(self.viewpoint.panned(-_KEY_SHIFT * right, -_KEY_SHIFT * down, self.height()))
-        elif event.key() in _ZOOMS:
+        elif event.key() in _ZOOMS and modifiers & _CONTROL:
             self._move(self.viewpoint.zoomed(_ZOOMS[Qt.Key(event.key())]))
         elif event.matches(QKeySequence.StandardKey.SelectAll) and self._outlook.scene is not None:
             self._session.select(Selection(frozenset(range(self._outlook.scene.n_markers))))
         elif event.key() == Qt.Key.Key_Escape:
             self._session.select(Selection())
-        else:
+        elif not self.commands.obey(QKeySequence(event.keyCombination())):
             super().keyPressEvent(event)
 
     def _set_up_widget(self) -> None:
@@ -318,7 +318,8 @@ class View3D(QWidget):
         if floor is not None and self._shown.floor:
             parts.append(self.tr("grid {spacing:g} mm").format(spacing=floor.spacing))
         if self._shown.uncertainty and scene is not None and scene.project.has("skeleton"):
-            parts.append(self.tr("ellipsoids {times} × std").format(times=self._shown.magnification))
+            times = self._shown.magnification or scene.magnification
+            parts.append(self.tr("ellipsoids {times} × std").format(times=times))
         return "   ".join(parts)
 
     def _wants_band(self, event: QMouseEvent) -> bool:
