@@ -92,6 +92,13 @@ COMMANDS: tuple[Command, ...] = (
     Command("last_frame", _PLAY, "Las&t frame", "End", "Go to the end", in_views=True),
     Command("faster", _PLAY, "Faste&r", "+", "Play faster", in_views=True),
     Command("slower", _PLAY, "Slo&wer", "-", "Play slower", in_views=True),
+    Command(SEPARATOR, _PLAY),
+    Command("range_from", _PLAY, "Range from &here", "I", "Play from this frame on", in_views=True),
+    Command("range_to", _PLAY, "Range &up to here", "O", "Play up to this frame", in_views=True),
+    Command("range_all", _PLAY, "Wh&ole take", "A", "Play the whole take", in_views=True),
+    Command(SEPARATOR, _PLAY),
+    Command("next_doubt", _PLAY, "Next &doubt", "D", "Go to the next doubtful marker", in_views=True),
+    Command("previous_doubt", _PLAY, "Previous dou&bt", "Shift+D", "Go to the doubtful marker before", in_views=True),
     Command("shortcuts", _HELP, "&Keyboard shortcuts", "F1", "List all keys"),
     Command("about", _HELP, "&About skelgen", tip="Versions of the program and its parts"),
 )
