@@ -9,10 +9,11 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QColor, QContextMenuEvent, QWheelEvent
 from PySide6.QtWidgets import QApplication, QToolButton
+from skelgen_gui.palette import doubt_colour
 from skelgen_gui.session import Selection, Session
 from skelgen_gui.theme import theme_palette
 from skelgen_gui.view3d import Shown, View3D, frustum
-from skelgen_gui.view3d.colours import blend, colours_of
+from skelgen_gui.view3d.colours import Colours
 from skelgen_gui.view3d.sprites import Sprites
 
 from skelgen.app.report.colours import limb_colour
@@ -171,7 +172,7 @@ def test_unseen_markers_are_hollow_and_doubtful_ones_have_a_ring(view, session):
     confidence = project.labelling.confidence.copy()
     confidence[20, marker] = 0.5
     session.change(replace(project, _labelling=replace(project.labelling, confidence=confidence)))
-    doubt = colours_of(view.palette()).doubt
+    doubt = doubt_colour(view.palette())
     assert near(picture_of(view), place, doubt) > 8
     assert near(sure, place, doubt) == 0
     positions = project.trajectories.positions.copy()
@@ -374,7 +375,7 @@ def test_a_second_result_is_drawn_in_one_hue(view, session):
     assert changed(before, after) > 200
     new = pixels(after)[np.abs(pixels(before) - pixels(after)).max(axis=2) > 40]
     hues = [QColor(*colour).hue() for colour in new.tolist()]
-    wanted = colours_of(view.palette()).other.only.hue()
+    wanted = Colours(view.palette(), is_other=True).limb(0).hue()
     assert np.median([abs((hue - wanted + 180) % 360 - 180) for hue in hues]) < SAME_HUE
     view.show_only(replace(MARKERS, other=False))
     assert changed(before, picture_of(view)) == 0
@@ -527,10 +528,6 @@ def test_without_a_project_the_view_is_empty(qtbot, qtlog):
 def test_a_small_window_is_painted(qtbot, session):
     view = make_view(qtbot, session, size=(1, 1))
     assert not picture_of(view).isNull()
-
-
-def test_a_mixed_colour_lies_between_its_parts():
-    assert blend(QColor("#000000"), QColor("#ffffff"), 0.25).getRgb()[:3] == (64, 64, 64)
 
 
 def test_sprites_do_not_pile_up(qtbot):

@@ -12,7 +12,7 @@ from skelgen.model.arrays import Bools, Floats
 from skelgen_gui.batch import draw_lines
 from skelgen_gui.session import Selection
 from skelgen_gui.view3d import backdrop, painting
-from skelgen_gui.view3d.colours import Inks, colours_of
+from skelgen_gui.view3d.colours import Colours, Inks
 from skelgen_gui.view3d.floor import Floor
 from skelgen_gui.view3d.marking import Marked
 from skelgen_gui.view3d.painting import Brushes
@@ -39,8 +39,8 @@ class Easel:
     """
 
     def __init__(self, palette: QPalette, ratio: float) -> None:
-        self.colours = colours_of(palette)
-        self._inks, self._other_inks = Inks(self.colours), Inks(self.colours.other)
+        self.colours = Colours(palette)
+        self._inks, self._other_inks = Inks(self.colours), Inks(Colours(palette, is_other=True))
         self.ratio = ratio
         self._sprites = Sprites(ratio)
         self._backdrop = QPixmap()

@@ -192,7 +192,9 @@ def paint_rings(painter: QPainter, places: Floats, depths: Floats, brushes: Brus
     """Paint rings around markers or joints [px] that are selected or under the pointer."""
     for (x, y), depth in zip(places.tolist(), depths.tolist(), strict=True):
         if not math.isnan(x):  # else it is hidden
-            brushes.sprites.draw(painter, (x, y), brushes.radius_at(depth), _RING_STYLE, colour)
+            brushes.sprites.draw(
+                painter, (x, y), brushes.radius_at(depth), _RING_STYLE, colour, brushes.inks.colours.ground
+            )
 
 
 def _paint_bone(

@@ -54,7 +54,7 @@ class Sprites:
         style : Style
             What it looks like.
         *colours : QColor
-            Of the ball, and of what marks it (the ring of a doubtful one, the edge of a joint).
+            Of the ball or ring, and of what marks it (the ring of a doubtful one, the edge of a joint or ring).
         """
         step = max(round(radius / RADIUS_STEP), 2)
         key = (style, step, colours[0].rgba(), colours[-1].rgba())
@@ -111,8 +111,9 @@ def _joint(painter: QPainter, middle: QPointF, radius: float, colour: QColor, ma
 
 def _ring(painter: QPainter, middle: QPointF, radius: float, colour: QColor, mark: QColor) -> None:
     painter.setBrush(Qt.BrushStyle.NoBrush)
-    painter.setPen(QPen(colour, 2.2))
-    painter.drawEllipse(middle, radius + 3.0, radius + 3.0)
+    for ink, width in ((mark, 4.4), (colour, 2.2)):
+        painter.setPen(QPen(ink, width))
+        painter.drawEllipse(middle, radius + 3.0, radius + 3.0)
 
 
 _PAINTERS = {
