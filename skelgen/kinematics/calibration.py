@@ -118,10 +118,14 @@ def calibrate(
         start = ChainPoses(start.root, nearest_rotation(articulation.projected(chain.parents, start.rotations)))
         articulation = articulation.at_rest(chain.parents, start.rotations)
     poses = fit_poses(chain, start, positions, articulation, weights)
-    state = _State(chain, articulation, poses, positions, weights)
+    state = _State(chain, articulation, poses, positions, weights, is_settled=True)
     information = _information(state, positions, weights)
     for _ in range(MAX_ROUNDS if n_rounds is None else n_rounds):
         better = _improved(state, chain, information, positions, weights)
+        if better is None and not state.is_settled:
+            state = state.settled(positions, weights)
+            information = _information(state, positions, weights)
+            better = _improved(state, chain, information, positions, weights)
         if better is None:
             break
         moved = float(np.abs(_packed(better.chain) - _packed(state.chain)).max())
@@ -137,14 +141,25 @@ class _State:
     """A chain with poses, and how well they explain the markers."""
 
     def __init__(
-        self, chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats
+        self,
+        chain: Chain,
+        articulation: Articulation,
+        poses: ChainPoses,
+        positions: Floats,
+        weights: Floats,
+        is_settled: bool = False,
     ) -> None:
-        self.chain, self.articulation, self.poses = chain, articulation, poses
+        self.chain, self.articulation, self.poses, self.is_settled = chain, articulation, poses, is_settled
         error = residuals(chain, poses, positions)
         self.squares = float(np.einsum("fmi,fmi,fm->", error, error, weights))
         n_data = 3 * int((weights > 0).sum())
         n_free = n_data - len(positions) * articulation.n_freedoms - n_constants(chain, articulation)
         self.noise = self.squares / max(n_free, 0.05 * n_data, 1)
+
+    def settled(self, positions: Floats, weights: Floats) -> _State:
+        """Poses at their best: the pull of the constants counts on it, and few steps may not reach it."""
+        poses = fit_poses(self.chain, self.poses, positions, self.articulation, weights)
+        return _State(self.chain, self.articulation, poses, positions, weights, is_settled=True)
 
 
 def _improved(state: _State, first: Chain, information: Floats, positions: Floats, weights: Floats) -> _State | None:
