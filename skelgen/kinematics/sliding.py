@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.calibration import Calibration
+from skelgen.kinematics.calibration import Calibration, calibrate
 from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.correlated import effective_frames
 from skelgen.kinematics.pose_covariances import LEAST_NOISE
 from skelgen.kinematics.posing import fit_poses
+from skelgen.kinematics.pull import constant_pull
 from skelgen.kinematics.skin import Skin, skin_at_rest
 from skelgen.kinematics.sliding_system import Clusters, SlidingSystem, sliding_system
 from skelgen.model.arrays import Floats, Ints
@@ -51,6 +52,8 @@ class Sliding:
         Fitted without the slides.
     skin : Skin
         The slides.
+    bending : ndarray, shape (n_markers, 3, 3), mm
+        The part of the slopes that bends clusters and tells nothing of joints.
     variance : float, mm^2
         Of a coordinate's slides.
     """
@@ -58,7 +61,27 @@ class Sliding:
     chain: Chain
     articulation: Articulation
     skin: Skin
+    bending: Floats
     variance: float
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """The chain of all frames, fitted without slides.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        Its information counts that slides are not known either.
+    skin : Skin
+        The slides.
+    growth : float
+        How many frames tell as much as one that is independent.
+    """
+
+    calibration: Calibration
+    skin: Skin
+    growth: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,30 +153,56 @@ def _settled(
             poses = fit_poses(chain, poses, positions - skin.slides(chain, poses), articulation, None, POSE_STEPS)
         if np.abs(step[: system.n_joints]).max(initial=0.0) < STEP_TOLERANCE:
             break
-    return Sliding(chain, articulation, skin, variance)
+    return Sliding(chain, articulation, skin, bent, variance)
 
 
-def with_slides(last: Calibration, sliding: Sliding, positions: Floats, growth: float) -> Calibration:
-    """Return a calibration whose information counts that slides are not known either.
+def settle_sliding(sliding: Sliding, poses: ChainPoses, positions: Floats) -> Settled:
+    """Take the last step with what all frames tell, and find out how sure everything is.
 
     Parameters
     ----------
-    last : Calibration
-        Fitted to the markers without their slides.
     sliding : Sliding
-        The slides that were taken off.
+        From `fit_sliding`.
+    poses : ChainPoses
+        Poses of the markers without their slides.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Markers without them.
-    growth : float
-        How many frames tell as much as one that is independent.
+        Measured markers, as given to `fit_sliding`.
     """
-    frames, chain, weights = _system_frames(positions), last.chain, seen_weights(positions)
-    share = weights.sum() / max(weights[frames].sum(), 1.0)
-    system = sliding_system(chain, last.articulation, last.poses[frames], positions[frames], sliding.skin, last.noise)
-    n, matrix = system.n_constants, share * system.matrix
-    prior = system.n_bends * growth * last.noise**2 / sliding.variance
-    known = matrix[:n, :n] - matrix[:n, n:] @ np.linalg.solve(matrix[n:, n:] + np.diag(prior), matrix[n:, :n])
-    return replace(last, information=_of_offsets(known, system, weights.sum(axis=0)))
+    chain, articulation = sliding.chain, sliding.articulation
+    still = positions - sliding.skin.slides(chain, poses)
+    last = calibrate(chain, poses, still, 0, articulation)
+    growth = len(still) / effective_frames(_in_limbs(last, still).reshape(len(still), -1))
+    variance = growth * last.noise**2
+    frames = _system_frames(still)
+    share = last.weights.sum() / max(last.weights[frames].sum(), 1.0)
+    system = sliding_system(chain, articulation, last.poses[frames], still[frames], sliding.skin, last.noise)
+    n, prior = system.n_constants, system.n_bends * variance / sliding.variance
+    matrix = share * system.matrix
+    matrix[np.arange(n, len(matrix)), np.arange(n, len(matrix))] += prior
+    known = matrix[:n, :n] - matrix[:n, n:] @ np.linalg.solve(matrix[n:, n:], matrix[n:, :n])
+    pull = _pull_of_all(last, still, system, sliding.skin)
+    slides = system.slides(sliding.skin.slopes - sliding.bending)
+    pull[n:] -= prior * slides
+    held = matrix + np.diag(np.concatenate([variance / _looseness(system, chain) ** 2, np.zeros(len(prior))]))
+    step: Floats = np.asarray(np.linalg.solve(held, pull))
+    chain, articulation, settled = _stepped(chain, articulation, last.poses, system, step)
+    skin = sliding.skin.with_slopes(system.slopes(slides + step[n:]) + sliding.bending)
+    still = positions - skin.slides(chain, settled)
+    settled = fit_poses(chain, settled, still, articulation, None, POSE_STEPS)
+    information = _of_offsets(known, system, last.weights.sum(axis=0))
+    last = replace(last, chain=chain, articulation=articulation, poses=settled, positions=still, known=information)
+    return Settled(last, skin, growth)
+
+
+def _pull_of_all(last: Calibration, positions: Floats, system: SlidingSystem, skin: Skin) -> Floats:
+    """How the residuals of all frames pull at the columns of a system."""
+    chain, clusters = last.chain, system.clusters
+    pull = constant_pull(chain, last.articulation, last.poses, positions, last.weights)
+    n_places = 3 * chain.n_markers
+    rigid = pull[:n_places] @ clusters.basis.reshape(n_places, -1)
+    bends = skin.bends(chain, last.poses)[:, chain.limb_of_marker]
+    moments = np.einsum("fmi,fma->mia", _in_limbs(last, positions), bends, optimize=True)
+    return np.concatenate([pull[n_places:], rigid, system.slides(moments)])
 
 
 def _of_offsets(known: Floats, system: SlidingSystem, sights: Floats) -> Floats:
@@ -184,8 +233,7 @@ def _system_frames(positions: Floats) -> Ints:
 def _seen_slides(last: Calibration, positions: Floats, skin: Skin) -> _Seen:
     chain, poses, weights = last.chain, last.poses, seen_weights(positions)
     limb = chain.limb_of_marker
-    error = residuals(chain, poses, positions)
-    local = (poses.rotations[:, limb].swapaxes(2, 3) @ error[..., np.newaxis])[..., 0].transpose(1, 2, 0)
+    local = _in_limbs(last, positions).transpose(1, 2, 0)
     bends = skin.bends(chain, poses).transpose(1, 0, 2)[limb] * weights.T[:, :, np.newaxis]
     squares, moments = bends.swapaxes(1, 2) @ bends, local @ bends
     slopes = moments @ np.linalg.pinv(squares, hermitian=True)
@@ -256,7 +304,13 @@ def _stepped(
     joints = chain.joints.copy()
     joints[1:] += step[: system.n_joints].reshape(-1, 3)
     offsets = chain.offsets + system.clusters.basis @ step[system.n_constants - n_rigid : system.n_constants]
-    still = np.zeros((len(poses.root), articulation.n_freedoms))
     tilts: Floats = np.asarray(step[system.n_joints : system.n_constants - n_rigid])
-    changed, rotations = articulation.stepped(chain.parents, poses.rotations, still, tilts)
+    changed, rotations = articulation.tilted(chain.parents, poses.rotations, tilts)
     return chain.moved(joints, offsets), changed, ChainPoses(poses.root, rotations)
+
+
+def _in_limbs(last: Calibration, positions: Floats) -> Floats:
+    """Residuals in the limbs' frames, where soft tissue lasts [mm], shape (n_frames, n_markers, 3)."""
+    limbs = last.poses.rotations[:, last.chain.limb_of_marker]
+    error = residuals(last.chain, last.poses, positions)
+    return np.asarray((limbs.swapaxes(2, 3) @ error[..., np.newaxis])[..., 0])

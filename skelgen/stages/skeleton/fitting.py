@@ -13,7 +13,7 @@ from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
 from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.kinematics.limb_errors import LimbErrors
 from skelgen.kinematics.posing import fit_poses
-from skelgen.kinematics.sliding import fit_sliding, with_slides
+from skelgen.kinematics.sliding import fit_sliding, settle_sliding
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
 from skelgen.stages.skeleton.deviations import joint_deviations, lasting
@@ -33,12 +33,6 @@ from skelgen.stages.skeleton.parameters import SkeletonParameters
 
 FIRST_ROUNDS = 3
 """Rounds of the fit with free joints: it need only be near enough for the kinds to be told."""
-
-SLIDING_ROUNDS = 2
-"""Rounds of the fit to markers without their slides: it starts where these were found."""
-
-SETTLING = 2
-"""Times that slides are taken off and limbs posed: bends follow the poses, and poses the slides."""
 
 LEAST_FRAMES = 30
 """Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
@@ -176,14 +170,13 @@ def _without_slides(
     sliding = fit_sliding(last, trusted[used])
     if sliding is None:
         return last, poses, trusted, growth
-    rotations = sliding.articulation.projected(last.chain.parents, poses.rotations)
-    poses = ChainPoses(poses.root, rotations)
-    for _ in range(SETTLING):
-        still = trusted - sliding.skin.slides(sliding.chain, poses)
-        poses = fit_poses(sliding.chain, poses, still, sliding.articulation)
-    last = calibrate(sliding.chain, poses[used], still[used], SLIDING_ROUNDS, sliding.articulation)
-    growth = lasting(last, still[used])
-    return with_slides(last, sliding, still[used], growth), poses, still, growth
+    chain, articulation = sliding.chain, sliding.articulation
+    poses = ChainPoses(poses.root, articulation.projected(chain.parents, poses.rotations))
+    poses = fit_poses(chain, poses, trusted - sliding.skin.slides(chain, poses), articulation)
+    settled = settle_sliding(sliding, poses[used], trusted[used])
+    last = settled.calibration
+    poses = ChainPoses(poses.root, last.articulation.projected(chain.parents, poses.rotations))
+    return last, poses, trusted - settled.skin.slides(last.chain, poses), settled.growth
 
 
 def _in_other_frames(kinds: list[JointKind], parents: Ints, turn: Floats) -> list[JointKind]:
