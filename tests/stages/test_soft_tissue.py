@@ -10,7 +10,7 @@ import pytest
 from skelgen.evaluation import evaluate
 from skelgen.stages.skeleton import SkeletonParameters
 
-SEEDS, N_FRAMES, NOISE = range(6), 600, 0.5  # mm
+SEEDS, N_FRAMES, NOISE = range(6), 800, 0.5  # mm
 COVERED = (0.90, 0.98)  # of 95 % intervals: what the issue asks
 SCATTER = 0.02  # of the coverage of 42 joints whose errors last for the take
 
