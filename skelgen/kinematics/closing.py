@@ -14,6 +14,9 @@ from skelgen.kinematics.pull import constant_pull
 from skelgen.kinematics.rings import STIFFNESS, Rings, closed_squares, fit_closed_poses, with_rings
 from skelgen.model.arrays import Floats, Ints
 
+SOFT = (1.0, 100.0, STIFFNESS)
+"""Weights of the gaps, one after the other: stiff rings leave constants no way but along them."""
+
 MAX_ROUNDS = 10
 STEP_PARTS = (1.0, 0.5, 0.25, 0.1)
 """Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
@@ -41,10 +44,15 @@ class ClosedCalibration(Calibration):
     def information(self) -> Floats:
         """Information of the constants without the rings' places, which are free, shape (n_constants, n_constants)."""
         whole, n_own = self.whole_information, 6 * self.rings.n_rings
-        corner = whole[-n_own:, -n_own:] + PRIOR * np.trace(whole[-n_own:, -n_own:]) / n_own * np.eye(n_own)
-        return np.asarray(
-            whole[:-n_own, :-n_own] - whole[:-n_own, -n_own:] @ np.linalg.solve(corner, whole[-n_own:, :-n_own])
-        )
+        border = whole[-n_own:, :-n_own]
+        return np.asarray(whole[:-n_own, :-n_own] - border.T @ np.linalg.solve(self.free_corner, border))
+
+    @property
+    def free_corner(self) -> Floats:
+        """Information of the rings' places, regular where they are not determined, shape (6 n_rings, 6 n_rings)."""
+        n_own = 6 * self.rings.n_rings
+        corner = self.whole_information[-n_own:, -n_own:]
+        return np.asarray(corner + PRIOR * np.trace(corner) / n_own * np.eye(n_own))
 
     @cached_property
     def whole_information(self) -> Floats:
@@ -63,7 +71,16 @@ def close_rings(last: Calibration, limbs: Ints) -> ClosedCalibration:
         Pairs of limbs that meet.
     """
     rings = Rings.of_poses(limbs, last.chain, last.poses)
-    state = _settled(ClosedCalibration(**_fields(last), rings=rings))
+    fields = last.chain, last.articulation, last.poses, last.noise, last.positions, last.weights
+    state = ClosedCalibration(*fields, rings)
+    for stiffness in SOFT:
+        state = _fitted(replace(state, rings=replace(state.rings, stiffness=stiffness)))
+    return replace(state, noise=_noise(state))
+
+
+def _fitted(state: ClosedCalibration) -> ClosedCalibration:
+    """Fit with one weight of the gaps."""
+    state = _settled(state)
     for _ in range(MAX_ROUNDS):
         better = _improved(state)
         if better is None:
@@ -71,11 +88,7 @@ def close_rings(last: Calibration, limbs: Ints) -> ClosedCalibration:
         gain, state = 1 - _squares(better) / max(_squares(state), np.finfo(np.float64).tiny), better
         if gain < LEAST_GAIN:
             break
-    return replace(state, noise=_noise(state))
-
-
-def _fields(last: Calibration) -> dict[str, object]:
-    return {name: getattr(last, name) for name in Calibration.__dataclass_fields__}
+    return state
 
 
 def _settled(state: ClosedCalibration) -> ClosedCalibration:
@@ -121,8 +134,8 @@ def _pull(state: ClosedCalibration) -> Floats:
     by_pose, by_constants = rings.slopes(chain, state.poses)
     gap = rings.gaps(chain, state.poses).reshape(len(by_pose), -1)
     _, tilts = articulation.bases(chain.parents, state.poses.rotations)
-    at_constants = -STIFFNESS * np.einsum("frc,fr->c", by_constants, gap)
-    at_axes = -STIFFNESS * np.einsum("frt,fr->t", by_pose @ tilts, gap)
+    at_constants = -rings.stiffness * np.einsum("frc,fr->c", by_constants, gap)
+    at_axes = -rings.stiffness * np.einsum("frt,fr->t", by_pose @ tilts, gap)
     n_offsets, n_joints = 3 * chain.n_markers, 3 * (chain.n_limbs - 1)
     more = [np.zeros(n_offsets), at_constants[:n_joints], at_axes]
     return np.concatenate([own + np.concatenate(more), at_constants[n_joints:]])

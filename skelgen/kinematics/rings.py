@@ -2,8 +2,8 @@ r"""Rings of limbs: joints that a tree cannot hold, closed while the chain is fi
 
 A ring is a point of two limbs that must coincide, :math:`g_f = x_a(p_a) - x_b(p_b) = 0` in every frame f. The gap is
 added to the sum of squares as three more observations per frame that are much surer than markers; it follows the poses
-by the difference of both points' arms and the constants by those of both points. The normal matrix of a frame is no tree
-any more, so it is solved as a whole: rings cost more than trees.
+by the difference of both points' arms and the constants by those of both points. The normal matrix of a frame is no
+tree any more, so it is solved as a whole: rings cost more than trees.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, seen_w
 from skelgen.model.arrays import Floats, Ints
 
 STIFFNESS = 1e4
-"""Weight of a gap beside a marker: rings stay closed within a hundredth of the noise."""
+"""Weight of a gap beside a marker: closed rings stay so within a hundredth of the noise."""
 
 CHUNK_FRAMES = 256
 MAX_STEPS = 20
@@ -41,10 +41,13 @@ class Rings:
         The two limbs.
     places : ndarray, shape (n_rings, 2, 3), mm
         The point in both limbs' frames.
+    stiffness : float
+        Weight of a gap beside a marker.
     """
 
     limbs: Ints
     places: Floats
+    stiffness: float = STIFFNESS
 
     @classmethod
     def of_poses(cls, limbs: Ints, chain: Chain, poses: ChainPoses) -> Rings:
@@ -131,7 +134,7 @@ def closed_squares(chain: Chain, rings: Rings, poses: ChainPoses, positions: Flo
     """Sum of squares of every frame, gaps included, shape (n_frames,)."""
     error = np.nan_to_num(positions - poses.markers(chain))
     squares = np.einsum("fmi,fmi,fm->f", error, error, weights)
-    return np.asarray(squares + STIFFNESS * (rings.gaps(chain, poses) ** 2).sum(axis=(1, 2)))
+    return np.asarray(squares + rings.stiffness * (rings.gaps(chain, poses) ** 2).sum(axis=(1, 2)))
 
 
 def with_rings(frames: Frames, chain: Chain, rings: Rings, poses: ChainPoses) -> Frames:
@@ -148,9 +151,9 @@ def with_rings(frames: Frames, chain: Chain, rings: Rings, poses: ChainPoses) ->
     flat = follow.reshape(-1, follow.shape[2])
     return replace(
         frames,
-        own=frames.own + STIFFNESS * own.swapaxes(1, 2) @ own,
-        border=border + STIFFNESS * own.swapaxes(1, 2) @ follow,
-        constants=np.pad(frames.constants, ((0, more), (0, more))) + STIFFNESS * flat.T @ flat,
+        own=frames.own + rings.stiffness * own.swapaxes(1, 2) @ own,
+        border=border + rings.stiffness * own.swapaxes(1, 2) @ follow,
+        constants=np.pad(frames.constants, ((0, more), (0, more))) + rings.stiffness * flat.T @ flat,
     )
 
 
@@ -195,9 +198,9 @@ def _step(
     """Damped step of translation and turns, shape (n_frames, 3 + 3 n_limbs)."""
     hessian, gradient = normal_equations(chain, chain.arms(), poses, positions, weights)
     by_pose, _ = rings.slopes(chain, poses)
-    hessian += STIFFNESS * by_pose.swapaxes(1, 2) @ by_pose
+    hessian += rings.stiffness * by_pose.swapaxes(1, 2) @ by_pose
     gap = rings.gaps(chain, poses).reshape(len(positions), -1)
-    gradient -= STIFFNESS * np.einsum("frd,fr->fd", by_pose, gap)
+    gradient -= rings.stiffness * np.einsum("frd,fr->fd", by_pose, gap)
     turns, _ = articulation.bases(chain.parents, poses.rotations)
     own = turns.swapaxes(1, 2) @ hessian @ turns
     diagonal = np.einsum("fqq->fq", own)

@@ -10,9 +10,9 @@ from skelgen.geometry.orientation import Rotator
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.calibration import Calibration, calibrate
 from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
+from skelgen.kinematics.closing import ClosedCalibration
 from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.kinematics.limb_errors import LimbErrors
-from skelgen.kinematics.posing import fit_poses
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
 from skelgen.stages.skeleton.deviations import joint_deviations, lasting
@@ -29,6 +29,7 @@ from skelgen.stages.skeleton.joints import (
 from skelgen.stages.skeleton.outliers import out_of_place, out_of_reach
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
+from skelgen.stages.skeleton.ringed import FOUND, BodyRings, all_poses, closed_body
 
 FIRST_ROUNDS = 3
 """Rounds of the fit with free joints: it need only be near enough for the kinds to be told."""
@@ -73,6 +74,8 @@ class FittedBody:
         How many frames of residuals tell as much as one that is independent.
     noise : float, mm
         Standard deviation of a coordinate.
+    rings : BodyRings, optional
+        Rings that were closed.
     """
 
     body: Body
@@ -88,10 +91,27 @@ class FittedBody:
     deviations: Floats
     growth: float
     noise: float
+    rings: BodyRings | None = None
 
 
-def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_poses: bool = False) -> FittedBody:
-    """Fit one tree of limbs to its markers."""
+def fit_body(
+    body: Body, parameters: SkeletonParameters, rotator: Rotator, are_poses: bool = False, rings: Ints | None = None
+) -> FittedBody:
+    """Fit one tree of limbs to its markers.
+
+    Parameters
+    ----------
+    body : Body
+        The tree with its markers and raw joints.
+    parameters : SkeletonParameters
+        How.
+    rotator : callable
+        Closed form of absolute orientation.
+    are_poses : bool
+        Whether the markers stand for bodies with orientation.
+    rings : ndarray of intp, shape (n_rings, 2), optional
+        Limbs that meet beyond the tree, by position in the body; the whole chain is fitted with them closed.
+    """
     chain, reference = assemble(body, parameters, rotator, _well_seen_frames(body, parameters.samples))
     trusted, start, posed = _without_outliers(body, chain, parameters, rotator)
     frames = _determined_frames(posed, parameters.samples)
@@ -108,14 +128,21 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         last, poses, kinds = _refined(first, poses, trusted, kinds, set(wanted), parameters.refine_samples)
         if are_poses:
             last = with_noise_of_poses(last, trusted)
+    used = _frames_of_refinement(trusted, parameters.refine_samples) if refine else frames
+    closed: BodyRings | None = None
+    if refine and rings is not None and len(rings):
+        last, poses, closed = closed_body(last, poses, used, rings, parameters.loops.strip() != FOUND)
+        kinds = with_axes(kinds, last.articulation)
     freedom = axis_freedom(kinds, last.noise)
     shifts = shifts_along_axes(last.chain, kinds, freedom)
     chain = shifted(last.chain, kinds, shifts)
     if refine:
-        poses = fit_poses(chain, poses, trusted, last.articulation)
-    used = _frames_of_refinement(trusted, parameters.refine_samples) if refine else frames
+        closed = None if closed is None else closed.shifted(kinds, shifts)
+        poses = all_poses(chain, closed, poses, trusted, last)
     growth = lasting(last, trusted[used])
     errors = errors_of_limbs(last, kinds, shifts, freedom, growth, parameters.rank_tolerance)
+    if closed is not None and isinstance(last, ClosedCalibration):
+        closed = closed.with_errors(errors, last, last.noise * np.sqrt(growth))
     shared = _spread(used, TURN_FRAMES)
     turn_covariances = errors.turns(poses[shared], trusted[shared])
     deviations = joint_deviations(last, chain, poses, trusted, np.asarray(~seen.all(axis=1)), growth)
@@ -135,6 +162,7 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         deviations=deviations,
         growth=growth,
         noise=last.noise,
+        rings=None if closed is None else closed.turned(turn),
     )
 
 
