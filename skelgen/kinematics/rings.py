@@ -17,6 +17,7 @@ from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.ball import fit_fixed_point
 from skelgen.kinematics.border import Frames
 from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, seen_weights, world_arms
+from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats, Ints
 
 STIFFNESS = 1e4
@@ -102,6 +103,18 @@ class Rings:
     def moved(self, change: Floats) -> Rings:
         """Return rings whose places were changed, shape (6 n_rings,)."""
         return replace(self, places=self.places + change.reshape(self.places.shape))
+
+
+def loop_gaps(skeleton: Skeleton, motion: Motion) -> Floats:
+    """Distance of both images of each joint that closes a ring [mm], shape (n_frames, n_loops)."""
+    gaps = np.zeros((motion.n_frames, len(skeleton.loops)))
+    for column, joint in enumerate(skeleton.loops):
+        ends = [
+            motion.world_from_limb[:, limb, :3, :3] @ place + motion.world_from_limb[:, limb, :3, 3]
+            for limb, place in ((joint.parent, joint.position_in_parent), (joint.child, joint.position_in_child))
+        ]
+        gaps[:, column] = np.linalg.norm(ends[0] - ends[1], axis=1)
+    return gaps
 
 
 def fit_closed_poses(

@@ -62,6 +62,8 @@ def fit_skeleton(
     parameters = parameters or SkeletonParameters()
     monitor.begin("skeleton")
     pairs = wanted_rings(parameters.loops, topology, trajectories, limbs)
+    if pairs and parameters.fit != "whole-chain":
+        monitor.notice("rings stay open: only the fit of the whole chain closes them")
     fitted = []
     for index, root in enumerate(topology.roots):
         body = cut_out(trajectories, limbs, topology, int(root))

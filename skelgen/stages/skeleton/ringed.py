@@ -128,11 +128,8 @@ def closed_body(
     kept = replace(rings, limbs=limbs[closes], places=rings.places[closes])
     nothing = np.zeros((*kept.places.shape, 3))
     if not closes.any():
-        return (
-            last,
-            poses,
-            BodyRings(kept, before[closes], before[closes], _missed(last), _missed(last), left_open, nothing),
-        )
+        missed = _missed(last)
+        return last, poses, BodyRings(kept, before[closes], before[closes], missed, missed, left_open, nothing)
     closed = close_rings(last, limbs[closes])
     after = closed.rings.gap(closed.chain, closed.poses)
     rotations = closed.articulation.projected(closed.chain.parents, poses.rotations)
