@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.border import frames_together, linearised, n_constants, reduced_information
+from skelgen.kinematics.bound import total_information
 from skelgen.kinematics.calibration import Calibration
-from skelgen.kinematics.chain import ChainPoses
+from skelgen.kinematics.chain import Chain, ChainPoses
 from skelgen.kinematics.pull import constant_pull
 from skelgen.kinematics.rings import STIFFNESS, Rings, closed_squares, fit_closed_poses, with_rings
 from skelgen.model.arrays import Floats, Ints
@@ -38,14 +40,20 @@ class ClosedCalibration(Calibration):
         The joints that close them.
     """
 
-    rings: Rings
+    rings: Rings = field(kw_only=True)
 
     @cached_property
     def information(self) -> Floats:
-        """Information of the constants without the rings' places, which are free, shape (n_constants, n_constants)."""
+        """Information of the constants without the rings' places, which are free, shape (n_constants, n_constants).
+
+        Where the tree's is known otherwise, as that of soft tissue is, the rings add what they add to the plain one.
+        """
         whole, n_own = self.whole_information, 6 * self.rings.n_rings
         border = whole[-n_own:, :-n_own]
-        return np.asarray(whole[:-n_own, :-n_own] - border.T @ np.linalg.solve(self.free_corner, border))
+        closed = whole[:-n_own, :-n_own] - border.T @ np.linalg.solve(self.free_corner, border)
+        if self.known is None:
+            return np.asarray(closed)
+        return np.asarray(self.known + closed - total_information(*self._frames()))
 
     @property
     def free_corner(self) -> Floats:
@@ -53,6 +61,9 @@ class ClosedCalibration(Calibration):
         n_own = 6 * self.rings.n_rings
         corner = self.whole_information[-n_own:, -n_own:]
         return np.asarray(corner + PRIOR * np.trace(corner) / n_own * np.eye(n_own))
+
+    def _frames(self) -> tuple[Chain, Articulation, ChainPoses, Floats, Floats]:
+        return self.chain, self.articulation, self.poses, self.positions, self.weights
 
     @cached_property
     def whole_information(self) -> Floats:
@@ -71,8 +82,8 @@ def close_rings(last: Calibration, limbs: Ints) -> ClosedCalibration:
         Pairs of limbs that meet.
     """
     rings = Rings.of_poses(limbs, last.chain, last.poses)
-    fields = last.chain, last.articulation, last.poses, last.noise, last.positions, last.weights
-    state = ClosedCalibration(*fields, rings)
+    fields = last.chain, last.articulation, last.poses, last.noise, last.positions, last.weights, last.known
+    state = ClosedCalibration(*fields, rings=rings)
     for stiffness in SOFT:
         state = _fitted(replace(state, rings=replace(state.rings, stiffness=stiffness)))
     return replace(state, noise=_noise(state))
