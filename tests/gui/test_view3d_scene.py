@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from skelgen_gui.view3d.trails import N_AGES, trail_lines
 from skelgen_gui.view3d.uncertainty import joint_covariances
 from skelgen_gui.view3d.viewpoint import Viewpoint
 
+import skelgen
 from skelgen.model import PointCloud, Project, Trajectories
 
 ROUNDING = 1e-9
@@ -220,3 +222,24 @@ def test_a_take_in_which_nothing_is_seen_has_no_size():
     assert len(unseen.usual) == 0
     assert unseen.size == 0.0
     assert np.isnan(unseen.middle(0)).all()
+
+
+@pytest.mark.parametrize(
+    ("path", "up"),
+    [
+        ("arm/arm-4-2-3_clean_120fps.c3d", 2),
+        ("arm/arm-4-4-4_clean_30fps.c3d", 2),
+        ("hand/recording.tsv", 2),
+        ("human/markers_Squat2.trc", 1),
+        ("human/nick_freeform_001.c3d", 1),
+        ("mouse/mouse_S15.c3d", 2),
+        ("rods_pendulum/pendulum_01.c3d", 2),
+        ("wheelchair/racing_full.c3d", 1),
+        ("wheelchair/walkingOptiTrack.c3d", 2),
+    ],
+)
+def test_the_axis_that_points_up_is_found_in_recordings(path, up):
+    recording = Path(__file__).parents[2].parent / "shared" / "data" / path
+    if not recording.exists():
+        pytest.skip("the real recordings are not there")
+    assert Scene(Project(skelgen.read(recording))).up == up
