@@ -516,6 +516,23 @@ def test_every_stage_is_drawn(qtbot, qtlog, walked, stage):
     assert [record.message for record in qtlog.records] == []
 
 
+@pytest.mark.parametrize(
+    "path",
+    ["arm/arm-4-4-4_clean_30fps.c3d", "human/markers_Squat2.trc", "wheelchair/racing_full.c3d", "hand/recording.tsv"],
+)
+def test_recordings_are_seen_whole_at_the_first_look(qtbot, qtlog, recording, path):
+    session, take = Session(), recording(path)
+    view = make_view(qtbot, session)
+    session.open(Project(take))
+    for frame in np.linspace(0, take.n_frames - 1, 5).astype(int).tolist():
+        session.show_frame(frame)
+        picture_of(view)
+        seen = np.flatnonzero(take.seen[frame]).tolist()
+        inside = [view.rect().contains(view.place_of_marker(marker).toPoint()) for marker in seen]
+        assert np.mean(inside) > 0.9  # strays may lie outside
+    assert [record.message for record in qtlog.records] == []
+
+
 def test_without_a_project_the_view_is_empty(qtbot, qtlog):
     view = make_view(qtbot, Session())
     for act in (view.fit, view.fit_take, view.look_from_front):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +16,7 @@ from skelgen_gui.view3d.trails import N_AGES, trail_lines
 from skelgen_gui.view3d.uncertainty import joint_covariances
 from skelgen_gui.view3d.viewpoint import Viewpoint
 
-import skelgen
-from skelgen.model import PointCloud, Project, Trajectories
+from skelgen.model import PointCloud, Poses, Project, Trajectories
 
 ROUNDING = 1e-9
 
@@ -72,6 +70,8 @@ def test_before_the_first_stage_points_are_loose_and_markers_have_no_limb(walked
     cloud = Scene(Project(PointCloud(np.arange(9.0).reshape(3, 3), np.array([0, 2, 3]), np.array([0.0, 0.01]))))
     assert cloud.n_markers == 0
     assert cloud.at(0).loose.shape == (2, 3)
+    bodies = Scene(Project(Poses(np.broadcast_to(np.eye(4), (3, 2, 4, 4)), ("left", "right"), 100.0)))
+    assert bodies.at(0).loose.shape == (2, 3)
 
 
 def test_covariances_are_those_of_the_motion_or_else_turn_with_the_parents(walked):
@@ -238,8 +238,5 @@ def test_a_take_in_which_nothing_is_seen_has_no_size():
         ("wheelchair/walkingOptiTrack.c3d", 2),
     ],
 )
-def test_the_axis_that_points_up_is_found_in_recordings(path, up):
-    recording = Path(__file__).parents[2].parent / "shared" / "data" / path
-    if not recording.exists():
-        pytest.skip("the real recordings are not there")
-    assert Scene(Project(skelgen.read(recording))).up == up
+def test_the_axis_that_points_up_is_found_in_recordings(recording, path, up):
+    assert Scene(Project(recording(path))).up == up

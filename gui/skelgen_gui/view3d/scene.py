@@ -58,7 +58,7 @@ class Snapshot:
     state : ndarray of intp, shape (n_markers,)
         A `State` for each.
     loose : ndarray, shape (n_points, 3)
-        All points of an unlabelled take, those of markers included.
+        All points of an unlabelled take, those of markers included; bodies before the first stage.
     joints : ndarray, shape (n_joints, 3)
         Joints.
     covariances : ndarray, shape (n_joints, 3, 3), mm^2
@@ -183,10 +183,11 @@ class Scene:
         markers, state = self._markers(frame)
         joints = self._joints(frame)
         take = self.project.take
+        is_labelled = self.trajectories is not None and not isinstance(take, PointCloud)
         return Snapshot(
             markers,
             state,
-            take.frame(frame) if isinstance(take, PointCloud) else _NO_POINTS,
+            _NO_POINTS if is_labelled else self._points(frame),
             joints,
             joint_covariances(self.project, frame),
             self.bones.place(joints, markers),
