@@ -57,6 +57,11 @@ class Skin:
         local = self.slopes @ self.bends(chain, poses)[:, limb, :, np.newaxis]
         return np.asarray((poses.rotations[:, limb] @ local)[..., 0])
 
+    def turned(self, chain: Chain, turn: Floats) -> Skin:
+        """Return the skin for limbs whose frames are turned: `turn` brings old axes to new ones."""
+        middles = turn[np.maximum(chain.parents, 0)] @ self.middles @ turn.swapaxes(1, 2)
+        return Skin(middles, turn @ self.gains, turn[chain.limb_of_marker] @ self.slopes)
+
     def with_slopes(self, slopes: Floats) -> Skin:
         """Return the skin with other slopes."""
         return replace(self, slopes=slopes)

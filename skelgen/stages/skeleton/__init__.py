@@ -20,6 +20,7 @@ from skelgen.stages.skeleton.fitting import fit_body
 from skelgen.stages.skeleton.long_takes import at_frames, play_back, telling_frames
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.result import make_motion, make_skeleton
+from skelgen.stages.skeleton.ringed import ring_sentences, wanted_rings
 
 __all__ = ["SkeletonParameters", "fit_skeleton"]
 
@@ -62,6 +63,9 @@ def fit_skeleton(
     """
     parameters = parameters or SkeletonParameters()
     monitor.begin("skeleton")
+    pairs = wanted_rings(parameters.loops, topology, trajectories, limbs)
+    if pairs and parameters.fit != "whole-chain":
+        monitor.notice("rings stay open: only the fit of the whole chain closes them")
     telling = telling_frames(trajectories, limbs)
     some, there = at_frames(trajectories, topology, telling)
     fitted = []
@@ -69,7 +73,9 @@ def fit_skeleton(
         body = cut_out(some, limbs, there, int(root))
         if not (~np.isnan(body.positions[:, :, 0])).any():
             raise InputError(f"{trajectories.name or 'the take'}: no marker of limb {root} is seen in any frame")
-        fitted.append(fit_body(body, parameters, ROTATORS[parameters.rotation], are_poses))
+        place = {int(limb): position for position, limb in enumerate(body.limbs)}
+        rings = np.array([[place[limb] for limb in pair] for pair in pairs if pair[0] in place], dtype=np.intp)
+        fitted.append(fit_body(body, parameters, ROTATORS[parameters.rotation], are_poses, rings))
         monitor.advance(index + 1, len(topology.roots))
     skeleton = make_skeleton(fitted, limbs, there)
     motion = make_motion(fitted, some, skeleton)
@@ -82,6 +88,10 @@ def fit_skeleton(
         motion, n_outliers = played.motion, played.n_outliers
     _report_unseen(motion, monitor)
     _report_outliers(n_outliers, trajectories, monitor)
+    for one in fitted:
+        if one.rings is not None:
+            for sentence in ring_sentences(one.rings, one.body.limbs):
+                monitor.notice(sentence)
     for seen in observed:
         if seen.sentence:
             monitor.notice(seen.sentence)

@@ -20,13 +20,13 @@ from skelgen.geometry.rotations import (
 )
 from skelgen.kinematics.chain import ChainPoses
 from skelgen.kinematics.posed_motion import PosedMotion
-from skelgen.kinematics.posing import fit_poses
 from skelgen.model import Limbs, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import Monitor
 from skelgen.stages.skeleton.assemble import Body, cut_out
 from skelgen.stages.skeleton.fitting import FittedBody
 from skelgen.stages.skeleton.parameters import SkeletonParameters
+from skelgen.stages.skeleton.ringed import all_poses
 from skelgen.stages.skeleton.trusted import without_outliers
 
 LONGEST_AT_ONCE = 16_384
@@ -63,6 +63,10 @@ def at_frames(trajectories: Trajectories, topology: Topology, frames: Ints | sli
         return trajectories, topology
     some = replace(trajectories, positions=trajectories.positions[frames])
     return some, replace(topology, raw_joint_positions=topology.raw_joint_positions[frames])
+
+
+SETTLING = 2
+"""Times that slides of markers are taken off and limbs posed: slides follow the poses, and poses the slides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +161,11 @@ def _pose_block(
     if parameters.fit == "whole-chain":
         articulation = one.errors.articulation.turned(chain.parents, one.turn)
         start = ChainPoses(poses.root, articulation.projected(chain.parents, poses.rotations))
-        poses = fit_poses(chain, start, trusted, articulation)
+        poses = all_poses(chain, one.rings, start, trusted, articulation)
+        if one.skin is not None:
+            for _ in range(SETTLING):
+                still = trusted - one.skin.slides(chain, poses)
+                poses = all_poses(chain, one.rings, poses, still, articulation)
     poses = poses[inner]
     found.orientations[part, body.limbs] = quaternion_from_matrix(poses.rotations)
     found.origins[part, body.limbs] = poses.origins(chain)
