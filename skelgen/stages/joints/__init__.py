@@ -24,7 +24,7 @@ from skelgen.stages.joints.noise import typical_variance
 from skelgen.stages.joints.pairs import ENOUGH_FRAMES, MIN_COMMON, JointGuess, Segment, guess_joint, make_segment
 from skelgen.stages.joints.parallel import map_pairs
 from skelgen.stages.joints.parameters import JointParameters
-from skelgen.stages.joints.said import tree_sentences
+from skelgen.stages.joints.said import slack_sentences, tree_sentences
 from skelgen.stages.joints.tree import spanning_tree
 from skelgen.stages.joints.wishes import Pair, limb_pairs, obeyed_costs
 
@@ -98,7 +98,7 @@ def find_joints(
             cut = [edge for edge in false if (min(edge), max(edge)) not in wanted]
             parents = _without(cut, parents, costs, sizes, root)
     _check_parents(parents, judged.costs)
-    kept = _place_joints(segments, frames, parents, parameters, seed, monitor)
+    kept, segments = _place_joints(segments, frames, parents, parameters, seed, monitor)
     children = outward_order(parents)[(parents < 0).sum() :]
     topology = Topology(
         parents=parents,
@@ -109,7 +109,7 @@ def find_joints(
         alpha=parameters.alpha,
         loops=loop_joints(parents, judged),
     )
-    for sentence in tree_sentences(topology, judged, guesses, cut):
+    for sentence in (*tree_sentences(topology, judged, guesses, cut), *slack_sentences(segments)):
         monitor.notice(sentence)
     return topology
 
@@ -204,8 +204,11 @@ def _surest_joint_to_small_limb(
 
 def _place_joints(
     segments: list[Segment], frames: Ints, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
-) -> dict[int, JointGuess]:
-    """Place the joints of the tree in all frames, those between limbs with poses first; keys are child limbs."""
+) -> tuple[dict[int, JointGuess], list[Segment]]:
+    """Place the joints of the tree in all frames, those between limbs with poses first; keys are child limbs.
+
+    Also return the limbs with the joints that give them poses.
+    """
     segments = list(segments)
     typical = typical_variance(segment.noise for segment in segments)
     waiting = [int(child) for child in np.flatnonzero(parents >= 0)]
@@ -222,7 +225,7 @@ def _place_joints(
             if segments[limb].lacks_poses:
                 segments[limb] = segments[limb].with_joint(kept[child].positions, frames)
         monitor.advance(len(kept), n_joints)
-    return kept
+    return kept, segments
 
 
 def _known(shape: LimbShape) -> int:
