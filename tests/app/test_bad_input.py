@@ -1,4 +1,4 @@
-"""Takes that leave things open, from the markers to the skeleton: no crash, no NaN, never a reflection, and a sentence."""
+"""Takes that leave things open, through all stages: no crash, no NaN, never a reflection, and a sentence."""
 
 from __future__ import annotations
 

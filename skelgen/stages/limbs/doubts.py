@@ -48,10 +48,8 @@ def limb_doubts(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints) 
     n_seen = (~np.isnan(positions[:, :, 0])).sum(axis=0)
     few = min(RARE_FRAMES, trajectories.n_frames // 2)
     for marker in np.flatnonzero((limb_of_marker >= 0) & (n_seen < few)).tolist():
-        yield (
-            f"{names[marker]} is seen in {n_seen[marker]} frames only: that it is on limb {limb_of_marker[marker]} "
-            + ("rests on these")
-        )
+        limb = int(limb_of_marker[marker])
+        yield f"{names[marker]} is seen in {n_seen[marker]} frames only: that it is on limb {limb} rests on these"
     sampled = positions[frames]
     for first, second in _at_one_place(sampled):
         yield f"{names[first]} and {names[second]} are always in one place: they count as two markers, but tell as one"
