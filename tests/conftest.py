@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
@@ -74,11 +78,19 @@ def make_project():
                 position_in_child=np.zeros(3),
                 kind=str(kind),
                 axis=np.array([0.6, 0.0, 0.8]) if kind == "hinge" else None,
-                std=rng.random(3),
+                std=np.array([0.3, 0.4, 0.5]),
+                covariance=np.diag([0.09, 0.16, 0.25]),
+                covariance_in_child=np.diag([0.01, 0.04, 0.09]),
+                axis_std=np.array([0.01, 0.0, 0.02]) if kind == "hinge" else None,
+                second_axis_std=np.array([0.03, 0.0, 0.01]) if kind == "hinge" else None,
+                turn_covariance=np.diag([1e-6, 4e-6, 9e-6]),
             )
             for child, kind in zip(children, kinds, strict=True)
         )
-        skeleton = Skeleton(parents, joints, limb_of_marker, marker_offsets, rng.random(len(limb_of_marker)), reference)
+        spread = rng.random(len(limb_of_marker))
+        skeleton = Skeleton(parents, joints, limb_of_marker, marker_offsets, spread, reference)
+        stds = {"offset_std": 0.1 * np.abs(marker_offsets), "length_std": np.full(len(skeleton.lengths), 0.7)}
+        skeleton = dataclasses.replace(skeleton, marker_noise=spread, **stds)
         seen = np.ones((n_frames, n_limbs), dtype=bool)
         seen[1:2, 0] = False
         residuals = np.linalg.norm(tracked - rebuilt, axis=2)
@@ -103,3 +115,20 @@ def make_project():
 def small_project(make_project) -> Project:
     """Three limbs, ten markers, twelve frames."""
     return make_project()
+
+
+@pytest.fixture
+def full_disk():
+    """Make every file end after some bytes, as on a disk that is full: for writers in C, too."""
+    resource = pytest.importorskip("resource", reason="limits on files are known to Unix only")
+
+    @contextlib.contextmanager
+    def limit(n_bytes: int) -> Iterator[None]:
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limit

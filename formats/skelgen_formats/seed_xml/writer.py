@@ -7,6 +7,7 @@ tests parse every file with a strict XML parser.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 import re
 from collections.abc import Iterator
@@ -20,19 +21,32 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
+from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
+from skelgen_formats.finished import finished_project
 from skelgen_formats.seed_xml.statistics import centers_of_mass, joint_stats
 from skelgen_formats.seed_xml.values import JointStats, MarkerDistance
 
 ROOT = "MotionCapture"
+TITLE = "Skeleton and motion, XML"
 VERSION = "1"
 LEFT_OUT_BONE = -1
 
+DEVIATIONS = {
+    "COVARIANCE": "covariance",
+    "COVARIANCEINBONE": "covariance_in_child",
+    "AXISSTANDARDDEVIATION": "axis_std",
+    "SECONDAXISSTANDARDDEVIATION": "second_axis_std",
+    "TURNCOVARIANCE": "turn_covariance",
+}
+"""Vectors of a ``JOINT`` beyond the seed's, and the fields of `skelgen.model.Joint`; left out where not estimated."""
+
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
+_TOLD_EVERY = 1000  # texts, of which some thousands are written per second
 _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
 
 
-def write_seed_xml(value: Project | Take, path: Path) -> list[Path]:
+def write_seed_xml(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write a finished project; the file is described in `skelgen_formats.seed_xml`.
 
     Raises
@@ -42,16 +56,21 @@ def write_seed_xml(value: Project | Take, path: Path) -> list[Path]:
     MissingResultError
         If a stage has not run.
     """
-    if not isinstance(value, Project):
-        raise WriteError(f"{path}: the seed's XML holds a skeleton in motion, not a take; run the four stages first")
-    _check_frames(value, path)
-    header = _header(value, path)
+    project = finished_project(value, TITLE)
+    _check_frames(project, path)
+    header = _header(project, path)
+    parts = (part(project) for part in (_stats, _skeleton, _animation, _raw_joints, _final_joints, _markers))
+    n_rows = project.motion.n_frames * (_rows_per_frame(project.skeleton))
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(header)
-        for part in (_stats, _skeleton, _animation, _raw_joints, _final_joints, _markers):
-            stream.writelines(part(value))
+        stream.writelines(told(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY))
         stream.write(f"</{ROOT}>\n")
     return [path]
+
+
+def _rows_per_frame(skeleton: Skeleton) -> int:
+    """Return how many texts a frame is made of: a key per limb, raw and final joints, markers limb by limb."""
+    return skeleton.n_limbs + 2 * skeleton.n_joints + len(_bones(skeleton)) + 1
 
 
 def _check_frames(project: Project, path: Path) -> None:
@@ -121,6 +140,9 @@ def _skeleton(project: Project) -> Iterator[str]:
             yield _row("STANDARDDEVIATION", joint.std)
             yield "" if joint.axis is None else _row("AXIS", joint.axis)
             yield "" if joint.second_axis is None else _row("SECONDAXIS", joint.second_axis)
+            for tag, name in DEVIATIONS.items():
+                value = getattr(joint, name)
+                yield "" if value is None else _row(tag, value.ravel())
             yield "</JOINT>\n"
         yield "</BONE>\n"
     yield "</SKELETON>\n"
@@ -195,10 +217,19 @@ def _offsets(skeleton: Skeleton) -> Iterator[str]:
         yield "" if np.isnan(centers[limb]).any() else _row("CenterOfMass", centers[limb])
         for marker in markers:
             offset = skeleton.marker_offsets[marker] - centers[limb]
-            mark = f'id="{marker}" Sigma="{_number(skeleton.marker_std[marker])}" name="Offset"'
+            mark = f'id="{marker}" Sigma="{_number(skeleton.marker_std[marker])}"{_sureness(skeleton, marker)}'
+            mark += ' name="Offset"'
             yield "" if np.isnan(offset).any() else _vector(mark, 3) % tuple(offset.tolist())
         yield "</Bone>\n"
     yield "</MarkerOffsets>\n"
+
+
+def _sureness(skeleton: Skeleton, marker: int) -> str:
+    """Attributes that tell the noise of a marker and the standard deviation of its place, where they were estimated."""
+    if skeleton.offset_std is None or skeleton.marker_noise is None:
+        return ""
+    stds = " ".join(_number(value) for value in skeleton.offset_std[marker].tolist())
+    return f' Noise="{_number(skeleton.marker_noise[marker])}" StandardDeviation="{stds}"'
 
 
 def _frames(project: Project) -> Iterator[str]:
