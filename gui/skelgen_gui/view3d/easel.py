@@ -21,6 +21,9 @@ from skelgen_gui.view3d.scene import Scene, Snapshot
 from skelgen_gui.view3d.shown import Shown
 from skelgen_gui.view3d.sprites import Sprites
 
+NO_FRUSTUMS = np.zeros((0, 2, 3))
+"""What to paint of cameras if there are none."""
+
 _AXIS_SHARE = 0.05  # of the size of what is seen: half the length of axes
 _OTHER_OPACITY = 0.5
 _NOTE_GAP = 14.0  # px, from what a note is about
@@ -45,6 +48,7 @@ class Easel:
         self._sprites = Sprites(ratio)
         self._backdrop = QPixmap()
         self._backdrop_key: object = None
+        self._backdrop_frustums = NO_FRUSTUMS
         self._names: dict[str, QStaticText] = {}
 
     def paint_backdrop(
@@ -65,9 +69,9 @@ class Easel:
         legend : str
             Scales, in the lower right corner.
         """
-        key = (canvas, floor, id(frustums), legend)
-        if key != self._backdrop_key:
-            self._backdrop_key = key
+        key = (canvas, floor, legend)
+        if key != self._backdrop_key or frustums is not self._backdrop_frustums:
+            self._backdrop_key, self._backdrop_frustums = key, frustums
             self._backdrop = self._new_backdrop(canvas, floor, frustums, legend)
         painter.drawPixmap(0, 0, self._backdrop)
 
@@ -95,8 +99,8 @@ class Easel:
             places, _ = canvas.project(scene.trail(frame, shown.trail_seconds))
             painting.paint_trails(painter, scene, places, self._inks)
         self._paint_figure(painter, scene, frame, snapshot, picture, brushes, marked)
-        if shown.names and scene.trajectories is not None:
-            self._paint_names(painter, scene.trajectories.names, picture)
+        if shown.names:
+            self._paint_names(painter, scene.names, picture)
         return snapshot, picture
 
     def paint_other(self, painter: QPainter, scene: Scene, frame: int, canvas: Canvas, shown: Shown) -> None:
