@@ -200,6 +200,16 @@ def test_selecting_draws_a_ring_around_a_marker_and_around_those_of_a_limb(view,
         assert changed(before, picture_of(view), view.place_of_marker(other)) > 20
 
 
+def test_the_names_of_few_selected_markers_stand_beside_them(view, session):
+    marker = lone_markers(view)[0]
+    beside = view.place_of_marker(marker) + QPointF(34, -9)
+    before = picture_of(view)
+    session.select(Selection(frozenset({marker})))
+    assert changed(before, picture_of(view), beside, radius=8) > 10
+    session.select(Selection(frozenset(range(40))))
+    assert changed(before, picture_of(view), beside, radius=8) == 0
+
+
 def test_a_click_selects_and_control_adds_and_takes_away(qtbot, view, session):
     first, second = lone_markers(view)[:2]
     click(qtbot, view, view.place_of_marker(first))

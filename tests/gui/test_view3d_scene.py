@@ -124,6 +124,14 @@ def test_trails_end_in_the_frame_and_their_other_points_stay_while_it_moves_on(w
     assert np.array_equal(trails[0][1:-1], trails[1][1:-1], equal_nan=True)
 
 
+def test_the_past_of_points_without_names_is_that_of_the_frames_before(walked):
+    points = np.arange(30.0).reshape(10, 3)
+    cloud = Scene(Project(PointCloud(points, np.array([0, 2, 4, 7, 10]), np.arange(4) / 100)))
+    assert np.array_equal(cloud.past_points(3, 0.02), points[2:7])
+    assert len(cloud.past_points(0, 1.0)) == 0
+    assert len(Scene(walked[0]).past_points(3, 1.0)) == 0
+
+
 def test_trails_break_where_a_marker_is_unseen_and_are_parted_by_limb_and_age():
     places = np.zeros((9, 3, 2))
     places[:, :, 0] = np.arange(9)[:, np.newaxis]

@@ -230,11 +230,20 @@ class Scene:
         """
         if self.trajectories is None:
             return np.zeros((0, self.n_markers, 3))
-        length = max(round(seconds * self.trajectories.rate), 1)
+        return np.asarray(self.trajectories.positions[[*self._frames_before(frame, seconds), frame]])
+
+    def past_points(self, frame: int, seconds: float) -> Floats:
+        """Return all points of a take that has no markers yet, from some time [s] before a frame on, shape (n, 3)."""
+        if self.trajectories is not None:
+            return _NO_POINTS
+        return np.concatenate([_NO_POINTS, *(self._points(earlier) for earlier in self._frames_before(frame, seconds))])
+
+    def _frames_before(self, frame: int, seconds: float) -> range:
+        """Frames before one, at most `TRAIL_SAMPLES`, that stay the same while it moves on."""
+        length = max(round(seconds * self.project.take.rate), 1)
         stride = -(-length // TRAIL_SAMPLES)
         first = max(frame - length, 0)
-        frames = [*range(-(-first // stride) * stride, frame, stride), frame]
-        return np.asarray(self.trajectories.positions[frames])
+        return range(-(-first // stride) * stride, frame, stride)
 
     def _points(self, frame: int) -> Floats:
         take = self.project.take
