@@ -1,0 +1,152 @@
+"""Autosave, and what a crash left behind: the open project is kept beside the user's files while it has changes.
+
+Each window writes into a folder of its own below the application's data folder: the project, and a note of whose it is.
+A clean end removes it; what a later window finds without a living process belongs to a window that died.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QStandardPaths, QTimer
+
+from skelgen.app.store import open_project, save_project
+from skelgen.errors import SkelgenError
+from skelgen.files import replacing
+from skelgen.model import Project
+from skelgen_gui.session import Session
+
+SECONDS = 20.0
+"""Time between two autosaves, if there is anything new."""
+
+_PROJECT, _NOTE = "project.skelgen", "note.json"
+
+
+@dataclass(frozen=True)
+class Remains:
+    """What a window that died left behind.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it is.
+    name : str
+        Of the take.
+    path : Path or None
+        The project file that it was opened from, if any.
+    time : float
+        When it was kept, in seconds since 1970.
+    """
+
+    folder: Path
+    name: str
+    path: Path | None
+    time: float
+
+    def project(self) -> Project:
+        """Read the project; raises `FormatError` if it is damaged."""
+        return open_project(self.folder / _PROJECT)
+
+    def forget(self) -> None:
+        """Remove it."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def recovery_folder() -> Path:
+    """Return the folder in which windows keep their projects."""
+    base = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.AppLocalDataLocation)
+    return Path(base) / "recovery"
+
+
+def find_remains(folder: Path | None = None) -> tuple[Remains, ...]:
+    """Return what windows that are no longer alive left behind, the newest first."""
+    folder = folder or recovery_folder()
+    found = []
+    for each in sorted(folder.glob("*/")) if folder.is_dir() else ():
+        try:
+            note = json.loads((each / _NOTE).read_text(encoding="utf-8"))
+            path = Path(note["path"]) if note["path"] else None
+            remains = Remains(each, str(note["name"]), path, float(note["time"]))
+            is_alive = _is_alive(int(note["process"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # being written just now, or not ours
+        if not is_alive and (each / _PROJECT).is_file():
+            found.append(remains)
+    return tuple(sorted(found, key=lambda remains: -remains.time))
+
+
+class Autosave(QObject):
+    """Keeps the session's project while it has unsaved changes.
+
+    Parameters
+    ----------
+    session : Session
+        Holds the project.
+    seconds : float
+        Time between two savings.
+    folder : Path, optional
+        Where all windows keep theirs.
+    parent : QObject, optional
+        Owner.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        seconds: float = SECONDS,
+        folder: Path | None = None,
+        parent: QObject | None = None,
+    ) -> None:
+        super().__init__(parent)
+        self._session = session
+        self._folder = (folder or recovery_folder()) / f"{os.getpid()}-{id(self):x}"
+        self._kept: Project | None = None
+        self._thread: threading.Thread | None = None
+        self._timer = QTimer(self, interval=int(1000 * seconds))
+        self._timer.timeout.connect(self.save)
+        self._timer.start()
+
+    def save(self) -> None:
+        """Keep the project now, on a thread of its own, if it has changes that are not kept yet."""
+        project = self._session.project
+        if self._thread is not None and self._thread.is_alive():
+            return
+        if project is None or not self._session.is_dirty or project is self._kept:
+            return
+        self._kept = project
+        self._thread = threading.Thread(target=_keep, args=(project, self._session.path, self._folder))
+        self._thread.start()
+
+    def end(self) -> None:
+        """Wait for what is being written, and remove what was kept: nothing is lost any more."""
+        self._timer.stop()
+        if self._thread is not None:
+            self._thread.join()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _keep(project: Project, path: Path | None, folder: Path) -> None:
+    note = {"name": project.name, "path": str(path) if path else "", "time": time.time(), "process": os.getpid()}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        save_project(project, folder / _PROJECT)
+        with replacing(folder / _NOTE) as temporary:
+            temporary.write_text(json.dumps(note), encoding="utf-8")
+    except (OSError, SkelgenError):
+        return  # a full disk must not stop the work; saving by hand says what is wrong
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
