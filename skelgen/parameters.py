@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Self, get_type_hints
 from skelgen.errors import ParameterError
 
 _KEY = "skelgen"
+_IN_WORDS = {int: "a whole number", float: "a number", bool: "yes or no", str: "a text"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +43,8 @@ class Declaration:
         For a choice that the seed codes as an integer: the choice that each integer means.
     seed_section : str
         Element of ``config.xml`` that holds it, where that is not the one of its stage, e.g. ``JointFinder/NLCG``.
+    basic : bool
+        Whether a form shows it at once, rather than among the advanced ones.
     """
 
     name: str
@@ -55,6 +58,7 @@ class Declaration:
     seed_name: str = ""
     seed_codes: tuple[str, ...] = ()
     seed_section: str = ""
+    basic: bool = False
 
     @property
     def bounds(self) -> str:
@@ -93,7 +97,7 @@ class Declaration:
         return clean
 
     def _converted(self, value: Any, prefix: str) -> Any:
-        wrong = ParameterError(f"{prefix}{self.name} is {value!r}; it must be a value of type {self.kind.__name__}")
+        wrong = ParameterError(f"{prefix}{self.name} is {value!r}; it must be {_IN_WORDS[self.kind]}")
         if self.kind is bool:
             truth = {"1": True, "true": True, "yes": True, "0": False, "false": False, "no": False}
             if isinstance(value, bool):
@@ -127,10 +131,11 @@ def declare(
     seed_name: str = "",
     seed_codes: tuple[str, ...] = (),
     seed_section: str = "",
+    basic: bool = False,
 ) -> Any:
     """Declare one parameter as a dataclass field; the arguments are those of `Declaration`."""
     facts = {"help": help, "unit": unit, "low": low, "high": high, "choices": choices}
-    facts |= {"seed_name": seed_name, "seed_codes": seed_codes, "seed_section": seed_section}
+    facts |= {"seed_name": seed_name, "seed_codes": seed_codes, "seed_section": seed_section, "basic": basic}
     return dataclasses.field(default=default, metadata={_KEY: facts})
 
 

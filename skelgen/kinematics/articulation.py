@@ -114,7 +114,7 @@ class Articulation:
     def _own(self, limb: int, parent: Floats, child: Floats) -> tuple[Floats, Floats]:
         """World axes of a constrained limb's freedoms and constants, shape (n_frames, 3, n) each."""
         first = parent @ self.in_parent[limb]
-        tilt = parent @ _across(self.in_parent[limb])
+        tilt = parent @ across(self.in_parent[limb])
         if self.kinds[limb] == "hinge":
             return first[:, :, np.newaxis], tilt
         if self.kinds[limb] == "rigid":
@@ -156,7 +156,7 @@ class Articulation:
                 relative = relative @ matrix_from_vector(own[:, 1:] * self.in_child[limb])
                 between[limb] += tilt[2]
             if kind != "rigid":
-                turn = matrix_from_vector(_across(axis) @ tilt[:2])
+                turn = matrix_from_vector(across(axis) @ tilt[:2])
                 axes[limb] = turn @ axis
                 relative = turn @ matrix_from_vector(own[:, :1] * axis) @ relative
             new[:, limb] = new[:, parent] @ relative
@@ -193,7 +193,7 @@ def _slices(sizes: list[int], first: int) -> list[slice]:
     return [slice(int(end) - size, int(end)) for size, end in zip(sizes, ends, strict=True)]
 
 
-def _across(axis: Floats) -> Floats:
+def across(axis: Floats) -> Floats:
     """Two unit vectors across an axis, as columns."""
     return np.asarray(np.linalg.svd(axis[np.newaxis])[2][1:].T)
 

@@ -12,16 +12,21 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import fit_transform, rotation_by_quaternion
-from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.geometry.rotations import transform_from
+from skelgen.kinematics.angles import angle_deviations, joint_angles
 from skelgen.kinematics.articulation import FREEDOMS, Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
 from skelgen.kinematics.pose_covariances import pose_covariances
 from skelgen.kinematics.posing import fit_poses
 from skelgen.kinematics.shape import determines_pose
-from skelgen.model import Joint, Skeleton
+from skelgen.kinematics.uncertainty import axis_projectors
+from skelgen.model import Joint, Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 
 METHODS = ("whole-chain", "root-outward")
+
+LEAST_SHARE = 0.1
+"""Of the usual noise: no marker counts as surer than this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +39,17 @@ class Posture:
         Pose of every limb's frame.
     joint_positions : ndarray, shape (n_frames, n_joints, 3), mm
         World positions in the order of the skeleton's joints.
+    joint_std : ndarray, shape (n_frames, n_joints, 3), mm
+        Their standard deviations along the world's axes, of hinges across their axes; at most some `UNKNOWN_SHIFT`
+        where no marker tells.
     angles : tuple of ndarray, shape (n_frames, n_angles), rad
         Of each joint, 0 in the reference pose. Hinge: the angle about its axis. Universal: the angle about the axis in
         the parent, then that about the axis in the child. Ball and undetermined: the rotation vector of the child
         against the parent, in the parent's axes. Rigid: none.
     angle_std : tuple of ndarray, shape (n_frames, n_angles), rad
-        Standard deviations of the angles; of balls, of small further turns about the parent's axes. At most some
-        `UNKNOWN_TURN` where no marker tells.
+        Standard deviations of the angles against the limbs' markers: noise of the frame and errors of the skeleton. At
+        most some `UNKNOWN_TURN` where no marker tells. That the zero was taken from a measured frame adds one constant
+        to all frames, which is not counted.
     limb_seen : ndarray of bool, shape (n_frames, n_limbs)
         Whether markers of the frame fix the limb's rotation; otherwise the limb is turned as its parent, as far as the
         other limbs' markers do not say otherwise.
@@ -48,6 +57,7 @@ class Posture:
 
     world_from_limb: Floats
     joint_positions: Floats
+    joint_std: Floats
     angles: tuple[Floats, ...]
     angle_std: tuple[Floats, ...]
     limb_seen: Bools
@@ -82,74 +92,70 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
     positions = np.asarray(positions, dtype=np.float64)
     positions = positions[np.newaxis] if positions.ndim == 2 else positions
     positions = check_floats(positions, (None, len(skeleton.limb_of_marker), 3), "positions")
-    noise = _usual_noise(skeleton) if noise is None else noise
+    trees = [_Tree(skeleton, int(root), noise) for root in skeleton.roots]
+    poses, seen = [], np.zeros((len(positions), skeleton.n_limbs), dtype=bool)
+    for tree in trees:
+        own = positions[:, tree.markers]
+        start, seen[:, tree.limbs] = _outward(tree, own)
+        weights = seen_weights(own, np.broadcast_to(tree.weights, own.shape[:2]))
+        poses.append(
+            fit_poses(tree.chain, start, own, tree.articulation, weights) if method == "whole-chain" else start
+        )
+    return _posture(skeleton, trees, poses, positions, seen)
+
+
+def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: Ints | None = None) -> Posture:
+    """Return angles, joints and their standard deviations of a motion that is known.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+    motion : Motion
+        Its motion.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers of all frames, NaN where unseen: which are seen says how sure a frame is.
+    frames : ndarray of intp, optional
+        Some frames; all if not given.
+
+    Examples
+    --------
+    >>> posture = posture_of(project.skeleton, project.motion, project.trajectories.positions)  # doctest: +SKIP
+    """
+    frames = np.arange(motion.n_frames) if frames is None else frames
+    world = motion.world_from_limb[frames]
+    trees = [_Tree(skeleton, int(root), None) for root in skeleton.roots]
+    poses = [ChainPoses(world[:, tree.limbs[0], :3, 3], world[:, tree.limbs, :3, :3]) for tree in trees]
+    return _posture(skeleton, trees, poses, positions[frames], motion.limb_seen[frames])
+
+
+def _posture(
+    skeleton: Skeleton, trees: list[_Tree], poses: list[ChainPoses], positions: Floats, seen: Bools
+) -> Posture:
     n_frames = len(positions)
     world = np.tile(np.eye(4), (n_frames, skeleton.n_limbs, 1, 1))
-    seen = np.zeros((n_frames, skeleton.n_limbs), dtype=bool)
-    turns: dict[int, Floats] = {}
-    for root in skeleton.roots:
-        tree = _Tree(skeleton, int(root))
-        poses, fixed = _outward(tree, positions[:, tree.markers])
-        if method == "whole-chain":
-            poses = fit_poses(tree.chain, poses, positions[:, tree.markers], tree.articulation)
-        world[:, tree.limbs] = transform_from(poses.rotations, poses.origins(tree.chain))
-        seen[:, tree.limbs] = fixed
-        covariances = pose_covariances(tree.chain, tree.articulation, poses, positions[:, tree.markers], noise).turns
-        turns |= {int(limb): covariances[:, place] for place, limb in enumerate(tree.limbs)}
+    turns, places = np.zeros((2, n_frames, skeleton.n_limbs, 3, 3))
+    for tree, posed in zip(trees, poses, strict=True):
+        world[:, tree.limbs] = transform_from(posed.rotations, posed.origins(tree.chain))
+        turns[:, tree.limbs], places[:, tree.limbs] = _frame_errors(tree, posed, positions[:, tree.markers])
     rotations = world[..., :3, :3]
     relative = [rotations[:, one.parent].swapaxes(1, 2) @ rotations[:, one.child] for one in skeleton.joints]
     children = [one.child for one in skeleton.joints]
+    turned = list(zip(skeleton.joints, relative, strict=True))
     return Posture(
         world_from_limb=world,
-        joint_positions=world[:, children, :3, 3],
-        angles=tuple(joint_angles(one, turn) for one, turn in zip(skeleton.joints, relative, strict=True)),
-        angle_std=tuple(
-            _deviations(one, turn, turns[one.child]) for one, turn in zip(skeleton.joints, relative, strict=True)
-        ),
+        joint_positions=world[:, :, :3, 3][:, children],
+        joint_std=np.sqrt(np.maximum(np.einsum("fjii->fji", places[:, children]), 0.0)),
+        angles=tuple(joint_angles(one, turn) for one, turn in turned),
+        angle_std=tuple(angle_deviations(one, turn, turns[:, one.child]) for one, turn in turned),
         limb_seen=seen,
     )
-
-
-def joint_angles(joint: Joint, relative: Floats) -> Floats:
-    """Return a joint's angles [rad] from rotations child against parent, shape (n_frames, n_angles); see `Posture`."""
-    if joint.kind == "rigid":
-        return np.zeros((len(relative), 0))
-    if joint.kind == "hinge" and joint.axis is not None:
-        return _about(joint.axis, relative)[:, np.newaxis]
-    if joint.kind == "universal" and joint.axis is not None and joint.second_axis is not None:
-        first, second = joint.axis, joint.second_axis
-        start, end = np.cross(first, second), np.cross(first, relative @ second)
-        swing = np.arctan2(np.cross(start, end) @ first, end @ start)
-        rest = matrix_from_vector(-swing[:, np.newaxis] * first) @ relative
-        return np.stack([swing, _about(second, rest)], axis=1)
-    return vector_from_matrix(relative)
-
-
-def _about(axis: Floats, relative: Floats) -> Floats:
-    """Angle of the turn about an axis that comes nearest."""
-    sine = np.stack([relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0]], axis=1)
-    sine = np.concatenate([sine, (relative[:, 1, 0] - relative[:, 0, 1])[:, np.newaxis]], axis=1)
-    along = np.einsum("i,fij,j->f", axis, relative, axis)
-    return np.asarray(np.arctan2(sine @ axis, np.einsum("fii->f", relative) - along))
-
-
-def _deviations(joint: Joint, relative: Floats, covariance: Floats) -> Floats:
-    """Standard deviations of a joint's angles from the covariance of small turns in the parent's axes."""
-    if joint.kind == "rigid":
-        return np.zeros((len(relative), 0))
-    axes = np.broadcast_to(np.eye(3), relative.shape)
-    if joint.kind == "hinge" and joint.axis is not None:
-        axes = np.broadcast_to(joint.axis[:, np.newaxis], (len(relative), 3, 1))
-    elif joint.kind == "universal" and joint.axis is not None and joint.second_axis is not None:
-        first = np.broadcast_to(joint.axis, (len(relative), 3))
-        axes = np.linalg.pinv(np.stack([first, relative @ joint.second_axis], axis=2)).swapaxes(1, 2)
-    return np.asarray(np.sqrt(np.maximum(np.einsum("fia,fij,fja->fa", axes, covariance, axes), 0.0)))
 
 
 class _Tree:
     """One tree of a skeleton as a chain."""
 
-    def __init__(self, skeleton: Skeleton, root: int) -> None:
+    def __init__(self, skeleton: Skeleton, root: int, noise: float | None) -> None:
         below = {root}
         for limb in skeleton.outward.tolist():
             if int(skeleton.parents[limb]) in below:
@@ -162,7 +168,31 @@ class _Tree:
         places = [np.zeros(3) if limb == root else above[int(limb)].position_in_parent for limb in self.limbs]
         limb_of_marker = np.array([place[int(skeleton.limb_of_marker[one])] for one in self.markers], dtype=np.intp)
         self.chain = Chain(parents, limb_of_marker, np.array(places), skeleton.marker_offsets[self.markers])
-        self.articulation = _articulation([above.get(int(limb)) for limb in self.limbs])
+        joints = [above.get(int(limb)) for limb in self.limbs]
+        self.articulation = _articulation(joints)
+        self.turns = np.array([_or_zero(joint, "turn_covariance") for joint in joints])
+        self.places = np.array([_or_zero(joint, "covariance") for joint in joints])
+        deviations = _noise_of_markers(skeleton, noise)[self.markers]
+        self.noise = float(np.median(deviations)) if len(deviations) else 0.0
+        self.weights: Floats = (self.noise / deviations) ** 2 if self.noise > 0 else np.ones(len(deviations))
+
+
+def _or_zero(joint: Joint | None, name: str) -> Floats:
+    """A covariance of a joint, 0 where it was not estimated."""
+    value = None if joint is None else getattr(joint, name)
+    return np.zeros((3, 3)) if value is None else value
+
+
+def _noise_of_markers(skeleton: Skeleton, noise: float | None) -> Floats:
+    """Standard deviation [mm] of each marker's coordinates, none far below the usual one."""
+    if noise is not None:
+        return np.full(len(skeleton.limb_of_marker), noise)
+    known = skeleton.marker_std if skeleton.marker_noise is None else skeleton.marker_noise
+    heard = known[~np.isnan(known)]
+    usual = float(np.sqrt((heard**2).mean())) if len(heard) else 0.0
+    if skeleton.marker_noise is None:
+        return np.full(len(known), usual)
+    return np.where(np.isnan(known), usual, np.maximum(known, LEAST_SHARE * usual))
 
 
 def _articulation(joints: list[Joint | None]) -> Articulation:
@@ -222,6 +252,15 @@ def _place_root(points: Floats, places: Floats, heard: Bools, positions: Floats)
     return turn, np.where(count > 0, gaps / np.maximum(count, 1), np.nanmean(positions, axis=1)), fixed
 
 
-def _usual_noise(skeleton: Skeleton) -> float:
-    known = skeleton.marker_std[~np.isnan(skeleton.marker_std)]
-    return float(np.sqrt((known**2).mean())) if len(known) else 0.0
+def _frame_errors(tree: _Tree, poses: ChainPoses, positions: Floats) -> tuple[Floats, Floats]:
+    """Covariances of turns against the parents in their axes [rad^2], and of joints in the world [mm^2].
+
+    Both of shape (n_frames, n_limbs, 3, 3): what the frame leaves open, and the errors of the skeleton.
+    """
+    chain, articulation = tree.chain, tree.articulation
+    weights = seen_weights(positions, np.broadcast_to(tree.weights, positions.shape[:2]))
+    found = pose_covariances(chain, articulation, poses, positions, tree.noise, weights)
+    parents = poses.rotations[:, np.maximum(chain.parents, 0)]
+    across = axis_projectors(chain, articulation, poses)
+    places = across @ (found.origins + parents @ tree.places @ parents.swapaxes(2, 3)) @ across
+    return found.turns + tree.turns, places

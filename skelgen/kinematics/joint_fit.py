@@ -14,7 +14,7 @@ from skelgen.kinematics.dilution import held_covariance
 from skelgen.kinematics.hinge import hinge_turning
 from skelgen.kinematics.placed import Placed, fit_placed, linearised
 from skelgen.kinematics.relative import RelativePoses, relative_poses, whitener
-from skelgen.kinematics.turning import AxisTurning, FixedTurning, FreeTurning, TwoAxisTurning
+from skelgen.kinematics.turning import AxisTurning, FixedTurning, FreeTurning, TwoAxisTurning, axis_covariance
 from skelgen.kinematics.universal import universal_turning
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
@@ -180,7 +180,7 @@ def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
         angle_std=angle_std,
         between=joint.turning.between if isinstance(joint.turning, TwoAxisTurning) else 0.0,
         covariance=free @ constants[:n_places, :n_places] @ free.T,
-        axis_covariance=_axis_covariance(joint, constants[n_places:, n_places:]),
+        axis_covariance=axis_covariance(joint.turning, constants[n_places:, n_places:]),
         singular_values=singular,
         noise=float(np.sqrt(variance)),
         gap=_gap(joint, measured),
@@ -260,18 +260,6 @@ def _frame(joint: Placed, where: str) -> Floats:
     turning = joint.turning
     turn = getattr(turning, where) if isinstance(turning, AxisTurning | TwoAxisTurning) else np.eye(3)
     return transform_from(turn, getattr(joint, where))
-
-
-def _axis_covariance(joint: Placed, covariance: Floats) -> Floats:
-    """Covariance of both axes from that of their tilts: a tilt by (a, b) about x and y moves z by (b, -a)."""
-    turning = joint.turning
-    if not isinstance(turning, AxisTurning | TwoAxisTurning):
-        return np.zeros((6, 6))
-    moves = np.zeros((6, 4))
-    for row, frame in ((0, turning.in_parent), (1, turning.in_child)):
-        moves[3 * row : 3 * row + 3, 2 * row] = -frame[:, 1]
-        moves[3 * row : 3 * row + 3, 2 * row + 1] = frame[:, 0]
-    return np.asarray(moves @ covariance[:4, :4] @ moves.T)
 
 
 def _gap(joint: Placed, measured: RelativePoses) -> float:

@@ -20,7 +20,7 @@ from skelgen.kinematics.arrow import Linear, descend
 from skelgen.kinematics.correlated import effective_frames
 from skelgen.kinematics.hinge import hinge_turning
 from skelgen.kinematics.relative import whitener
-from skelgen.kinematics.turning import FixedTurning, Turning, TwoAxisTurning
+from skelgen.kinematics.turning import FixedTurning, Turning, TwoAxisTurning, axis_covariance
 from skelgen.kinematics.universal import universal_turning
 from skelgen.model.arrays import Floats
 
@@ -72,6 +72,8 @@ class Leftover:
         Root mean square turn that the noise could hide.
     allowed : float, rad
         Root mean square of the smallest turn that the kind allows; 0 for a rigid joint.
+    axis_covariance : ndarray, shape (6, 6)
+        Of the axis in the parent, then of that in the child, unit vectors; 0 for a rigid joint.
     """
 
     turning: Turning
@@ -81,6 +83,7 @@ class Leftover:
     true_wobble: float
     hidden: float
     allowed: float
+    axis_covariance: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +105,8 @@ class JointKind:
         Of the mean relative rotation, falling: 1 for directions that never move.
     leftovers : mapping of str to Leftover
         What the kinds that were tried leave over, the simplest first.
+    axis_covariance : ndarray, shape (6, 6)
+        Of the axis in the parent, then of that in the child; 0 for kinds without.
     """
 
     kind: str
@@ -111,10 +116,18 @@ class JointKind:
     true_wobble: float
     singular_values: Floats
     leftovers: dict[str, Leftover]
+    axis_covariance: Floats
 
     def with_frames(self, parent: Floats, child: Floats) -> JointKind:
         """Return the kind for limbs whose frames were turned: new from old, shape (3, 3)."""
-        return replace(self, axis_in_parent=parent @ self.axis_in_parent, axis_in_child=child @ self.axis_in_child)
+        turn = np.zeros((6, 6))
+        turn[:3, :3], turn[3:, 3:] = parent, child
+        return replace(
+            self,
+            axis_in_parent=parent @ self.axis_in_parent,
+            axis_in_child=child @ self.axis_in_child,
+            axis_covariance=turn @ self.axis_covariance @ turn.T,
+        )
 
     def freedom_along_axis(self, noise: float) -> float:
         """How free the joint is to lie anywhere along its axis: 1 for a perfect hinge, 0 where its wobble fixes it.
@@ -192,6 +205,7 @@ def find_kind(
         true_wobble=last.true_wobble if last is not None and kind != "ball" else 0.0,
         singular_values=singular,
         leftovers=leftovers,
+        axis_covariance=leftovers[kind].axis_covariance if kind in leftovers else np.zeros((6, 6)),
     )
 
 
@@ -202,6 +216,7 @@ def _leftover(name: str, rotations: Floats, weight: Floats, freedoms: float, lim
     n_frames, n_rows = len(rotations), 3 - start.n_angles
     ratio = found.squares / max(n_rows * n_frames - start.n_constants, 1)
     independent = effective_frames(found.solution.residuals, of_squares=True)
+    growth = ratio * n_frames / effective_frames(found.solution.residuals)
     limit = float(fdtri(n_rows * independent, max(freedoms * independent, LEAST_FREEDOMS), 1 - limits.doubt))
     errors = vector_from_matrix(rotations @ found.state.rotations().swapaxes(1, 2))
     wobble = float(np.sqrt((errors**2).sum(axis=1).mean()))
@@ -215,6 +230,7 @@ def _leftover(name: str, rotations: Floats, weight: Floats, freedoms: float, lim
         true_wobble=true_wobble if wobble > ROUNDING_TURN else 0.0,
         hidden=float(noise * np.sqrt(max(limit - 1, 0.0))),
         allowed=_allowed(name, rotations),
+        axis_covariance=growth * axis_covariance(found.state, found.solution.covariance),
     )
 
 

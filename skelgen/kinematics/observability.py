@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
+from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats
 
 DETERMINED_PART = 0.1
@@ -14,6 +15,12 @@ DETERMINED_PART = 0.1
 
 STILL = np.deg2rad(2.0)
 """rad; limbs that turn less than this against each other do not turn."""
+
+ALL_OF_IT = 0.99
+"""Of the limb's size: places that are less sure than this are not determined at all."""
+
+MOST_FRAMES = 20_000
+"""Frames from which the range is told, evenly spread: neighbouring ones differ little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,46 +47,89 @@ def range_of_motion(relative: Floats) -> RangeOfMotion:
     relative : ndarray, shape (n_frames, 3, 3)
         Rotations child against parent.
     """
+    if not len(relative):
+        return RangeOfMotion(np.eye(3), np.zeros(3))
     middle = nearest_rotation(relative.mean(axis=0))
     turns = vector_from_matrix(relative @ middle.T)
     _, vectors = np.linalg.eigh(turns.T @ turns)
     directions = vectors[:, ::-1].T
     along = turns @ directions.T
-    ranges = np.ptp(along, axis=0) if len(along) else np.zeros(3)
+    ranges = np.ptp(along, axis=0)
     order = np.argsort(-ranges, kind="stable")
     return RangeOfMotion(directions[order], ranges[order])
 
 
-def undetermined_place(
-    limbs: tuple[int, int], kind: str, motion: RangeOfMotion, covariance: Floats, size: float
-) -> str:
-    """Say in a sentence which direction of a joint's place is not determined; empty if all are.
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """What the motion of a joint tells.
+
+    Attributes
+    ----------
+    motion : RangeOfMotion
+        How far it turns.
+    open_direction : ndarray, shape (3,)
+        Unit vector in the parent along which its place is known least.
+    open_std : float, mm
+        Standard deviation of the place along it.
+    sentence : str
+        What is not determined, in words; empty if all is.
+    """
+
+    motion: RangeOfMotion
+    open_direction: Floats
+    open_std: float
+    sentence: str
+
+
+def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
+    """Return what the motion tells of every joint, from the frames that show both of its limbs.
 
     Parameters
     ----------
-    limbs : tuple of int
-        Parent and child.
-    kind : str
-        Of the joint.
-    motion : RangeOfMotion
-        How it turns.
-    covariance : ndarray, shape (3, 3), mm^2
-        Of its place in the parent.
-    size : float, mm
-        Of the limb.
+    skeleton : Skeleton
+        Its joints' covariances, if it has any, say what is determined.
+    motion : Motion
+        How it moves.
     """
-    values, vectors = np.linalg.eigh(covariance)
-    worst = float(np.sqrt(max(values[-1], 0.0)))
-    if worst <= DETERMINED_PART * size:
+    found = []
+    for joint in skeleton.joints:
+        shown = np.flatnonzero(motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1))
+        frames = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), MOST_FRAMES)).astype(np.intp))]
+        rotations = motion.world_from_limb[frames, :, :3, :3]
+        turned = range_of_motion(rotations[:, joint.parent].swapaxes(1, 2) @ rotations[:, joint.child])
+        covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
+        values, vectors = np.linalg.eigh(covariance)
+        worst = float(np.sqrt(max(values[-1], 0.0)))
+        limbs, size = (joint.parent, joint.child), limb_size(skeleton, joint.child)
+        sentence = _undetermined(limbs, joint.kind, turned, vectors[:, -1], worst, size)
+        found.append(Observed(turned, vectors[:, -1], worst, sentence))
+    return tuple(found)
+
+
+def limb_size(skeleton: Skeleton, limb: int) -> float:
+    """Root mean square distance [mm] of a limb's markers from its joint; of all limbs' where it has none."""
+    own = skeleton.markers_of(limb)
+    offsets = skeleton.marker_offsets[own if len(own) else skeleton.limb_of_marker >= 0]
+    return float(np.sqrt((offsets**2).sum(axis=1).mean())) if len(offsets) else 0.0
+
+
+def _undetermined(
+    limbs: tuple[int, int], kind: str, motion: RangeOfMotion, direction: Floats, std: float, size: float
+) -> str:
+    """Say in a sentence that a joint's place is known least along a direction; empty if it is known well enough."""
+    if std <= DETERMINED_PART * size:
         return ""
     joint = f"the joint between limb {limbs[0]} and {limbs[1]}"
+    at_all = std >= ALL_OF_IT * size
+    spread = f" (anywhere within the limb's size, +-{size:.0f} mm)" if at_all else f", +-{std:.0f} mm"
     if motion.ranges[0] < STILL:
-        return f"{joint} does not turn: its place is not determined, +-{worst:.0f} mm"
+        return f"{joint} does not turn: its place is not determined{spread}"
     if kind == "hinge":
-        return f"{joint} turns about one axis only: its place along that axis is not determined, +-{worst:.0f} mm"
+        return f"{joint} turns about one axis only: its place along that axis is not determined{spread}"
     turns = ", ".join(f"{np.rad2deg(one):.0f}" for one in motion.ranges)
-    way = ", ".join(f"{one:.2f}" for one in vectors[:, -1])
+    way = ", ".join(f"{one:.2f}" for one in direction)
+    known = f"is not determined{spread}" if at_all else f"is known to +-{std:.0f} mm only"
     return (
         f"{joint} turns too little (by {turns} deg about its three directions): along ({way}) of limb {limbs[0]} its "
-        f"place is known to +-{worst:.0f} mm only"
+        f"place {known}"
     )

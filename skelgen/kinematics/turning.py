@@ -193,6 +193,20 @@ def about_z(angles: Floats) -> Floats:
     return matrix_from_vector(np.asarray(angles)[..., np.newaxis] * Z)
 
 
+def axis_covariance(turning: Turning, covariance: Floats) -> Floats:
+    """Return the covariance of both axes, shape (6, 6), from that of the constants; 0 for kinds without axes.
+
+    A tilt by (a, b) about x and y of an axis' frame moves its z by (b, -a).
+    """
+    if not isinstance(turning, AxisTurning | TwoAxisTurning):
+        return np.zeros((6, 6))
+    moves = np.zeros((6, 4))
+    for row, frame in ((0, turning.in_parent), (1, turning.in_child)):
+        moves[3 * row : 3 * row + 3, 2 * row] = -frame[:, 1]
+        moves[3 * row : 3 * row + 3, 2 * row + 1] = frame[:, 0]
+    return np.asarray(moves @ covariance[:4, :4] @ moves.T)
+
+
 def frame_along(axis: Floats) -> Floats:
     """Return a rotation whose last column is a unit axis, shape (3, 3); the other two are any."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])

@@ -35,6 +35,20 @@ class Joint:
         is not determined and the deviation says so.
     second_axis : ndarray, shape (3,), or None
         Unit axis of a universal joint that is fixed in the child, in the child's frame; None for other kinds.
+    covariance : ndarray, shape (3, 3), mm^2, or None
+        Of the position in the parent, against the parent's markers; `std` is the root of its diagonal.
+    std_in_child : ndarray, shape (3,), mm, or None
+        Standard deviation of the position along the axes of the child's frame, against the child's markers.
+    axis_std, second_axis_std : ndarray, shape (3,), or None
+        Standard deviations of the components of a hinge's axis in the parent and in the child, or of the two axes of a
+        universal joint; the root of their sum of squares is the angle [rad] by which the axis typically errs.
+    turn_covariance : ndarray, shape (3, 3), rad^2, or None
+        Of the child's turn against the parent, in the parent's axes: what the skeleton's own errors add in every frame
+        to those of the frame.
+
+    Notes
+    -----
+    What is None was not estimated: by older versions, or by other programs.
     """
 
     parent: int
@@ -45,16 +59,22 @@ class Joint:
     axis: Floats | None
     std: Floats
     second_axis: Floats | None = None
+    covariance: Floats | None = None
+    std_in_child: Floats | None = None
+    axis_std: Floats | None = None
+    second_axis_std: Floats | None = None
+    turn_covariance: Floats | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in JOINT_KINDS:
             raise InputError(f"a joint of kind {self.kind!r}; kinds are {', '.join(JOINT_KINDS)}")
         for name in ("position_in_parent", "position_in_child", "std"):
             object.__setattr__(self, name, check_floats(getattr(self, name), (3,), f"a joint's {name}", finite=True))
-        for name in ("axis", "second_axis"):
+        vectors = dict.fromkeys(("axis", "second_axis", "std_in_child", "axis_std", "second_axis_std"), (3,))
+        for name, shape in (vectors | dict.fromkeys(("covariance", "turn_covariance"), (3, 3))).items():
             if getattr(self, name) is not None:
-                axis = check_floats(getattr(self, name), (3,), f"a joint's {name}", finite=True)
-                object.__setattr__(self, name, axis)
+                value = check_floats(getattr(self, name), shape, f"a joint's {name}", finite=True)
+                object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +98,12 @@ class Skeleton:
         Root mean square over frames and coordinates of each marker's deviation from its place on the limb.
     reference_pose : ndarray, shape (n_limbs, 4, 4)
         world_from_limb in the reference pose (rotations are the identity).
+    offset_std : ndarray, shape (n_markers, 3), mm, or None
+        Standard deviations of the markers' places along the axes of their limbs, against the limb's other markers.
+    length_std : ndarray, shape (n_lengths,), mm, or None
+        Standard deviations of `lengths`, in their order; where hinges are along their axes is a choice and no error.
+    marker_noise : ndarray, shape (n_markers,), mm, or None
+        Standard deviation of each marker's coordinates, freedoms of the fit taken off: what its deviations rest on.
     """
 
     parents: Ints
@@ -86,6 +112,9 @@ class Skeleton:
     marker_offsets: Floats
     marker_std: Floats
     reference_pose: Floats
+    offset_std: Floats | None = None
+    length_std: Floats | None = None
+    marker_noise: Floats | None = None
 
     def __post_init__(self) -> None:
         parents = check_ints(self.parents, (None,), "parents")
@@ -102,6 +131,10 @@ class Skeleton:
         children = order[(parents[order] >= 0)]
         if [joint.child for joint in self.joints] != children.tolist():
             raise InputError("joints must be listed from the root outward, one per child limb")
+        shapes = {"offset_std": (n_markers, 3), "length_std": (len(self.lengths),), "marker_noise": (n_markers,)}
+        for name, shape in shapes.items():
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, check_floats(getattr(self, name), shape, name))
 
     @property
     def n_limbs(self) -> int:

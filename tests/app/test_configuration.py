@@ -41,7 +41,7 @@ def test_assignments_apply_in_order():
         ("legs.alpha=1", "no stage 'legs'; stages are labels, limbs, joints, skeleton, files"),
         ("joints.beta=1", "no parameter 'beta'; it has alpha"),
         ("joints.alpha=2", "must lie in 0 .. 1"),
-        ("joints.alpha=big", "type float"),
+        ("joints.alpha=big", "it must be a number"),
     ],
 )
 def test_wrong_assignment_says_what_is_possible(text, sentence):

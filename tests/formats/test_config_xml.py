@@ -121,11 +121,11 @@ def joint_finder(line):
     [
         ('<SAMPLNG value="3" type="int"/>', "JointFinder/SAMPLNG is unknown; JointFinder has SAMPLING,"),
         ('<SAMPLING value="3" type="double"/>', "has the type 'double'; it must be 'int'"),
-        ('<SAMPLING value="3.5" type="int"/>', "'3.5'; it must be a value of type int"),
+        ('<SAMPLING value="3.5" type="int"/>', "'3.5'; it must be a whole number"),
         ('<SAMPLING value="0" type="int"/>', "is 0; it must lie in 1 .. inf frames"),
         ('<SAMPLING value="3"/>', "must have the attributes value and type, and hold nothing; it has value"),
         ('<SAMPLING value="3" type="int" unit="s"/>', "it has value, type, unit"),
-        ('<NLCG><FTOL value="nan" type="double"/></NLCG>', "'nan'; it must be a value of type float"),
+        ('<NLCG><FTOL value="nan" type="double"/></NLCG>', "'nan'; it must be a number"),
         ('<NLCG><FTOL value="0.2" type="double"/></NLCG>', "is 0.2; it must lie in 0 .. 0.1 mm"),
         ('<NLCG><METHOD value="2" type="int"/></NLCG>', "it must be one of 0 = fletcher, 1 = polak"),
         ('<NLCG><METHOD value="2" type="double"/></NLCG>', "it must be 'int' or 'string'"),

@@ -7,7 +7,8 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.inverse import METHODS, joint_angles, solve
+from skelgen.kinematics.angles import joint_angles
+from skelgen.kinematics.inverse import METHODS, solve
 from skelgen.model import Joint, Skeleton
 
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -51,6 +52,8 @@ def test_exact_markers_give_the_true_angles(arm, method):
     for found, true in zip(posture.angles, angles, strict=True):
         np.testing.assert_allclose(found, true, atol=1e-5)
     assert posture.limb_seen.all()
+    np.testing.assert_allclose(posture.joint_positions, posture.world_from_limb[:, :, :3, 3][:, 1:], atol=0)
+    np.testing.assert_allclose(posture.joint_positions[:, 0], np.tile([0.0, 0, 300], (N_FRAMES, 1)), atol=1e-3)
 
 
 def test_one_frame_is_a_take_of_one_frame(arm):

@@ -197,3 +197,26 @@ def test_without_flexibility_small_motions_of_rigid_limbs_are_found(simulated, s
     case = simulated("human", n_frames=1000, noise=0.5, motion_range=0.2)
     limbs = find_limbs(case.take, LimbParameters(flexibility=0))
     assert same_partition(limbs.limb_of_marker, case.truth.limb_of_marker)
+
+
+def test_markers_that_hang_together_by_different_votes_are_not_chained():
+    # 0-1 and 1-2 have two votes of three, 0-2 has one
+    votes = [np.array([0, 0, 0, 1, 1]), np.array([0, 1, 1, 1, 1]), np.array([0, 0, 1, 1, 1])]
+    np.testing.assert_array_equal(majority(votes), [0, 0, 2, 2, 2])
+
+
+def test_votes_that_err_in_different_places_are_all_corrected():
+    votes = [np.array([0, 0, 1, 1, 2, 2]), np.array([0, 1, 1, 1, 2, 2]), np.array([0, 0, 1, 1, 1, 2])]
+    np.testing.assert_array_equal(majority(votes), [0, 0, 2, 2, 4, 4])
+
+
+@pytest.mark.parametrize("seed", [37, 73, 75])
+def test_marker_beside_the_axis_of_a_hinge_stays_on_its_limb(simulated, same_partition, seed):
+    case = simulated("tree:30", seed, n_frames=1000, noise=1.0)
+    assert same_partition(find_limbs(case.take).limb_of_marker, case.truth.limb_of_marker)
+
+
+@pytest.mark.parametrize(("name", "seed"), [("tree:15", 547), ("tree:15", 747), ("human", 707), ("quadruped", 525)])
+def test_markers_that_slide_by_their_limbs_motion_stay_on_them(simulated, same_partition, name, seed):
+    case = simulated(name, seed, n_frames=1000, noise=0.5, soft_tissue=2.5 if name == "quadruped" else 3.0)
+    assert same_partition(find_limbs(case.take).limb_of_marker, case.truth.limb_of_marker)

@@ -303,7 +303,7 @@ def worn_hinges():
         step = np.tile(np.eye(4), (len(times), 1, 1))
         step[:, :3, :3] = matrix_from_vector(turn)
         pose = pose @ step
-        markers = random.uniform(-60, 60, (4, 3)) + np.array([200, 0, 0])
+        markers = random.uniform(-60, 60, (4, 3)) + np.array([200.0, 0.0, 0.0])
         positions.append(np.einsum("fij,mj->fmi", pose[:, :3, :3], markers) + pose[:, np.newaxis, :3, 3])
         step = np.tile(np.eye(4), (len(times), 1, 1))
         step[:, 0, 3] = 400

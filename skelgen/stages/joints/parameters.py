@@ -103,6 +103,7 @@ class JointParameters(DescentParameters):
         low=0.0,
         high=1e3,
         seed_name="ALPHA",
+        basic=True,
     )
     alpha_final: float = declare(
         0.0,
@@ -132,9 +133,13 @@ class JointParameters(DescentParameters):
         5, "how many frames back such a start may come from", unit="frames", low=0, high=1000, seed_name="MAXFALLBACK"
     )
     joined: str = declare(
-        "", "joints that are there, as pairs of limbs or of one marker of each: 'limb0, limb3; LKNE, LANK'"
+        "",
+        "joints that are there, as pairs of limbs or of one marker of each: 'limb0, limb3; LKNE, LANK'",
+        basic=True,
     )
-    parted: str = declare("", "joints that are not there, in the same form")
+    parted: str = declare("", "joints that are not there, in the same form", basic=True)
     separate: bool = declare(
-        True, "whether edges of the tree that are no joints are cut, so that separate bodies are separate trees"
+        True,
+        "whether edges of the tree that are no joints are cut, so that separate bodies are separate trees",
+        basic=True,
     )

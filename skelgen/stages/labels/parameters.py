@@ -52,10 +52,16 @@ class LabelParameters(StageParameters):
         "Farthest that a point may lie from where its marker was expected; 0 = found from the take.",
         unit="mm",
         low=0.0,
+        basic=True,
     )
     mute: int = declare(2, "How long a marker that jumped farther is ignored.", unit="frames", low=0, high=1000)
     max_gap: int = declare(
-        5, "Longest gap over which a marker is followed by prediction alone.", unit="frames", low=0, high=50
+        5,
+        "Longest gap over which a marker is followed by prediction alone.",
+        unit="frames",
+        low=0,
+        high=50,
+        basic=True,
     )
     link_evidence: float = declare(
         5.0,
@@ -112,6 +118,7 @@ class LabelParameters(StageParameters):
         "sets joins Marker Sets over aligned poses, as the seed does; rigidity joins them by the likelihood of their "
         "distances, and then all points by the skeleton that this implies.",
         choices=("sets", "rigidity"),
+        basic=True,
     )
     rounds: int = declare(4, "Most turns of skeleton and identities.", low=1, high=100)
     compare: bool = declare(
@@ -124,7 +131,9 @@ class LabelParameters(StageParameters):
         choices=("spectral", "average", "complete"),
     )
     repair: bool = declare(
-        True, "Whether takes that are labelled already are searched for exchanged labels and for slips."
+        True,
+        "Whether takes that are labelled already are searched for exchanged labels and for slips.",
+        basic=True,
     )
     swap_evidence: float = declare(
         5.0,
@@ -134,7 +143,9 @@ class LabelParameters(StageParameters):
         high=1000.0,
     )
     slips: bool = declare(
-        True, "Whether labelled takes are searched for markers that slip on their limb; those that surely do are split."
+        True,
+        "Whether labelled takes are searched for markers that slip on their limb; those that surely do are split.",
+        basic=True,
     )
     slip_seconds: float = declare(
         1.0, "A marker has slipped when its new place on the limb lasts this long.", unit="s", low=0.05, high=100.0

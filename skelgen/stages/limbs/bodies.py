@@ -15,10 +15,12 @@ import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.limbs.constraints import Constraints
+from skelgen.stages.limbs.exchange import exchanged
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.pieces import GAIN, LINKED, marker_noise, misfit, rigid_pieces
 from skelgen.stages.limbs.relative import Group, Movements, Spread
 from skelgen.stages.limbs.rigidity import (
+    FULL_POSE,
     LEAST_GAIN,
     PRIOR_WEIGHT,
     PairSums,
@@ -32,6 +34,10 @@ BEND = 4.0
 
 LIMB = 5.0
 """nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
+
+PLATE = 3.0
+"""The same between pieces that have poses of their own: that each is rigid speaks for a joint already, while pairs of
+markers on soft tissue are rigid by nearness."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +104,7 @@ def rigid_bodies(
     ratio = 2 * distances.bounded / (own[:, np.newaxis] + own)
     pieces = rigid_pieces(movements, ratio, own, wishes)
     groups = _Joiner(movements, distances, parameters, pieces, wishes.apart).joined(n_limbs)
+    groups = exchanged(movements, groups, ratio, noise, wishes)
     return _with_resting(movements, ratio, groups, own, wishes)
 
 
@@ -197,7 +204,7 @@ class _Joiner:
         variances = np.full(len(self._apart), (self._bend(one, other) * motion.radius) ** 2)
         variances[list(one)] += self._group_noise(one)
         variances[list(other)] += self._group_noise(other)
-        return misfit(motion.ratios(variances)) - LIMB
+        return misfit(motion.ratios(variances)) - (LIMB if min(len(one), len(other)) < FULL_POSE else PLATE)
 
     def _bend(self, *groups: Group) -> float:
         """Part of its size by which a limb of these groups may bend: less for what is seen to be a rigid plate."""

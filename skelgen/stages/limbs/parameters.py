@@ -21,6 +21,7 @@ class LimbParameters(StageParameters):
         "that is more than it finds is left to spectral); distances does the same by the variances of distances alone; "
         "spectral is the seed's clustering; greedy its simple one",
         choices=("rigidity", "distances", "spectral", "greedy"),
+        basic=True,
     )
     count: str = declare(
         "rigidity",
@@ -29,8 +30,8 @@ class LimbParameters(StageParameters):
         "rising until all limbs are rigid",
         choices=("rigidity", "rotation", "eigengap", "rising"),
     )
-    together: str = declare("", "names of markers that share a limb, as in 'a, b; c, d, e'")
-    apart: str = declare("", "names of markers no two of which share a limb, as in 'a, b; c, d, e'")
+    together: str = declare("", "names of markers that share a limb, as in 'a, b; c, d, e'", basic=True)
+    apart: str = declare("", "names of markers no two of which share a limb, as in 'a, b; c, d, e'", basic=True)
     samplings: int = declare(
         3,
         "rigidity: jittered samplings that vote on which markers share a limb; most takes are decided after two",
@@ -66,6 +67,7 @@ class LimbParameters(StageParameters):
         "rigidity: a limb may bend by this part of its size; groups that move less against each other are one limb",
         low=0.0,
         high=1.0,
+        basic=True,
     )
     local_scaling: bool = declare(
         True, "spectral: scale each marker by its M-th neighbour instead of one sigma", seed_name="LOCALSIGMA"

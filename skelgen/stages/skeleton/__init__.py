@@ -11,12 +11,13 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import ROTATORS
+from skelgen.kinematics.observability import observed_joints
 from skelgen.model import Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.skeleton.assemble import cut_out
 from skelgen.stages.skeleton.fitting import FittedBody, fit_body
 from skelgen.stages.skeleton.parameters import SkeletonParameters
-from skelgen.stages.skeleton.result import make_motion, make_skeleton, places_not_determined
+from skelgen.stages.skeleton.result import make_motion, make_skeleton
 
 __all__ = ["SkeletonParameters", "fit_skeleton"]
 
@@ -68,10 +69,12 @@ def fit_skeleton(
         monitor.advance(index + 1, len(topology.roots))
     _report_unseen(fitted, monitor)
     _report_outliers(fitted, trajectories, monitor)
-    for sentence in places_not_determined(fitted):
-        monitor.notice(sentence)
     skeleton = make_skeleton(fitted, limbs, topology)
-    return skeleton, make_motion(fitted, trajectories, skeleton)
+    motion = make_motion(fitted, trajectories, skeleton)
+    for seen in observed_joints(skeleton, motion):
+        if seen.sentence:
+            monitor.notice(seen.sentence)
+    return skeleton, motion
 
 
 def _report_unseen(fitted: list[FittedBody], monitor: Monitor) -> None:

@@ -11,6 +11,7 @@ from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.calibration import Calibration, calibrate
 from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
 from skelgen.kinematics.kind import JointKind, KindLimits
+from skelgen.kinematics.limb_errors import LimbErrors
 from skelgen.kinematics.posing import fit_poses
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
@@ -18,9 +19,10 @@ from skelgen.stages.skeleton.deviations import joint_deviations, lasting
 from skelgen.stages.skeleton.joints import (
     articulation_of,
     axis_freedom,
+    errors_of_limbs,
     find_kinds,
-    joint_covariances,
-    settle_along_axes,
+    shifted,
+    shifts_along_axes,
     with_axes,
     with_noise_of_poses,
 )
@@ -33,6 +35,10 @@ FIRST_ROUNDS = 3
 
 LEAST_FRAMES = 30
 """Limbs and joints are estimated from the best quarter of all frames, and from no fewer than these."""
+
+
+TURN_FRAMES = 20
+"""Frames over which the skeleton's part in the errors of turns is averaged: it hardly changes with the pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +59,12 @@ class FittedBody:
         Positions that were left out because they cannot belong to their marker.
     kinds : list of JointKind
         Of the joints above limbs 1, 2, ...
-    freedom : ndarray, shape (n_limbs,)
-        How free each joint is along its hinge axis, 0 .. 1.
-    covariances : ndarray, shape (n_limbs, 3, 3), mm^2
-        Of the joints in their parents' frames.
+    errors : LimbErrors
+        Errors of limbs and joints, in frames of the limbs that `turn` brings to those of the chain.
+    turn : ndarray, shape (n_limbs, 3, 3)
+        Chain's frames from those of the errors.
+    turn_covariances : ndarray, shape (n_limbs, 3, 3), rad^2
+        Of limbs against their parents, in the parents' axes: what the errors make in every frame.
     reference : int
         Reference frame.
     deviations : ndarray, shape (n_frames, n_limbs, 3), mm
@@ -73,8 +81,9 @@ class FittedBody:
     seen: Bools
     outliers: Bools
     kinds: list[JointKind]
-    freedom: Floats
-    covariances: Floats
+    errors: LimbErrors
+    turn: Floats
+    turn_covariances: Floats
     reference: int
     deviations: Floats
     growth: float
@@ -100,14 +109,18 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         if are_poses:
             last = with_noise_of_poses(last, trusted)
     freedom = axis_freedom(kinds, last.noise)
-    chain = settle_along_axes(last.chain, kinds, freedom)
+    shifts = shifts_along_axes(last.chain, kinds, freedom)
+    chain = shifted(last.chain, kinds, shifts)
     if refine:
         poses = fit_poses(chain, poses, trusted, last.articulation)
     used = _frames_of_refinement(trusted, parameters.refine_samples) if refine else frames
     growth = lasting(last, trusted[used])
-    covariances = growth * joint_covariances(last, parameters.rank_tolerance)
+    errors = errors_of_limbs(last, kinds, shifts, freedom, growth, parameters.rank_tolerance)
+    shared = _spread(used, TURN_FRAMES)
+    turn_covariances = errors.turns(poses[shared], trusted[shared])
     deviations = joint_deviations(last, chain, poses, trusted, np.asarray(~seen.all(axis=1)), growth)
     chain, poses, turn = _with_reference_axes(chain, poses, reference)
+    above = np.maximum(chain.parents, 0)
     return FittedBody(
         body=body,
         chain=chain,
@@ -115,10 +128,9 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         seen=seen,
         outliers=np.isnan(trusted[:, :, 0]) & ~np.isnan(body.positions[:, :, 0]),
         kinds=_in_other_frames(kinds, chain.parents, turn),
-        freedom=freedom,
-        covariances=turn[np.maximum(chain.parents, 0)]
-        @ covariances
-        @ turn[np.maximum(chain.parents, 0)].swapaxes(1, 2),
+        errors=errors,
+        turn=turn,
+        turn_covariances=turn[above] @ turn_covariances @ turn[above].swapaxes(1, 2),
         reference=reference,
         deviations=deviations,
         growth=growth,

@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.calibration import Calibration
 from skelgen.kinematics.chain import Chain, ChainPoses, residuals
 from skelgen.kinematics.kind import JointKind, KindLimits, find_kind
-from skelgen.kinematics.pose_covariances import LEAST_NOISE, pose_covariances
+from skelgen.kinematics.limb_errors import LimbErrors, limb_errors
+from skelgen.kinematics.pose_covariances import pose_covariances
 from skelgen.kinematics.relative import MIN_FRAMES
 from skelgen.kinematics.turning import TwoAxisTurning
-from skelgen.kinematics.uncertainty import inverse_root
 from skelgen.model.arrays import Bools, Floats
 
 NEIGHBOUR_WEIGHT = 0.1
@@ -113,8 +112,8 @@ def with_noise_of_poses(calibration: Calibration, positions: Floats) -> Calibrat
     return replace(calibration, noise=float(np.sqrt(squares / max(NUMBERS_OF_POSE * n_bodies - free, 1))))
 
 
-def settle_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> Chain:
-    """Move hinges along their axes, where data leave the choice, to the markers of both limbs.
+def shifts_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> dict[int, float]:
+    """Return how far [mm] hinges go along their axes, where data leave the choice, to the markers of both limbs.
 
     Each hinge is drawn to the centroids of its two limbs' markers and, weakly, to the other joints of these limbs.
 
@@ -129,7 +128,7 @@ def settle_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> 
     """
     hinges = [index for index, kind in enumerate(kinds) if kind.kind == "hinge"]
     if not hinges:
-        return chain
+        return {}
     column = {limb + 1: position for position, limb in enumerate(hinges)}
     rows: list[Floats] = []
     right: list[Floats] = []
@@ -143,7 +142,7 @@ def settle_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> 
             rows.append(weight * (first[1] - second[1]))
             right.append(weight * (second[0] - first[0]))
     shifts = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
-    return _shifted(chain, kinds, {limb: float(freedom[limb] * shifts[position]) for limb, position in column.items()})
+    return {limb: float(freedom[limb] * shifts[position]) for limb, position in column.items()}
 
 
 def axis_freedom(kinds: list[JointKind], noise: float) -> Floats:
@@ -166,7 +165,8 @@ def _attachments(
     return places
 
 
-def _shifted(chain: Chain, kinds: list[JointKind], shifts: dict[int, float]) -> Chain:
+def shifted(chain: Chain, kinds: list[JointKind], shifts: dict[int, float]) -> Chain:
+    """Return a chain whose joints were moved along their axes."""
     joints, offsets = chain.joints.copy(), chain.offsets.copy()
     for limb, shift in shifts.items():
         kind = kinds[limb - 1]
@@ -176,46 +176,56 @@ def _shifted(chain: Chain, kinds: list[JointKind], shifts: dict[int, float]) -> 
     return chain.moved(joints, offsets)
 
 
-def joint_covariances(calibration: Calibration, rank_tolerance: float) -> Floats:
-    """Covariance [mm^2] of each joint in its parent's frame, against the parent's markers, shape (n_limbs, 3, 3).
+def errors_of_limbs(
+    last: Calibration,
+    kinds: list[JointKind],
+    shifts: dict[int, float],
+    freedom: Floats,
+    growth: float,
+    tolerance: float,
+) -> LimbErrors:
+    """Return the errors of a chain whose hinges were moved along their axes.
 
-    The limbs' own frames are free to turn in the estimate. That freedom is taken off: a joint's change counts relative
-    to the rigid motion that best fits the change of the parent's other points.
+    Parameters
+    ----------
+    last : Calibration
+        The fit.
+    kinds, shifts, freedom
+        The kinds of its joints, and how hinges were moved.
+    growth : float
+        How much less than independent ones the frames tell.
+    tolerance : float
+        Information below this part of the largest is none.
     """
-    chain = calibration.chain
-    n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
-    noise = max(calibration.noise, LEAST_NOISE)
-    within = np.zeros(len(calibration.information))  # what nothing determines is uncertain by the size of a limb
-    within[:n_places] = noise**2 / max(float((chain.offsets**2).sum(axis=1).mean()), 1.0)
-    root = noise * inverse_root(calibration.information + np.diag(within), rank_tolerance)[:n_places]
-    result = np.zeros((chain.n_limbs, 3, 3))
-    for limb in range(1, chain.n_limbs):
-        change = _change_in_parent(chain, limb) @ root
-        result[limb] = change @ change.T
-    return result
+    hinges, slides = np.zeros((2, last.chain.n_limbs, 3)), np.zeros(last.chain.n_limbs)
+    for limb, shift in shifts.items():
+        hinges[:, limb], slides[limb] = (kinds[limb - 1].axis_in_parent, kinds[limb - 1].axis_in_child), shift
+    return limb_errors(
+        last.chain,
+        last.articulation,
+        last.information,
+        last.noise,
+        growth=growth,
+        loose=_along_hinges(last.chain, kinds, freedom),
+        hinges=hinges,
+        slides=slides,
+        tolerance=tolerance,
+    )
 
 
-def _change_in_parent(chain: Chain, limb: int) -> Floats:
-    """Linear map from the constants to the joint's change against its parent's points, shape (3, n_constants)."""
-    parent = int(chain.parents[limb])
-    markers = np.flatnonzero(chain.limb_of_marker == parent)
-    others = [child for child in range(1, chain.n_limbs) if chain.parents[child] == parent and child != limb]
-    columns = [int(marker) for marker in markers]
-    places = [chain.offsets[marker] for marker in markers]
-    if len(markers) < 3:
-        columns += [chain.n_markers + child - 1 for child in others]
-        places += [chain.joints[child] for child in others]
-    n_constants = 3 * (chain.n_markers + chain.n_limbs - 1)
-    motion = np.concatenate([np.tile(np.eye(3), (len(places), 1)), -_stack_cross(places)], axis=1)
-    fitted = np.linalg.pinv(motion, rcond=1e-6)
-    at_joint = np.concatenate([np.eye(3), -cross_matrix(chain.joints[limb])], axis=1)
-    result = np.zeros((3, n_constants))
-    for position, column in enumerate(columns):
-        result[:, 3 * column : 3 * column + 3] = -at_joint @ fitted[:, 3 * position : 3 * position + 3]
-    own = 3 * (chain.n_markers + limb - 1)
-    result[:, own : own + 3] += np.eye(3)
-    return result
+def _along_hinges(chain: Chain, kinds: list[JointKind], freedom: Floats) -> Floats:
+    """Changes of offsets and joints by moving each hinge along its axis, by the size of its limb where it is free."""
+    still = chain.moved(np.zeros_like(chain.joints), np.zeros_like(chain.offsets))
+    columns = []
+    for limb, kind in enumerate(kinds, start=1):
+        if kind.kind == "hinge":
+            moved = shifted(still, kinds, {limb: float(np.sqrt(freedom[limb])) * limb_size(chain, limb)})
+            columns.append(np.concatenate([moved.offsets.ravel(), moved.joints[1:].ravel()]))
+    return np.array(columns).reshape(len(columns), 3 * (chain.n_markers + chain.n_limbs - 1)).T
 
 
-def _stack_cross(places: list[Floats]) -> Floats:
-    return cross_matrix(np.stack(places)).reshape(-1, 3)
+def limb_size(chain: Chain, limb: int) -> float:
+    """Root mean square distance [mm] of a limb's markers from its joint; of all limbs' where it has none."""
+    own = chain.limb_of_marker == limb
+    offsets = chain.offsets[own] if own.any() else chain.offsets
+    return float(np.sqrt((offsets**2).sum(axis=1).mean()))

@@ -30,6 +30,7 @@ class SkeletonParameters(StageParameters):
         "root-outward poses one limb after the other as the seed does; whole-chain then refines limbs, joints and "
         "poses together by maximum likelihood",
         choices=("root-outward", "whole-chain"),
+        basic=True,
     )
     outlier: float = declare(
         1.0,
@@ -42,6 +43,7 @@ class SkeletonParameters(StageParameters):
         "positions that are off their limb by more than this many typical deviations are left out of the fit",
         low=3.0,
         high=1e6,
+        basic=True,
     )
     joints_for_poses: bool = declare(
         False,
@@ -103,6 +105,7 @@ class SkeletonParameters(StageParameters):
         "",
         "kinds of joints that are known: one for all, or by the joint's child limb such as 3=hinge,7=ball; "
         "empty finds them",
+        basic=True,
     )
 
     def __post_init__(self) -> None:

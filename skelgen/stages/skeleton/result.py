@@ -2,34 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from skelgen.geometry.rotations import transform_from
-from skelgen.kinematics.observability import range_of_motion, undetermined_place
+from skelgen.kinematics.limb_errors import deviations
 from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.fitting import FittedBody
+from skelgen.stages.skeleton.joints import limb_size
 
 
 def make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -> Skeleton:
     """Join fitted bodies into one skeleton value."""
     offsets = np.full((limbs.n_markers, 3), np.nan)
-    spread = np.full(limbs.n_markers, np.nan)
+    spread, noise, offset_std = (np.full(shape, np.nan) for shape in (limbs.n_markers, limbs.n_markers, offsets.shape))
     reference = np.tile(np.eye(4), (topology.n_limbs, 1, 1))
     joint_above: dict[int, Joint] = {}
     for one in fitted:
         offsets[one.body.markers] = one.chain.offsets
         spread[one.body.markers] = _marker_spread(one)
+        noise[one.body.markers] = one.noise
+        offset_std[one.body.markers] = _offset_std(one)
         reference[one.body.limbs, :3, 3] = one.poses[np.array([one.reference])].origins(one.chain)[0]
         joint_above |= _joints(one)
-    return Skeleton(
+    skeleton = Skeleton(
         parents=topology.parents,
         joints=tuple(joint_above[int(child)] for child in topology.children),
         limb_of_marker=limbs.limb_of_marker,
         marker_offsets=offsets,
         marker_std=spread,
         reference_pose=reference,
+        offset_std=offset_std,
+        marker_noise=noise,
     )
+    return replace(skeleton, length_std=_length_std(fitted, skeleton))
 
 
 def make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: Skeleton) -> Motion:
@@ -67,51 +75,64 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
     """Joint above each limb but the root, by the child's index in the take."""
     found = {}
     for limb in range(1, one.chain.n_limbs):
-        kind = one.kinds[limb - 1]
-        covariance = place_covariance(one, limb)
+        parent, kind = int(one.chain.parents[limb]), one.kinds[limb - 1]
+        covariance = _capped(one.turn[parent] @ one.errors.joint(limb, parent), one, limb)
+        in_child = _capped(one.turn[limb] @ one.errors.joint(limb, limb), one, limb)
         child = int(one.body.limbs[limb])
         found[child] = Joint(
-            parent=int(one.body.limbs[one.chain.parents[limb]]),
+            parent=int(one.body.limbs[parent]),
             child=child,
             position_in_parent=one.chain.joints[limb],
             position_in_child=np.zeros(3),
             kind=kind.kind,
             axis=kind.axis_in_parent if kind.kind in {"hinge", "universal"} else None,
-            std=np.sqrt(np.maximum(np.diag(covariance), 0.0)),
+            std=_root(covariance),
             second_axis=kind.axis_in_child if kind.kind == "universal" else None,
+            covariance=covariance,
+            std_in_child=_root(in_child),
+            axis_std=_axis_std(one, limb, parent),
+            second_axis_std=_axis_std(one, limb, limb),
+            turn_covariance=one.turn_covariances[limb],
         )
     return found
 
 
-def place_covariance(one: FittedBody, limb: int) -> Floats:
-    """Covariance [mm^2] of the joint above a limb in its parent, places along hinges included, shape (3, 3)."""
-    covariance = one.covariances[limb]
-    if one.kinds[limb - 1].kind == "hinge":
-        return np.asarray(covariance + one.freedom[limb] * _along_axis(one, limb))
-    return np.asarray(covariance)
+def _offset_std(one: FittedBody) -> Floats:
+    """Standard deviations of a body's markers in the frames of its limbs, shape (n_markers, 3), mm."""
+    stds = np.zeros_like(one.chain.offsets)
+    for limb in range(one.chain.n_limbs):
+        change = one.turn[limb] @ one.errors.offsets(limb)
+        stds[one.chain.limb_of_marker == limb] = np.minimum(deviations(change), limb_size(one.chain, limb))
+    return stds
 
 
-def places_not_determined(fitted: list[FittedBody]) -> list[str]:
-    """Say which joints' places the motion leaves open."""
-    found = []
-    for one in fitted:
-        for limb in range(1, one.chain.n_limbs):
-            parent = int(one.chain.parents[limb])
-            relative = one.poses.rotations[:, parent].swapaxes(1, 2) @ one.poses.rotations[:, limb]
-            names = (int(one.body.limbs[parent]), int(one.body.limbs[limb]))
-            motion, kind = range_of_motion(relative), one.kinds[limb - 1].kind
-            found.append(undetermined_place(names, kind, motion, place_covariance(one, limb), limb_size(one, limb)))
-    return [sentence for sentence in found if sentence]
+def _capped(change: Floats, one: FittedBody, limb: int) -> Floats:
+    """Covariance of a place, shape (3, 3): what is less sure than the limb is large is not determined at all."""
+    values, vectors = np.linalg.eigh(change @ change.T)
+    return np.asarray((vectors * np.clip(values, 0.0, limb_size(one.chain, limb) ** 2)) @ vectors.T)
 
 
-def limb_size(one: FittedBody, limb: int) -> float:
-    """Root mean square distance [mm] of a limb's markers from its joint; of all limbs' where it has none."""
-    own = one.chain.limb_of_marker == limb
-    offsets = one.chain.offsets[own] if own.any() else one.chain.offsets
-    return float(np.sqrt((offsets**2).sum(axis=1).mean()))
+def _root(covariance: Floats) -> Floats:
+    return np.asarray(np.sqrt(np.maximum(np.diag(covariance), 0.0)))
 
 
-def _along_axis(one: FittedBody, limb: int) -> Floats:
-    """Nothing fixes a perfect hinge along its axis: its place there is uncertain by the size of the limb."""
-    axis = one.kinds[limb - 1].axis_in_parent
-    return np.asarray(limb_size(one, limb) ** 2 * np.outer(axis, axis))
+def _axis_std(one: FittedBody, limb: int, where: int) -> Floats | None:
+    """Standard deviations of an axis in one of its limbs: from the chain, or from the kind where the chain is free."""
+    kind = one.kinds[limb - 1]
+    if kind.kind not in {"hinge", "universal"}:
+        return None
+    if one.errors.articulation.kinds[limb] == kind.kind:
+        return np.asarray(np.minimum(deviations(one.turn[where] @ one.errors.axis(limb, where)), 1.0))
+    own = slice(3, 6) if where == limb else slice(0, 3)
+    return _root(kind.axis_covariance[own, own])
+
+
+def _length_std(fitted: list[FittedBody], skeleton: Skeleton) -> Floats:
+    """Standard deviations of the skeleton's lengths, in their order."""
+    body_of = {int(limb): (one, place) for one in fitted for place, limb in enumerate(one.body.limbs)}
+    stds = []
+    for first, second in skeleton.lengths:
+        one, limb = body_of[skeleton.limb_of_length((first, second))]
+        ends = [body_of[skeleton.joints[index].child][1] for index in (first, second)]
+        stds.append(min(float(deviations(one.errors.length(ends[0], ends[1], limb))), limb_size(one.chain, limb)))
+    return np.array(stds)

@@ -1,0 +1,161 @@
+"""Forms that are generated from declared parameters: the basic ones at once, the others behind 'Advanced'."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QVBoxLayout, QWidget
+
+from skelgen.parameters import Declaration, StageParameters
+from skelgen_gui.form_row import CHANGED_MARK, NAME_COLUMN, UNIT_COLUMN, Check, FormRow, title_of
+
+_LINES_PER_ROW = 2  # the editor, and what is wrong with it
+_HELP_LINES = 4
+
+
+def stage_form(declared: type[StageParameters], parent: QWidget | None = None) -> ParameterForm:
+    """Return the form of a stage's parameters; it judges as the stage does, beyond single bounds."""
+
+    def check(declaration: Declaration, entered: Any) -> Any:
+        return getattr(declared.from_mapping({declaration.name: entered}), declaration.name)
+
+    return ParameterForm(declared.declarations(), parent, check)
+
+
+class ParameterForm(QWidget):
+    """One line per declared value, with what is wrong said beside it.
+
+    Signals
+    -------
+    changed()
+        Something is entered, allowed or not; ask `problem`.
+
+    Parameters
+    ----------
+    declarations : iterable of Declaration
+        What is asked for; if none is basic, all are shown at once.
+    parent : QWidget, optional
+        Qt's parent.
+    check : callable (declaration, entered) -> value, optional
+        Judges what is entered; by default the declaration does.
+    """
+
+    changed = Signal()
+
+    def __init__(
+        self, declarations: Iterable[Declaration], parent: QWidget | None = None, check: Check = Declaration.check
+    ) -> None:
+        super().__init__(parent)
+        declarations = tuple(declarations)
+        basic = [entry for entry in declarations if entry.basic] or list(declarations)
+        self._is_filling = False
+        self._measure(declarations)
+        self._expander = self._made_expander()
+        self._boxes = QWidget(self), QWidget(self)
+        self._basic = self._filled(self._boxes[0], basic, check)
+        self._advanced = self._filled(self._boxes[1], [entry for entry in declarations if entry not in basic], check)
+        self._help = self._made_help()
+        self._reset_all = QPushButton(self.tr("Reset all"), self)
+        self._lay_out()
+        self._follow()
+
+    @property
+    def rows(self) -> dict[str, FormRow]:
+        """The lines of the form by name."""
+        return {row.declaration.name: row for row in (*self._basic, *self._advanced)}
+
+    def values(self) -> dict[str, Any]:
+        """Return the value of every name, or raise the first `ParameterError`."""
+        return {name: row.value() for name, row in self.rows.items()}
+
+    def set_values(self, values: Mapping[str, Any]) -> None:
+        """Show some values, allowed or not; names that the form does not have, as older files hold, are passed over."""
+        rows = self.rows
+        self._is_filling = True
+        for name in values.keys() & rows.keys():
+            rows[name].show_value(values[name])
+        self._is_filling = False
+        self._follow()
+
+    def problem(self) -> str:
+        """Return the first sentence on what is wrong, empty if all is well."""
+        return next((row.problem for row in self.rows.values() if row.problem), "")
+
+    def reset(self) -> None:
+        """Return to all defaults."""
+        self.set_values({name: row.declaration.default for name, row in self.rows.items()})
+
+    def _measure(self, declarations: Iterable[Declaration]) -> None:
+        """Find the widths that names and units have in both parts of the form."""
+        wide = self.fontMetrics().horizontalAdvance
+        self._name_width = max((wide(CHANGED_MARK + title_of(entry)) for entry in declarations), default=0)
+        self._unit_width = max((wide(entry.unit) for entry in declarations), default=0)
+
+    def _filled(self, widget: QWidget, declarations: Iterable[Declaration], check: Check) -> list[FormRow]:
+        grid = QGridLayout(widget)
+        grid.setColumnStretch(1, 1)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setColumnMinimumWidth(NAME_COLUMN, self._name_width)
+        grid.setColumnMinimumWidth(UNIT_COLUMN, self._unit_width)
+        rows = [FormRow(entry, check, grid, _LINES_PER_ROW * index, widget) for index, entry in enumerate(declarations)]
+        for row in rows:
+            row.edited.connect(self._follow_edit)
+            row.looked_at.connect(self._explain)
+        return rows
+
+    def _made_expander(self) -> QToolButton:
+        expander = QToolButton(self)
+        expander.setCheckable(True)
+        expander.setAutoRaise(True)
+        expander.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        expander.setToolTip(self.tr("Show or hide the parameters that most takes do not need"))
+        return expander
+
+    def _made_help(self) -> QLabel:
+        label = QLabel(self)
+        label.setWordWrap(True)
+        label.setAlignment(Qt.AlignmentFlag.AlignTop)
+        label.setTextFormat(Qt.TextFormat.PlainText)
+        label.setMinimumHeight(_HELP_LINES * label.fontMetrics().lineSpacing())  # the form does not jump
+        label.setAccessibleName(self.tr("What the chosen parameter means"))
+        return label
+
+    def _lay_out(self) -> None:
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        for widget in (self._boxes[0], self._expander, self._boxes[1], self._help):
+            layout.addWidget(widget)
+        layout.addWidget(self._reset_all, alignment=Qt.AlignmentFlag.AlignRight)
+        layout.addStretch(1)
+        self._reset_all.setToolTip(self.tr("Return all parameters to their defaults"))
+        self._reset_all.setAccessibleName(self.tr("Reset all parameters"))
+        self._reset_all.clicked.connect(self.reset)
+        self._expander.setVisible(bool(self._advanced))
+        self._expander.toggled.connect(self._show_advanced)
+        self._show_advanced(False)
+
+    def _show_advanced(self, shown: bool) -> None:
+        self._expander.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
+        self._boxes[1].setVisible(shown)
+
+    def _explain(self) -> None:
+        row = self.sender()
+        if isinstance(row, FormRow):
+            self._help.setText(row.help_text())
+
+    def _follow_edit(self) -> None:
+        if not self._is_filling:
+            self._follow()
+
+    def _follow(self) -> None:
+        self._reset_all.setEnabled(any(row.is_changed for row in self.rows.values()))
+        n_changed = sum(row.is_changed for row in self._advanced)
+        counts = self.tr("{0}, {1} changed") if n_changed else "{0}"
+        counts = counts.format(len(self._advanced), n_changed)
+        self._expander.setText(self.tr("Advanced ({0})").format(counts))
+        self._expander.setAccessibleName(self._expander.text())
+        if any(row.problem for row in self._advanced):
+            self._expander.setChecked(True)
+        self.changed.emit()
