@@ -10,8 +10,8 @@ import json
 import os
 import shutil
 import threading
-import time
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QStandardPaths, QTimer
@@ -20,10 +20,8 @@ from skelgen.app.store import open_project, save_project
 from skelgen.errors import SkelgenError
 from skelgen.files import replacing
 from skelgen.model import Project
+from skelgen_gui.preferences import Preferences
 from skelgen_gui.session import Session
-
-SECONDS = 20.0
-"""Time between two autosaves, if there is anything new."""
 
 _PROJECT, _NOTE = "project.skelgen", "note.json"
 
@@ -40,14 +38,14 @@ class Remains:
         Of the take.
     path : Path or None
         The project file that it was opened from, if any.
-    time : float
-        When it was kept, in seconds since 1970.
+    when : datetime
+        When it was kept.
     """
 
     folder: Path
     name: str
     path: Path | None
-    time: float
+    when: datetime
 
     def project(self) -> Project:
         """Read the project; raises `FormatError` if it is damaged."""
@@ -72,13 +70,13 @@ def find_remains(folder: Path | None = None) -> tuple[Remains, ...]:
         try:
             note = json.loads((each / _NOTE).read_text(encoding="utf-8"))
             path = Path(note["path"]) if note["path"] else None
-            remains = Remains(each, str(note["name"]), path, float(note["time"]))
+            remains = Remains(each, str(note["name"]), path, datetime.fromisoformat(note["time"]))
             is_alive = _is_alive(int(note["process"]))
         except (OSError, ValueError, KeyError, TypeError):
             continue  # being written just now, or not ours
         if not is_alive and (each / _PROJECT).is_file():
             found.append(remains)
-    return tuple(sorted(found, key=lambda remains: -remains.time))
+    return tuple(sorted(found, key=lambda remains: remains.when, reverse=True))
 
 
 class Autosave(QObject):
@@ -88,8 +86,8 @@ class Autosave(QObject):
     ----------
     session : Session
         Holds the project.
-    seconds : float
-        Time between two savings.
+    preferences : Preferences
+        Say how often.
     folder : Path, optional
         Where all windows keep theirs.
     parent : QObject, optional
@@ -99,7 +97,7 @@ class Autosave(QObject):
     def __init__(
         self,
         session: Session,
-        seconds: float = SECONDS,
+        preferences: Preferences,
         folder: Path | None = None,
         parent: QObject | None = None,
     ) -> None:
@@ -108,9 +106,11 @@ class Autosave(QObject):
         self._folder = (folder or recovery_folder()) / f"{os.getpid()}-{id(self):x}"
         self._kept: Project | None = None
         self._thread: threading.Thread | None = None
-        self._timer = QTimer(self, interval=int(1000 * seconds))
+        self._preferences = preferences
+        self._timer = QTimer(self)
         self._timer.timeout.connect(self.save)
-        self._timer.start()
+        preferences.changed.connect(self._follow)
+        self._follow()
 
     def save(self) -> None:
         """Keep the project now, on a thread of its own, if it has changes that are not kept yet."""
@@ -123,6 +123,13 @@ class Autosave(QObject):
         self._thread = threading.Thread(target=_keep, args=(project, self._session.path, self._folder))
         self._thread.start()
 
+    def _follow(self) -> None:
+        seconds = self._preferences.values.autosave
+        if seconds:
+            self._timer.start(1000 * seconds)
+        else:
+            self._timer.stop()
+
     def end(self) -> None:
         """Wait for what is being written, and remove what was kept: nothing is lost any more."""
         self._timer.stop()
@@ -132,7 +139,7 @@ class Autosave(QObject):
 
 
 def _keep(project: Project, path: Path | None, folder: Path) -> None:
-    note = {"name": project.name, "path": str(path) if path else "", "time": time.time(), "process": os.getpid()}
+    note = {"name": project.name, "path": str(path) if path else "", "time": datetime.now().isoformat(), "process": os.getpid()}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         save_project(project, folder / _PROJECT)
