@@ -43,7 +43,7 @@ _DARK = {
     _Role.ButtonText: "#e6e8eb",
     _Role.ToolTipBase: "#474e58",
     _Role.ToolTipText: "#f2f3f5",
-    _Role.PlaceholderText: "#9aa1ab",
+    _Role.PlaceholderText: "#b3bac4",
     _Role.Highlight: "#2f7fd6",
     _Role.HighlightedText: "#ffffff",
     _Role.Accent: "#2f7fd6",

@@ -1,0 +1,154 @@
+"""Everything that the window can be told by menu, tool bar or key: one table, from which all three are made.
+
+Keys are Qt's portable texts; Ctrl is Cmd on a Mac. Keys without Ctrl or Alt would take letters and Space from lists and
+buttons: they work only where a view of the recording has the focus (`add_view_actions`). Texts are translated in the
+context ``Commands`` when the actions are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from PySide6.QtCore import QCoreApplication, QObject, Qt
+from PySide6.QtGui import QAction, QKeySequence
+from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar, QWidget
+
+SEPARATOR = "-"
+"""Stands for a line between the entries of a menu."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """One thing that the window can be told.
+
+    Attributes
+    ----------
+    id : str
+        Name in the program, e.g. ``open``; `SEPARATOR` for a line.
+    menu : str
+        Title of its menu.
+    text : str
+        Text in the menu, with ``&`` before its key.
+    key : str
+        Default key, empty for none.
+    tip : str
+        What it does, in one sentence.
+    in_tool_bar : bool
+        Whether the tool bar has it too.
+    in_views : bool
+        Whether its key works only while a view of the recording has the focus.
+    is_checkable : bool
+        Whether it is on or off.
+    """
+
+    id: str
+    menu: str
+    text: str = ""
+    key: str = ""
+    tip: str = ""
+    in_tool_bar: bool = False
+    in_views: bool = False
+    is_checkable: bool = False
+
+
+_FILE, _EDIT, _RUN, _VIEW, _PLAY, _HELP = "&File", "&Edit", "&Run", "&View", "&Play", "&Help"
+
+COMMANDS: tuple[Command, ...] = (
+    Command("open", _FILE, "&Open…", "Ctrl+O", "Open a recording or a project", in_tool_bar=True),
+    Command("compare", _FILE, "&Compare with…", "Ctrl+Shift+O", "Overlay another project of the same recording"),
+    Command(SEPARATOR, _FILE),
+    Command("save", _FILE, "&Save", "Ctrl+S", "Save the project", in_tool_bar=True),
+    Command("save_as", _FILE, "Save &as…", "Ctrl+Shift+S", "Save the project in another file"),
+    Command("export", _FILE, "&Export…", "Ctrl+E", "Write the results for other programs"),
+    Command(SEPARATOR, _FILE),
+    Command("quit", _FILE, "&Quit", "Ctrl+Q", "Close the window; asks first if something is not saved"),
+    Command("undo", _EDIT, "&Undo", "Ctrl+Z", "Take back the last change", in_tool_bar=True),
+    Command("redo", _EDIT, "&Redo", "Ctrl+Shift+Z", "Make the change again that was taken back", in_tool_bar=True),
+    Command(SEPARATOR, _EDIT),
+    Command("select_all", _EDIT, "Select &all markers", "Ctrl+A", "Select all markers"),
+    Command("select_none", _EDIT, "Select &nothing", "Ctrl+Shift+A", "Select nothing"),
+    Command("preferences", _EDIT, "&Preferences…", "Ctrl+,", "Colours, axes and autosave"),
+    Command("run_step", _RUN, "Run this &step", "Ctrl+R", "Run the step of the page shown", in_tool_bar=True),
+    Command("run_all", _RUN, "Run &all", "Ctrl+Shift+R", "Run this step and all that follow", in_tool_bar=True),
+    Command("cancel", _RUN, "&Cancel", "Ctrl+.", "Stop what is running; results stay as they were"),
+    Command("next_page", _RUN, "&Next page", "Ctrl+PgDown", "Go to the next step"),
+    Command("previous_page", _RUN, "&Previous page", "Ctrl+PgUp", "Go to the step before"),
+    Command("fit", _VIEW, "&Fit", "F", "Show everything", in_tool_bar=True, in_views=True),
+    Command("front", _VIEW, "Fr&ont", "1", "Look from the front", in_views=True),
+    Command("side", _VIEW, "&Side", "3", "Look from the side", in_views=True),
+    Command("top", _VIEW, "&Top", "7", "Look from above", in_views=True),
+    Command(SEPARATOR, _VIEW),
+    Command("trails", _VIEW, "T&rails", "T", "Show the ways of the markers", in_views=True, is_checkable=True),
+    Command("names", _VIEW, "&Names", "N", "Show the names of all markers", in_views=True, is_checkable=True),
+    Command("play", _PLAY, "&Play", "Space", "Play or pause", in_tool_bar=True, in_views=True, is_checkable=True),
+    Command("loop", _PLAY, "&Loop", "L", "Begin again at the end of the range", in_views=True, is_checkable=True),
+    Command(SEPARATOR, _PLAY),
+    Command("next_frame", _PLAY, "&Next frame", "Right", "One frame on", in_views=True),
+    Command("previous_frame", _PLAY, "Pre&vious frame", "Left", "One frame back", in_views=True),
+    Command("next_second", _PLAY, "Next &second", "Shift+Right", "One second on", in_views=True),
+    Command("previous_second", _PLAY, "Previous s&econd", "Shift+Left", "One second back", in_views=True),
+    Command("first_frame", _PLAY, "&First frame", "Home", "Go to the beginning", in_views=True),
+    Command("last_frame", _PLAY, "Las&t frame", "End", "Go to the end", in_views=True),
+    Command("faster", _PLAY, "Faste&r", "+", "Play faster", in_views=True),
+    Command("slower", _PLAY, "Slo&wer", "-", "Play slower", in_views=True),
+    Command("shortcuts", _HELP, "&Keyboard shortcuts", "F1", "List all keys"),
+    Command("about", _HELP, "&About skelgen", tip="Versions of the program and its parts"),
+)
+"""All commands, in the order of the menus."""
+
+
+def make_actions(parent: QObject, commands: Iterable[Command] = COMMANDS) -> dict[str, QAction]:
+    """Return one action per command, by its id."""
+    return {command.id: _action(command, parent) for command in commands if command.id != SEPARATOR}
+
+
+def fill_menu_bar(
+    bar: QMenuBar, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS
+) -> dict[str, QMenu]:
+    """Fill a menu bar, and return its menus by their title in the table, to which more can be added."""
+    menus: dict[str, QMenu] = {}
+    for command in commands:
+        menu = menus.get(command.menu)
+        if menu is None:
+            menu = menus[command.menu] = bar.addMenu(_translated(command.menu))
+            menu.setToolTipsVisible(True)
+        if command.id == SEPARATOR:
+            menu.addSeparator()
+        else:
+            menu.addAction(actions[command.id])
+    return menus
+
+
+def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS) -> None:
+    """Add the actions that belong into the tool bar."""
+    for command in commands:
+        if command.in_tool_bar:
+            bar.addAction(actions[command.id])
+
+
+def add_view_actions(view: QWidget, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS) -> None:
+    """Let the keys of views work while `view`, or something in it, has the focus."""
+    view.addActions([actions[command.id] for command in commands if command.in_views])
+
+
+def plain_text(command: Command) -> str:
+    """Return the translated text of a command without its mark of a key, e.g. ``Open``."""
+    return _translated(command.text).replace("&", "").removesuffix("…")
+
+
+def _action(command: Command, parent: QObject) -> QAction:
+    action = QAction(_translated(command.text), parent)
+    action.setObjectName(command.id)
+    action.setCheckable(command.is_checkable)
+    action.setShortcut(QKeySequence(command.key))
+    action.setStatusTip(_translated(command.tip))
+    key = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
+    action.setToolTip(f"{_translated(command.tip)} ({key})" if key else _translated(command.tip))
+    if command.in_views:
+        action.setShortcutContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
+    return action
+
+
+def _translated(text: str) -> str:
+    return QCoreApplication.translate("Commands", text)

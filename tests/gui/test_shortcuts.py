@@ -1,0 +1,119 @@
+"""Menus, tool bar, keys and the list of keys are made from one table."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QKeySequence
+from PySide6.QtWidgets import QLineEdit, QMainWindow, QPushButton, QToolBar, QVBoxLayout, QWidget
+from skelgen_gui.shortcuts import (
+    COMMANDS,
+    SEPARATOR,
+    add_view_actions,
+    fill_menu_bar,
+    fill_tool_bar,
+    make_actions,
+)
+from skelgen_gui.shortcuts_dialog import ShortcutsDialog
+
+ALL = [command for command in COMMANDS if command.id != SEPARATOR]
+
+
+@pytest.fixture
+def window(qtbot):
+    window = QMainWindow()
+    qtbot.addWidget(window)
+    return window
+
+
+@pytest.fixture
+def actions(window):
+    return make_actions(window)
+
+
+def test_commands_have_distinct_names_and_keys():
+    assert max(Counter(command.id for command in ALL).values()) == 1
+    assert max(Counter(command.key for command in ALL if command.key).values()) == 1
+
+
+def test_every_key_is_one_that_qt_knows(actions):
+    for command in ALL:
+        assert actions[command.id].shortcut().toString(QKeySequence.SequenceFormat.PortableText) == command.key
+
+
+def test_entries_of_a_menu_have_distinct_marked_letters():
+    for menu in {command.menu for command in ALL}:
+        letters = [command.text[command.text.index("&") + 1].lower() for command in ALL if command.menu == menu]
+        assert max(Counter(letters).values()) == 1
+
+
+def test_plain_letters_are_left_to_lists_and_fields():
+    for command in ALL:
+        has_modifier = any(name in command.key for name in ("Ctrl", "Alt")) or command.key in {"", "F1"}
+        assert has_modifier != command.in_views
+
+
+def test_menus_hold_every_command_once(window, actions):
+    menus = fill_menu_bar(window.menuBar(), actions)
+    listed = [action for menu in menus.values() for action in menu.actions() if not action.isSeparator()]
+    assert listed == [actions[command.id] for command in sorted(ALL, key=lambda c: list(menus).index(c.menu))]
+    assert [action.text() for action in window.menuBar().actions()] == list(menus)
+
+
+def test_the_tool_bar_has_what_the_table_says(window, actions):
+    bar = QToolBar(window)
+    fill_tool_bar(bar, actions)
+    assert bar.actions() == [actions[command.id] for command in ALL if command.in_tool_bar]
+
+
+def test_tool_tips_tell_the_key(actions):
+    assert actions["save"].toolTip() == "Save the project (Ctrl+S)"
+    assert all(action.toolTip() for action in actions.values())
+
+
+def test_keys_of_views_work_in_views_and_nowhere_else(qtbot, window, actions):
+    view, field, button = QWidget(), QLineEdit(), QPushButton("b")
+    view.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+    central = QWidget()
+    layout = QVBoxLayout(central)
+    for widget in (view, field, button):
+        layout.addWidget(widget)
+    window.setCentralWidget(central)
+    fill_menu_bar(window.menuBar(), actions)
+    add_view_actions(view, actions)
+    played, pressed = [], []
+    actions["play"].triggered.connect(lambda: played.append(1))
+    button.clicked.connect(lambda: pressed.append(1))
+    with qtbot.waitExposed(window):
+        window.show()
+    window.activateWindow()
+    for widget in (view, field, button):
+        widget.setFocus()
+        qtbot.keyClick(widget, Qt.Key.Key_Space)
+    assert (played, field.text(), pressed) == ([1], " ", [1])
+
+
+def test_the_list_of_keys_shows_each_with_its_use(qtbot, actions):
+    dialog = ShortcutsDialog(actions)
+    qtbot.addWidget(dialog)
+    rows = [[dialog.table.item(row, column).text() for column in range(3)] for row in range(dialog.table.rowCount())]
+    assert len(rows) == sum(bool(command.key) for command in ALL)
+    assert ["Run all", "Ctrl+Shift+R", "Run this step and all that follow"] in rows
+
+
+def test_the_list_of_keys_can_be_searched(qtbot, actions):
+    dialog = ShortcutsDialog(actions)
+    qtbot.addWidget(dialog)
+    dialog.show()
+    qtbot.keyClicks(dialog.search, "redo")
+    shown = [row for row in range(dialog.table.rowCount()) if not dialog.table.isRowHidden(row)]
+    assert [dialog.table.item(row, 0).text() for row in shown] == ["Redo"]
+
+
+def test_a_changed_key_is_listed_as_it_is_now(qtbot, actions):
+    actions["open"].setShortcut("Ctrl+Alt+O")
+    dialog = ShortcutsDialog(actions)
+    qtbot.addWidget(dialog)
+    assert dialog.table.item(0, 1).text() == "Ctrl+Alt+O"
