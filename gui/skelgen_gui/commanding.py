@@ -10,8 +10,7 @@ from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QDockWidget, QFileDialog, QMenu, QMessageBox, QToolBar
 
 from skelgen.app.files import file_filter
-from skelgen.model.project import STAGES
-from skelgen_gui.error_text import versions_text
+from skelgen_gui.error_text import versions
 from skelgen_gui.pages.stage import StagePage
 from skelgen_gui.preferences_dialog import PreferencesDialog
 from skelgen_gui.recent import RecentMenu
@@ -104,7 +103,7 @@ class Commanding(QObject):
             "next_page": lambda: window.pages.turn(1),
             "previous_page": lambda: window.pages.turn(-1),
             "shortcuts": self._show_keys,
-            "about": lambda: QMessageBox.about(window, self.tr("About skelgen"), versions_text()),
+            "about": lambda: QMessageBox.about(window, self.tr("About skelgen"), versions()),
         }
 
     def run_all(self) -> None:
@@ -135,9 +134,10 @@ class Commanding(QObject):
             self._window.session.select(Selection(frozenset(range(project.trajectories.n_markers))))
 
     def _show_keys(self) -> None:
-        shown = {f"view {index}": action for index, action in enumerate(self._window.view3d.actions())}
-        played = {f"play {index}": action for index, action in enumerate(self._window.timeline.actions_of_keys)}
-        ShortcutsDialog(self.actions | shown | played, self._window).open()
+        window = self._window
+        ShortcutsDialog(
+            dict.fromkeys((*self.actions.values(), *window.view3d.actions(), *window.timeline.actions_of_keys)), window
+        ).open()
 
     def _follow_undo(self) -> None:
         stack = self._window.document.undo_stack
@@ -156,5 +156,3 @@ class Commanding(QObject):
             self.actions[name].setEnabled(is_open and not is_busy)
         self.actions["open"].setEnabled(not is_busy)
         self.actions["cancel"].setEnabled(is_busy)
-        done = session.project is not None and all(session.project.has(stage) for stage in STAGES)
-        self.actions["export"].setEnabled(is_open and not is_busy and (done or session.project is not None))

@@ -139,7 +139,12 @@ class Autosave(QObject):
 
 
 def _keep(project: Project, path: Path | None, folder: Path) -> None:
-    note = {"name": project.name, "path": str(path) if path else "", "time": datetime.now().isoformat(), "process": os.getpid()}
+    note = {
+        "name": project.name,
+        "path": str(path) if path else "",
+        "time": datetime.now().isoformat(),
+        "process": os.getpid(),
+    }
     try:
         folder.mkdir(parents=True, exist_ok=True)
         save_project(project, folder / _PROJECT)

@@ -1,8 +1,8 @@
 """Everything that the window can be told by menu, tool bar or key: one table, from which all three are made.
 
 Keys are Qt's portable texts; Ctrl is Cmd on a Mac. Keys without Ctrl or Alt would take letters and Space from lists and
-buttons: they work only where a view of the recording has the focus (`add_view_actions`). Texts are translated in the
-context ``Commands`` when the actions are made.
+buttons: they belong to the views, which have their own. Texts are translated in the context ``Commands`` when the
+actions are made.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from PySide6.QtCore import QCoreApplication, QObject, Qt
+from PySide6.QtCore import QCoreApplication, QObject
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar, QWidget
+from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar
 
 SEPARATOR = "-"
 """Stands for a line between the entries of a menu."""
@@ -36,10 +36,6 @@ class Command:
         What it does, in one sentence.
     in_tool_bar : bool
         Whether the tool bar has it too.
-    in_views : bool
-        Whether its key works only while a view of the recording has the focus.
-    is_checkable : bool
-        Whether it is on or off.
     """
 
     id: str
@@ -48,11 +44,9 @@ class Command:
     key: str = ""
     tip: str = ""
     in_tool_bar: bool = False
-    in_views: bool = False
-    is_checkable: bool = False
 
 
-_FILE, _EDIT, _RUN, _VIEW, _PLAY, _HELP = "&File", "&Edit", "&Run", "&View", "&Play", "&Help"
+_FILE, _EDIT, _RUN, _HELP = "&File", "&Edit", "&Run", "&Help"
 
 COMMANDS: tuple[Command, ...] = (
     Command("open", _FILE, "&Open…", "Ctrl+O", "Open a recording or a project", in_tool_bar=True),
@@ -74,24 +68,6 @@ COMMANDS: tuple[Command, ...] = (
     Command("cancel", _RUN, "&Cancel", "Ctrl+.", "Stop what is running; results stay as they were"),
     Command("next_page", _RUN, "&Next page", "Ctrl+PgDown", "Go to the next step"),
     Command("previous_page", _RUN, "&Previous page", "Ctrl+PgUp", "Go to the step before"),
-    Command("fit", _VIEW, "&Fit", "F", "Show everything", in_tool_bar=True, in_views=True),
-    Command("front", _VIEW, "Fr&ont", "1", "Look from the front", in_views=True),
-    Command("side", _VIEW, "&Side", "3", "Look from the side", in_views=True),
-    Command("top", _VIEW, "&Top", "7", "Look from above", in_views=True),
-    Command(SEPARATOR, _VIEW),
-    Command("trails", _VIEW, "T&rails", "T", "Show the ways of the markers", in_views=True, is_checkable=True),
-    Command("names", _VIEW, "&Names", "N", "Show the names of all markers", in_views=True, is_checkable=True),
-    Command("play", _PLAY, "&Play", "Space", "Play or pause", in_tool_bar=True, in_views=True, is_checkable=True),
-    Command("loop", _PLAY, "&Loop", "L", "Begin again at the end of the range", in_views=True, is_checkable=True),
-    Command(SEPARATOR, _PLAY),
-    Command("next_frame", _PLAY, "&Next frame", "Right", "One frame on", in_views=True),
-    Command("previous_frame", _PLAY, "Pre&vious frame", "Left", "One frame back", in_views=True),
-    Command("next_second", _PLAY, "Next &second", "Shift+Right", "One second on", in_views=True),
-    Command("previous_second", _PLAY, "Previous s&econd", "Shift+Left", "One second back", in_views=True),
-    Command("first_frame", _PLAY, "&First frame", "Home", "Go to the beginning", in_views=True),
-    Command("last_frame", _PLAY, "Las&t frame", "End", "Go to the end", in_views=True),
-    Command("faster", _PLAY, "Faste&r", "+", "Play faster", in_views=True),
-    Command("slower", _PLAY, "Slo&wer", "-", "Play slower", in_views=True),
     Command("shortcuts", _HELP, "&Keyboard shortcuts", "F1", "List all keys"),
     Command("about", _HELP, "&About skelgen", tip="Versions of the program and its parts"),
 )
@@ -127,26 +103,13 @@ def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction], commands: Itera
             bar.addAction(actions[command.id])
 
 
-def add_view_actions(view: QWidget, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS) -> None:
-    """Let the keys of views work while `view`, or something in it, has the focus."""
-    view.addActions([actions[command.id] for command in commands if command.in_views])
-
-
-def plain_text(command: Command) -> str:
-    """Return the translated text of a command without its mark of a key, e.g. ``Open``."""
-    return _translated(command.text).replace("&", "").removesuffix("…")
-
-
 def _action(command: Command, parent: QObject) -> QAction:
     action = QAction(_translated(command.text), parent)
     action.setObjectName(command.id)
-    action.setCheckable(command.is_checkable)
     action.setShortcut(QKeySequence(command.key))
     action.setStatusTip(_translated(command.tip))
     key = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
     action.setToolTip(f"{_translated(command.tip)} ({key})" if key else _translated(command.tip))
-    if command.in_views:
-        action.setShortcutContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
     return action
 
 
