@@ -88,8 +88,8 @@ class Commanding(QObject):
         return {
             "open": self._choose_file,
             "compare": self._choose_other,
-            "save": lambda: window.care.save(),
-            "save_as": lambda: window.care.save_as(),
+            "save": self._save,
+            "save_as": self._save_as,
             "export": lambda: window.pages.page("export"),
             "quit": window.close,
             "undo": window.document.undo_stack.undo,
@@ -105,6 +105,12 @@ class Commanding(QObject):
             "shortcuts": self._show_keys,
             "about": lambda: QMessageBox.about(window, self.tr("About skelgen"), versions()),
         }
+
+    def _save(self) -> None:
+        self._window.care.save()
+
+    def _save_as(self) -> None:
+        self._window.care.save_as()
 
     def run_all(self) -> None:
         """Run all that is missing, with the numbers that the pages were told."""

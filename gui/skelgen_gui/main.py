@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     files = list(sys.argv[1:] if arguments is None else arguments)
     prepare_high_dpi()
-    app = QApplication.instance() or QApplication([APPLICATION])
+    app = QApplication([APPLICATION])
     app.setOrganizationName(ORGANISATION)
     app.setApplicationName(APPLICATION)
     preferences = Preferences(QSettings())

@@ -130,11 +130,15 @@ class Autosave(QObject):
         else:
             self._timer.stop()
 
+    def wait(self) -> None:
+        """Wait for what is being written."""
+        if self._thread is not None:
+            self._thread.join()
+
     def end(self) -> None:
         """Wait for what is being written, and remove what was kept: nothing is lost any more."""
         self._timer.stop()
-        if self._thread is not None:
-            self._thread.join()
+        self.wait()
         shutil.rmtree(self._folder, ignore_errors=True)
 
 

@@ -81,8 +81,8 @@ class Window(QMainWindow):
 
     def offer(self, remains: Remains) -> None:
         """Ask whether to go on with what a window that died left behind."""
-        when = self.locale().toString(remains.when, self.locale().FormatType.ShortFormat)
-        question = self.tr("skelgen ended without saving {0} (kept {1}). Restore it?").format(remains.name, when)
+        question = self.tr("skelgen ended without saving {0} (kept at {1:%X}, {1:%x}). Restore it?")
+        question = question.format(remains.name, remains.when)
         if QMessageBox.question(self, self.tr("Recovery"), question) == QMessageBox.StandardButton.Yes:
             self.care.restore(remains)
         else:
