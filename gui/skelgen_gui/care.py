@@ -152,10 +152,11 @@ class FileCare(QObject):
         if project is None:
             return
         shown = replace(project, view=dict(self._view()))
+        embed = self._preferences.values.embed
 
         def work(monitor: Any) -> Path:
             monitor.begin("saving")
-            return save_project(shown, path)
+            return save_project(shown, path, embed=embed)
 
         def done(saved: Path) -> None:
             self._document.session.saved(saved, project)

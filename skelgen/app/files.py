@@ -19,6 +19,7 @@ from skelgen_formats.registry import (
 )
 from skelgen_formats.table import COLUMNS, formats_table
 
+from skelgen.app.references import source_of
 from skelgen.app.store import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.errors import InputError, WriteError
 from skelgen.model import Identities, Project, Take
@@ -68,7 +69,9 @@ def open_input(
         project = open_project(find_result(path))
         stated = given_identities(identities) or project.identities
         return replace(project, seed=project.seed if seed is None else seed, identities=stated)
-    return Project(read_take(path, format, **options), seed or 0, identities=given_identities(identities))
+    take = read_take(path, format, **options)
+    source = source_of(Path(path), format or recognise(Path(path)).name, options)
+    return Project(take, seed or 0, identities=given_identities(identities), source=source)
 
 
 def given_identities(identities: Identities | Path | str | None) -> Identities | None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 
-from PySide6.QtCore import QT_TRANSLATE_NOOP
-
 from skelgen.app.stages import PIPELINE
 from skelgen_gui.pages.context import Context, PageEntry
 from skelgen_gui.pages.export import make_export_page
@@ -15,17 +13,17 @@ from skelgen_gui.pages.stage import StagePage
 __all__ = ["PAGES", "Context", "PageEntry"]
 
 _TITLES = {
-    "labels": QT_TRANSLATE_NOOP("Pages", "Labels"),
-    "limbs": QT_TRANSLATE_NOOP("Pages", "Limbs"),
-    "joints": QT_TRANSLATE_NOOP("Pages", "Joints"),
-    "skeleton": QT_TRANSLATE_NOOP("Pages", "Skeleton"),
+    "labels": "Labels",
+    "limbs": "Limbs",
+    "joints": "Joints",
+    "skeleton": "Skeleton",
 }
 
 PAGES: tuple[PageEntry, ...] = (
     PageEntry(
         "open",
-        QT_TRANSLATE_NOOP("Pages", "Open"),
-        QT_TRANSLATE_NOOP("Pages", "Open a recording or a project."),
+        "Open",
+        "Open a recording or a project.",
         OpenPage,
     ),
     *(
@@ -34,8 +32,8 @@ PAGES: tuple[PageEntry, ...] = (
     ),
     PageEntry(
         "export",
-        QT_TRANSLATE_NOOP("Pages", "Export"),
-        QT_TRANSLATE_NOOP("Pages", "Write the result for other programs."),
+        "Export",
+        "Write the result for other programs.",
         make_export_page,
     ),
 )

@@ -92,8 +92,8 @@ class StagePage(QWidget):
         choice, saved = QVBoxLayout(), QHBoxLayout()
         for button in (self.runs, self.uses_saved):
             choice.addWidget(button)
-        for widget in (self.path, self._browse):
-            saved.addWidget(widget)
+        saved.addWidget(self.path)
+        saved.addWidget(self._browse)
         self._choice = QButtonGroup(self)
         self._choice.addButton(self.runs)
         self._choice.addButton(self.uses_saved)
