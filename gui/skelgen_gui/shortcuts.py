@@ -1,8 +1,8 @@
 """Everything that the window can be told by menu, tool bar or key: one table, from which all three are made.
 
 Keys are Qt's portable texts; Ctrl is Cmd on a Mac. Keys without Ctrl or Alt would take letters and Space from lists and
-buttons: they belong to the views, which have their own. Texts are translated in the context ``Commands`` when the
-actions are made.
+buttons: they work only where a view of the recording has the focus (`add_view_actions`). Texts are translated in the
+context ``Commands`` when the actions are made.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from PySide6.QtCore import QCoreApplication, QObject
+from PySide6.QtCore import QCoreApplication, QObject, Qt
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar
+from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar, QWidget
 
 SEPARATOR = "-"
 """Stands for a line between the entries of a menu."""
@@ -36,6 +36,10 @@ class Command:
         What it does, in one sentence.
     in_tool_bar : bool
         Whether the tool bar has it too.
+    in_views : bool
+        Whether its key works only while a view of the recording has the focus.
+    is_checkable : bool
+        Whether it is on or off.
     """
 
     id: str
@@ -44,9 +48,11 @@ class Command:
     key: str = ""
     tip: str = ""
     in_tool_bar: bool = False
+    in_views: bool = False
+    is_checkable: bool = False
 
 
-_FILE, _EDIT, _RUN, _HELP = "&File", "&Edit", "&Run", "&Help"
+_FILE, _EDIT, _RUN, _PLAY, _HELP = "&File", "&Edit", "&Run", "&Play", "&Help"
 
 COMMANDS: tuple[Command, ...] = (
     Command("open", _FILE, "&Open…", "Ctrl+O", "Open a recording or a project", in_tool_bar=True),
@@ -68,6 +74,24 @@ COMMANDS: tuple[Command, ...] = (
     Command("cancel", _RUN, "&Cancel", "Ctrl+.", "Stop what is running; results stay as they were"),
     Command("next_page", _RUN, "&Next page", "Ctrl+PgDown", "Go to the next step"),
     Command("previous_page", _RUN, "&Previous page", "Ctrl+PgUp", "Go to the step before"),
+    Command("play", _PLAY, "&Play", "Space", "Play or pause", in_tool_bar=True, in_views=True, is_checkable=True),
+    Command("loop", _PLAY, "&Loop", "L", "Begin again at the end of the range", in_views=True, is_checkable=True),
+    Command(SEPARATOR, _PLAY),
+    Command("next_frame", _PLAY, "&Next frame", "Right", "One frame on", in_views=True),
+    Command("previous_frame", _PLAY, "Pre&vious frame", "Left", "One frame back", in_views=True),
+    Command("next_second", _PLAY, "Next &second", "Shift+Right", "One second on", in_views=True),
+    Command("previous_second", _PLAY, "Previous s&econd", "Shift+Left", "One second back", in_views=True),
+    Command("first_frame", _PLAY, "&First frame", "Home", "Go to the beginning", in_views=True),
+    Command("last_frame", _PLAY, "Las&t frame", "End", "Go to the end", in_views=True),
+    Command("faster", _PLAY, "Faste&r", "+", "Play faster", in_views=True),
+    Command("slower", _PLAY, "Slo&wer", "-", "Play slower", in_views=True),
+    Command(SEPARATOR, _PLAY),
+    Command("range_from", _PLAY, "Range from &here", "I", "Play from this frame on", in_views=True),
+    Command("range_to", _PLAY, "Range &up to here", "O", "Play up to this frame", in_views=True),
+    Command("range_all", _PLAY, "Wh&ole take", "A", "Play the whole take", in_views=True),
+    Command(SEPARATOR, _PLAY),
+    Command("next_doubt", _PLAY, "Next &doubt", "D", "Go to the next doubtful marker", in_views=True),
+    Command("previous_doubt", _PLAY, "Previous dou&bt", "Shift+D", "Go to the doubtful marker before", in_views=True),
     Command("shortcuts", _HELP, "&Keyboard shortcuts", "F1", "List all keys"),
     Command("about", _HELP, "&About skelgen", tip="Versions of the program and its parts"),
 )
@@ -103,13 +127,26 @@ def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction], commands: Itera
             bar.addAction(actions[command.id])
 
 
+def add_view_actions(view: QWidget, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS) -> None:
+    """Let the keys of views work while `view`, or something in it, has the focus."""
+    view.addActions([actions[command.id] for command in commands if command.in_views])
+
+
+def plain_text(command: Command) -> str:
+    """Return the translated text of a command without its mark of a key, e.g. ``Open``."""
+    return _translated(command.text).replace("&", "").removesuffix("…")
+
+
 def _action(command: Command, parent: QObject) -> QAction:
     action = QAction(_translated(command.text), parent)
     action.setObjectName(command.id)
+    action.setCheckable(command.is_checkable)
     action.setShortcut(QKeySequence(command.key))
     action.setStatusTip(_translated(command.tip))
     key = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
     action.setToolTip(f"{_translated(command.tip)} ({key})" if key else _translated(command.tip))
+    if command.in_views:
+        action.setShortcutContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
     return action
 
 

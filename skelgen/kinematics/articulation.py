@@ -106,13 +106,21 @@ class Articulation:
             parent = int(parents[limb])
             above = slice(3 + 3 * parent, 6 + 3 * parent)
             turns[:, rows], tilts[:, rows] = turns[:, above], tilts[:, above]
-            own, change = self._own(limb, rotations[:, parent], rotations[:, limb])
+            own, change = self.axes_of(limb, rotations[:, parent], rotations[:, limb])
             turns[:, rows, columns[limb]] += own
             tilts[:, rows, constants[limb]] += change
         return turns, tilts
 
-    def _own(self, limb: int, parent: Floats, child: Floats) -> tuple[Floats, Floats]:
-        """World axes of a constrained limb's freedoms and constants, shape (n_frames, 3, n) each."""
+    def axes_of(self, limb: int, parent: Floats, child: Floats) -> tuple[Floats, Floats]:
+        """World axes of a constrained limb's freedoms and constants, shape (n_frames, 3, n) each.
+
+        Parameters
+        ----------
+        limb : int
+            Whose joint is held.
+        parent, child : ndarray, shape (n_frames, 3, 3)
+            World from parent, and from the limb itself.
+        """
         first = parent @ self.in_parent[limb]
         tilt = parent @ across(self.in_parent[limb])
         if self.kinds[limb] == "hinge":
@@ -123,10 +131,8 @@ class Articulation:
         normal = _unit(np.cross(first, second))
         return np.stack([first, second], axis=2), np.concatenate([tilt, normal[:, :, np.newaxis]], axis=2)
 
-    def stepped(
-        self, parents: Ints, rotations: Floats, step: Floats, change: Floats | None = None
-    ) -> tuple[Articulation, Floats]:
-        """Turn limbs by their freedoms and axes by their constants, so that the joints still hold.
+    def tilted(self, parents: Ints, rotations: Floats, change: Floats) -> tuple[Articulation, Floats]:
+        """Turn axes by their constants, and limbs with them, so that the joints still hold.
 
         Parameters
         ----------
@@ -134,31 +140,26 @@ class Articulation:
             Of the chain.
         rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
             World from limb.
-        step : ndarray, shape (n_frames, n_freedoms)
-            Of every frame; the translation is ignored.
-        change : ndarray, shape (n_constants,), optional
+        change : ndarray, shape (n_constants,)
             Of the axes.
         """
+        if not self.n_constants:
+            return self, rotations
         new = rotations.copy()
         axes, between = self.in_parent.copy(), self.between.copy()
-        columns, constants = self.columns, self.constant_columns
-        for limb, kind in enumerate(self.kinds):
-            own = step[:, columns[limb]]
+        for limb, (kind, own) in enumerate(zip(self.kinds, self.constant_columns, strict=True)):
             if FREEDOMS[kind] == 3:
-                new[:, limb] = matrix_from_vector(own) @ rotations[:, limb]
                 continue
-            parent, axis = int(parents[limb]), self.in_parent[limb]
+            parent, axis, tilt = int(parents[limb]), self.in_parent[limb], change[own]
             relative = rotations[:, parent].swapaxes(1, 2) @ rotations[:, limb]
-            tilt = np.zeros(AXIS_CONSTANTS[kind]) if change is None else change[constants[limb]]
             if kind == "universal":
                 normal = _unit(np.cross(axis, relative @ self.in_child[limb]))
                 relative = matrix_from_vector(tilt[2] * normal) @ relative
-                relative = relative @ matrix_from_vector(own[:, 1:] * self.in_child[limb])
                 between[limb] += tilt[2]
             if kind != "rigid":
                 turn = matrix_from_vector(across(axis) @ tilt[:2])
                 axes[limb] = turn @ axis
-                relative = turn @ matrix_from_vector(own[:, :1] * axis) @ relative
+                relative = turn @ relative
             new[:, limb] = new[:, parent] @ relative
         return replace(self, in_parent=axes, between=between), new
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, residuals, seen_weights, world_arms
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.kinematics.chain import Chain, ChainPoses, normal_equations, seen_weights, world_arms
+from skelgen.model.arrays import Bools, Floats
 
-CHUNK_FLOATS = 4_000_000
-"""Entries of the largest border held at once: 32 MB."""
+CHUNK_FLOATS = 1_000_000
+"""Entries of the largest border held at once: 8 MB."""
 
 POSE_RIDGE = 1e-12
 """Relative ridge under a frame's normal matrix: for turns that no marker determines."""
@@ -84,25 +84,15 @@ def linearised(
     turns, tilts = articulation.bases(chain.parents, poses.rotations)
     if articulation.n_constants:
         by_tilt = hessian @ tilts
-        across = np.einsum("fdc,fdt->ct", border, tilts)
-        corner = np.einsum("fds,fdt->st", tilts, by_tilt)
+        flat = tilts.reshape(-1, tilts.shape[2])
+        across = border.reshape(len(flat), -1).T @ flat
+        corner = flat.T @ by_tilt.reshape(flat.shape)
         constants = np.block([[constants, across], [across.T, corner]])
         border = np.concatenate([border, by_tilt], axis=2)
     if not articulation.is_free:
         hessian = turns.swapaxes(1, 2) @ hessian @ turns
         border = turns.swapaxes(1, 2) @ border
     return Frames(with_ridge(hessian), border, turns, tilts, constants)
-
-
-def constant_pull(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats
-) -> Floats:
-    """How the residuals of settled poses pull at the constants, summed over frames, shape (n_constants,)."""
-    error = residuals(chain, poses, positions) * weights[:, :, np.newaxis]
-    pull = _offset_pull(chain, poses, error)
-    if not articulation.n_constants:
-        return pull
-    return np.concatenate([pull, _tilt_pull(chain, articulation, poses, error)])
 
 
 def with_ridge(own: Floats) -> Floats:
@@ -173,21 +163,3 @@ def _constants(chain: Chain, poses: ChainPoses, weights: Floats) -> Floats:
             matrix[column, :, n_markers + other - 1] = block
             matrix[n_markers + other - 1, :, column] = block.T
     return matrix.reshape(3 * n_points, 3 * n_points)
-
-
-def _offset_pull(chain: Chain, poses: ChainPoses, error: Floats) -> Floats:
-    """How weighted residuals pull at offsets and joints, shape (3 (n_markers + n_limbs - 1),)."""
-    behind = beyond_joints(chain)[1:].astype(np.float64) @ error
-    carrier: Ints = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
-    forces = np.concatenate([error, behind], axis=1)
-    return np.asarray(np.einsum("fpij,fpi->pj", poses.rotations[:, carrier], forces, optimize=True).ravel())
-
-
-def _tilt_pull(chain: Chain, articulation: Articulation, poses: ChainPoses, error: Floats) -> Floats:
-    """How weighted residuals pull at the constants of the axes: by their torque about each limb."""
-    _, tilts = articulation.bases(chain.parents, poses.rotations)
-    n_frames, n_limbs = poses.rotations.shape[:2]
-    arms = world_arms(chain.arms(), poses).reshape(n_frames, chain.n_markers, -1)
-    moment = (arms.swapaxes(1, 2) @ error).reshape(n_frames, n_limbs, 3, 3)
-    torque = np.stack([moment[..., i, j] - moment[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
-    return np.asarray(np.einsum("fdt,fd->t", tilts[:, 3:], torque.reshape(n_frames, -1)))

@@ -6,7 +6,7 @@ skeleton. The poses are eliminated frame by frame (Schur complement), so that th
 .. math::
     S = H_{cc} - \sum_f H_{cf} H_{ff}^{-1} H_{fc}, \qquad S\,\delta c = g_c - \sum_f H_{cf} H_{ff}^{-1} g_f .
 
-After every step the poses are settled, so that their pull :math:`g_f` is nothing. For large chains S is computed from
+After every step the poses are settled, so that their pull :math:`g_f` is nothing. For steps S is computed from a few
 evenly spread frames and scaled, while the pull of the constants comes from all: the solution is that of all frames.
 
 The inverse of S, times the noise variance, is the covariance of the constants: the Cramer-Rao bound at the solution.
@@ -15,26 +15,24 @@ The inverse of S, times the noise variance, is the covariance of the constants: 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.border import (
-    constant_pull,
-    frames_together,
-    linearised,
-    n_constants,
-    reduced_information,
-)
+from skelgen.kinematics.border import frames_together, linearised, n_constants, reduced_information
 from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.posing import fit_poses
+from skelgen.kinematics.pull import constant_pull
 from skelgen.model.arrays import Bools, Floats, Ints
 
-INFORMATION_WORK = 4e8
-"""Multiplications that one matrix S may take, a tenth of a second: larger chains use fewer frames for it."""
+STEP_FRAMES = 80
+"""Frames that the matrix S of a step rests on: it need not be exact, but few frames do not tell all constants."""
 
-LEAST_INFORMATION_FRAMES = 60
+INFORMATION_WORK = 1.5e8
+"""Multiplications that S for deviations may take, some 50 ms: larger chains use fewer frames, but not below those of a
+step."""
+
 LEAST_SIGHTS = 10
 """Frames of each marker that are among those for S, if there are as many."""
 
@@ -75,16 +73,30 @@ class Calibration:
         Poses in the frames used.
     noise : float, mm
         Standard deviation of one coordinate of weight 1, with the freedoms of poses and constants taken off.
-    information : ndarray, shape (n_constants, n_constants)
-        Information matrix of marker offsets, then joints 1 .. n_limbs - 1, in 1 / mm^2 times `noise` squared, then of
-        the constants of axes.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        What was measured.
+    weights : ndarray, shape (n_frames, n_markers)
+        Of the squared distances, 0 where unseen.
     """
 
     chain: Chain
     articulation: Articulation
     poses: ChainPoses
     noise: float
-    information: Floats
+    positions: Floats
+    weights: Floats
+
+    @cached_property
+    def information(self) -> Floats:
+        """Information matrix, shape (n_constants, n_constants), computed when it is first asked for.
+
+        Of marker offsets, then joints 1 .. n_limbs - 1, in 1 / mm^2 times `noise` squared, then of the constants of
+        axes.
+        """
+        size = n_constants(self.chain, self.articulation)
+        affordable = int(INFORMATION_WORK / (size**2 * (3 + 3 * self.chain.n_limbs)))
+        most = max(affordable, STEP_FRAMES)
+        return _information(self.chain, self.articulation, self.poses, self.positions, self.weights, most)
 
 
 def calibrate(
@@ -115,22 +127,21 @@ def calibrate(
     articulation = articulation or Articulation.free(chain.n_limbs)
     weights = seen_weights(positions, weights)
     if not articulation.is_free:
-        start = ChainPoses(start.root, nearest_rotation(articulation.projected(chain.parents, start.rotations)))
+        start = ChainPoses(start.root, articulation.projected(chain.parents, start.rotations))
         articulation = articulation.at_rest(chain.parents, start.rotations)
     poses = fit_poses(chain, start, positions, articulation, weights)
     state = _State(chain, articulation, poses, positions, weights)
-    information = _information(state, positions, weights)
     for _ in range(MAX_ROUNDS if n_rounds is None else n_rounds):
-        better = _improved(state, chain, information, positions, weights)
+        better = _improved(state, chain, positions, weights)
         if better is None:
             break
         moved = float(np.abs(_packed(better.chain) - _packed(state.chain)).max())
         gain = (state.squares - better.squares) / (2 * max(better.noise, LEAST_NOISE))
         state = better
-        if moved < STEP_TOLERANCE or gain <= LEAST_GAIN * len(information):
+        if moved < STEP_TOLERANCE or gain <= LEAST_GAIN * n_constants(chain, articulation):
             break
-        information = _information(state, positions, weights)
-    return Calibration(state.chain, state.articulation, state.poses, float(np.sqrt(state.noise)), information)
+    noise = float(np.sqrt(state.noise))
+    return Calibration(state.chain, state.articulation, state.poses, noise, positions, weights)
 
 
 class _State:
@@ -147,29 +158,38 @@ class _State:
         self.noise = self.squares / max(n_free, 0.05 * n_data, 1)
 
 
-def _improved(state: _State, first: Chain, information: Floats, positions: Floats, weights: Floats) -> _State | None:
+def _improved(state: _State, first: Chain, positions: Floats, weights: Floats) -> _State | None:
     """One Gauss-Newton step of the constants, halved until it lowers the sum of squares; None if it does not."""
     chain, articulation = state.chain, state.articulation
     constants = _packed(chain)
-    held = FREE_SHARE * float(np.diag(information)[: len(constants)].mean())
-    prior = max(state.noise / PRIOR_SPREAD**2, held)
-    levels = np.full(len(information), prior)
-    levels[len(constants) :] *= max(3 * float((chain.offsets**2).mean()), 1.0)  # tilts move what is a limb away
-    right = constant_pull(chain, articulation, state.poses, positions, weights)
-    right[: len(constants)] += prior * (_packed(first) - constants)
-    step: Floats = np.asarray(np.linalg.solve(information + np.diag(levels), right))
+    step = _step(state, _packed(first) - constants, positions, weights)
     for part in STEP_PARTS:
         trial = _unpacked(chain, constants + part * step[: len(constants)])
-        still = np.zeros((len(positions), articulation.n_freedoms))
-        changed, rotations = articulation.stepped(
-            chain.parents, state.poses.rotations, still, np.asarray(part * step[len(constants) :])
-        )
+        changed, rotations = articulation.tilted(chain.parents, state.poses.rotations, part * step[len(constants) :])
         start = ChainPoses(state.poses.root, rotations)
         poses = fit_poses(trial, start, positions, changed, weights, POSE_STEPS)
         better = _State(trial, changed, poses, positions, weights)
         if better.squares <= state.squares:
             return better
     return None
+
+
+def _step(state: _State, from_start: Floats, positions: Floats, weights: Floats) -> Floats:
+    """Step of the constants, drawn weakly to the start.
+
+    What no frame determines, such as the free frames of the limbs, is filtered out of it: there, poses that are not
+    quite settled pull at nothing but the weak prior.
+    """
+    chain, articulation, n_places = state.chain, state.articulation, len(from_start)
+    information = _information(chain, articulation, state.poses, positions, weights, STEP_FRAMES)
+    held = FREE_SHARE * float(np.diag(information)[:n_places].mean())
+    prior = max(state.noise / PRIOR_SPREAD**2, held)
+    levels = np.full(len(information), prior)
+    levels[n_places:] *= max(3 * float((chain.offsets**2).mean()), 1.0)  # tilts move what is a limb away
+    pull = constant_pull(chain, articulation, state.poses, positions, weights)
+    pull[:n_places] += prior * from_start
+    held_together = information + np.diag(levels)
+    return np.asarray(np.linalg.solve(held_together, information @ np.linalg.solve(held_together, pull)))
 
 
 def _packed(chain: Chain) -> Floats:
@@ -182,18 +202,17 @@ def _unpacked(chain: Chain, constants: Floats) -> Chain:
     return chain.moved(joints, offsets)
 
 
-def _information(state: _State, positions: Floats, weights: Floats) -> Floats:
-    """S of all frames, for large chains scaled up from frames that are evenly spread."""
-    size = n_constants(state.chain, state.articulation)
-    affordable = max(int(INFORMATION_WORK / (size**2 * (3 + 3 * state.chain.n_limbs))), LEAST_INFORMATION_FRAMES)
-    frames = _spread_frames(weights > 0, affordable)
+def _information(
+    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats, most: int
+) -> Floats:
+    """S of all frames, scaled up from at most some that are evenly spread."""
+    frames = _spread_frames(weights > 0, most)
     scale = (weights > 0).sum() / max((weights[frames] > 0).sum(), 1)
-    together = frames_together(state.chain, state.articulation)
-    total = np.zeros((size, size))
+    together = frames_together(chain, articulation)
+    total = np.zeros((n_constants(chain, articulation),) * 2)
     for first in range(0, len(frames), together):
         part = frames[first : first + together]
-        block = linearised(state.chain, state.articulation, state.poses[part], positions[part], weights[part])
-        total += reduced_information(block)
+        total += reduced_information(linearised(chain, articulation, poses[part], positions[part], weights[part]))
     return np.asarray(scale * (total + total.T) / 2)
 
 

@@ -264,6 +264,12 @@ def world_axes(chain: Chain, articulation: Articulation, rotations: Floats, limb
     return axes
 
 
+def torque_of(arms: Floats, forces: Floats) -> Floats:
+    """Return the sum of arms x forces, shape (3, n_frames) from (n_markers, 3, n_frames)."""
+    moment = np.einsum("mif,mjf->ijf", arms, forces)
+    return np.stack([moment[i, j] - moment[j, i] for i, j in ((1, 2), (2, 0), (0, 1))])
+
+
 def frames_last(poses: ChainPoses) -> tuple[Floats, Floats]:
     """Root, shape (3, n_frames), and rotations, shape (n_limbs, 3, 3, n_frames)."""
     return np.ascontiguousarray(poses.root.T), np.ascontiguousarray(poses.rotations.transpose(1, 2, 3, 0))
@@ -277,9 +283,7 @@ def _form_of_markers(arms: Floats, forces: Floats, weights: Floats) -> Form:
     for axis in range(3):
         turn[axis, axis] += trace
         shift[axis, axis] = total
-    moment = np.einsum("mif,mjf->ijf", arms, forces)
-    torque = np.stack([moment[i, j] - moment[j, i] for i, j in ((1, 2), (2, 0), (0, 1))])
-    return Form(turn, cross_matrix(weighted.sum(axis=0)), shift, torque, forces.sum(axis=0))
+    return Form(turn, cross_matrix(weighted.sum(axis=0)), shift, torque_of(arms, forces), forces.sum(axis=0))
 
 
 def _without_turn(form: Form, level: Floats) -> tuple[FreeTurn, Floats, Floats]:

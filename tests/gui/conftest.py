@@ -11,6 +11,7 @@ pytest.importorskip("PySide6.QtWidgets", reason="PySide6 is not installed: pip i
 if not os.environ.get("DISPLAY"):
     os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
+from PySide6.QtGui import QImage
 from skelgen_gui.session import Session
 
 import skelgen
@@ -31,3 +32,34 @@ def session(qtbot, walked):
     session = Session()
     session.open(walked[0])
     return session
+
+
+@pytest.fixture
+def shown(qtbot):
+    """Show a widget in a size, and wait until what it derives in the background is there."""
+
+    def show(widget, width=900, height=400):
+        from skelgen_gui.derived import Deriver
+
+        qtbot.addWidget(widget)
+        widget.resize(width, height)
+        widget.show()
+        qtbot.waitUntil(lambda: not any(one.is_busy for one in widget.findChildren(Deriver)))
+        return widget
+
+    return show
+
+
+@pytest.fixture
+def has_colour():
+    """Whether a grab of a widget holds a colour, up to the rounding of opacities."""
+
+    def has(widget, colour, least=1):
+        import numpy as np
+
+        picture = widget.grab().toImage().convertToFormat(QImage.Format.Format_RGBA8888)
+        pixels = np.frombuffer(picture.constBits(), np.uint8).reshape(picture.height(), picture.width(), 4)
+        wanted = (colour.red(), colour.green(), colour.blue())
+        return int((np.abs(pixels[..., :3].astype(int) - wanted).max(axis=2) <= 2).sum()) >= least
+
+    return has

@@ -30,13 +30,21 @@ def test_truth_obeys_its_joints(tree):
     np.testing.assert_allclose(articulation.projected(chain.parents, poses.rotations), poses.rotations, atol=1e-9)
 
 
-def test_steps_of_freedoms_and_axes_keep_the_joints(tree):
+def test_small_steps_of_the_freedoms_keep_the_joints(tree):
     chain, articulation, poses, _ = tree
-    random = np.random.default_rng(0)
-    step = random.normal(size=(len(poses.root), articulation.n_freedoms)) * 0.1
-    change = random.normal(size=articulation.n_constants) * 0.1
-    changed, rotations = articulation.stepped(chain.parents, poses.rotations, step, change)
+    turns, _ = articulation.bases(chain.parents, poses.rotations)
+    step = np.random.default_rng(0).normal(size=(len(poses.root), articulation.n_freedoms)) * 1e-4
+    rotations = poses.stepped(np.einsum("fdq,fq->fd", turns, step)).rotations
+    off = np.abs(articulation.projected(chain.parents, rotations) - rotations).max()
+    assert off < 1e-6 < np.abs(rotations - poses.rotations).max()  # of second order
+
+
+def test_axes_that_are_tilted_keep_the_joints(tree):
+    chain, articulation, poses, _ = tree
+    change = np.random.default_rng(0).normal(size=articulation.n_constants) * 0.1
+    changed, rotations = articulation.tilted(chain.parents, poses.rotations, change)
     np.testing.assert_allclose(changed.projected(chain.parents, rotations), rotations, atol=1e-9)
+    assert np.abs(changed.in_parent - articulation.in_parent).max() > 0.01
 
 
 def test_normal_matrix_is_that_of_the_numerical_jacobian(tree):
@@ -45,12 +53,15 @@ def test_normal_matrix_is_that_of_the_numerical_jacobian(tree):
     n_own, n_all = articulation.n_freedoms, n_constants(chain, articulation)
     n_points = n_all - articulation.n_constants
 
+    turns, _ = articulation.bases(chain.parents, some.rotations)
+
     def markers(own, constants):
         offsets = chain.offsets + constants[: 3 * chain.n_markers].reshape(-1, 3)
         joints = chain.joints.copy()
         joints[1:] += constants[3 * chain.n_markers : n_points].reshape(-1, 3)
-        _, turned = articulation.stepped(chain.parents, some.rotations, np.tile(own, (2, 1)), constants[n_points:])
-        return ChainPoses(some.root + own[:3], turned).markers(chain.moved(joints, offsets)).reshape(2, -1)
+        _, turned = articulation.tilted(chain.parents, some.rotations, constants[n_points:])
+        moved = ChainPoses(some.root, turned).stepped(turns @ own)
+        return moved.markers(chain.moved(joints, offsets)).reshape(2, -1)
 
     def slopes(n, function):
         unit = np.eye(n) * STEP

@@ -14,6 +14,7 @@ from skelgen.kinematics.chain import normal_equations, residuals, seen_weights
 from skelgen.kinematics.frames_last import inverse_of_symmetric, orthonormal, rotation_by
 from skelgen.kinematics.pose_covariances import UNKNOWN_TURN, pose_covariances
 from skelgen.kinematics.posing import fit_poses
+from skelgen.kinematics.pull import constant_pull
 from skelgen.kinematics.tree import Tree, eliminate, frames_last
 from skelgen.kinematics.uncertainty import joint_slopes, weak_prior
 from skelgen.simulation import simulate
@@ -94,6 +95,27 @@ def test_covariances_stay_finite_in_exact_frames_that_show_nothing(case):
     found = pose_covariances(chain, articulation, poses, np.full_like(positions, np.nan), noise=0.0)
     assert np.isfinite(found.origins).all()
     assert np.isfinite(found.turns).all()
+
+
+def test_pull_of_the_constants_is_the_slope_of_half_the_sum_of_squares(case):
+    chain, articulation, poses, positions = case
+    weights = seen_weights(positions)
+    pull = constant_pull(chain, articulation, poses, positions, weights)
+    random = np.random.default_rng(0)
+    for _ in range(5):
+        change = 1e-5 * random.normal(size=len(pull))
+        half = [half_squares(case, sign * change) for sign in (-1, 1)]
+        assert half[0] - half[1] == pytest.approx(2 * change @ pull, rel=1e-4)
+
+
+def half_squares(case, change):
+    """Half the sum of squares where constants are changed and poses stay."""
+    chain, articulation, poses, positions = case
+    n_offsets, n_places = 3 * chain.n_markers, 3 * (chain.n_markers + chain.n_limbs - 1)
+    offsets = chain.offsets + change[:n_offsets].reshape(-1, 3)
+    joints = chain.joints + np.concatenate([np.zeros((1, 3)), change[n_offsets:n_places].reshape(-1, 3)])
+    _, rotations = articulation.tilted(chain.parents, poses.rotations, change[n_places:])
+    return (residuals(chain.moved(joints, offsets), replace(poses, rotations=rotations), positions) ** 2).sum() / 2
 
 
 def test_inverse_of_small_matrices_is_that_of_numpy():

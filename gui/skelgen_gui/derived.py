@@ -1,0 +1,68 @@
+"""What a widget shows of a project, derived in the background: long takes need more time than a window may wait."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, TypeVar
+
+from PySide6.QtCore import QObject, QThreadPool, Signal
+
+_T = TypeVar("_T")
+
+
+class Deriver(QObject):
+    """Calls pure functions in a thread, and hands over the last one's result in the window's thread.
+
+    The destructor waits for what is running.
+
+    Signals
+    -------
+    settled()
+        A result was handed over, and nothing is awaited any more.
+    """
+
+    settled = Signal()
+    _returned = Signal(int, object)
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._pool = QThreadPool(self)
+        self._pool.setMaxThreadCount(1)
+        self._number = 0
+        self._then: Callable[[Any], None] | None = None
+        self._returned.connect(self._hand_over)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a result is awaited."""
+        return self._then is not None
+
+    def derive(self, function: Callable[[], _T], then: Callable[[_T], None]) -> None:
+        """Call a function in the background; what was wished before and is not there yet is forgotten.
+
+        Parameters
+        ----------
+        function : callable
+            Pure, without Qt.
+        then : callable
+            Is called with its result.
+        """
+        self._pool.clear()
+        self._number += 1
+        self._then = then
+        self._pool.start(partial(self._run, self._number, function))
+
+    def wait(self) -> None:
+        """Wait until nothing runs any more."""
+        self._pool.clear()
+        self._pool.waitForDone()
+
+    def _run(self, number: int, function: Callable[[], object]) -> None:
+        self._returned.emit(number, function())
+
+    def _hand_over(self, number: int, result: object) -> None:
+        if number == self._number and self._then is not None:
+            then, self._then = self._then, None
+            then(result)
+            self.settled.emit()

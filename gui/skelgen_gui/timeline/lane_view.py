@@ -1,0 +1,277 @@
+"""The lanes: a bar for each marker over time, painted once and kept until something else is in sight."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import (
+    QFontMetricsF,
+    QHelpEvent,
+    QKeyEvent,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QPalette,
+    QPen,
+    QPixmap,
+    QResizeEvent,
+    QWheelEvent,
+)
+from PySide6.QtWidgets import QScrollBar, QToolTip, QWidget
+
+from skelgen.model import Project
+from skelgen.model.arrays import Ints
+from skelgen_gui.derived import Deriver
+from skelgen_gui.palette import blended, colour_of_limb, cursor_colour, doubt_colour, rgb_of
+from skelgen_gui.pixels import pixmap_of
+from skelgen_gui.session import NO_MARKERS, Selection, Session
+from skelgen_gui.timeline.gestures import zoom_or_pan, zoomed_by_key
+from skelgen_gui.timeline.lane_facts import lane_sentence
+from skelgen_gui.timeline.lane_picture import lane_picture
+from skelgen_gui.timeline.lanes import Lanes, find_lanes
+from skelgen_gui.timeline.scale import GUTTER, MARGIN, plot_width
+from skelgen_gui.timeline.span import VisibleSpan
+
+_LANE = 16  # px, height of a lane
+_FEW, _MANY = 4, 12  # lanes that fit at least, and that there is room for at first
+_CHIP = 5.0  # px, width of the strip in the limb's colour beside a name
+_TINT = 0.2  # of the highlight behind selected lanes
+_Role = QPalette.ColorRole
+
+
+class LaneView(QWidget):
+    """A lane for each marker.
+
+    Click or drag goes to a frame, a click on a name selects the marker, the wheel zooms.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    span : VisibleSpan
+        Which frames are in sight.
+    """
+
+    def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._session, self._span = session, span
+        self._lanes: Lanes | None = None
+        self._picture: tuple[tuple[object, ...], QPixmap] | None = None
+        self._is_dragging = False
+        self.deriver = Deriver(self)
+        self._bar = QScrollBar(Qt.Orientation.Vertical, self)
+        self._bar.setAccessibleName(self.tr("Scroll lanes"))
+        self._bar.setSingleStep(_LANE)
+        self._bar.valueChanged.connect(self.update)
+        self.setAccessibleName(self.tr("Lanes of markers"))
+        self.setAccessibleDescription(self.tr("One lane for each marker: seen, filled, doubtful or left out"))
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMouseTracking(True)
+        for signal in (session.frame_changed, session.selection_changed, span.changed):
+            signal.connect(self.update)
+        session.project_changed.connect(self._follow_project)
+        session.selection_changed.connect(self._show_selected)
+        self._follow_project()
+
+    @property
+    def lanes(self) -> Lanes | None:
+        """The lanes that are shown; None while they are derived."""
+        return self._lanes
+
+    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+        """Return room for some lanes."""
+        return QSize(640, _LANE * min(max(self._n_lanes, _FEW), _MANY))
+
+    def minimumSizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+        """Return room for few lanes."""
+        return QSize(GUTTER + MARGIN + 120, _LANE * _FEW)
+
+    def place_of(self, lane: int, frame: int) -> QPointF:
+        """Return the middle of a frame of a lane, in this widget."""
+        return QPointF(self._x(frame), _LANE * (lane + 0.5) - self._bar.value())
+
+    def event(self, event: QEvent) -> bool:
+        """Say what lies under the pointer."""
+        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
+            QToolTip.showText(event.globalPos(), self.told_at(QPointF(event.pos())), self)
+            return True
+        return super().event(event)
+
+    def told_at(self, place: QPointF) -> str:
+        """Return what is told of a place: the marker, and how it is known in the frame there."""
+        lane, project = self._lane_at(place.y()), self._session.project
+        if lane is None or self._lanes is None or project is None:
+            return self.tr("Wheel: zoom · Shift and wheel: pan · click: go there · click on a name: select")
+        frame = self._frame_at(place.x()) if place.x() >= GUTTER else None
+        return lane_sentence(project, self._lanes, lane, frame)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+        """Go to a frame, or select a marker by its name."""
+        if event.button() != Qt.MouseButton.LeftButton or not self._session.n_frames:
+            return
+        self._is_dragging = event.position().x() >= GUTTER
+        if self._is_dragging:
+            self._session.show_frame(self._frame_at(event.position().x()))
+        else:
+            self._select(self._lane_at(event.position().y()), event.modifiers())
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+        """Go on to other frames."""
+        if self._is_dragging and event.buttons() & Qt.MouseButton.LeftButton:
+            self._session.show_frame(self._frame_at(event.position().x()))
+
+    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+        """Zoom or pan; over the names, scroll."""
+        if event.position().x() < GUTTER:
+            self._bar.event(event)
+        else:
+            zoom_or_pan(event, self._span, plot_width(self.width()))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+        """Select the marker above or below; zoom."""
+        if event.key() in {Qt.Key.Key_Up, Qt.Key.Key_Down} and self._n_lanes:
+            self._select_beside(-1 if event.key() == Qt.Key.Key_Up else 1)
+        elif not zoomed_by_key(event, self._span, self._session.frame):
+            super().keyPressEvent(event)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name
+        """Keep the scroll bar at the right."""
+        self._bar.setGeometry(self.width() - MARGIN + 2, 0, MARGIN - 2, self.height())
+        self._fit_bar()
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+        """Paint selected lanes, bars, names, and the cursor."""
+        painter = QPainter(self)
+        project = self._session.project
+        if self._lanes is not None and self._lanes.n_lanes and project is not None:
+            shown = self._shown_lanes(self._lanes)
+            self._paint_backs(painter, self._lanes, shown)
+            top = _LANE * int(shown[0]) - self._bar.value()
+            painter.drawPixmap(GUTTER, top, self._bars(self._lanes, shown))
+            self._paint_names(painter, self._lanes, shown, project)
+        else:
+            self._paint_nothing(painter)
+        if self._session.n_frames and GUTTER <= self._x(self._session.frame) <= self.width() - MARGIN:
+            painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
+            x = round(self._x(self._session.frame))
+            painter.drawLine(x, 0, x, self.height())
+        painter.end()
+
+    def _follow_project(self) -> None:
+        project = self._session.project
+        if project is None:
+            self._take_lanes(None)
+        else:
+            self.deriver.derive(partial(find_lanes, project), self._take_lanes)
+
+    def _take_lanes(self, lanes: Lanes | None) -> None:
+        self._lanes, self._picture = lanes, None
+        self._fit_bar()
+        self.updateGeometry()
+        self.update()
+
+    def _show_selected(self) -> None:
+        """Scroll to a marker that was selected elsewhere."""
+        lanes = [] if self._lanes is None else np.flatnonzero(np.isin(self._lanes.markers, self._selected())).tolist()
+        if lanes:
+            top, bottom = _LANE * lanes[0], _LANE * (lanes[0] + 1)
+            self._bar.setValue(min(max(self._bar.value(), bottom - self.height()), top))
+
+    def _selected(self) -> list[int]:
+        """Markers that are selected, by themselves or with their limb."""
+        selection, project = self._session.selection, self._session.project
+        if selection.markers or selection.limb is None or project is None:
+            return sorted(selection.markers)
+        markers: list[int] = project.limbs.markers_of(selection.limb).tolist()
+        return markers
+
+    def _select(self, lane: int | None, modifiers: Qt.KeyboardModifier) -> None:
+        """Select a lane's marker; with Control another one as well, or one less."""
+        marker = frozenset({int(self._lanes.markers[lane])}) if self._lanes is not None and lane is not None else None
+        if modifiers & Qt.KeyboardModifier.ControlModifier and marker is not None:
+            self._session.select(Selection(self._session.selection.markers ^ marker))
+        else:
+            self._session.select(Selection(marker or NO_MARKERS))
+
+    def _select_beside(self, step: int) -> None:
+        """Select the marker of the lane above or below the selected one."""
+        if self._lanes is None:
+            return
+        lanes = np.flatnonzero(np.isin(self._lanes.markers, self._selected()))
+        lane = (int(lanes[0 if step < 0 else -1]) + step) if len(lanes) else 0
+        self._select(min(max(lane, 0), self._n_lanes - 1), Qt.KeyboardModifier.NoModifier)
+
+    @property
+    def _n_lanes(self) -> int:
+        return 0 if self._lanes is None else self._lanes.n_lanes
+
+    def _x(self, frame: int) -> float:
+        return self._span.place(frame + 0.5, GUTTER, plot_width(self.width()))
+
+    def _frame_at(self, x: float) -> int:
+        return self._span.frame_at(x, GUTTER, plot_width(self.width()))
+
+    def _lane_at(self, y: float) -> int | None:
+        lane = int((y + self._bar.value()) // _LANE)
+        return lane if 0 <= lane < self._n_lanes else None
+
+    def _fit_bar(self) -> None:
+        beyond = max(_LANE * self._n_lanes - self.height(), 0)
+        self._bar.setRange(0, beyond)
+        self._bar.setPageStep(self.height())
+        self._bar.setVisible(beyond > 0)
+
+    def _shown_lanes(self, lanes: Lanes) -> Ints:
+        first = self._bar.value() // _LANE
+        last = min((self._bar.value() + self.height()) // _LANE, lanes.n_lanes - 1)
+        return np.arange(first, last + 1)
+
+    def _bars(self, lanes: Lanes, shown: Ints) -> QPixmap:
+        """The bars of some lanes: kept, since while the take plays only the cursor moves."""
+        ratio, width = self.devicePixelRatioF(), plot_width(self.width())
+        key = (self._span.first, self._span.end, width, ratio, int(shown[0]), len(shown), self.palette().cacheKey())
+        if self._picture is None or self._picture[0] != key:
+            columns = max(round(width * ratio), 1)
+            shares = lanes.shares(shown, np.linspace(self._span.first, self._span.end, columns + 1))
+            colours = np.array([rgb_of(colour_of_limb(limb, self.palette())) for limb in lanes.limbs[shown].tolist()])
+            doubt = rgb_of(doubt_colour(self.palette()))
+            pixels = lane_picture(shares, colours, doubt, max(round(_LANE * ratio), 1))
+            self._picture = key, pixmap_of(pixels, ratio)
+        return self._picture[1]
+
+    def _paint_backs(self, painter: QPainter, lanes: Lanes, shown: Ints) -> None:
+        """Every other limb on a ground of its own; selected lanes on the highlight."""
+        palette = self.palette()
+        other = palette.color(_Role.AlternateBase)
+        marked = blended(palette.color(_Role.Highlight), palette.color(_Role.Base), _TINT)
+        selected = np.isin(lanes.markers, self._selected())
+        groups = np.cumsum(np.diff(lanes.limbs, prepend=lanes.limbs[:1]) != 0)
+        painter.fillRect(self.rect(), palette.color(_Role.Base))
+        for lane in shown.tolist():
+            if selected[lane] or groups[lane] % 2:
+                place = QRectF(0, _LANE * lane - self._bar.value(), self.width() - MARGIN, _LANE)
+                painter.fillRect(place, marked if selected[lane] else other)
+
+    def _paint_names(self, painter: QPainter, lanes: Lanes, shown: Ints, project: Project) -> None:
+        names, metrics = project.trajectories.names, QFontMetricsF(self.font())
+        text = self.palette().color(_Role.Text)
+        for lane in shown.tolist():
+            top = _LANE * lane - self._bar.value()
+            painter.fillRect(QRectF(4, top, _CHIP, _LANE), colour_of_limb(int(lanes.limbs[lane]), self.palette()))
+            painter.setPen(text)
+            room = QRectF(4 + 2 * _CHIP, top, GUTTER - 8 - 2 * _CHIP, _LANE)
+            name = metrics.elidedText(names[lanes.markers[lane]], Qt.TextElideMode.ElideMiddle, room.width())
+            painter.drawText(room, Qt.AlignmentFlag.AlignVCenter | Qt.AlignmentFlag.AlignLeft, name)
+
+    def _paint_nothing(self, painter: QPainter) -> None:
+        painter.fillRect(self.rect(), self.palette().color(_Role.Base))
+        painter.setPen(self.palette().color(_Role.PlaceholderText))
+        if self.deriver.is_busy:
+            words = self.tr("Looking through the take …")
+        elif self._session.project is None:
+            words = self.tr("Open a take to see its markers here")
+        else:
+            words = self.tr("Run the step Labels to see a lane for each marker")
+        painter.drawText(QRectF(self.rect()), Qt.AlignmentFlag.AlignCenter, words)

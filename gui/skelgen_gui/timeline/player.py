@@ -1,0 +1,150 @@
+"""Playing a take against the clock: frames are left out where they cannot be shown in time, never slowed down."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from PySide6.QtCore import QObject, Qt, QTimer, Signal
+
+from skelgen.model import Take
+from skelgen_gui.session import Session
+
+SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+"""Speeds to choose from, in parts of the take's own."""
+
+_TICK = 16  # ms: no screen shows more than about 60 pictures a second
+_ROUNDING = 1e-6  # of a frame: a clock that says 0.29999999 s at 100 Hz means frame 30
+
+
+class Player(QObject):
+    """Plays the session's take.
+
+    Parameters
+    ----------
+    session : Session
+        Whose frame is moved.
+    clock : callable, optional
+        Gives the time [s]; only differences count.
+
+    Signals
+    -------
+    playing_changed(bool)
+        Playing has started or ended.
+    settings_changed()
+        Another speed, another range, or looped otherwise.
+    """
+
+    playing_changed = Signal(bool)
+    settings_changed = Signal()
+
+    def __init__(
+        self, session: Session, parent: QObject | None = None, *, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        super().__init__(parent)
+        self._session, self._clock = session, clock
+        self._speed, self._loop = 1.0, False
+        self._first, self._last = 0, 0
+        self._take: Take | None = None
+        self._started, self._origin, self._shown = 0.0, 0, 0
+        self._timer = QTimer(self)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._timer.setInterval(_TICK)
+        self._timer.timeout.connect(self._tick)
+        session.project_changed.connect(self._follow_project)
+        session.frame_changed.connect(self._follow_frame)
+        self._follow_project()
+
+    @property
+    def is_playing(self) -> bool:
+        """Whether the take is playing."""
+        return self._timer.isActive()
+
+    @property
+    def speed(self) -> float:
+        """Speed in parts of the take's own."""
+        return self._speed
+
+    @property
+    def loop(self) -> bool:
+        """Whether the range is played again and again."""
+        return self._loop
+
+    @property
+    def range(self) -> tuple[int, int]:
+        """First and last frame that is played."""
+        return self._first, self._last
+
+    def play(self) -> None:
+        """Play from the frame that is shown, or from the first if that is the last or outside the range."""
+        if self.is_playing or self._session.n_frames == 0:
+            return
+        if not self._first <= self._session.frame < self._last:
+            self._session.show_frame(self._first)
+        self._anchor()
+        self._timer.start()
+        self.playing_changed.emit(True)
+
+    def pause(self) -> None:
+        """Stop where it is."""
+        if self.is_playing:
+            self._timer.stop()
+            self.playing_changed.emit(False)
+
+    def toggle(self) -> None:
+        """Play or pause."""
+        (self.pause if self.is_playing else self.play)()
+
+    def step(self, frames: int) -> None:
+        """Pause and move on by some frames, back if negative."""
+        self.pause()
+        self._session.show_frame(self._session.frame + frames)
+
+    def set_speed(self, speed: float) -> None:
+        """Play faster or slower from here on, within the bounds of `SPEEDS`."""
+        self._speed = min(max(float(speed), SPEEDS[0]), SPEEDS[-1])
+        self._anchor()
+        self.settings_changed.emit()
+
+    def set_loop(self, loop: bool) -> None:
+        """Play the range again and again, or once."""
+        self._loop = bool(loop)
+        self._anchor()
+        self.settings_changed.emit()
+
+    def set_range(self, first: int, last: int) -> None:
+        """Play only from a first to a last frame; both are brought into the take, and in order."""
+        end = max(self._session.n_frames - 1, 0)
+        first, last = sorted((int(first), int(last)))
+        self._first, self._last = min(max(first, 0), end), min(max(last, 0), end)
+        self._anchor()
+        self.settings_changed.emit()
+
+    def _follow_project(self) -> None:
+        """Of another take everything is played; another result of the same take changes nothing."""
+        take = None if self._session.project is None else self._session.project.take
+        if take is not self._take:
+            self._take = take
+            self.pause()
+            self.set_range(0, self._session.n_frames - 1)
+
+    def _follow_frame(self, frame: int) -> None:
+        """Go on from a frame that somebody else chose."""
+        if frame != self._shown:
+            self._anchor()
+
+    def _anchor(self) -> None:
+        """Count the time from here: nothing is added up from tick to tick, so that nothing drifts."""
+        self._started, self._origin = self._clock(), self._session.frame
+        self._shown = self._origin
+
+    def _tick(self) -> None:
+        passed = (self._clock() - self._started) * self._session.rate * self._speed
+        frame = self._origin + math.floor(passed + _ROUNDING)
+        if self._loop and frame > self._last:
+            frame = self._first + (frame - self._first) % (self._last - self._first + 1)
+        self._shown = min(frame, self._last)
+        self._session.show_frame(self._shown)
+        if frame >= self._last and not self._loop:
+            self.pause()

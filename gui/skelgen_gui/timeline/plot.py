@@ -1,0 +1,156 @@
+"""Paints a panel of curves: grid, bands, lines, and a legend with the values of the frame that is shown."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPalette, QPen
+
+from skelgen.app.report.svg import ticks
+from skelgen.app.report.wording import digits, plain
+from skelgen.model.arrays import Floats
+from skelgen_gui.batch import draw_lines
+from skelgen_gui.palette import blended, colour_of_limb, component_colour
+from skelgen_gui.theme import is_dark
+from skelgen_gui.timeline.curve import Curve, Panel
+from skelgen_gui.timeline.span import VisibleSpan
+
+_TICK_ROOM = 24.0  # px between lines of the grid
+_BAND = 0.25  # opacity
+_AIR = 0.06  # of the height, free above and below the curves
+_LINE = 1.3
+_VEIL = 0.75  # opacity of the ground behind values of the scale
+_CHIP = 8.0
+_SHADE = 35  # percent by which a further curve of the same limb stands out more from the ground
+_Role = QPalette.ColorRole
+
+
+def colour_of(curve: Curve, palette: QPalette) -> QColor:
+    """Return the colour of a curve."""
+    if curve.limb is not None:
+        colour, change = colour_of_limb(curve.limb, palette), 100 + _SHADE * curve.shade
+        return colour.lighter(change) if is_dark(palette) else colour.darker(change)
+    return palette.color(_Role.Text) if curve.component is None else component_colour(curve.component, palette)
+
+
+def paint_plot(painter: QPainter, panel: Panel, span: VisibleSpan, place: QRectF, palette: QPalette) -> None:
+    """Paint grid and curves.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    panel : Panel
+        What is drawn.
+    span : VisibleSpan
+        Which frames.
+    place : QRectF, px
+        Where; the legend lies at the left of it.
+    palette : QPalette
+        Colours of texts and ground.
+    """
+    n_columns = max(round(place.width()), 1)
+    low, high = panel.heights(span.first, span.end, n_columns)
+    air = _AIR * (high - low)
+    high += air
+    low -= 0.0 if panel.from_zero and low == 0 else air
+    painter.save()
+    painter.setClipRect(place)
+    painter.fillRect(place, palette.color(_Role.Base))
+    lines = _grid(low, high, place)
+    _paint_grid(painter, lines, place, palette)
+
+    def heights(values: Floats) -> Floats:
+        return np.asarray(place.bottom() - (values - low) / (high - low) * place.height())
+
+    xs = np.arange(n_columns, dtype=np.float64) + (place.left() + 0.5)
+    for curve in panel.curves:
+        colour = colour_of(curve, palette)
+        if curve.band is not None:
+            bottom, top = curve.band.columns(span.first, span.end, n_columns)
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
+            colour.setAlphaF(_BAND)
+            painter.setPen(QPen(colour, 1.0))
+            draw_lines(painter, _upright(xs, heights(bottom), heights(top)))
+            colour.setAlphaF(1.0)
+        below, above = curve.line.columns(span.first, span.end, n_columns)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(QPen(colour, _LINE, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
+        draw_lines(painter, _joined(xs, heights(below), heights(above)))
+    _paint_scale(painter, lines, place, palette)
+    painter.restore()
+
+
+def paint_legend(painter: QPainter, panel: Panel, frame: int, place: QRectF, palette: QPalette) -> None:
+    """Paint the title, and a line for each curve with its value in a frame."""
+    font, bold = painter.font(), QFont(painter.font())
+    bold.setBold(True)
+    metrics = QFontMetricsF(font)
+    step = metrics.height()
+    left, room = 6.0, place.left() - 14.0
+    rows = [QRectF(left, place.top() + 2 + step * index, room, step) for index in range(len(panel.curves) + 2)]
+    title = f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
+    elide = Qt.TextElideMode.ElideRight
+    painter.setPen(palette.color(_Role.WindowText))
+    painter.setFont(bold)
+    painter.drawText(rows[0], Qt.AlignmentFlag.AlignLeft, QFontMetricsF(bold).elidedText(title, elide, room))
+    painter.setFont(font)
+    for row, curve in zip(rows[1:], panel.curves, strict=False):
+        if row.bottom() > place.bottom():
+            return
+        values = curve.line.low
+        value = digits(float(values[frame])) if frame < len(values) else ""
+        chip = QRectF(row.left(), row.center().y() - 1.5, _CHIP, 3.0)
+        painter.fillRect(chip, colour_of(curve, palette))
+        name_room = room - _CHIP - 6 - metrics.horizontalAdvance(value) - 4
+        name = metrics.elidedText(curve.name, Qt.TextElideMode.ElideMiddle, name_room)
+        painter.drawText(row.adjusted(_CHIP + 5, 0, 0, 0), Qt.AlignmentFlag.AlignLeft, name)
+        painter.drawText(row, Qt.AlignmentFlag.AlignRight, value)
+    last = rows[len(panel.curves) + 1]
+    if panel.note and last.bottom() <= place.bottom():
+        painter.setPen(palette.color(_Role.PlaceholderText))
+        painter.drawText(last, Qt.AlignmentFlag.AlignLeft, metrics.elidedText(panel.note, elide, room))
+
+
+def _grid(low: float, high: float, place: QRectF) -> list[tuple[float, float]]:
+    """Round values, and the height of each [px]."""
+    wanted = max(int(place.height() / _TICK_ROOM), 1)
+    scale = place.height() / (high - low)
+    return [(value, round(place.bottom() - (value - low) * scale) + 0.5) for value in ticks(low, high, wanted)]
+
+
+def _paint_grid(painter: QPainter, lines: list[tuple[float, float]], place: QRectF, palette: QPalette) -> None:
+    text, ground = palette.color(_Role.Text), palette.color(_Role.Base)
+    for value, y in lines:
+        painter.setPen(blended(text, ground, 0.3 if value == 0 else 0.12))
+        painter.drawLine(QPointF(place.left(), y), QPointF(place.right(), y))
+
+
+def _paint_scale(painter: QPainter, lines: list[tuple[float, float]], place: QRectF, palette: QPalette) -> None:
+    """Values of the grid, above the curves on a ground that lets these through."""
+    text, ground = palette.color(_Role.Text), palette.color(_Role.Base)
+    metrics = QFontMetricsF(painter.font())
+    veil = QColor(ground)
+    veil.setAlphaF(_VEIL)
+    painter.setPen(blended(text, ground, 0.65))
+    for value, y in lines:
+        shown = plain(value)
+        room = QRectF(
+            place.left() + 2, y - metrics.height(), metrics.horizontalAdvance(shown) + 6, metrics.height() - 1
+        )
+        if room.top() >= place.top():
+            painter.fillRect(room, veil)
+            painter.drawText(room, Qt.AlignmentFlag.AlignCenter, shown)
+
+
+def _upright(xs: Floats, starts: Floats, stops: Floats) -> Floats:
+    """Upright lines, shape (n, 2, 2), without those that are unknown."""
+    known = ~np.isnan(starts) & ~np.isnan(stops)
+    return np.stack([np.stack([xs, starts], axis=1), np.stack([xs, stops], axis=1)], axis=1)[known]
+
+
+def _joined(xs: Floats, starts: Floats, stops: Floats) -> Floats:
+    """Lines that join the columns of a curve, each a pixel apart, without bridging what is unknown."""
+    upright = _upright(xs, starts, stops)
+    across = np.stack([np.stack([xs[:-1], stops[:-1]], axis=1), np.stack([xs[1:], starts[1:]], axis=1)], axis=1)
+    return np.concatenate([upright, across[~np.isnan(across).any(axis=(1, 2))]])

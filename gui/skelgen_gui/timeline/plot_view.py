@@ -1,0 +1,147 @@
+"""Panels of curves above each other over the frames that are in sight, with the cursor of the session's frame."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import (
+    QHelpEvent,
+    QKeyEvent,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QPalette,
+    QPen,
+    QPixmap,
+    QWheelEvent,
+)
+from PySide6.QtWidgets import QToolTip, QWidget
+
+from skelgen.app.report.wording import digits
+from skelgen_gui.palette import cursor_colour
+from skelgen_gui.session import Session
+from skelgen_gui.timeline.curve import Panel
+from skelgen_gui.timeline.gestures import zoom_or_pan, zoomed_by_key
+from skelgen_gui.timeline.plot import paint_legend, paint_plot
+from skelgen_gui.timeline.scale import GUTTER, MARGIN, plot_width
+from skelgen_gui.timeline.span import VisibleSpan
+
+_GAP = 6.0  # px between panels
+_Role = QPalette.ColorRole
+
+
+class PlotView(QWidget):
+    """Shows panels; click or drag goes to a frame, the wheel zooms.
+
+    Parameters
+    ----------
+    session : Session
+        Whose frame is shown.
+    span : VisibleSpan
+        Which frames are in sight.
+    """
+
+    def __init__(self, session: Session, span: VisibleSpan, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._session, self._span = session, span
+        self._panels: tuple[Panel, ...] = ()
+        self._hint = ""
+        self._picture: tuple[tuple[object, ...], QPixmap] | None = None
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        for signal in (session.frame_changed, span.changed):
+            signal.connect(self.update)
+
+    @property
+    def panels(self) -> tuple[Panel, ...]:
+        """What is shown."""
+        return self._panels
+
+    def show_panels(self, panels: tuple[Panel, ...], hint: str = "") -> None:
+        """Show some panels, and below them, or instead of them, a hint."""
+        self._panels, self._hint, self._picture = panels, hint, None
+        self.update()
+
+    def minimumSizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+        """Return room for one low panel."""
+        return QSize(GUTTER + MARGIN + 120, 36)
+
+    def panel_rect(self, index: int) -> QRectF:
+        """Return where a panel's curves lie."""
+        count = len(self._panels) + (1 if self._hint and self._panels else 0)
+        height = (self.height() + _GAP) / max(count, 1) - _GAP
+        return QRectF(GUTTER, index * (height + _GAP), plot_width(self.width()), height)
+
+    def event(self, event: QEvent) -> bool:
+        """Say what lies under the pointer."""
+        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
+            QToolTip.showText(event.globalPos(), self.told_at(QPointF(event.pos())), self)
+            return True
+        return super().event(event)
+
+    def told_at(self, place: QPointF) -> str:
+        """Return the values of the frame at a place, and what the panel's note says."""
+        found = (panel for index, panel in enumerate(self._panels) if self._holds(index, place))
+        panel = next(found, None)
+        if panel is None or place.x() < GUTTER:
+            return self.toolTip() if panel is None else " · ".join(filter(None, (panel.title, panel.note)))
+        frame = self._span.frame_at(place.x(), GUTTER, plot_width(self.width()))
+        values = [f"{curve.name}: {digits(float(curve.line.low[frame]))} {panel.unit}" for curve in panel.curves]
+        return "\n".join([f"{panel.title}, " + self.tr("frame {}").format(frame), *values])
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+        """Go to a frame."""
+        if event.button() == Qt.MouseButton.LeftButton and event.position().x() >= GUTTER:
+            self._go_to(event.position().x())
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+        """Go on to other frames."""
+        if event.buttons() & Qt.MouseButton.LeftButton:
+            self._go_to(event.position().x())
+
+    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+        """Zoom or pan."""
+        zoom_or_pan(event, self._span, plot_width(self.width()))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+        """Zoom."""
+        if not zoomed_by_key(event, self._span, self._session.frame):
+            super().keyPressEvent(event)
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+        """Paint the curves that are kept, legends and cursor."""
+        painter = QPainter(self)
+        painter.drawPixmap(0, 0, self._curves())
+        frame = self._session.frame
+        for index, panel in enumerate(self._panels):
+            paint_legend(painter, panel, frame, self.panel_rect(index), self.palette())
+        x = round(self._span.place(frame + 0.5, GUTTER, plot_width(self.width())))
+        if self._panels and GUTTER <= x <= self.width() - MARGIN:
+            painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
+            painter.drawLine(x, 0, x, round(self.panel_rect(len(self._panels) - 1).bottom()))
+        if self._hint:
+            painter.setPen(self.palette().color(_Role.PlaceholderText))
+            room = self.panel_rect(len(self._panels)) if self._panels else QRectF(self.rect())
+            painter.drawText(room, Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap, self._hint)
+        painter.end()
+
+    def _holds(self, index: int, place: QPointF) -> bool:
+        room = self.panel_rect(index)
+        return room.top() <= place.y() <= room.bottom()
+
+    def _go_to(self, x: float) -> None:
+        self._session.show_frame(self._span.frame_at(x, GUTTER, plot_width(self.width())))
+
+    def _curves(self) -> QPixmap:
+        """The panels without legend and cursor: kept, since while the take plays only these change."""
+        ratio = self.devicePixelRatioF()
+        key = (self._span.first, self._span.end, self.size(), ratio, self.palette().cacheKey())
+        if self._picture is None or self._picture[0] != key:
+            picture = QPixmap(self.size() * ratio)
+            picture.setDevicePixelRatio(ratio)
+            picture.fill(Qt.GlobalColor.transparent)
+            painter = QPainter(picture)
+            painter.setFont(self.font())
+            for index, panel in enumerate(self._panels):
+                paint_plot(painter, panel, self._span, self.panel_rect(index), self.palette())
+            painter.end()
+            self._picture = key, picture
+        return self._picture[1]

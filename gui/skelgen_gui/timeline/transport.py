@@ -1,0 +1,121 @@
+"""The row of buttons above the lanes: play, step, speed, loop, range, frame and time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtGui import QAction
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QSpinBox, QToolButton, QWidget
+
+from skelgen.app.report.wording import plain
+from skelgen_gui.session import Session
+from skelgen_gui.timeline.icons import transport_icon
+from skelgen_gui.timeline.player import SPEEDS, Player
+from skelgen_gui.timeline.scale import clock
+
+_TIME_STEP = 0.01  # s, to which the time of a frame is shown
+_GAP = 10
+_MOVES = ("first_frame", "previous_frame", "play", "next_frame", "last_frame")
+_RANGES = ("range_from", "range_to", "range_all")
+
+
+class Transport(QWidget):
+    """Buttons that play the take.
+
+    Parameters
+    ----------
+    session : Session
+        Whose frame is moved.
+    player : Player
+        What moves it.
+    actions : mapping of str to QAction
+        What `skelgen_gui.shortcuts.make_actions` gives; they are given signs and buttons here.
+    """
+
+    def __init__(
+        self, session: Session, player: Player, actions: Mapping[str, QAction], parent: QWidget | None = None
+    ) -> None:
+        super().__init__(parent)
+        self._session, self._player, self._actions = session, player, actions
+        self._make_controls()
+        self._arrange()
+        self._draw_icons()
+        for signal in (session.project_changed, session.frame_changed):
+            signal.connect(self._follow)
+        for signal in (player.playing_changed, player.settings_changed):
+            signal.connect(self._follow_player)
+        self._follow_player()
+        self._follow()
+
+    def changeEvent(self, event: QEvent) -> None:  # noqa: N802 - Qt's name
+        """Draw the signs anew in the colours of another palette."""
+        if event.type() == QEvent.Type.PaletteChange:
+            self._draw_icons()
+        super().changeEvent(event)
+
+    def _make_controls(self) -> None:
+        self.frame = QSpinBox(self)
+        self.frame.setKeyboardTracking(False)
+        self.frame.setMinimumWidth(84)
+        self.frame.setAccessibleName(self.tr("Frame"))
+        self.frame.setToolTip(self.tr("The frame that is shown, counted from 0"))
+        self.frame.valueChanged.connect(self._session.show_frame)
+        self._time = QLabel(self)
+        self._time.setAccessibleName(self.tr("Time"))
+        self._time.setToolTip(self.tr("Time of the frame, and of the last one"))
+        self.speed = QComboBox(self)
+        self.speed.setAccessibleName(self.tr("Speed"))
+        self.speed.setToolTip(self.tr("How fast the take is played"))
+        for speed in SPEEDS:
+            self.speed.addItem(f"{plain(speed)} ×", speed)
+        self.speed.activated.connect(self._set_speed)
+
+    def _arrange(self) -> None:
+        row = QHBoxLayout(self)
+        row.setContentsMargins(6, 3, 6, 3)
+        row.setSpacing(2)
+        groups = (
+            [self._button(name) for name in _MOVES],
+            [self.frame, self._time],
+            [self.speed, self._button("loop")],
+            [self._button(name) for name in _RANGES],
+        )
+        for group in groups:
+            for part in group:
+                row.addWidget(part)
+            row.addSpacing(_GAP)
+        row.addStretch(1)
+
+    def _button(self, name: str) -> QToolButton:
+        button = QToolButton(self)
+        button.setDefaultAction(self._actions[name])
+        button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonIconOnly)
+        button.setAutoRaise(True)
+        button.setAccessibleName(self._actions[name].statusTip())
+        return button
+
+    def _draw_icons(self) -> None:
+        for name in (*_MOVES, *_RANGES, "loop"):
+            sign = "pause" if name == "play" and self._player.is_playing else name
+            self._actions[name].setIcon(transport_icon(sign, self.palette()))
+
+    def _follow(self) -> None:
+        """Show the session's frame and time."""
+        n_frames, rate, frame = self._session.n_frames, self._session.rate, self._session.frame
+        self.setEnabled(n_frames > 0)
+        self.frame.blockSignals(True)
+        self.frame.setRange(0, max(n_frames - 1, 0))
+        self.frame.setValue(frame)
+        self.frame.blockSignals(False)
+        last = max(n_frames - 1, 0) / rate
+        self._time.setText(f"{clock(frame / rate, _TIME_STEP)} / {clock(last, _TIME_STEP)}")
+
+    def _follow_player(self) -> None:
+        self._draw_icons()
+        self._actions["play"].setChecked(self._player.is_playing)
+        self._actions["loop"].setChecked(self._player.loop)
+        self.speed.setCurrentIndex(self.speed.findData(self._player.speed))
+
+    def _set_speed(self, index: int) -> None:
+        self._player.set_speed(self.speed.itemData(index))
