@@ -15,7 +15,7 @@ from skelgen_gui.pages.stage import StagePage
 from skelgen_gui.preferences_dialog import PreferencesDialog
 from skelgen_gui.recent import RecentMenu
 from skelgen_gui.session import Selection
-from skelgen_gui.shortcuts import fill_menu_bar, fill_tool_bar, make_actions
+from skelgen_gui.shortcuts import fill_menu_bar, fill_tool_bar
 from skelgen_gui.shortcuts_dialog import ShortcutsDialog
 
 if TYPE_CHECKING:
@@ -34,12 +34,11 @@ class Commanding(QObject):
     def __init__(self, window: Window) -> None:
         super().__init__(window)
         self._window = window
-        self.actions = make_actions(window)
+        self.actions = window.actions_by_id
         menus = fill_menu_bar(window.menuBar(), self.actions)
         self._fill_file(menus["&File"])
         self._fill_edit(menus["&Edit"])
-        for menu in (self._view_menu(), self._play_menu()):
-            window.menuBar().insertMenu(menus["&Help"].menuAction(), menu)
+        window.menuBar().insertMenu(menus["&Play"].menuAction(), self._view_menu())
         bar = QToolBar(self.tr("Main tool bar"), window)
         bar.setObjectName("tools")
         fill_tool_bar(bar, self.actions)
@@ -75,11 +74,6 @@ class Commanding(QObject):
         menu.addSeparator()
         for dock in self._window.findChildren(QDockWidget):
             menu.addAction(dock.toggleViewAction())
-        return menu
-
-    def _play_menu(self) -> QMenu:
-        menu = QMenu(self.tr("&Play"), self._window)
-        menu.addActions(self._window.timeline.actions_of_keys)
         return menu
 
     def _acts(self) -> dict[str, Callable[[], object]]:
@@ -141,9 +135,7 @@ class Commanding(QObject):
 
     def _show_keys(self) -> None:
         window = self._window
-        ShortcutsDialog(
-            dict.fromkeys((*self.actions.values(), *window.view3d.actions(), *window.timeline.actions_of_keys)), window
-        ).open()
+        ShortcutsDialog(dict.fromkeys((*self.actions.values(), *window.view3d.actions())), window).open()
 
     def _follow_undo(self) -> None:
         stack = self._window.document.undo_stack

@@ -132,11 +132,6 @@ def add_view_actions(view: QWidget, actions: Mapping[str, QAction], commands: It
     view.addActions([actions[command.id] for command in commands if command.in_views])
 
 
-def plain_text(command: Command) -> str:
-    """Return the translated text of a command without its mark of a key, e.g. ``Open``."""
-    return _translated(command.text).replace("&", "").removesuffix("…")
-
-
 def _action(command: Command, parent: QObject) -> QAction:
     action = QAction(_translated(command.text), parent)
     action.setObjectName(command.id)

@@ -29,6 +29,7 @@ from skelgen_gui.preferences import Preferences
 from skelgen_gui.recovery import Autosave, Remains
 from skelgen_gui.runner import Runner
 from skelgen_gui.session import Selection, Session
+from skelgen_gui.shortcuts import add_view_actions, make_actions
 from skelgen_gui.status import StatusLine
 from skelgen_gui.timeline.curves import Curves
 from skelgen_gui.timeline.widget import Timeline
@@ -62,6 +63,7 @@ class Window(QMainWindow):
         self.care = FileCare(self.document, self.jobs, preferences, self.view_state, self.errors.report, self)
         self.autosave = Autosave(self.session, preferences, recovery, self)
         self.corrections = CorrectionActions(self.document, self.runner, self.errors.report, self)
+        self.actions_by_id = make_actions(self)
         self._make_views()
         self.pages = PageStack(entries, self._context())
         self._make_docks()
@@ -104,7 +106,7 @@ class Window(QMainWindow):
 
     def _make_views(self) -> None:
         self.view3d, self.matrix, self.graph = View3D(self.session), MatrixView(self.session), GraphView(self.session)
-        self.timeline = Timeline(self.session)
+        self.timeline = Timeline(self.session, self.actions_by_id)
         self.curves = Curves(self.session, self.timeline.span)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
@@ -112,7 +114,7 @@ class Window(QMainWindow):
         self.tabs.addTab(self.matrix, self.tr("Distances"))
         self.tabs.addTab(self.graph, self.tr("Joints"))
         for view in (self.view3d, self.matrix, self.graph, self.curves):
-            self.timeline.add_keys_to(view)
+            add_view_actions(view, self.actions_by_id)
         self.setCentralWidget(self.tabs)
 
     def _make_docks(self) -> None:
