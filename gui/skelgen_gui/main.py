@@ -41,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     window = Window(preferences)
     window.errors.install()
     window.show()
+    window.warming.begin()
     QTimer.singleShot(0, lambda: _begin(window, files))
     return int(app.exec())
 

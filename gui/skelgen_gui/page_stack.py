@@ -60,10 +60,20 @@ class PageStack(QWidget):
         """Show the page some places on, the first or last if there is none."""
         self.list.setCurrentRow(min(max(self.list.currentRow() + step, 0), len(self.entries) - 1))
 
+    def prepare(self) -> bool:
+        """Build the next page that was not shown yet; whether any is left after it."""
+        missing = [entry for entry in self.entries if entry.key not in self._pages]
+        if missing:
+            self._make(missing[0])
+        return len(missing) > 1
+
     def _show(self, row: int) -> None:
         entry = self.entries[row]
         if entry.key not in self._pages:
-            self._pages[entry.key] = entry.make(self._context)
-            self._stack.addWidget(self._pages[entry.key])
+            self._make(entry)
         self._stack.setCurrentWidget(self._pages[entry.key])
         self.shown.emit(entry.key)
+
+    def _make(self, entry: PageEntry) -> None:
+        self._pages[entry.key] = entry.make(self._context)
+        self._stack.addWidget(self._pages[entry.key])

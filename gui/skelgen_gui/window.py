@@ -34,6 +34,7 @@ from skelgen_gui.status import StatusLine
 from skelgen_gui.timeline.curves import Curves
 from skelgen_gui.timeline.widget import Timeline
 from skelgen_gui.view3d.widget import View3D
+from skelgen_gui.warming import Warming
 
 SIZE = (1440, 900)  # px, before the user has chosen one
 
@@ -69,6 +70,7 @@ class Window(QMainWindow):
         self._make_docks()
         self.setStatusBar(StatusLine(self.jobs, self))
         self.commanding = Commanding(self)
+        self.warming = Warming(self.pages, self)
         self._connect()
         self.setAcceptDrops(True)
         self.resize(*SIZE)
@@ -188,6 +190,7 @@ class Window(QMainWindow):
     def _close(self) -> None:
         self._is_closing = True
         self.timeline.player.pause()
+        self.warming.end()
         self.preferences.keep_window(self.saveGeometry(), self.saveState())
         self.autosave.end()
         self.close()
