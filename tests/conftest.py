@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -74,11 +76,19 @@ def make_project():
                 position_in_child=np.zeros(3),
                 kind=str(kind),
                 axis=np.array([0.6, 0.0, 0.8]) if kind == "hinge" else None,
-                std=rng.random(3),
+                std=np.array([0.3, 0.4, 0.5]),
+                covariance=np.diag([0.09, 0.16, 0.25]),
+                covariance_in_child=np.diag([0.01, 0.04, 0.09]),
+                axis_std=np.array([0.01, 0.0, 0.02]) if kind == "hinge" else None,
+                second_axis_std=np.array([0.03, 0.0, 0.01]) if kind == "hinge" else None,
+                turn_covariance=np.diag([1e-6, 4e-6, 9e-6]),
             )
             for child, kind in zip(children, kinds, strict=True)
         )
-        skeleton = Skeleton(parents, joints, limb_of_marker, marker_offsets, rng.random(len(limb_of_marker)), reference)
+        spread = rng.random(len(limb_of_marker))
+        skeleton = Skeleton(parents, joints, limb_of_marker, marker_offsets, spread, reference)
+        stds = {"offset_std": 0.1 * np.abs(marker_offsets), "length_std": np.full(len(skeleton.lengths), 0.7)}
+        skeleton = dataclasses.replace(skeleton, marker_noise=spread, **stds)
         seen = np.ones((n_frames, n_limbs), dtype=bool)
         seen[1:2, 0] = False
         residuals = np.linalg.norm(tracked - rebuilt, axis=2)

@@ -1,5 +1,6 @@
 """File formats: one module each, and the table of all of them."""
 
+from skelgen_formats.angles_csv import FORMAT as ANGLES_CSV
 from skelgen_formats.c3d import FORMAT as C3D
 from skelgen_formats.cal3d import FORMAT as CAL3D
 from skelgen_formats.csm import FORMAT as CSM
@@ -20,6 +21,7 @@ FORMATS: tuple[Format, ...] = (
     QUALISYS,
     MOTIVE,
     JOINTS_CSV,
+    ANGLES_CSV,
     POSES_CSV,
     SEED_XML,
     CAL3D,

@@ -18,7 +18,7 @@ import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.files import replacing
-from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Take
+from skelgen.model import Limbs, PointCloud, Project, Skeleton, Take
 from skelgen.model.arrays import Floats
 from skelgen_formats.joints_csv import joint_names
 from skelgen_formats.registry import Format
@@ -47,7 +47,7 @@ def summary(project: Project) -> dict[str, Any]:
     """Return what the summary file holds: dicts, lists, texts and finite numbers; lengths in mm, times in s."""
     result = {
         "schema": SCHEMA,
-        "units": {"length": "mm", "time": "s", "rate": "Hz"},
+        "units": {"length": "mm", "angle": "rad", "time": "s", "rate": "Hz"},
         "versions": _versions(),
         "seed": project.seed,
         "take": _take(project.take),
@@ -57,7 +57,7 @@ def summary(project: Project) -> dict[str, Any]:
         "limbs": _limbs(project) if project.has("limbs") else None,
         "left_out_markers": _names(project, project.limbs.left_out) if project.has("limbs") else None,
         "tree": _tree(project) if project.has("joints") else None,
-        "joints": _joints(project.skeleton, project.motion) if project.has("skeleton") else None,
+        "joints": _joints(project) if project.has("skeleton") else None,
         "lengths": _lengths(project.skeleton) if project.has("skeleton") else None,
         "residual_mean": _mean(project.motion.residuals) if project.has("skeleton") else None,
         "stages": {
@@ -128,12 +128,21 @@ def _limb_residual(project: Project, limbs: Limbs, limb: int) -> float | None:
 
 
 def _marker(project: Project, marker: int) -> dict[str, Any]:
+    skeleton = project.skeleton if project.has("skeleton") else None
     return {
         "index": marker,
         "name": project.trajectories.names[marker],
         "seen": float(project.trajectories.seen[:, marker].mean()) if project.trajectories.n_frames else None,
-        "residual_mean": _mean(project.motion.residuals[:, marker]) if project.has("skeleton") else None,
+        "residual_mean": _mean(project.motion.residuals[:, marker]) if skeleton is not None else None,
+        "offset": skeleton.marker_offsets[marker] if skeleton is not None else None,
+        "offset_std": _of_marker(skeleton, "offset_std", marker),
+        "noise": _of_marker(skeleton, "marker_noise", marker),
     }
+
+
+def _of_marker(skeleton: Skeleton | None, name: str, marker: int) -> Any:
+    values = getattr(skeleton, name, None)
+    return None if values is None else values[marker]
 
 
 def _names(project: Project, markers: Any) -> list[str]:
@@ -151,7 +160,13 @@ def _tree(project: Project) -> dict[str, Any]:
     }
 
 
-def _joints(skeleton: Skeleton, motion: Motion) -> list[dict[str, Any]]:
+def _joints(project: Project) -> list[dict[str, Any]]:
+    from skelgen.kinematics.joint_motion import angle_ranges  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.observability import observed_joints  # noqa: PLC0415
+
+    skeleton, motion = project.skeleton, project.motion
+    ranges = angle_ranges(skeleton, motion, project.trajectories.positions)
+    observed = observed_joints(skeleton, motion)
     return [
         {
             "name": name,
@@ -161,12 +176,29 @@ def _joints(skeleton: Skeleton, motion: Motion) -> list[dict[str, Any]]:
             "axis": joint.axis,
             "second_axis": joint.second_axis,
             "std": joint.std,
+            "std_in_child": joint.std_in_child,
+            "axis_std": joint.axis_std,
+            "second_axis_std": joint.second_axis_std,
             "position_in_parent": joint.position_in_parent,
             "position_in_child": joint.position_in_child,
             "position_mean": motion.joint_positions[:, index].mean(axis=0) if motion.n_frames else None,
+            "angles": [dataclasses.asdict(angle) for angle in ranges[index]],
+            "range_of_motion": [
+                {"direction": direction, "range": turn}
+                for direction, turn in zip(
+                    observed[index].motion.directions, observed[index].motion.ranges, strict=True
+                )
+            ],
+            "not_determined": observed[index].sentence or None,
         }
         for index, (name, joint) in enumerate(zip(joint_names(skeleton), skeleton.joints, strict=True))
     ]
+
+
+def _turns(motion: Any) -> list[dict[str, Any]]:
+    """How far a joint turns about its three directions, unit vectors in the parent."""
+    both = zip(motion.directions, motion.ranges, strict=True)
+    return [{"direction": direction, "range": turn} for direction, turn in both]
 
 
 def _lengths(skeleton: Skeleton) -> list[dict[str, Any]]:
@@ -177,8 +209,9 @@ def _lengths(skeleton: Skeleton) -> list[dict[str, Any]]:
             "from": names[first],
             "to": names[second],
             "length": length,
+            "std": None if skeleton.length_std is None else skeleton.length_std[index],
         }
-        for (first, second), length in skeleton.lengths.items()
+        for index, ((first, second), length) in enumerate(skeleton.lengths.items())
     ]
 
 

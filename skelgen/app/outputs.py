@@ -112,6 +112,7 @@ OUTPUTS = (
     Output(".xml", "skeleton", write_file),
     Output(".xsf", "skeleton", write_file),
     Output(".joints.csv", "skeleton", write_file),
+    Output(".angles.csv", "skeleton", write_file),
     Output(".json", "labels", write_file),
     Output(".html", "labels", _write_report),
 )

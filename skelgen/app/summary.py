@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
+from skelgen.kinematics.joint_motion import angle_ranges
+from skelgen.kinematics.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats
 
@@ -57,6 +59,7 @@ def project_tables(project: Project) -> dict[str, Any]:
         tables["joints"] = _joint_rows(project)
         tables["loops"] = [f"limb{first}-limb{second}" for first, second in project.topology.loops]
     if project.has("skeleton"):
+        tables["angles"] = _angle_rows(project)
         tables["lengths"] = _length_rows(project)
         tables["residuals"] = _spread(project.motion.residuals)
     return tables
@@ -102,6 +105,7 @@ def _limb_rows(project: Project) -> list[Row]:
 def _joint_rows(project: Project) -> list[Row]:
     topology = project.topology
     margins, rivals = topology.margins, topology.rivals
+    observed = observed_joints(project.skeleton, project.motion) if project.has("skeleton") else ()
     rows = []
     for index, (parent, child) in enumerate(topology.edges.tolist()):
         row: Row = {
@@ -115,9 +119,36 @@ def _joint_rows(project: Project) -> list[Row]:
         if project.has("skeleton"):
             joint = project.skeleton.joints[index]
             row["kind"] = joint.kind
-            row["std_mm"] = float(np.linalg.norm(joint.std))
+            known = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
+            row["std_mm"] = _across(joint, known)
+            row["child_std_mm"] = _across(joint, joint.covariance_in_child)
             row["axis"] = joint.axis.tolist() if joint.axis is not None else None
+            row["axis_std_deg"] = None if joint.axis_std is None else float(np.rad2deg(np.linalg.norm(joint.axis_std)))
+            row["turns_deg"] = [round(float(turn), 1) for turn in np.rad2deg(observed[index].motion.ranges)]
+            row["not_determined"] = observed[index].sentence or None
         rows.append(row)
+    return rows
+
+
+def _across(joint: Joint, covariance: Floats | None) -> float | None:
+    """Standard deviation of a place [mm], of hinges across their axis: along it, it is a choice."""
+    if covariance is None:
+        return None
+    axis = joint.free_axis()
+    return float(np.sqrt(max(np.trace(covariance) - axis @ covariance @ axis, 0.0)))
+
+
+def _angle_rows(project: Project) -> list[Row]:
+    """One row per angle of a joint: its range, mean and the median of its standard deviations [deg]."""
+    ranges = angle_ranges(project.skeleton, project.motion, project.trajectories.positions)
+    rows = []
+    for joint, angles in zip(project.skeleton.joints, ranges, strict=True):
+        for angle in angles:
+            row: Row = {"joint": _joint_name(joint), "kind": joint.kind, "angle": angle.name}
+            for name in ("low", "mean", "high", "std"):
+                value = float(np.rad2deg(getattr(angle, name)))
+                row[f"{name}_deg"] = None if np.isnan(value) else value
+            rows.append(row)
     return rows
 
 
@@ -128,7 +159,7 @@ def _joint_name(joint: Joint) -> str:
 def _length_rows(project: Project) -> list[Row]:
     raw, skeleton = project.topology.raw_joint_positions, project.skeleton
     rows = []
-    for (first, second), length in skeleton.lengths.items():
+    for index, ((first, second), length) in enumerate(skeleton.lengths.items()):
         measured = np.linalg.norm(raw[:, first] - raw[:, second], axis=1)
         measured = measured[~np.isnan(measured)]
         first_name, second_name = (_joint_name(skeleton.joints[index]) for index in (first, second))
@@ -138,6 +169,7 @@ def _length_rows(project: Project) -> list[Row]:
                 "from_joint": first_name,
                 "to_joint": second_name,
                 "length_mm": length,
+                "std_mm": None if skeleton.length_std is None else float(skeleton.length_std[index]),
                 "spread_mm": float(measured.std()) if len(measured) else None,
             }
         )

@@ -132,7 +132,7 @@ def _print_note(sentence: str) -> None:
 
 
 def _heading(name: str) -> str:
-    return name.replace("_mm2", " [mm²]").replace("_mm", " [mm]").replace("_", " ")
+    return name.replace("_mm2", " [mm²]").replace("_mm", " [mm]").replace("_deg", " [deg]").replace("_", " ")
 
 
 def _cell(value: Any) -> str:

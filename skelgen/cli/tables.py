@@ -11,7 +11,13 @@ from skelgen.cli.screen import Screen
 if TYPE_CHECKING:
     from skelgen.evaluation import Table
 
-_TITLES = {"limbs": "Limbs", "joints": "Joints", "lengths": "Lengths between the joints of a limb"}
+_TITLES = {
+    "limbs": "Limbs",
+    "joints": "Joints",
+    "angles": "Joint angles",
+    "lengths": "Lengths between the joints of a limb",
+}
+_SPOKEN = ("not_determined",)  # sentences: they are said as notes while the stages run, and are too long for a column
 
 
 def show_take(screen: Screen, facts: Mapping[str, Any]) -> None:
@@ -26,11 +32,15 @@ def show_project(screen: Screen, tables: Mapping[str, Any]) -> None:
     if "labelling" in tables:
         _show_labelling(screen, tables["labelling"])
     for key, title in _TITLES.items():
-        screen.table(title, tables.get(key, ()))
+        screen.table(title, [_without(_SPOKEN, row) for row in tables.get(key, ())])
     if "residuals" in tables:
         screen.table("Residuals of all markers", [tables["residuals"]])
     times = ", ".join(f"{row['stage']} {row['seconds']:.2f} s" for row in tables["stages"])
     screen.say(f"stages: {times or 'none has run'}")
+
+
+def _without(names: Sequence[str], row: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in row.items() if name not in names}
 
 
 def _show_labelling(screen: Screen, facts: Mapping[str, Any]) -> None:

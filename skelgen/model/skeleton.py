@@ -35,10 +35,9 @@ class Joint:
         is not determined and the deviation says so.
     second_axis : ndarray, shape (3,), or None
         Unit axis of a universal joint that is fixed in the child, in the child's frame; None for other kinds.
-    covariance : ndarray, shape (3, 3), mm^2, or None
-        Of the position in the parent, against the parent's markers; `std` is the root of its diagonal.
-    std_in_child : ndarray, shape (3,), mm, or None
-        Standard deviation of the position along the axes of the child's frame, against the child's markers.
+    covariance, covariance_in_child : ndarray, shape (3, 3), mm^2, or None
+        Of the position in the parent, against the parent's markers (`std` is the root of the diagonal), and of that in
+        the child, against the child's markers.
     axis_std, second_axis_std : ndarray, shape (3,), or None
         Standard deviations of the components of a hinge's axis in the parent and in the child, or of the two axes of a
         universal joint; the root of their sum of squares is the angle [rad] by which the axis typically errs.
@@ -60,7 +59,7 @@ class Joint:
     std: Floats
     second_axis: Floats | None = None
     covariance: Floats | None = None
-    std_in_child: Floats | None = None
+    covariance_in_child: Floats | None = None
     axis_std: Floats | None = None
     second_axis_std: Floats | None = None
     turn_covariance: Floats | None = None
@@ -70,11 +69,23 @@ class Joint:
             raise InputError(f"a joint of kind {self.kind!r}; kinds are {', '.join(JOINT_KINDS)}")
         for name in ("position_in_parent", "position_in_child", "std"):
             object.__setattr__(self, name, check_floats(getattr(self, name), (3,), f"a joint's {name}", finite=True))
-        vectors = dict.fromkeys(("axis", "second_axis", "std_in_child", "axis_std", "second_axis_std"), (3,))
-        for name, shape in (vectors | dict.fromkeys(("covariance", "turn_covariance"), (3, 3))).items():
+        vectors = dict.fromkeys(("axis", "second_axis", "axis_std", "second_axis_std"), (3,))
+        squares = dict.fromkeys(("covariance", "covariance_in_child", "turn_covariance"), (3, 3))
+        for name, shape in (vectors | squares).items():
             if getattr(self, name) is not None:
                 value = check_floats(getattr(self, name), shape, f"a joint's {name}", finite=True)
                 object.__setattr__(self, name, value)
+
+    @property
+    def std_in_child(self) -> Floats | None:
+        """Standard deviation of the position along the axes of the child's frame [mm], shape (3,), if estimated."""
+        if self.covariance_in_child is None:
+            return None
+        return np.sqrt(np.maximum(np.diag(self.covariance_in_child), 0.0))
+
+    def free_axis(self) -> Floats:
+        """Return the axis along which a hinge's place is open, in both limbs; zero for other kinds, shape (3,)."""
+        return self.axis if self.kind == "hinge" and self.axis is not None else np.zeros(3)
 
 
 @dataclass(frozen=True, eq=False)

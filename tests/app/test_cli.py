@@ -45,6 +45,7 @@ def names_in(folder):
 
 
 ALL_FILES = [
+    "wave.angles.csv",
     "wave.html",
     "wave.joints.csv",
     "wave.json",

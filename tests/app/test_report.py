@@ -43,7 +43,7 @@ SECTIONS = {
     "joints": {"input", "gaps", "run", "limbs", "tree", "joints", "lengths"},
     "skeleton": {
         *("input", "gaps", "run", "limbs", "tree", "joints", "lengths"),
-        *("pose", "residual", "deviations"),
+        *("pose", "residual", "deviations", "angles"),
     },
 }
 

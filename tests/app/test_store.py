@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from skelgen_formats.summary_json import summary
 
+from skelgen.app.report import report_html
 from skelgen.app.store import VERSION, find_result, is_project_file, open_project, save_project
+from skelgen.app.summary import project_tables
 from skelgen.errors import FormatError, WriteError
 from skelgen.model import Labelling, PointCloud, Project, StageReport
 from skelgen.model.labelling import Agreement, Doubt, Tracklets
@@ -66,6 +69,23 @@ def judged(small_project):
     left_out = np.arange(trajectories.n_frames)
     labelling = Labelling(confidence, (doubt,), ((0, 1), (2, 3)), left_out, tracklets, Agreement("sets", 7, 90, 0.75))
     return small_project.with_trajectories(trajectories, StageReport(), labelling)
+
+
+def test_files_from_before_all_deviations_were_stated_are_read(saved, tmp_path):
+    with zipfile.ZipFile(saved) as archive:
+        structure = json.loads(archive.read("project.json")) | {"version": 1}
+    skeleton = structure["skeleton"]["fields"]
+    for name in ("offset_std", "length_std", "marker_noise"):
+        del skeleton[name]
+    for joint in skeleton["joints"]:
+        for name in ("covariance", "covariance_in_child", "axis_std", "second_axis_std", "turn_covariance"):
+            del joint["fields"][name]
+    older = open_project(with_member(saved, "project.json", json.dumps(structure), tmp_path / "b.skelgen"))
+    assert older.skeleton.offset_std is None
+    assert older.skeleton.joints[0].covariance is None
+    assert project_tables(older)["joints"][0]["child_std_mm"] is None
+    assert "Joint angles" in report_html(older)
+    json.dumps(summary(older), allow_nan=False)
 
 
 def test_how_sure_labels_are_comes_back_bit_for_bit(judged, tmp_path):

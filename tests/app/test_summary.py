@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 
 from skelgen.app.advice import advice_on
 from skelgen.app.summary import column_rows, project_tables, take_facts
@@ -45,8 +46,30 @@ def test_finished_project_has_all_tables(small_project):
     assert [row["joint"] for row in tables["joints"]] == ["limb1-limb0", "limb1-limb2"]
     length = np.linalg.norm(np.subtract(*(joint.position_in_parent for joint in small_project.skeleton.joints)))
     assert tables["lengths"][0]["length_mm"] == length
+    assert tables["lengths"][0]["std_mm"] == 0.7
     seen = small_project.motion.residuals[~np.isnan(small_project.motion.residuals)]
     assert tables["residuals"]["max_mm"] == seen.max()
+
+
+def test_deviations_of_hinges_are_those_across_their_axis(small_project):
+    hinge, ball = project_tables(small_project)["joints"]
+    assert ball["std_mm"] == pytest.approx(np.sqrt(0.09 + 0.16 + 0.25))
+    assert ball["child_std_mm"] == pytest.approx(np.sqrt(0.01 + 0.04 + 0.09))
+    along = 0.6**2 * 0.09 + 0.8**2 * 0.25  # its axis is (0.6, 0, 0.8)
+    assert hinge["std_mm"] == pytest.approx(np.sqrt(0.5 - along))
+    assert hinge["axis_std_deg"] == pytest.approx(np.rad2deg(np.sqrt(0.01**2 + 0.02**2)))
+    assert ball["axis_std_deg"] is None
+
+
+def test_every_angle_has_its_range_and_deviation(small_project):
+    rows = project_tables(small_project)["angles"]
+    assert [(row["joint"], row["angle"]) for row in rows] == [
+        ("limb1-limb0", "turn"),
+        *(("limb1-limb2", name) for name in "xyz"),
+    ]
+    for row in rows:
+        assert row["low_deg"] <= row["mean_deg"] <= row["high_deg"]
+        assert row["std_deg"] > 0
 
 
 def test_bare_project_has_only_its_take(small_project):

@@ -73,6 +73,28 @@ def test_joints_come_back(file, small_project):
         assert (back.axis is None) == (made.axis is None)
 
 
+def test_deviations_come_back(file, small_project):
+    back, made = read_seed_xml(file).skeleton, small_project.skeleton
+    assert_close(back.offset_std[:-1], made.offset_std[:-1])
+    assert np.array_equal(back.marker_noise[:-1], made.marker_noise[:-1])
+    for found, joint in zip(back.joints, made.joints, strict=True):
+        for name in ("covariance", "covariance_in_child", "axis_std", "second_axis_std", "turn_covariance"):
+            value = getattr(joint, name)
+            assert getattr(found, name) is None if value is None else np.array_equal(getattr(found, name), value)
+
+
+def test_deviations_that_were_not_estimated_are_not_there(small_project, tmp_path):
+    bare = {"covariance": None, "covariance_in_child": None, "turn_covariance": None}
+    bare |= {"axis_std": None, "second_axis_std": None}
+    joints = tuple(replace(joint, **bare) for joint in small_project.skeleton.joints)
+    skeleton = replace(small_project.skeleton, joints=joints, offset_std=None, marker_noise=None)
+    project = small_project.with_skeleton(skeleton, small_project.motion, StageReport())
+    back = read_seed_xml(write_seed_xml(project, tmp_path / "bare.xml")[0]).skeleton
+    assert back.offset_std is None
+    assert back.joints[0].covariance is None
+    assert back.joints[0].std_in_child is None
+
+
 def test_both_axes_of_a_universal_joint_come_back(small_project, tmp_path):
     first, *others = small_project.skeleton.joints
     axes = {"axis": np.array([0.0, 0.6, 0.8]), "second_axis": np.array([1.0, 0.0, 0.0])}

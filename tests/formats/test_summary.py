@@ -50,12 +50,33 @@ def test_joints_are_told_with_their_positions_and_kinds(told, small_project):
         assert joint["position_in_parent"] == made.position_in_parent.tolist()
         assert joint["std"] == made.std.tolist()
         assert joint["axis"] == (None if made.axis is None else made.axis.tolist())
+        assert joint["std_in_child"] == made.std_in_child.tolist()
+        assert joint["axis_std"] == (None if made.axis_std is None else made.axis_std.tolist())
+
+
+def test_joints_are_told_with_angles_and_range_of_motion(told, small_project):
+    hinge, ball = told["joints"]
+    assert [angle["name"] for angle in hinge["angles"]] == ["turn"]
+    assert [angle["name"] for angle in ball["angles"]] == ["x", "y", "z"]
+    assert all(angle["low"] <= angle["high"] and angle["std"] > 0 for angle in ball["angles"])
+    ranges = [turn["range"] for turn in ball["range_of_motion"]]
+    assert ranges == sorted(ranges, reverse=True)
+    assert hinge["not_determined"] is None
+
+
+def test_places_of_markers_are_told_with_their_deviations(told, small_project):
+    for marker in (marker for limb in told["limbs"] for marker in limb["markers"]):
+        skeleton, index = small_project.skeleton, marker["index"]
+        assert marker["offset"] == skeleton.marker_offsets[index].tolist()
+        assert marker["offset_std"] == skeleton.offset_std[index].tolist()
+        assert marker["noise"] == skeleton.marker_noise[index]
 
 
 def test_lengths_name_the_joints_between_which_they_are_measured(told, small_project):
     (length,) = told["lengths"]
     assert (length["limb"], length["from"], length["to"]) == (1, "limb1-limb0", "limb1-limb2")
     assert length["length"] == small_project.skeleton.lengths[0, 1]
+    assert length["std"] == 0.7
 
 
 def test_nan_becomes_null(told):

@@ -14,7 +14,9 @@ times in seconds. All numbers have the digits to give back the same double.
     ``SKELETON``: one ``BONE`` per limb, parents first. ``TRANSLATION`` and ``ROTATION`` give the bone relative to its
     parent in the reference pose: v_parent = R v_bone + t; a root's translation is zero. ``LOCALTRANSLATION`` and
     ``LOCALROTATION`` bring a vertex from model space (the world, in the reference pose) to bone space:
-    v_bone = R_local v_model + t_local. ``JOINT``, which the seed lacks, holds what is known of the joint to the parent.
+    v_bone = R_local v_model + t_local. ``JOINT``, which the seed lacks, holds what is known of the joint to the parent;
+    standard deviations and (as rows of a 3 x 3 matrix) covariances where they were estimated, see
+    `skelgen.model.Joint`.
     ``ANIMATION``: one ``TRACK`` per bone, one ``KEYFRAME`` per frame, relative to the parent; a root relative to the
     world. ``SEEN="0"`` marks a frame in which the limb's pose was interpolated.
     Quaternions are x y z w and rotate actively, v' = q v q* (not Cal3D's conjugate; `cal3d` writes that).
@@ -22,7 +24,8 @@ times in seconds. All numbers have the digits to give back the same double.
     Elements ``joint<parent>-<child>``; a frame whose joint is not to be told carries no vector.
 ``MarkerPositions``
     ``MarkerOffsets``: markers relative to the centre of mass of their limb's markers, along the axes of the bone;
-    ``CenterOfMass``, which the seed lacks, is that centre in the bone's frame and ``Sigma`` the marker's deviation.
+    ``CenterOfMass``, which the seed lacks, is that centre in the bone's frame and ``Sigma`` the marker's deviation;
+    ``Noise`` and ``StandardDeviation`` (of the place, x y z) stand there where they were estimated.
     ``Frame``: an unseen marker carries no ``OrgMarkerPosition``, one that is left out no ``FinalMarkerPosition``.
 """
 

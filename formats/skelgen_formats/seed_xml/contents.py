@@ -30,6 +30,7 @@ class JointFacts:
     std: list[float]
     axis: list[float] | None
     second_axis: list[float] | None
+    deviations: dict[str, list[float]]
 
 
 @dataclass
@@ -58,6 +59,8 @@ class Contents:
     final_joints: dict[tuple[int, int], array[float]] = field(default_factory=dict)
     offsets: dict[int, list[float]] = field(default_factory=dict)
     sigmas: dict[int, float] = field(default_factory=dict)
+    offset_stds: dict[int, list[float]] = field(default_factory=dict)
+    noises: dict[int, float] = field(default_factory=dict)
     centers: dict[int, list[float]] = field(default_factory=dict)
     final_markers: array[float] = field(default_factory=lambda: array("d"))
     tracked_markers: array[float] = field(default_factory=lambda: array("d"))
@@ -141,10 +144,12 @@ def _skeleton(
         joints=tuple(_joint(parent, child, contents.bones[child].joint) for parent, child in edges),
         limb_of_marker=limb_of_marker,
         marker_offsets=offsets + centers_and_none[limb_of_marker],
-        marker_std=np.array([contents.sigmas.get(marker, np.nan) for marker in range(len(limb_of_marker))]),
+        marker_std=_of_markers(contents.sigmas, len(limb_of_marker)),
         reference_pose=np.array([_world_from_bone(contents.bones[limb]) for limb in range(len(parents))]).reshape(
             -1, 4, 4
         ),
+        offset_std=_table(contents.offset_stds, len(limb_of_marker)) if contents.offset_stds else None,
+        marker_noise=_of_markers(contents.noises, len(limb_of_marker)) if contents.noises else None,
     )
 
 
@@ -153,7 +158,25 @@ def _joint(parent: int, child: int, facts: JointFacts | None) -> Joint:
         raise InputError(f"the joint between bones {parent} and {child} is not described")
     axis, second = (None if vector is None else np.array(vector) for vector in (facts.axis, facts.second_axis))
     places = np.array(facts.position_in_parent), np.array(facts.position_in_child)
-    return Joint(parent, child, *places, kind=facts.kind, axis=axis, std=np.array(facts.std), second_axis=second)
+    return Joint(
+        parent,
+        child,
+        *places,
+        kind=facts.kind,
+        axis=axis,
+        std=np.array(facts.std),
+        second_axis=second,
+        **{name: _square_or_vector(values) for name, values in facts.deviations.items()},
+    )
+
+
+def _square_or_vector(values: list[float]) -> Floats:
+    return np.array(values).reshape((3, 3) if len(values) == 9 else 3)
+
+
+def _of_markers(values: Mapping[int, float], n_markers: int) -> Floats:
+    """Values by marker, NaN for markers without one, shape (n_markers,)."""
+    return np.array([values.get(marker, np.nan) for marker in range(n_markers)])
 
 
 def _world_from_bone(bone: Bone) -> Floats:

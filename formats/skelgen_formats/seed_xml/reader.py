@@ -13,7 +13,7 @@ from lxml import etree
 from skelgen.errors import FormatError
 from skelgen_formats.seed_xml.contents import Bone, Contents, JointFacts, assemble
 from skelgen_formats.seed_xml.values import JointStats, MarkerDistance, SeedXml
-from skelgen_formats.seed_xml.writer import ROOT, VERSION
+from skelgen_formats.seed_xml.writer import DEVIATIONS, ROOT, VERSION
 
 _UNITS = {"unit": "mm", "time_unit": "s", "quaternion": "x y z w"}
 _JOINT_TAG = re.compile(r"joint(\d{1,9})-(\d{1,9})")
@@ -201,6 +201,11 @@ class _Reader:
             std=self._vector(element, "STANDARDDEVIATION", 3),
             axis=self._vector(element, "AXIS", 3) if "AXIS" in names else None,
             second_axis=self._vector(element, "SECONDAXIS", 3) if "SECONDAXIS" in names else None,
+            deviations={
+                name: self._vector(element, tag, 9 if "covariance" in name else 3)
+                for tag, name in DEVIATIONS.items()
+                if tag in names
+            },
         )
 
     def _key(self, element: Any) -> None:
@@ -239,6 +244,10 @@ class _Reader:
                     marker = self._marker(vector)
                     self.contents.offsets[marker] = self._numbers(vector, 3)
                     self.contents.sigmas[marker] = self._float(vector, "Sigma")
+                    if vector.get("StandardDeviation") is not None:
+                        texts = vector.get("StandardDeviation").split()
+                        self.contents.offset_stds[marker] = self._exactly(vector, texts, 3)
+                        self.contents.noises[marker] = self._float(vector, "Noise")
 
     def _frame(self, element: Any) -> None:
         self._check_turn(element, "FrameIndex", self.contents.n_marker_frames)

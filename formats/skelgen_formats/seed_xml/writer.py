@@ -28,6 +28,15 @@ ROOT = "MotionCapture"
 VERSION = "1"
 LEFT_OUT_BONE = -1
 
+DEVIATIONS = {
+    "COVARIANCE": "covariance",
+    "COVARIANCEINBONE": "covariance_in_child",
+    "AXISSTANDARDDEVIATION": "axis_std",
+    "SECONDAXISSTANDARDDEVIATION": "second_axis_std",
+    "TURNCOVARIANCE": "turn_covariance",
+}
+"""Vectors of a ``JOINT`` beyond the seed's, and the fields of `skelgen.model.Joint`; left out where not estimated."""
+
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
 _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
 
@@ -121,6 +130,9 @@ def _skeleton(project: Project) -> Iterator[str]:
             yield _row("STANDARDDEVIATION", joint.std)
             yield "" if joint.axis is None else _row("AXIS", joint.axis)
             yield "" if joint.second_axis is None else _row("SECONDAXIS", joint.second_axis)
+            for tag, name in DEVIATIONS.items():
+                value = getattr(joint, name)
+                yield "" if value is None else _row(tag, value.ravel())
             yield "</JOINT>\n"
         yield "</BONE>\n"
     yield "</SKELETON>\n"
@@ -195,10 +207,19 @@ def _offsets(skeleton: Skeleton) -> Iterator[str]:
         yield "" if np.isnan(centers[limb]).any() else _row("CenterOfMass", centers[limb])
         for marker in markers:
             offset = skeleton.marker_offsets[marker] - centers[limb]
-            mark = f'id="{marker}" Sigma="{_number(skeleton.marker_std[marker])}" name="Offset"'
+            mark = f'id="{marker}" Sigma="{_number(skeleton.marker_std[marker])}"{_sureness(skeleton, marker)}'
+            mark += ' name="Offset"'
             yield "" if np.isnan(offset).any() else _vector(mark, 3) % tuple(offset.tolist())
         yield "</Bone>\n"
     yield "</MarkerOffsets>\n"
+
+
+def _sureness(skeleton: Skeleton, marker: int) -> str:
+    """Attributes that tell the noise of a marker and the standard deviation of its place, where they were estimated."""
+    if skeleton.offset_std is None or skeleton.marker_noise is None:
+        return ""
+    stds = " ".join(_number(value) for value in skeleton.offset_std[marker].tolist())
+    return f' Noise="{_number(skeleton.marker_noise[marker])}" StandardDeviation="{stds}"'
 
 
 def _frames(project: Project) -> Iterator[str]:

@@ -16,15 +16,15 @@ from skelgen.app.report.colours import limb_colour
 from skelgen.app.report.figure_costs import cost_graph
 from skelgen.app.report.figure_curves import deviation_bars, points_figure, residual_figure
 from skelgen.app.report.figure_gaps import gaps_figure
-from skelgen.app.report.figure_lengths import common_reach, spread_figure
 from skelgen.app.report.figure_matrix import cost_figure, deviation_figure
 from skelgen.app.report.figure_pose import pose_figures
 from skelgen.app.report.figure_tree import joint_sign, tree_figure
+from skelgen.app.report.joints import joints_content
 from skelgen.app.report.labels import labels_content
 from skelgen.app.report.run_facts import stage_tables, versions
-from skelgen.app.report.wording import counted, digits, duration, fixed, listed, millimetres, percent, plain
+from skelgen.app.report.wording import counted, digits, duration, listed, millimetres, percent, plain
 from skelgen.app.summary import column_rows
-from skelgen.model import Joint, PointCloud, Poses, Project
+from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.filled import Source
 from skelgen.model.skeleton import JOINT_KINDS
 
@@ -70,7 +70,7 @@ def report_content(project: Project) -> Content:
         content["limbs"] = _limbs(project)
     if project.has("joints") and project.topology.n_joints:
         lengths = measures.joint_lengths(project)
-        content |= {"tree": _tree(project, lengths), "joints": _joints(project), "lengths": _lengths(project, lengths)}
+        content |= {"tree": _tree(project, lengths)} | joints_content(project, lengths)
     if project.has("skeleton") and project.skeleton.n_limbs:
         content |= {"pose": pose_figures(project)}
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
@@ -255,49 +255,6 @@ def _sign(kind: str) -> Markup:
     return svg.drawing(_SIGN_SIDE, _SIGN_SIDE, f"sign of a {kind} joint", joint_sign(kind, 9, 9), least=_SIGN_SIDE)
 
 
-def _joints(project: Project) -> Content:
-    topology = project.topology
-    rivals = measures.runners_up(topology)
-    fitted = project.skeleton.joints if project.has("skeleton") else ()
-    rows = []
-    for index, (parent, child) in enumerate(topology.edges.tolist()):
-        costs = {"cost": digits(topology.joint_costs[parent, child]), "value": digits(topology.values[index])}
-        row: Content = {"joint": index, "parent": parent, "child": child, **costs}
-        row |= {"iterations": int(topology.n_iterations[index]), "rival": _rival(rivals[index], topology, index)}
-        rows.append(row | (_fitted(fitted[index]) if fitted else {}))
-    return {"rows": rows, "fitted": bool(fitted), "alpha": plain(topology.alpha)}
-
-
-def _rival(rival: measures.RunnerUp | None, topology: Any, joint: int) -> str:
-    if rival is None:
-        return "none"
-    parent, child = topology.edges[joint].tolist()
-    own = float(topology.joint_costs[parent, child])
-    ratio = f" (×{digits(rival.cost / own, 2)})" if own > 0 else ""
-    return f"{rival.limbs[0]}–{rival.limbs[1]}: {digits(rival.cost)}{ratio}"
-
-
-def _fitted(joint: Joint) -> Content:
-    axis = "" if joint.axis is None else ", ".join(fixed(value, 2) for value in joint.axis.tolist())
-    return {"kind": joint.kind, "axis": axis, "std": ", ".join(digits(value, 2) for value in joint.std.tolist())}
-
-
-def _lengths(project: Project, lengths: list[measures.Length]) -> Content:
-    reach = common_reach(lengths)
-    rows = [
-        {
-            "limb": each.limb,
-            "joints": f"J{each.first} – J{each.second}",
-            "rigid": digits(each.rigid, 4),
-            "raw": digits(each.raw_mean, 4),
-            "spread": digits(each.spread),
-            "figure": spread_figure(each, reach),
-        }
-        for each in lengths
-    ]
-    return {"rows": rows, "reach": digits(reach, 2), "has_rigid": project.has("skeleton")}
-
-
 def _deviations(project: Project) -> Content:
     order = measures.subtree_markers(project)
     rows = measures.marker_deviations(project.trajectories, project.limbs, project.motion, order)
@@ -307,7 +264,7 @@ def _deviations(project: Project) -> Content:
         values = project.motion.residuals[:, [row.marker for row in own]]
         mean, rms, largest = measures.summary(values[~np.isnan(values)])
         whole = {"mean": digits(mean), "rms": digits(rms), "largest": digits(largest)}
-        groups.append({"limb": limb, "rows": [_deviation_row(row) for row in own], "whole": whole})
+        groups.append({"limb": limb, "rows": [_deviation_row(project, row) for row in own], "whole": whole})
     return {
         "groups": groups,
         "bars": deviation_bars([row for row in rows if row.limb >= 0]),
@@ -316,9 +273,11 @@ def _deviations(project: Project) -> Content:
     }
 
 
-def _deviation_row(row: measures.MarkerDeviation) -> Content:
+def _deviation_row(project: Project, row: measures.MarkerDeviation) -> Content:
+    stds = project.skeleton.offset_std
+    place = "–" if stds is None else digits(float(stds[row.marker].max()), 2)
     numbers = {"mean": digits(row.mean), "rms": digits(row.rms), "largest": digits(row.largest)}
-    return {"name": row.name, "seen": percent(row.seen)} | numbers
+    return {"name": row.name, "seen": percent(row.seen), "place": place} | numbers
 
 
 def _interpolated(project: Project) -> str:

@@ -26,7 +26,7 @@ _NAME_ROOM = 16
 
 @dataclass(frozen=True)
 class Axes:
-    """A plot area with linear axes; y begins at zero.
+    """A plot area with linear axes.
 
     Attributes
     ----------
@@ -34,6 +34,8 @@ class Axes:
         The whole drawing, and the space below the plot area.
     last_x, last_y : float
         Largest values on the axes.
+    first_y : float
+        Value at the foot of the y axis.
     """
 
     width: float
@@ -41,6 +43,7 @@ class Axes:
     bottom: float
     last_x: float
     last_y: float
+    first_y: float = 0.0
 
     def x(self, value: float) -> float:
         """Return the place [px] of a value on the x axis."""
@@ -48,13 +51,14 @@ class Axes:
 
     def y(self, value: float) -> float:
         """Return the place [px] of a value on the y axis."""
-        return self.height - self.bottom - (self.height - self.bottom - _TOP) * value / self.last_y
+        share = (value - self.first_y) / (self.last_y - self.first_y)
+        return self.height - self.bottom - (self.height - self.bottom - _TOP) * share
 
     def frame(self, y_title: str, x_title: str = "") -> Markup:
         """Draw grid, tick labels and titles; without a title the x axis has no ticks."""
         right, floor = self.width - _RIGHT, self.height - self.bottom
         parts = [svg.text(4, 12, y_title, "small")]
-        for value in svg.ticks(0.0, self.last_y, 4):
+        for value in svg.ticks(self.first_y, self.last_y, 4):
             parts += [
                 svg.line(_LEFT, self.y(value), right, self.y(value), "grid"),
                 svg.text(_LEFT - 6, self.y(value) + 3.5, plain(value), "small", anchor="end"),

@@ -45,8 +45,8 @@ class Length:
     ----------
     limb, first, second : int
         The limb, and the two joints as indices.
-    rigid : float, mm
-        Distance in the rigid skeleton; NaN before it is fitted.
+    rigid, std : float, mm
+        Distance in the rigid skeleton, and its standard deviation; NaN before it is fitted, or where not estimated.
     raw_mean, spread : float, mm
         Mean and standard deviation over frames of the distance between the raw joint positions.
     deviations : ndarray, shape (n,), mm
@@ -57,6 +57,7 @@ class Length:
     first: int
     second: int
     rigid: float
+    std: float
     raw_mean: float
     spread: float
     deviations: Floats
@@ -150,21 +151,25 @@ def joint_lengths(project: Project) -> list[Length]:
     """Return the distance between each two joints of a limb, limb after limb in the order of the tree."""
     topology = project.topology
     rigid = project.skeleton.lengths if project.has("skeleton") else {}
+    stds = project.skeleton.length_std if rigid else None
+    known = dict(zip(rigid, np.full(len(rigid), np.nan) if stds is None else stds, strict=True))
     lengths: list[Length] = []
     for limb in limb_order(project):
         joints = np.flatnonzero((topology.edges == limb).any(axis=1)).tolist() if topology.n_joints else []
         pairs = [(first, second) for i, first in enumerate(joints) for second in joints[i + 1 :]]
-        lengths.extend(_length(topology, limb, pair, rigid.get(pair, np.nan)) for pair in pairs)
+        lengths.extend(
+            _length(topology, limb, pair, (rigid.get(pair, np.nan), float(known.get(pair, np.nan)))) for pair in pairs
+        )
     return lengths
 
 
-def _length(topology: Topology, limb: int, pair: tuple[int, int], rigid: float) -> Length:
+def _length(topology: Topology, limb: int, pair: tuple[int, int], rigid: tuple[float, float]) -> Length:
     raw = topology.raw_joint_positions
     distances = _known(np.linalg.norm(raw[:, pair[0]] - raw[:, pair[1]], axis=1))
     mean = float(distances.mean()) if len(distances) else np.nan
     spread = float(distances.std()) if len(distances) else np.nan
-    centre = mean if np.isnan(rigid) else rigid
-    return Length(limb, *pair, rigid, mean, spread, distances - centre)
+    centre = mean if np.isnan(rigid[0]) else rigid[0]
+    return Length(limb, *pair, *rigid, mean, spread, distances - centre)
 
 
 def bone_length(lengths: list[Length], topology: Topology, joint: int) -> float:

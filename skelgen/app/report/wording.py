@@ -47,13 +47,15 @@ def millimetres(value: float) -> str:
 
 
 def plain(value: float) -> str:
-    """Return a round number, such as one at an axis or a parameter, without needless zeros.
+    """Return a round number, such as one at an axis or a parameter, without needless zeros; a dash for NaN.
 
     Examples
     --------
     >>> plain(2.50), plain(0.1 + 0.2), plain(1500.0)
     ('2.5', '0.3', '1500')
     """
+    if not math.isfinite(value):
+        return "–"
     if value and not _TINY <= abs(value) < _HUGE:
         return (_MINUS if value < 0 else "") + _with_power(abs(value), 2)
     return f"{value:.6g}".replace("-", _MINUS)

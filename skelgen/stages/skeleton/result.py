@@ -89,7 +89,7 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
             std=_root(covariance),
             second_axis=kind.axis_in_child if kind.kind == "universal" else None,
             covariance=covariance,
-            std_in_child=_root(in_child),
+            covariance_in_child=in_child,
             axis_std=_axis_std(one, limb, parent),
             second_axis_std=_axis_std(one, limb, limb),
             turn_covariance=one.turn_covariances[limb],

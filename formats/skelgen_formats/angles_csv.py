@@ -1,0 +1,74 @@
+"""Joint angles as a table: one row per frame, two columns per angle.
+
+The header names every column with its unit: ``frame,time_s,limb0-limb1_turn_deg,limb0-limb1_turn_std_deg,...``; a joint
+is called after its parent and child limb. A hinge has ``turn``, a universal joint ``first`` and ``second`` (about the
+axis in the parent, then in the child), other joints ``x``, ``y`` and ``z`` (rotation vector in the parent's axes),
+rigid ones nothing. Angles are 0 in the reference pose. Frames count from 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import WriteError
+from skelgen.files import replacing
+from skelgen.model import Project, Take
+from skelgen_formats.joints_csv import joint_names
+from skelgen_formats.registry import Format
+
+_CHUNK_FRAMES = 2000
+
+
+def write_angles_csv(value: Project | Take, path: Path) -> list[Path]:
+    """Write the joint angles of a finished project and their standard deviations [deg].
+
+    Raises
+    ------
+    WriteError
+        If the value is no project, or the file cannot be written.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    if not isinstance(value, Project):
+        raise WriteError(
+            f"{path}: angles-csv holds the joint angles of a skeleton, not a take; run the four stages first, or choose"
+            " a format for takes"
+        )
+    from skelgen.kinematics.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
+
+    header = ["frame", "time_s"]
+    for name, joint in zip(joint_names(value.skeleton), value.skeleton.joints, strict=True):
+        header += [f"{name}_{angle}{what}_deg" for angle in angle_names(joint) for what in ("", "_std")]
+    rows = _rows(value)
+    with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
+        stream.write(",".join(header) + "\n")
+        stream.writelines(rows)
+    return [path]
+
+
+def _rows(project: Project) -> Iterator[str]:
+    from skelgen.kinematics.inverse import posture_of  # noqa: PLC0415 - scipy is slow to load
+
+    motion, positions = project.motion, project.trajectories.positions
+    for first in range(0, motion.n_frames, _CHUNK_FRAMES):
+        frames = np.arange(first, min(first + _CHUNK_FRAMES, motion.n_frames))
+        posture = posture_of(project.skeleton, motion, positions, frames)
+        pairs = [np.stack(both, axis=2) for both in zip(posture.angles, posture.angle_std, strict=True)]
+        numbers = [np.rad2deg(pair).reshape(len(frames), -1) for pair in pairs]
+        table = np.concatenate([np.zeros((len(frames), 0)), *numbers], axis=1)
+        row = "%d,%r" + ",%.6f" * table.shape[1] + "\n"
+        for frame, time, values in zip(frames.tolist(), motion.times[frames].tolist(), table.tolist(), strict=True):
+            yield row % (frame, time, *values)
+
+
+FORMAT = Format(
+    name="angles-csv",
+    title="Joint angles, CSV",
+    suffixes=(".angles.csv",),
+    holds="joints",
+    write=write_angles_csv,
+    note="One row per frame; every angle of every joint with its standard deviation, in degrees.",
+)

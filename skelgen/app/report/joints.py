@@ -1,0 +1,149 @@
+"""What the report says of joints: their table, angles and turns, what is not determined, and lengths between them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from skelgen.app.report import measures
+from skelgen.app.report.figure_angles import angle_figure
+from skelgen.app.report.figure_lengths import common_reach, spread_figure
+from skelgen.app.report.wording import digits, fixed, plain
+from skelgen.kinematics.angles import angle_names
+from skelgen.kinematics.inverse import Posture, posture_of
+from skelgen.kinematics.joint_motion import AngleRange, angle_ranges, told_frames
+from skelgen.kinematics.observability import Observed, observed_joints
+from skelgen.model import Joint, Project, Topology
+from skelgen.model.arrays import Floats
+
+Content = dict[str, Any]
+
+_OPEN_FIGURES, _MOST_FIGURES = 2, 24
+"""Joints whose angles are drawn at once, and those that can be opened: a page of some megabytes is enough."""
+
+_LEAST_TOLD = 0.001  # deg
+
+_ANGLE_WORDS = {
+    "turn": "about its axis",
+    "first": "about the axis in the parent",
+    "second": "about the axis in the child",
+    "x": "x",
+    "y": "y",
+    "z": "z",
+}
+
+
+def joints_content(project: Project, lengths: list[measures.Length]) -> Content:
+    """Return the sections of a tree's joints: ``joints``, ``lengths``, and ``angles`` where there is a skeleton."""
+    content = {"joints": _joints(project), "lengths": _lengths(project, lengths)}
+    if project.has("skeleton"):
+        content["angles"] = _angles(project)
+    return content
+
+
+def _joints(project: Project) -> Content:
+    topology = project.topology
+    rivals = measures.runners_up(topology)
+    fitted = project.skeleton.joints if project.has("skeleton") else ()
+    rows = []
+    for index, (parent, child) in enumerate(topology.edges.tolist()):
+        costs = {"cost": digits(topology.joint_costs[parent, child]), "value": digits(topology.values[index])}
+        row: Content = {"joint": index, "parent": parent, "child": child, **costs}
+        row |= {"iterations": int(topology.n_iterations[index]), "rival": _rival(rivals[index], topology, index)}
+        rows.append(row | (_fitted(fitted[index]) if fitted else {}))
+    return {"rows": rows, "fitted": bool(fitted), "alpha": plain(topology.alpha)}
+
+
+def _rival(rival: measures.RunnerUp | None, topology: Topology, joint: int) -> str:
+    if rival is None:
+        return "none"
+    parent, child = topology.edges[joint].tolist()
+    own = float(topology.joint_costs[parent, child])
+    ratio = f" (×{digits(rival.cost / own, 2)})" if own > 0 else ""
+    return f"{rival.limbs[0]}–{rival.limbs[1]}: {digits(rival.cost)}{ratio}"
+
+
+def _fitted(joint: Joint) -> Content:
+    axis = "" if joint.axis is None else ", ".join(fixed(value, 2) for value in joint.axis.tolist())
+    axis_std = "" if joint.axis_std is None else _degrees(float(np.linalg.norm(joint.axis_std)))
+    known = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
+    stds = {"std": _place_std(joint, known), "child_std": _place_std(joint, joint.covariance_in_child)}
+    return {"kind": joint.kind, "axis": axis, "axis_std": axis_std} | stds
+
+
+def _place_std(joint: Joint, covariance: Floats | None) -> str:
+    """Standard deviations along three axes, of hinges across and along theirs."""
+    if covariance is None:
+        return "–"
+    axis = joint.free_axis()
+    if not axis.any():
+        return ", ".join(digits(value, 2) for value in np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist())
+    along = float(axis @ covariance @ axis)
+    across = max(float(np.trace(covariance)) - along, 0.0)
+    return f"{digits(float(np.sqrt(across)), 2)} across, {digits(float(np.sqrt(along)), 2)} along"
+
+
+def _lengths(project: Project, lengths: list[measures.Length]) -> Content:
+    reach = common_reach(lengths)
+    rows = [
+        {
+            "limb": each.limb,
+            "joints": f"J{each.first} – J{each.second}",
+            "rigid": digits(each.rigid, 4),
+            "std": digits(each.std, 2),
+            "raw": digits(each.raw_mean, 4),
+            "spread": digits(each.spread),
+            "figure": spread_figure(each, reach),
+        }
+        for each in lengths
+    ]
+    return {"rows": rows, "reach": digits(reach, 2), "has_rigid": project.has("skeleton")}
+
+
+def _angles(project: Project) -> Content:
+    skeleton, motion, positions = project.skeleton, project.motion, project.trajectories.positions
+    ranges = angle_ranges(skeleton, motion, positions)
+    observed = observed_joints(skeleton, motion)
+    rows = [_angle_row(index, joint, ranges[index], observed[index]) for index, joint in enumerate(skeleton.joints)]
+    frames = told_frames(motion.n_frames)
+    posture = posture_of(skeleton, motion, positions, frames)
+    times = frames / motion.rate
+    figures = [
+        (f"J{index}: {joint.kind} between limb {joint.parent} and {joint.child}", _figure(posture, joint, index, times))
+        for index, joint in enumerate(skeleton.joints[:_MOST_FIGURES])
+        if angle_names(joint)
+    ]
+    return {
+        "rows": rows,
+        "figures": figures,
+        "n_open": _OPEN_FIGURES,
+        "sentences": [seen.sentence for seen in observed if seen.sentence],
+    }
+
+
+def _angle_row(index: int, joint: Joint, ranges: tuple[AngleRange, ...], seen: Observed) -> Content:
+    angles = [
+        {
+            "name": _ANGLE_WORDS[angle.name],
+            "from": _degrees(angle.low),
+            "to": _degrees(angle.high),
+            "std": _degrees(angle.std),
+        }
+        for angle in ranges
+    ]
+    turns = [
+        (", ".join(fixed(value, 2) for value in direction.tolist()), _degrees(turn))
+        for direction, turn in zip(seen.motion.directions, seen.motion.ranges.tolist(), strict=True)
+    ]
+    return {"joint": index, "kind": joint.kind, "angles": angles, "turns": turns, "is_open": bool(seen.sentence)}
+
+
+def _figure(posture: Posture, joint: Joint, index: int, times: Floats) -> str:
+    names = tuple(_ANGLE_WORDS[name] for name in angle_names(joint))
+    return angle_figure(times, np.rad2deg(posture.angles[index]), np.rad2deg(posture.angle_std[index]), names)
+
+
+def _degrees(angle: float) -> str:
+    degrees = float(np.rad2deg(angle))
+    return "0" if abs(degrees) < _LEAST_TOLD else digits(degrees)
