@@ -42,6 +42,56 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+@contextlib.contextmanager
+def arriving_together(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder whose files replace those in `folder` when the block ends well.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files go; created if absent, and removed again if nothing arrives.
+
+    Raises
+    ------
+    WriteError
+        If the folder cannot be written, or writing into the temporary one fails; tells of `folder` only.
+    """
+    created = _create(folder)
+    arrived = False
+    try:
+        with tempfile.TemporaryDirectory(prefix=".skelgen-", dir=folder) as name:
+            with _telling_of(folder, instead_of=name):
+                yield Path(name)
+            for file in sorted(Path(name).iterdir()):
+                file.replace(folder / file.name)
+            arrived = True
+    except OSError as error:
+        raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    finally:
+        if not arrived:
+            for made in created:
+                with contextlib.suppress(OSError):  # somebody else put something there: then it stays
+                    made.rmdir()
+
+
+@contextlib.contextmanager
+def _telling_of(folder: Path, instead_of: str) -> Iterator[None]:
+    try:
+        yield
+    except WriteError as error:
+        raise WriteError(str(error).replace(instead_of, str(folder))) from error.__cause__
+
+
+def _create(folder: Path) -> list[Path]:
+    """Create a folder with its parents and return what was created, the innermost first."""
+    missing = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WriteError(f"{folder}: cannot be created: {error.strerror or error}") from error
+    return missing
+
+
 def _use_ordinary_rights(path: Path) -> None:
     mask = os.umask(0)
     os.umask(mask)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Iterable, Iterator
+from typing import Protocol, TypeVar
 
 from skelgen.errors import Cancelled
+
+_T = TypeVar("_T")
+
+_TOLD_EVERY = 50  # items; telling costs a call, and nobody sees smaller steps
 
 
 class Monitor(Protocol):
@@ -35,4 +40,25 @@ class SilentMonitor:
 
 SILENT = SilentMonitor()
 
-__all__ = ["SILENT", "Cancelled", "Monitor", "SilentMonitor"]
+
+def told(items: Iterable[_T], n_items: int, monitor: Monitor, every: int = _TOLD_EVERY) -> Iterator[_T]:
+    """Yield items, and tell a monitor how many of them are done; it may raise `Cancelled`.
+
+    Parameters
+    ----------
+    items : iterable
+        What is worked on.
+    n_items : int
+        How many there are.
+    monitor : Monitor
+        Is told.
+    every : int
+        After how many items it is told.
+    """
+    for done, item in enumerate(items):
+        if done % every == 0:
+            monitor.advance(done, n_items)
+        yield item
+
+
+__all__ = ["SILENT", "Cancelled", "Monitor", "SilentMonitor", "told"]

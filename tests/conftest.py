@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -113,3 +115,20 @@ def make_project():
 def small_project(make_project) -> Project:
     """Three limbs, ten markers, twelve frames."""
     return make_project()
+
+
+@pytest.fixture
+def full_disk():
+    """Make every file end after some bytes, as on a disk that is full: for writers in C, too."""
+    resource = pytest.importorskip("resource", reason="limits on files are known to Unix only")
+
+    @contextlib.contextmanager
+    def limit(n_bytes: int) -> Iterator[None]:
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limit

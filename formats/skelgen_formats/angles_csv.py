@@ -13,16 +13,18 @@ from pathlib import Path
 
 import numpy as np
 
-from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project, Take
+from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.finished import finished_project
 from skelgen_formats.joints_csv import joint_names
 from skelgen_formats.registry import Format
 
+_TITLE = "Joint angles, CSV"
 _CHUNK_FRAMES = 2000
 
 
-def write_angles_csv(value: Project | Take, path: Path) -> list[Path]:
+def write_angles_csv(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write the joint angles of a finished project and their standard deviations [deg].
 
     Raises
@@ -32,17 +34,13 @@ def write_angles_csv(value: Project | Take, path: Path) -> list[Path]:
     MissingResultError
         If the project has no skeleton yet.
     """
-    if not isinstance(value, Project):
-        raise WriteError(
-            f"{path}: angles-csv holds the joint angles of a skeleton, not a take; run the four stages first, or choose"
-            " a format for takes"
-        )
+    project = finished_project(value, _TITLE)
     from skelgen.kinematics.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
 
     header = ["frame", "time_s"]
-    for name, joint in zip(joint_names(value.skeleton), value.skeleton.joints, strict=True):
+    for name, joint in zip(joint_names(project.skeleton), project.skeleton.joints, strict=True):
         header += [f"{name}_{angle}{what}_deg" for angle in angle_names(joint) for what in ("", "_std")]
-    rows = _rows(value)
+    rows = told(_rows(project), project.motion.n_frames, monitor)
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
         stream.write(",".join(header) + "\n")
         stream.writelines(rows)
@@ -66,9 +64,11 @@ def _rows(project: Project) -> Iterator[str]:
 
 FORMAT = Format(
     name="angles-csv",
-    title="Joint angles, CSV",
+    title=_TITLE,
     suffixes=(".angles.csv",),
     holds="joints",
     write=write_angles_csv,
+    check=lambda value, options: finished_project(value, _TITLE),
+    keeps=("angles",),
     note="One row per frame; every angle of every joint with its standard deviation, in degrees.",
 )

@@ -12,27 +12,38 @@ More than 255 labels go on in POINT:LABELS2 and so forth. Written data are f32, 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from skelgen.errors import WriteError
+from skelgen.errors import FormatError, WriteError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled, Source
+from skelgen.progress import SILENT, Monitor
 from skelgen_formats.c3d_layout import MAGIC, MOST_HEADER_FRAMES, C3dLayout, dec_floats, read_layout
-from skelgen_formats.filled_markers import FILLED, markers_to_write, positions_of, write_table
+from skelgen_formats.filled_markers import (
+    FILLED,
+    check_markers,
+    marker_files,
+    markers_to_write,
+    positions_of,
+    write_table,
+)
 from skelgen_formats.markers import (
     check_writable_names,
     mm_per_unit,
     scaled,
     take_from_markers,
+    trajectories_of,
     zeros_unseen,
 )
 from skelgen_formats.registry import Format
 
+_TITLE = "C3D"
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
 _LONGEST_NAME = 127  # the format has signed bytes for some lengths
 _MOST_POINTS = 65535
@@ -67,7 +78,9 @@ def read_c3d(path: Path) -> Trajectories | PointCloud:
     return take_from_markers(path, scaled(path, positions, factor), names, layout.rate, notices)
 
 
-def write_c3d(value: Project | Take | Filled, path: Path, filled: bool = False) -> list[Path]:
+def write_c3d(
+    value: Project | Take | Filled, path: Path, filled: bool = False, monitor: Monitor = SILENT
+) -> list[Path]:
     """Write labelled markers as C3D: f32 in mm, unseen markers with residual -1.
 
     With `filled`, filled positions have residual 0 and no camera, as c3d.org has it for points that are not measured,
@@ -78,7 +91,7 @@ def write_c3d(value: Project | Take | Filled, path: Path, filled: bool = False) 
     WriteError
         If the value has no labelled markers, or a name is longer than 127 bytes.
     """
-    markers = markers_to_write(value, "C3D", filled)
+    markers = markers_to_write(value, _TITLE, filled, monitor)
     take = positions_of(markers)
     names = check_writable_names(path, take.names, "", str.strip)
     too_long = [name for name in names if len(name.encode()) > _LONGEST_NAME]
@@ -93,7 +106,20 @@ def write_c3d(value: Project | Take | Filled, path: Path, filled: bool = False) 
             content.write(os.fspath(temporary))
         except (RuntimeError, ValueError, IndexError) as error:
             raise WriteError(f"{path}: ezc3d cannot write it: {error}") from error
+        _check_whole(temporary, path, take)
     return [path, *write_table(markers, path)]
+
+
+def _check_whole(temporary: Path, path: Path, take: Trajectories) -> None:
+    """Raise if frames are missing in what was written: ezc3d does not notice a disk that is full."""
+    if take.n_frames == 0 or take.n_markers == 0:
+        return
+    try:
+        n_frames = read_layout(temporary).n_frames
+    except FormatError:  # cut off
+        n_frames = 0
+    if n_frames < take.n_frames:
+        raise WriteError(f"{path}: cannot be written whole: is the disk full?")
 
 
 def _names(layout: C3dLayout, notices: list[str]) -> list[str]:
@@ -194,14 +220,30 @@ def _sniff(head: bytes, path: Path) -> bool:
     return len(head) > 1 and head[1] == MAGIC and 0 < head[0] < _FIRST_PRINTABLE
 
 
+def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+    take = trajectories_of(project, _TITLE)
+    far = float(np.nanmax(np.abs(take.positions), initial=0.0))
+    rounded = f"Positions are rounded to single precision, to {np.spacing(np.float32(far)):.1g} mm."
+    if take.n_frames <= MOST_HEADER_FRAMES:
+        return (rounded,)
+    return (
+        rounded,
+        f"Some programs show only the first {MOST_HEADER_FRAMES} of the {take.n_frames} frames of a C3D file.",
+    )
+
+
 FORMAT = Format(
     name="c3d",
-    title="C3D",
+    title=_TITLE,
     suffixes=(".c3d",),
     holds="markers",
     sniff=_sniff,
     read=read_c3d,
     write=write_c3d,
+    check=lambda value, options: check_markers(value, _TITLE, bool(options.get(FILLED.name))),
+    files=marker_files,
+    keeps=("markers", "names"),
+    remarks=_remarks,
     options=(FILLED,),
     note="Units from the file; residual below 0 and all zeros are unseen; any number of labels and frames; f32 in mm.",
 )

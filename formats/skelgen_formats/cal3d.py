@@ -18,17 +18,20 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
+from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
+from skelgen_formats.finished import finished_project
 from skelgen_formats.registry import Format
 
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"
 
+_NO_UNIT = "Cal3D files name neither unit nor axes: lengths are in mm, axes as in the recording."
 _VERSION = 910  # of the 0.9 era: also the later forks accept it
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 _LARGEST = float(np.finfo(np.float32).max)  # the loaders read floats; a number beyond silently zeroes all that follow
 
 
-def write_cal3d(value: Project | Take, path: Path) -> list[Path]:
+def write_cal3d(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write skeleton and animation beside each other, whichever of the two `path` names.
 
     Raises
@@ -38,14 +41,17 @@ def write_cal3d(value: Project | Take, path: Path) -> list[Path]:
     MissingResultError
         If the project has no skeleton yet.
     """
-    if not isinstance(value, Project):
-        raise WriteError(f"{path}: Cal3D holds a skeleton in motion, not a take; run the four stages first")
-    _check_values(value, path)
-    skeleton_path, animation_path = path.with_suffix(SKELETON_SUFFIX), path.with_suffix(ANIMATION_SUFFIX)
+    project = finished_project(value, "Cal3D")
+    _check_values(project, path)
+    skeleton_path, animation_path = files = _files(path)
     with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
-        _write(skeleton_file, _skeleton(value.skeleton))
-        _write(animation_file, _animation(value))
-    return [skeleton_path, animation_path]
+        _write(skeleton_file, _skeleton(project.skeleton))
+        _write(animation_file, _animation(project, monitor))
+    return list(files)
+
+
+def _files(path: Path) -> tuple[Path, Path]:
+    return path.with_suffix(SKELETON_SUFFIX), path.with_suffix(ANIMATION_SUFFIX)
 
 
 def _check_values(project: Project, path: Path) -> None:
@@ -86,14 +92,14 @@ def _transforms(reference_pose: Floats, parent: int, limb: int) -> Iterator[str]
     yield _element("LOCALROTATION", xyzw_from_matrix(bone_from_world) * _CONJUGATE)
 
 
-def _animation(project: Project) -> Iterator[str]:
+def _animation(project: Project, monitor: Monitor) -> Iterator[str]:
     skeleton, motion = project.skeleton, project.motion
     order = skeleton.outward.tolist()
     times = [f"{time:.9g}" for time in motion.times]
     duration = times[-1] if motion.n_frames > 1 else f"{1 / motion.rate:.9g}"  # zero is refused by the loaders
     key = f'<KEYFRAME TIME="%s">\n{_template("TRANSLATION", 3)}{_template("ROTATION", 4)}</KEYFRAME>\n'
     yield f'<HEADER MAGIC="XAF" VERSION="{_VERSION}"/>\n<ANIMATION NUMTRACKS="{len(order)}" DURATION="{duration}">\n'
-    for bone, limb in enumerate(order):
+    for bone, limb in enumerate(told(order, len(order), monitor, every=1)):
         translations, rotations = bone_transforms(motion.world_from_limb, int(skeleton.parents[limb]), limb)
         numbers = np.concatenate([translations, xyzw_from_matrix(rotations) * _CONJUGATE], axis=1)
         yield f'<TRACK BONEID="{bone}" NUMKEYFRAMES="{motion.n_frames}">\n'
@@ -117,5 +123,9 @@ FORMAT = Format(
     suffixes=(SKELETON_SUFFIX, ANIMATION_SUFFIX),
     holds="skeleton",
     write=write_cal3d,
+    check=lambda value, options: finished_project(value, "Cal3D"),
+    files=lambda path, options: _files(path),
+    keeps=("joints", "motion"),
+    remarks=lambda project, options: (_NO_UNIT,),
     note="Two files are written, .xsf and .xaf; lengths in mm.",
 )

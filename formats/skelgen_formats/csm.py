@@ -23,8 +23,9 @@ numbers have as many digits as give the same float64 back.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,17 +34,27 @@ from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled
-from skelgen_formats.filled_markers import FILLED, markers_to_write, positions_of, write_table
+from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.filled_markers import (
+    FILLED,
+    check_markers,
+    marker_files,
+    markers_to_write,
+    positions_of,
+    write_table,
+)
 from skelgen_formats.markers import (
     check_frames,
     check_writable_names,
     scaled,
     take_from_markers,
+    trajectories_of,
     zeros_unseen,
 )
 from skelgen_formats.registry import Format, Option
 from skelgen_formats.text import count_in, decoded_head, number_in, rate_in, read_lines
 
+_TITLE = "CSM"
 _DROPOUT = "DROPOUT"
 _SPINE_LINKS = 4  # what a new Biped has; the importer needs a number and markers do not tell one
 _MM = 1.0
@@ -86,7 +97,13 @@ def read_csm(path: Path, dropout: str = "word") -> Trajectories | PointCloud:
     return take_from_markers(path, scaled(path, positions, _MM), names, rate_value, notices)
 
 
-def write_csm(value: Project | Take | Filled, path: Path, dropout: str = "word", filled: bool = False) -> list[Path]:
+def write_csm(
+    value: Project | Take | Filled,
+    path: Path,
+    dropout: str = "word",
+    filled: bool = False,
+    monitor: Monitor = SILENT,
+) -> list[Path]:
     """Write labelled markers as a Character Studio marker file.
 
     Parameters
@@ -99,22 +116,28 @@ def write_csm(value: Project | Take | Filled, path: Path, dropout: str = "word",
         ``word`` writes DROPOUT for an unseen marker, ``zero`` three zeros.
     filled : bool
         Write filled positions as well, and the table that tells which they are.
+    monitor : Monitor
+        Told of progress; may cancel.
 
     Raises
     ------
     WriteError
         If the value has no labelled markers, or two names become equal when blanks become underscores.
     """
-    markers = markers_to_write(value, "CSM", filled)
+    markers = markers_to_write(value, _TITLE, filled, monitor)
     take = positions_of(markers)
-    names = check_writable_names(path, take.names, "", lambda name: "_".join(name.split()).lstrip("$"))
+    names = check_writable_names(path, take.names, "", _clean)
     gap = _DROPOUT if dropout == "word" else "0 0 0"
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(take, names))
-        for number, row in enumerate(take.positions.tolist(), start=1):
+        for number, row in enumerate(told(take.positions.tolist(), take.n_frames, monitor), start=1):
             words = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row)
             stream.write(f"{number}  " + "  ".join(words) + "\n")
     return [path, *write_table(markers, path)]
+
+
+def _clean(name: str) -> str:
+    return "_".join(name.split()).lstrip("$")
 
 
 def _sections(path: Path, lines: Sequence[str]) -> tuple[_Sections, int]:
@@ -218,6 +241,15 @@ def _sniff(head: bytes, path: Path) -> bool:
     return bool(words) and words[0].startswith("$") and any(keyword in words for keyword in _KNOWN_FIRST)
 
 
+def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+    names = trajectories_of(project, _TITLE).names
+    blanks = [name for name in names if name != _clean(name)]
+    without_unit = "The file does not say its unit: lengths are in mm."
+    if not blanks:
+        return (without_unit,)
+    return without_unit, f"Names are written without blanks, such as {blanks[0]!r} as {_clean(blanks[0])!r}."
+
+
 FORMAT = Format(
     name="csm",
     title="Character Studio marker file",
@@ -226,6 +258,10 @@ FORMAT = Format(
     sniff=_sniff,
     read=read_csm,
     write=write_csm,
+    check=lambda value, options: check_markers(value, _TITLE, bool(options.get(FILLED.name))),
+    files=marker_files,
+    keeps=("markers", "names"),
+    remarks=_remarks,
     options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")), FILLED),
     note="No unit in the file: mm; dropouts as the word DROPOUT or as zeros; blanks in names become underscores.",
 )

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from skelgen.errors import WriteError
+from skelgen.errors import MissingResultError, WriteError
 from skelgen.files import replacing
 from skelgen.model import Project, Take, Trajectories
 from skelgen.model.filled import Filled, Source
+from skelgen.progress import SILENT, Monitor
 from skelgen_formats.markers import trajectories_of
 from skelgen_formats.registry import Format, Option
 
@@ -28,7 +31,23 @@ TABLE_SUFFIX = ".filled.csv"
 _MARKED = {"c3d": "filled positions have residual 0 and no camera, measured ones residual 1 and one camera"}
 
 
-def markers_to_write(value: Project | Take | Filled, title: str, filled: bool) -> Trajectories | Filled:
+def check_markers(value: Project | Take | Filled, title: str, filled: bool) -> None:
+    """Raise if a writer of markers cannot take a value; see `markers_to_write`."""
+    if isinstance(value, Filled):
+        return
+    if not filled:
+        trajectories_of(value, title)
+    elif not isinstance(value, Project):
+        raise WriteError(
+            f"{title}: gaps are filled from a skeleton, and a take has none: give a project that is fitted"
+        )
+    elif not value.has("skeleton"):
+        raise MissingResultError(f"{title}: gaps are filled from a skeleton: run the stage 'skeleton' first")
+
+
+def markers_to_write(
+    value: Project | Take | Filled, title: str, filled: bool, monitor: Monitor = SILENT
+) -> Trajectories | Filled:
     """Return what a writer is to write: measured markers, or `Filled` if filled positions are wanted.
 
     Parameters
@@ -39,6 +58,8 @@ def markers_to_write(value: Project | Take | Filled, title: str, filled: bool) -
         Of the format, for errors.
     filled : bool
         Whether filled positions are wanted.
+    monitor : Monitor
+        Told of the filling; may cancel.
 
     Raises
     ------
@@ -47,15 +68,14 @@ def markers_to_write(value: Project | Take | Filled, title: str, filled: bool) -
     MissingResultError
         If filling is wanted and the project has no skeleton yet.
     """
+    check_markers(value, title, filled)
     if isinstance(value, Filled):
         return value if filled else value.measured
-    if not filled:
-        return trajectories_of(value, title)
-    if isinstance(value, Project):
+    if filled and isinstance(value, Project):
         from skelgen.kinematics.filling import fill_gaps  # noqa: PLC0415 - numeric code that only this wish needs
 
-        return fill_gaps(value.trajectories, value.skeleton, value.motion)
-    raise WriteError(f"{title}: gaps are filled from a skeleton, and a take has none: give a project that is fitted")
+        return fill_gaps(value.trajectories, value.skeleton, value.motion, monitor)
+    return trajectories_of(value, title)
 
 
 def positions_of(markers: Trajectories | Filled) -> Trajectories:
@@ -78,6 +98,11 @@ def write_table(markers: Trajectories | Filled, path: Path) -> list[Path]:
             source = Source(int(markers.source[frame, marker]))
             rows.writerow((frame, markers.measured.names[marker], source.word, f"{markers.std[frame, marker]:.3f}"))
     return [table]
+
+
+def marker_files(path: Path, options: Mapping[str, Any]) -> tuple[Path, ...]:
+    """Return the files that a writer of markers will make of a path."""
+    return (path, table_of(path)) if options.get(FILLED.name) else (path,)
 
 
 def table_of(path: Path) -> Path:

@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
+from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.finished import finished_project
 from skelgen_formats.registry import Format
+
+_TITLE = "Joint positions, CSV"
 
 
 def joint_names(skeleton: Skeleton) -> tuple[str, ...]:
@@ -20,7 +23,7 @@ def joint_names(skeleton: Skeleton) -> tuple[str, ...]:
     return tuple(f"limb{joint.parent}-limb{joint.child}" for joint in skeleton.joints)
 
 
-def write_joints_csv(value: Project | Take, path: Path) -> list[Path]:
+def write_joints_csv(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write the joint positions of a finished project [mm], to a millionth of a millimetre.
 
     Raises
@@ -30,13 +33,9 @@ def write_joints_csv(value: Project | Take, path: Path) -> list[Path]:
     MissingResultError
         If the project has no skeleton yet.
     """
-    if not isinstance(value, Project):
-        raise WriteError(
-            f"{path}: joints-csv holds the joints of a skeleton, not a take; run the four stages first, or choose a"
-            " format for takes"
-        )
-    header = ["frame", "time_s", *(f"{name}_{axis}_mm" for name in joint_names(value.skeleton) for axis in "xyz")]
-    rows = _rows(value)
+    project = finished_project(value, _TITLE)
+    header = ["frame", "time_s", *(f"{name}_{axis}_mm" for name in joint_names(project.skeleton) for axis in "xyz")]
+    rows = told(_rows(project), project.motion.n_frames, monitor)
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
         stream.write(",".join(header) + "\n")
         stream.writelines(rows)
@@ -52,9 +51,11 @@ def _rows(project: Project) -> Iterator[str]:
 
 FORMAT = Format(
     name="joints-csv",
-    title="Joint positions, CSV",
+    title=_TITLE,
     suffixes=(".joints.csv", ".csv"),
     holds="joints",
     write=write_joints_csv,
+    check=lambda value, options: finished_project(value, _TITLE),
+    keeps=("joints",),
     note="One row per frame, three columns per joint, in mm.",
 )

@@ -10,6 +10,7 @@ import numpy as np
 from skelgen.errors import FormatError, WriteError
 from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.arrays import Floats, Ints
+from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.markers import FARTHEST, cloud_from_markers
 from skelgen_formats.mfml_stream import (
     MARKER_DTYPES,
@@ -74,7 +75,13 @@ def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") ->
     return PointCloud(markers["center"], starts, times, attributes, path.name, tuple(notices))
 
 
-def write_mfml(value: Project | Take, path: Path, id_width: str = "auto", timestamp_unit: str = "us") -> list[Path]:
+def write_mfml(
+    value: Project | Take,
+    path: Path,
+    id_width: str = "auto",
+    timestamp_unit: str = "us",
+    monitor: Monitor = SILENT,
+) -> list[Path]:
     """Write points as a tracker recording; labelled markers lose their labels.
 
     Parameters
@@ -88,6 +95,8 @@ def write_mfml(value: Project | Take, path: Path, id_width: str = "auto", timest
         Bytes of a unique id; ``auto`` means 8.
     timestamp_unit : str
         Unit in which time stamps are written.
+    monitor : Monitor
+        Told of progress; may cancel.
 
     Raises
     ------
@@ -103,7 +112,7 @@ def write_mfml(value: Project | Take, path: Path, id_width: str = "auto", timest
             cloud.times.tolist(), cloud.frame_starts[:-1].tolist(), cloud.frame_starts[1:].tolist(), strict=True
         )
     )
-    write_frames(path, frames, str(width), timestamp_unit)
+    write_frames(path, told(frames, cloud.n_frames, monitor), str(width), timestamp_unit)
     return [path]
 
 
@@ -134,9 +143,12 @@ def _plain_ids(ids: Markers, notices: list[str]) -> Floats:
 
 
 def _cloud_of(value: Project | Take) -> PointCloud:
+    take = _take_of(value)
+    return take if isinstance(take, PointCloud) else cloud_from_markers(take.positions, take.rate, take.name)
+
+
+def _take_of(value: Project | Take) -> PointCloud | Trajectories:
     take = value.take if isinstance(value, Project) else value
-    if isinstance(take, Trajectories):
-        return cloud_from_markers(take.positions, take.rate, take.name)
     if isinstance(take, Poses):
         raise WriteError("mfml holds points and this value has bodies with orientation: write them as poses-csv")
     return take
@@ -185,6 +197,11 @@ FORMAT = Format(
     sniff=_sniff,
     read=read_mfml,
     write=write_mfml,
+    check=lambda value, options: _take_of(value),
+    keeps=("points", "markers"),
+    remarks=lambda project, options: (
+        "The recording is written as it was read: labels that were found or repaired are not in it.",
+    ),
     options=(
         Option("id_width", "auto", "Bytes of a unique id; auto finds out, and writes 8.", ("auto", "4", "8", "16")),
         Option("timestamp_unit", "us", "Unit of the time stamps.", tuple(SECONDS_PER_UNIT)),

@@ -28,6 +28,7 @@ from skelgen.files import replacing
 from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from skelgen.model import Poses, Project, Take
 from skelgen.model.arrays import Bools, Floats
+from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
 from skelgen_formats.registry import Format
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
@@ -71,7 +72,7 @@ def read_poses(path: Path) -> Poses:
     return Poses(transforms[:, ever], kept, rate, path.name, notices)
 
 
-def write_poses(value: Project | Take, path: Path) -> list[Path]:
+def write_poses(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write bodies with orientation; positions in mm, quaternions with scalar first.
 
     Raises
@@ -79,19 +80,22 @@ def write_poses(value: Project | Take, path: Path) -> list[Path]:
     WriteError
         If the value has no bodies with orientation, or a name holds a line end.
     """
-    take = value.take if isinstance(value, Project) else value
-    if not isinstance(take, Poses):
-        raise WriteError(
-            "poses-csv holds bodies with orientation and this value has markers; c3d, trc or csm hold those"
-        )
+    take = _poses_of(value)
     names = check_writable_names(path, take.names, "")
     numbers = _numbers(take.world_from_body)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(take.rate, names))
-        for frame, row in enumerate(numbers.reshape(take.n_frames, -1).tolist()):
+        for frame, row in enumerate(told(numbers.reshape(take.n_frames, -1).tolist(), take.n_frames, monitor)):
             cells = ["" if x != x else repr(x) for x in row]  # noqa: PLR0124 - NaN differs from itself
             stream.write(f"{frame},{frame / take.rate!r}," + ",".join(cells) + "\n")
     return [path]
+
+
+def _poses_of(value: Project | Take) -> Poses:
+    take = value.take if isinstance(value, Project) else value
+    if isinstance(take, Poses):
+        return take
+    raise WriteError("poses-csv holds bodies with orientation and this value has markers; c3d, trc or csm hold those")
 
 
 def _rate_and_unit(path: Path, header: Sequence[Sequence[str]]) -> tuple[float, float]:
@@ -163,5 +167,7 @@ FORMAT = Format(
     sniff=_sniff,
     read=read_poses,
     write=write_poses,
+    check=lambda value, options: _poses_of(value),
+    keeps=("bodies",),
     note="Position and unit quaternion (scalar first) of each body per frame; empty cells are unseen.",
 )

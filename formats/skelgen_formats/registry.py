@@ -6,7 +6,7 @@ generated from `FORMATS`. A file is recognised by its content first and by its s
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,8 @@ from typing import Any
 from skelgen.errors import FormatError, WriteError
 from skelgen.model import Project, Take
 from skelgen.model.filled import Filled
+from skelgen.parameters import Declaration
+from skelgen.progress import SILENT, Monitor
 
 SNIFF_BYTES = 4096
 """How much of a file's beginning the sniffers are shown."""
@@ -43,6 +45,12 @@ class Option:
     choices: tuple[str, ...] = ()
     reading: bool = True
 
+    @property
+    def declaration(self) -> Declaration:
+        """The option as parameters are declared: for forms, and to check values."""
+        kind = str if self.default is None else type(self.default)
+        return Declaration(self.name, kind, self.default, self.help, choices=self.choices)
+
 
 @dataclass(frozen=True)
 class Format:
@@ -60,8 +68,16 @@ class Format:
         Whether the first `SNIFF_BYTES` bytes look like this format; must not read the file.
     read : callable (path, **options) -> Take, or None
         Reader.
-    write : callable (value, path, **options) -> list of Path, or None
+    write : callable (value, path, *, monitor, **options) -> list of Path, or None
         Writer; `value` is a `Project` or a `Take`. Writes atomically and returns the files written.
+    check : callable (value, options)
+        Raises a sentence if the writer cannot take the value: `WriteError` or `MissingResultError`. Quick.
+    files : callable (path, options) -> tuple of Path
+        The files that the writer will make of a path.
+    keeps : tuple of str
+        Names of the `parts.PARTS` that a written file holds; all else is lost.
+    remarks : callable (project, options) -> tuple of str
+        Sentences on what becomes of this project beyond the parts that are lost.
     holds : str
         What it holds, for the table: ``points``, ``markers``, ``poses``, ``skeleton``, ``joints``, ``summary``.
     options : tuple of Option
@@ -79,6 +95,10 @@ class Format:
     write: Callable[..., list[Path]] | None = None
     options: tuple[Option, ...] = field(default=())
     note: str = ""
+    check: Callable[[Project | Take, Mapping[str, Any]], object] = lambda value, options: None
+    files: Callable[[Path, Mapping[str, Any]], tuple[Path, ...]] = lambda path, options: (path,)
+    keeps: tuple[str, ...] = ()
+    remarks: Callable[[Project, Mapping[str, Any]], tuple[str, ...]] = lambda project, options: ()
 
 
 def known_formats() -> tuple[Format, ...]:
@@ -144,26 +164,46 @@ def read_take(path: Path | str, format_name: str | None = None, **options: Any) 
     entry = find_format(format_name) if format_name else recognise(path)
     if entry.read is None:
         raise FormatError(path, "", f"the format {entry.name} can only be written")
-    _check_options(entry, options, reading=True)
-    return entry.read(path, **options)
+    return entry.read(path, **checked_options(entry, options, reading=True))
 
 
 def write_file(
-    value: Project | Take | Filled, path: Path | str, format_name: str | None = None, **options: Any
+    value: Project | Take | Filled,
+    path: Path | str,
+    format_name: str | None = None,
+    *,
+    monitor: Monitor = SILENT,
+    **options: Any,
 ) -> list[Path]:
     """Write a project, a take or filled markers in the format named or of the suffix, and return the files written.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        What to write.
+    path : Path or str
+        The file.
+    format_name : str, optional
+        Name of the format; that of the suffix if left out.
+    monitor : Monitor
+        Told of progress; may cancel, which leaves what was there before.
+    **options
+        Options of the format's writer; unknown ones are errors.
 
     Raises
     ------
     WriteError
         If no writer belongs to the suffix, or the format cannot hold the value.
+    ParameterError
+        If the value of an option is not allowed.
     """
     path = Path(path)
     entry = format_for_writing(path, format_name)
     if entry.write is None:
         raise WriteError(f"the format {entry.name} can only be read")
-    _check_options(entry, options)
-    return entry.write(value, path, **options)
+    clean = checked_options(entry, options)
+    monitor.begin(f"writing {path.name}")
+    return entry.write(value, path, monitor=monitor, **clean)
 
 
 def format_for_writing(path: Path, format_name: str | None = None) -> Format:
@@ -177,6 +217,24 @@ def format_for_writing(path: Path, format_name: str | None = None) -> Format:
     return find_format(format_name) if format_name else _by_suffix_for_writing(path)
 
 
+def checked_options(entry: Format, options: Mapping[str, Any], *, reading: bool = False) -> dict[str, Any]:
+    """Return options of a writer, or of a reader, in their declared types.
+
+    Raises
+    ------
+    WriteError
+        If the format has no such option.
+    ParameterError
+        If a value is not allowed.
+    """
+    known = {option.name: option for option in entry.options if option.reading or not reading}
+    for name in options:
+        if name not in known:
+            raise WriteError(f"the format {entry.name} has no option {name!r}; it has {', '.join(known) or 'none'}")
+    where = f"the format {entry.name}"
+    return {name: known[name].declaration.check(value, where) for name, value in options.items()}
+
+
 def _by_suffix_for_writing(path: Path) -> Format:
     writable = [entry for entry in known_formats() if entry.write is not None]
     fitting = [
@@ -186,12 +244,3 @@ def _by_suffix_for_writing(path: Path) -> Format:
         return max(fitting, key=lambda pair: pair[0])[1]  # .poses.csv says more than .csv
     suffixes = " ".join(suffix for entry in writable for suffix in entry.suffixes)
     raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}")
-
-
-def _check_options(entry: Format, options: dict[str, Any], *, reading: bool = False) -> None:
-    known = {option.name: option for option in entry.options if option.reading or not reading}
-    for name, value in options.items():
-        if name not in known:
-            raise WriteError(f"the format {entry.name} has no option {name!r}; it has {', '.join(known) or 'none'}")
-        if known[name].choices and value not in known[name].choices:
-            raise WriteError(f"{name} is {value!r}; it must be one of {', '.join(known[name].choices)}")

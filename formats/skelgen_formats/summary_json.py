@@ -20,6 +20,7 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Limbs, PointCloud, Project, Skeleton, Take
 from skelgen.model.arrays import Floats
+from skelgen.progress import SILENT, Monitor
 from skelgen_formats.joints_csv import joint_names
 from skelgen_formats.registry import Format
 
@@ -27,7 +28,7 @@ SCHEMA = "skelgen-summary-1"
 _PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn", "networkx", "numba")
 
 
-def write_summary_json(value: Project | Take, path: Path) -> list[Path]:
+def write_summary_json(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write `summary` of a project, finished or not.
 
     Raises
@@ -35,12 +36,17 @@ def write_summary_json(value: Project | Take, path: Path) -> list[Path]:
     WriteError
         If the value is no project, or the file cannot be written.
     """
-    if not isinstance(value, Project):
-        raise WriteError(f"{path}: summary-json tells the results of a project, not a take; run the stages first")
-    text = json.dumps(summary(value), indent=2, allow_nan=False)
+    text = json.dumps(summary(_project(value)), indent=2, allow_nan=False)
+    monitor.advance(1, 1)  # the last chance to cancel
     with replacing(path) as temporary:
         temporary.write_text(text + "\n", encoding="ascii", newline="\n")
     return [path]
+
+
+def _project(value: Project | Take) -> Project:
+    if isinstance(value, Project):
+        return value
+    raise WriteError("summary-json tells the results of a project, not a take; run the stages first")
 
 
 def summary(project: Project) -> dict[str, Any]:
@@ -239,5 +245,7 @@ FORMAT = Format(
     suffixes=(".summary.json", ".json"),
     holds="summary",
     write=write_summary_json,
+    check=lambda value, options: _project(value),
+    keeps=("names", "confidence", "limbs", "kinds", "uncertainty"),
     note="Limbs, tree, joints, lengths, residuals, parameters, times and versions.",
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from skelgen_formats.parts import PARTS
 from skelgen_formats.registry import Format, Option, known_formats
 
 COLUMNS = ("name", "title", "suffixes", "holds", "read", "write", "options", "note")
@@ -13,6 +14,11 @@ Generated from the formats' declarations by `skelgen_formats.table.formats_markd
 
 A file is recognised by its content first and by its suffix second; `--format NAME` skips that. Inside skelgen
 everything is in mm, s and rad; a reader converts from the unit that the file names. Unseen markers are NaN inside.
+"""
+
+_KEPT_HEAD = """## What a written file keeps
+
+All else that a project holds is lost; the project file `.skelgen` keeps everything.
 """
 
 
@@ -28,7 +34,14 @@ def formats_markdown() -> str:
     options = "\n".join(
         f"- **{entry.name}** {_described(option)}" for entry in known_formats() for option in entry.options
     )
-    return f"{_HEAD}\n{table}\n\n## Options\n\n{options}\n"
+    return f"{_HEAD}\n{table}\n\n## Options\n\n{options}\n\n{_KEPT_HEAD}\n{_kept_table()}\n"
+
+
+def _kept_table() -> str:
+    written = [entry for entry in known_formats() if entry.write is not None]
+    rows = [("", *(entry.name for entry in written)), ("---",) * (len(written) + 1)]
+    rows += [(part.title, *("yes" if part.name in entry.keeps else "" for entry in written)) for part in PARTS]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
 def _row(entry: Format) -> tuple[str, ...]:

@@ -26,7 +26,15 @@ from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled
-from skelgen_formats.filled_markers import FILLED, markers_to_write, positions_of, write_table
+from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.filled_markers import (
+    FILLED,
+    check_markers,
+    marker_files,
+    markers_to_write,
+    positions_of,
+    write_table,
+)
 from skelgen_formats.markers import (
     check_writable_names,
     mm_per_unit,
@@ -44,6 +52,7 @@ from skelgen_formats.text import (
     without_trailing_empty,
 )
 
+_TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
 _LEADING_CELLS = 2  # frame number and time
 _FIRST_LINE = "PathFileType"
@@ -83,7 +92,9 @@ def read_trc(path: Path) -> Trajectories | PointCloud:
     return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
 
 
-def write_trc(value: Project | Take | Filled, path: Path, filled: bool = False) -> list[Path]:
+def write_trc(
+    value: Project | Take | Filled, path: Path, filled: bool = False, monitor: Monitor = SILENT
+) -> list[Path]:
     """Write labelled markers as TRC in mm; unseen markers are empty cells.
 
     With `filled`, filled positions are written as well, and the table that tells which they are.
@@ -93,12 +104,13 @@ def write_trc(value: Project | Take | Filled, path: Path, filled: bool = False) 
     WriteError
         If the value has no labelled markers, or a name holds a tab or line end.
     """
-    markers = markers_to_write(value, "TRC", filled)
+    markers = markers_to_write(value, _TITLE, filled, monitor)
     take = positions_of(markers)
     names = check_writable_names(path, take.names, "\t", str.strip)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(path, take, names))
-        for number, (time, row) in enumerate(zip(take.times.tolist(), take.positions, strict=True), start=1):
+        frames = told(zip(take.times.tolist(), take.positions, strict=True), take.n_frames, monitor)
+        for number, (time, row) in enumerate(frames, start=1):
             cells = ["" if x != x else repr(x) for x in row.ravel().tolist()]  # noqa: PLR0124 - NaN differs from itself
             stream.write(f"{number}\t{time!r}\t" + "\t".join(cells) + "\n")
     return [path, *write_table(markers, path)]
@@ -178,6 +190,9 @@ FORMAT = Format(
     sniff=_sniff,
     read=read_trc,
     write=write_trc,
+    check=lambda value, options: check_markers(value, _TITLE, bool(options.get(FILLED.name))),
+    files=marker_files,
+    keeps=("markers", "names"),
     options=(FILLED,),
     note="Units mm, cm, m from the header; empty cells and three zeros are unseen; written in mm with full precision.",
 )

@@ -48,10 +48,15 @@ class Deriver(QObject):
         then : callable
             Is called with its result.
         """
-        self._pool.clear()
-        self._number += 1
+        self.forget()
         self._then = then
         self._pool.start(partial(self._run, self._number, function))
+
+    def forget(self) -> None:
+        """Do not hand over what was wished and is not there yet."""
+        self._pool.clear()
+        self._number += 1
+        self._then = None
 
     def wait(self) -> None:
         """Wait until nothing runs any more."""

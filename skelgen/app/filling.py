@@ -11,17 +11,18 @@ from skelgen.errors import WriteError
 from skelgen.kinematics.filling import fill_gaps
 from skelgen.model import Project
 from skelgen.model.filled import Filled
+from skelgen.progress import SILENT, Monitor
 
 
-def fill_project(project: Project) -> Filled:
-    """Fill the gaps of a project's markers.
+def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
+    """Fill the gaps of a project's markers; the monitor is told of progress and may cancel.
 
     Raises
     ------
     MissingResultError
         If the project has no skeleton yet.
     """
-    return fill_gaps(project.trajectories, project.skeleton, project.motion)
+    return fill_gaps(project.trajectories, project.skeleton, project.motion, monitor)
 
 
 def write_filled(filled: Filled, path: Path) -> tuple[list[Path], str]:

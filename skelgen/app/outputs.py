@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from skelgen_formats.registry import write_file
 
 from skelgen.app.store import SUFFIX, save_project
 from skelgen.errors import WriteError
+from skelgen.files import arriving_together
 from skelgen.model import Project, Trajectories
 from skelgen.progress import SILENT, Monitor
 
@@ -69,7 +68,7 @@ def write_outputs(
     """
     monitor.begin("writing")
     due = [output for output in OUTPUTS if not output.needs or project.has(output.needs)]
-    with _arriving_together(Path(folder)) as temporary:
+    with arriving_together(Path(folder)) as temporary:
         for index, output in enumerate(due):
             name = result_name if result_name and output.suffix == ".xml" else stem + output.suffix
             _write_if_possible(output, project, temporary / name, monitor)
@@ -127,33 +126,3 @@ def _write_if_possible(output: Output, project: Project, path: Path, monitor: Mo
             raise
         path.unlink(missing_ok=True)
         monitor.notice(f"{path.name} is not written: {error}")
-
-
-@contextlib.contextmanager
-def _arriving_together(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder whose files replace those in `folder` when the block ends well."""
-    created = _create(folder)
-    arrived = False
-    try:
-        with tempfile.TemporaryDirectory(prefix=".skelgen-", dir=folder) as name:
-            yield Path(name)
-            for file in sorted(Path(name).iterdir()):
-                file.replace(folder / file.name)
-            arrived = True
-    except OSError as error:
-        raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from error
-    finally:
-        if not arrived:
-            for made in created:
-                with contextlib.suppress(OSError):  # somebody else put something there: then it stays
-                    made.rmdir()
-
-
-def _create(folder: Path) -> list[Path]:
-    """Create a folder with its parents and return what was created, the innermost first."""
-    missing = [place for place in (folder, *folder.parents) if not place.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise WriteError(f"{folder}: cannot be created: {error.strerror or error}") from error
-    return missing

@@ -1,8 +1,8 @@
 """Absolute orientation: the rigid motion that brings one set of points onto another, batched over frames.
 
 Two closed forms of the same least squares problem: the unit quaternion as the eigenvector of Horn's symmetric matrix N
-(Horn 1987; the seed's 3.7, with a symmetric eigensolver instead of the roots of a quartic), and the singular value
-decomposition (Umeyama 1991). Neither ever returns a reflection.
+(Horn 1987; the seed's 3.7, with a symmetric eigensolver for few frames, and the roots of the quartic for many), and the
+singular value decomposition (Umeyama 1991). Neither ever returns a reflection.
 """
 
 from __future__ import annotations
@@ -11,8 +11,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from skelgen.geometry.quartic import fast_rotations
 from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.model.arrays import Bools, Floats
+
+MANY_FRAMES = 100
+"""From here on the quartic is faster than an eigensolver."""
 
 Rotator = Callable[[Floats], Floats]
 
@@ -25,14 +29,23 @@ def rotation_by_quaternion(moments: Floats) -> Floats:
     moments : ndarray, shape (..., 3, 3)
         M = sum of (target point) (source point)^T.
     """
+    flat = moments.reshape(-1, 3, 3)
+    if len(flat) < MANY_FRAMES:
+        return _by_eigenvectors(flat).reshape(moments.shape)
+    turns, sure = fast_rotations(flat)
+    turns[~sure] = _by_eigenvectors(flat[~sure])
+    return turns.reshape(moments.shape)
+
+
+def _by_eigenvectors(moments: Floats) -> Floats:
     m = np.swapaxes(moments, -1, -2)
-    n = np.empty((*m.shape[:-2], 4, 4))
-    trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
-    n[..., 0, 0] = trace
+    n = np.empty((len(m), 4, 4))
+    trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
+    n[:, 0, 0] = trace
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        n[..., i + 1, i + 1] = 2 * m[..., i, i] - trace
-        n[..., 0, i + 1] = n[..., i + 1, 0] = m[..., j, k] - m[..., k, j]
-        n[..., i + 1, j + 1] = n[..., j + 1, i + 1] = m[..., i, j] + m[..., j, i]
+        n[:, i + 1, i + 1] = 2 * m[:, i, i] - trace
+        n[:, 0, i + 1] = n[:, i + 1, 0] = m[:, j, k] - m[:, k, j]
+        n[:, i + 1, j + 1] = n[:, j + 1, i + 1] = m[:, i, j] + m[:, j, i]
     _, vectors = np.linalg.eigh(n)
     return matrix_from_quaternion(vectors[..., -1])
 

@@ -18,13 +18,14 @@ from skelgen.kinematics.process import Clock, Features, Series, fit_variances, l
 from skelgen.model import Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, Source
+from skelgen.progress import SILENT, Monitor, told
 
 _FEWEST_TOGETHER = 25  # frames in which a marker and its helpers are seen, to learn from
 _FEWEST_KNOWN = 10  # frames in which a marker is seen, to tell how far it strays from them
 _OWN_VARIANCES = 20  # frames to fill, from which on variances are estimated for their own set of helpers
 
 
-def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion) -> Filled:
+def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, monitor: Monitor = SILENT) -> Filled:
     """Fill the gaps of every marker.
 
     Parameters
@@ -35,6 +36,8 @@ def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion) ->
         Limbs and joints.
     motion : Motion
         Their poses in every frame.
+    monitor : Monitor
+        Told of progress; may cancel.
 
     Returns
     -------
@@ -53,7 +56,8 @@ def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion) ->
             f"{trajectories.positions.shape[:2]}: give the motion that was fitted to this take"
         )
     work = _Work(trajectories, skeleton, motion)
-    for limb in range(skeleton.n_limbs):
+    monitor.begin("filling gaps")
+    for limb in told(range(skeleton.n_limbs), skeleton.n_limbs, monitor, every=1):
         _fill_limb(work, limb)
     for marker in np.flatnonzero(work.with_gaps).tolist():
         _fill_rest(work, marker)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.frames_last import along, cross_matrix, dot, outer, product, transposed_product
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
-from skelgen.kinematics.frames_last import along, cross_matrix, dot, outer, product, transposed_product
 from skelgen.kinematics.tree import AxisTurn, FreeTurn, Tree, eliminate, frames_last
 from skelgen.model.arrays import Floats
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from skelgen.geometry.frames_last import cross
 from skelgen.kinematics.articulation import FREEDOMS, Articulation
 from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.frames_last import cross
 from skelgen.kinematics.posing import CHUNK_FRAMES
 from skelgen.kinematics.tree import Tree, View, frames_last, torque_of
 from skelgen.model.arrays import Floats

@@ -17,6 +17,9 @@ MAX_ROUNDS = 30
 SHAPE_TOLERANCE = 1e-9
 """mm; rounds stop when no point moves more."""
 
+MOST_COUNTED = 16
+"""Points whose sets are counted by number; a table of them stays small."""
+
 FLATNESS = 0.02
 """Points whose second extent is below this part of the first are on one line: their roll is not determined."""
 
@@ -95,9 +98,25 @@ def determines_pose(points: Floats, seen: Bools, flatness: float = FLATNESS) -> 
     flatness : float
         Points whose second extent is below this part of the first are on one line.
     """
-    patterns, inverse = np.unique(seen, axis=0, return_inverse=True)
+    patterns, inverse = distinct_rows(seen)
     fixed = np.array([_spans_a_plane(points[pattern], flatness) for pattern in patterns], dtype=bool)
-    return np.asarray(fixed[inverse.ravel()])
+    return np.asarray(fixed[inverse])
+
+
+def distinct_rows(seen: Bools) -> tuple[Bools, Ints]:
+    """Return the distinct rows of a table of booleans, rising, and which of them each row is.
+
+    Rows are compared as numbers, not column by column: most limbs show few sets of points.
+    """
+    n_columns = seen.shape[1]
+    if n_columns > MOST_COUNTED:
+        rows, inverse = np.unique(seen, axis=0, return_inverse=True)
+        return rows, inverse.ravel()
+    code = seen @ (1 << np.arange(n_columns)[::-1])
+    found = np.flatnonzero(np.bincount(code, minlength=1))
+    place = np.zeros(1 << n_columns, dtype=np.intp)
+    place[found] = np.arange(len(found))
+    return (found[:, np.newaxis] >> np.arange(n_columns)[::-1] & 1).astype(bool), place[code]
 
 
 def _spans_a_plane(points: Floats, flatness: float) -> bool:

@@ -20,9 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.kinematics.articulation import FREEDOMS, Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.frames_last import (
+from skelgen.geometry.frames_last import (
     along,
     cross,
     cross_matrix,
@@ -33,6 +31,8 @@ from skelgen.kinematics.frames_last import (
     transposed_product,
     turned,
 )
+from skelgen.kinematics.articulation import FREEDOMS, Articulation
+from skelgen.kinematics.chain import Chain, ChainPoses
 from skelgen.model.arrays import Floats, Ints
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from skelgen.geometry.orientation import ROTATORS, fit_transform
+from skelgen.geometry.orientation import ROTATORS, fit_transform, rotation_by_svd
+from skelgen.geometry.quartic import fast_rotations
 from skelgen.geometry.rotations import matrix_from_vector
 
 ROUNDING = 1e-9  # mm, for coordinates of some 1000 mm
@@ -59,3 +60,33 @@ def test_frames_without_points_are_nan(case):
     fitted = fit_transform(source, np.where(seen[..., None], target, np.nan), seen)
     assert np.isnan(fitted[7]).all()
     assert np.isfinite(np.delete(fitted, 7, axis=0)).all()
+
+
+@pytest.mark.parametrize("spread", [(100, 80, 60), (100, 50, 0), (100, 2, 0)])
+def test_roots_of_the_quartic_give_the_rotations_of_the_eigensolver(spread):
+    random = np.random.default_rng(5)
+    source = random.normal(size=(4, 3)) * spread
+    turned = source @ matrix_from_vector(random.normal(size=(500, 3)) * 2).swapaxes(1, 2)
+    moments = np.einsum("fni,nj->fij", turned + random.normal(size=turned.shape), source)
+    found, sure = fast_rotations(moments)
+    assert sure.all()
+    np.testing.assert_allclose(found, rotation_by_svd(moments), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ROTATORS)
+def test_many_frames_of_points_on_a_line_still_get_proper_rotations_that_fit(name):
+    random = np.random.default_rng(6)
+    source = np.array([[0.0, 0, 0], [0, 0, 50], [0, 0, 120]])
+    turned = source @ matrix_from_vector(random.normal(size=(500, 3)) * 2).swapaxes(1, 2)
+    turned[0] = 0.0  # all in one place
+    found = fit_transform(source, turned, np.ones((500, 3), bool), ROTATORS[name])
+    np.testing.assert_allclose(np.linalg.det(found[:, :3, :3]), 1)
+    np.testing.assert_allclose(
+        (source @ found[:, :3, :3].swapaxes(1, 2) + found[:, None, :3, 3])[1:], turned[1:], atol=1e-6
+    )
+
+
+def test_lines_and_single_places_are_not_trusted():
+    line = np.einsum("i,j->ij", [0.0, 0, 1], [0.0, 0.6, 0.8])
+    _, sure = fast_rotations(np.stack([line, np.zeros((3, 3)), np.eye(3)]))
+    assert sure.tolist() == [False, False, True]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.geometry.orientation import ROTATORS
-from skelgen.kinematics.shape import determines_pose, fit_shape
+from skelgen.kinematics.shape import determines_pose, distinct_rows, fit_shape
 
 POINTS = np.array([[0.0, 0, 0], [120, 10, 0], [30, 90, -20], [60, 40, 70], [-30, 60, 50]])
 EXACT = 1e-6  # mm
@@ -89,3 +89,11 @@ def test_which_frames_determine_a_pose():
     points = np.array([[0.0, 0, 0], [100, 0, 0], [200, 0, 0], [0, 100, 0]])
     seen = np.array([[1, 1, 1, 1], [1, 1, 1, 0], [1, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 0]], dtype=bool)
     np.testing.assert_array_equal(determines_pose(points, seen), [True, False, True, False, False])
+
+
+@pytest.mark.parametrize("n_points", [1, 4, 16, 20])
+def test_distinct_rows_are_those_of_numpy(n_points):
+    seen = np.random.default_rng(0).random((300, n_points)) < 0.8
+    rows, which = distinct_rows(seen)
+    np.testing.assert_array_equal(rows, np.unique(seen, axis=0))
+    np.testing.assert_array_equal(rows[which], seen)

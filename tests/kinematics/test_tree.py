@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from skelgen.evaluation.physical_limit import true_chain
+from skelgen.geometry.frames_last import inverse_of_symmetric, orthonormal, rotation_by
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.chain import normal_equations, residuals, seen_weights
-from skelgen.kinematics.frames_last import inverse_of_symmetric, orthonormal, rotation_by
 from skelgen.kinematics.pose_covariances import UNKNOWN_TURN, pose_covariances
 from skelgen.kinematics.posing import fit_poses
 from skelgen.kinematics.pull import constant_pull

@@ -11,8 +11,9 @@ from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
 from skelgen.evaluation.joints import joint_distances
 from skelgen.model import Limbs, Project, StageReport, Trajectories
-from skelgen.stages.joints import JointParameters, find_joints, sample_frames
+from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.joints.cost import joint_cost
+from skelgen.stages.joints.placing import sample_frames
 
 STRUCTURES = ("rods", "human", "quadruped", "tree:8", "seed-human")
 FAULTS = {"noise": 0.5, "dropouts": 0.05}

@@ -34,9 +34,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from skelgen.model import Take
+from skelgen_formats.finished import finished_project
 from skelgen_formats.registry import Format
 from skelgen_formats.seed_xml.values import JointStats, MarkerDistance, SeedXml
-from skelgen_formats.seed_xml.writer import ROOT, write_seed_xml
+from skelgen_formats.seed_xml.writer import ROOT, TITLE, write_seed_xml
 
 
 def read_seed_xml(path: Path | str) -> SeedXml:
@@ -62,12 +63,14 @@ def _sniff(head: bytes, path: Path) -> bool:
 
 FORMAT = Format(
     name="seed-xml",
-    title="Skeleton and motion, XML",
+    title=TITLE,
     suffixes=(".xml",),
     holds="skeleton",
     sniff=_sniff,
     read=_read_take,
     write=write_seed_xml,
+    check=lambda value, options: finished_project(value, TITLE),
+    keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     note="Everything about a finished project; as a take it gives back the tracked markers.",
 )
 

@@ -7,6 +7,7 @@ tests parse every file with a strict XML parser.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 import re
 from collections.abc import Iterator
@@ -20,11 +21,14 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
+from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
+from skelgen_formats.finished import finished_project
 from skelgen_formats.seed_xml.statistics import centers_of_mass, joint_stats
 from skelgen_formats.seed_xml.values import JointStats, MarkerDistance
 
 ROOT = "MotionCapture"
+TITLE = "Skeleton and motion, XML"
 VERSION = "1"
 LEFT_OUT_BONE = -1
 
@@ -38,10 +42,11 @@ DEVIATIONS = {
 """Vectors of a ``JOINT`` beyond the seed's, and the fields of `skelgen.model.Joint`; left out where not estimated."""
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
+_TOLD_EVERY = 1000  # texts, of which some thousands are written per second
 _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
 
 
-def write_seed_xml(value: Project | Take, path: Path) -> list[Path]:
+def write_seed_xml(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write a finished project; the file is described in `skelgen_formats.seed_xml`.
 
     Raises
@@ -51,16 +56,21 @@ def write_seed_xml(value: Project | Take, path: Path) -> list[Path]:
     MissingResultError
         If a stage has not run.
     """
-    if not isinstance(value, Project):
-        raise WriteError(f"{path}: the seed's XML holds a skeleton in motion, not a take; run the four stages first")
-    _check_frames(value, path)
-    header = _header(value, path)
+    project = finished_project(value, TITLE)
+    _check_frames(project, path)
+    header = _header(project, path)
+    parts = (part(project) for part in (_stats, _skeleton, _animation, _raw_joints, _final_joints, _markers))
+    n_rows = project.motion.n_frames * (_rows_per_frame(project.skeleton))
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(header)
-        for part in (_stats, _skeleton, _animation, _raw_joints, _final_joints, _markers):
-            stream.writelines(part(value))
+        stream.writelines(told(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY))
         stream.write(f"</{ROOT}>\n")
     return [path]
+
+
+def _rows_per_frame(skeleton: Skeleton) -> int:
+    """Return how many texts a frame is made of: a key per limb, raw and final joints, markers limb by limb."""
+    return skeleton.n_limbs + 2 * skeleton.n_joints + len(_bones(skeleton)) + 1
 
 
 def _check_frames(project: Project, path: Path) -> None:

@@ -162,6 +162,7 @@ class LaneView(QWidget):
     def _follow_project(self) -> None:
         project = self._session.project
         if project is None:
+            self.deriver.forget()
             self._take_lanes(None)
         else:
             self.deriver.derive(partial(find_lanes, project), self._take_lanes)

@@ -17,7 +17,6 @@ AXIS_NAMES = ("X", "Y", "Z")
 _TRIAD = 30.0  # px
 _CORNER = 46.0  # px, of the triad's origin from the lower left corner
 _LINE_ALPHA = (70, 52, 32, 12)  # of the grid, from the middle to the edge
-_DARK_GAIN = 1.25  # thin lines look fainter on dark
 
 
 def paint_background(painter: QPainter, canvas: Canvas, colours: Colours) -> None:
@@ -34,7 +33,7 @@ def paint_floor(painter: QPainter, floor: Floor, canvas: Canvas, colours: Colour
     is_known = ~np.isnan(places).any(axis=(1, 2))
     for fade in range(N_FADES):
         ink = QColor(colours.ink)
-        ink.setAlphaF(min(_LINE_ALPHA[fade] / 255 * (_DARK_GAIN if colours.is_dark else 1.0), 1.0))
+        ink.setAlpha(_LINE_ALPHA[fade])
         painter.setPen(QPen(ink, 1.0, Qt.PenStyle.SolidLine, Qt.PenCapStyle.FlatCap))
         draw_lines(painter, places[is_known & (floor.fade == fade)])
     _paint_origin(painter, floor, canvas, colours)

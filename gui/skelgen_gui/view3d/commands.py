@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import QObject, Qt
+from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QMenu
 
@@ -40,12 +40,13 @@ class Commands(QObject):
     def __init__(self, view: View3D) -> None:
         super().__init__(view)
         self._view = view
+        self._keys: dict[str, QAction] = {}
         tr = self.tr
         self.fit = self._do(tr("Fit"), "F", tr("Show all of this frame, or what is selected"), view.fit)
-        self.fit_take = self._do(tr("Fit the take"), "Shift+F", tr("Show where all of the take happens"), view.fit_take)
+        self.fit_take = self._do(tr("Fit take"), "Shift+F", tr("Show where all of the take happens"), view.fit_take)
         self.front = self._do(tr("Front"), "1", tr("Look at the wider side"), view.look_from_front)
-        self.side = self._do(tr("Side"), "2", tr("Look at the narrower side"), view.look_from_side)
-        self.top = self._do(tr("Top"), "3", tr("Look down"), view.look_from_top)
+        self.side = self._do(tr("Side"), "3", tr("Look at the narrower side"), view.look_from_side)
+        self.top = self._do(tr("Top"), "7", tr("Look from above"), view.look_from_top)
         self.rectangle = self._do(tr("Select"), "B", tr("Drag a rectangle around markers (also: Shift and drag)"))
         self.rectangle.setCheckable(True)
         self.switches = {name: self._switch(name, *words) for name, words in self._switch_words().items()}
@@ -53,10 +54,12 @@ class Commands(QObject):
         view.shown_changed.connect(self._follow)
         self._follow(view.shown)
 
-    @property
-    def movements(self) -> tuple[QAction, ...]:
-        """The actions that move the viewer."""
-        return (self.fit, self.fit_take, self.front, self.side, self.top)
+    def obey(self, key: QKeySequence) -> bool:
+        """Do what a key stands for, and say whether it stands for anything."""
+        action = self._keys.get(key.toString())
+        if action is not None:
+            action.trigger()
+        return action is not None
 
     def fill(self, menu: QMenu) -> None:
         """Add all switches and choices to a menu."""
@@ -81,21 +84,23 @@ class Commands(QObject):
             "axes": (tr("Axes of joints"), tr("Axes of hinges and universal joints, and of bodies")),
             "floor": (tr("Floor"), tr("Floor grid and shadows")),
             "cameras": (tr("Cameras"), tr("What the cameras see, where they are known")),
+            "follow": (tr("Follow"), tr("Go along with what moves")),
             "other": (tr("Second result"), tr("The project that is compared, translucent")),
         }
 
     def _choice_words(self) -> dict[str, list[tuple[str, Any]]]:
         """Text and value of everything that can be chosen."""
         seconds = [(self.tr("{value:g} s").format(value=value), value) for value in TRAIL_SECONDS]
-        times = [(self.tr("{value} × standard deviation").format(value=value), value) for value in MAGNIFICATIONS]
+        times: list[tuple[str, Any]] = [(self.tr("As large as fits"), None)]
+        times += [(self.tr("{value} × standard deviation").format(value=value), value) for value in MAGNIFICATIONS]
         ups = [(self.tr("As the data tell"), None), (self.tr("X up"), 0), (self.tr("Y up"), 1), (self.tr("Z up"), 2)]
-        return {"trail_seconds": list(seconds), "magnification": list(times), "up": list(ups)}
+        return {"trail_seconds": list(seconds), "magnification": times, "up": list(ups)}
 
     def _do(self, text: str, key: str, explanation: str, act: Callable[[], None] | None = None) -> QAction:
+        """Make an action. Its key is no shortcut of Qt: a window may have one of its own for the same thing."""
         action = QAction(text, self)
-        action.setShortcut(QKeySequence(key))
-        action.setShortcutContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
         action.setToolTip(f"{explanation} ({key})")
+        self._keys[QKeySequence(key).toString()] = action
         if act is not None:
             action.triggered.connect(act)
         return action
@@ -114,15 +119,15 @@ class Commands(QObject):
             action = group.addAction(text)
             action.setCheckable(True)
             action.setData(value)
-            action.triggered.connect(partial(self._choose, name, value))
             actions.append(action)
+        group.triggered.connect(partial(self._choose, name))
         return actions
 
     def _set(self, name: str, value: Any) -> None:
         self._view.show_only(replace(self._view.shown, **{name: value}))
 
-    def _choose(self, name: str, value: Any, checked: bool) -> None:
-        self._set(name, value)
+    def _choose(self, name: str, action: QAction) -> None:
+        self._set(name, action.data())
 
     def _follow(self, shown: Shown) -> None:
         """Check what is shown."""

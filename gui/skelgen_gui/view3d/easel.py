@@ -12,7 +12,7 @@ from skelgen.model.arrays import Bools, Floats
 from skelgen_gui.batch import draw_lines
 from skelgen_gui.session import Selection
 from skelgen_gui.view3d import backdrop, painting
-from skelgen_gui.view3d.colours import Inks, colours_of
+from skelgen_gui.view3d.colours import Colours, Inks
 from skelgen_gui.view3d.floor import Floor
 from skelgen_gui.view3d.marking import Marked
 from skelgen_gui.view3d.painting import Brushes
@@ -39,8 +39,8 @@ class Easel:
     """
 
     def __init__(self, palette: QPalette, ratio: float) -> None:
-        self.colours = colours_of(palette)
-        self._inks, self._other_inks = Inks(self.colours), Inks(self.colours.other)
+        self.colours = Colours(palette)
+        self._inks, self._other_inks = Inks(self.colours), Inks(Colours(palette, is_other=True))
         self.ratio = ratio
         self._sprites = Sprites(ratio)
         self._backdrop = QPixmap()
@@ -135,7 +135,8 @@ class Easel:
         self, scene: Scene, frame: int, canvas: Canvas, shown: Shown, inks: Inks
     ) -> tuple[Snapshot, Picture, Brushes]:
         snapshot = scene.at(frame)
-        picture = take_picture(snapshot, canvas, shown, _AXIS_SHARE * scene.size)
+        magnification = shown.magnification or scene.magnification
+        picture = take_picture(snapshot, canvas, shown, _AXIS_SHARE * scene.size, magnification)
         radius = painting.marker_radius(canvas, scene.size)
         return snapshot, picture, Brushes(inks, self._sprites, radius, canvas.viewpoint.distance)
 
@@ -150,7 +151,10 @@ class Easel:
         marked: Marked,
     ) -> None:
         colours = brushes.inks.colours
-        painting.paint_loose(painter, picture, brushes)
+        if scene.trajectories is None:
+            painting.paint_points(painter, scene, picture, brushes)
+        else:
+            painting.paint_left_out(painter, picture, brushes)
         painting.paint_axes(painter, picture, colours)
         limb = marked.limb(scene)
         painting.paint_items(painter, scene, snapshot, picture, brushes, _faint(scene, frame), limb)
@@ -175,19 +179,18 @@ class Easel:
     def _new_backdrop(self, canvas: Canvas, floor: Floor | None, frustums: Floats, legend: str) -> QPixmap:
         pixmap = QPixmap(round(canvas.width * self.ratio), round(canvas.height * self.ratio))
         pixmap.setDevicePixelRatio(self.ratio)
-        painter = QPainter(pixmap)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        backdrop.paint_background(painter, canvas, self.colours)
-        if floor is not None:
-            backdrop.paint_floor(painter, floor, canvas, self.colours)
-        places, _ = canvas.project(frustums)
-        painter.setPen(QPen(self.colours.mixed(self.colours.ink, 0.45), 1.2))
-        draw_lines(painter, places[~np.isnan(places).any(axis=(1, 2))])
-        backdrop.paint_triad(painter, canvas, self.colours)
-        painter.setPen(self.colours.mixed(self.colours.ink, 0.4))
-        corner = QRectF(0, 0, canvas.width - 12, canvas.height - 10)
-        painter.drawText(corner, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom, legend)
-        painter.end()
+        with QPainter(pixmap) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            backdrop.paint_background(painter, canvas, self.colours)
+            if floor is not None:
+                backdrop.paint_floor(painter, floor, canvas, self.colours)
+            places, _ = canvas.project(frustums)
+            painter.setPen(QPen(self.colours.mixed(self.colours.ink, 0.45), 1.2))
+            draw_lines(painter, places[~np.isnan(places).any(axis=(1, 2))])
+            backdrop.paint_triad(painter, canvas, self.colours)
+            painter.setPen(self.colours.mixed(self.colours.ink, 0.4))
+            corner = QRectF(0, 0, canvas.width - 12, canvas.height - 10)
+            painter.drawText(corner, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom, legend)
         return pixmap
 
 

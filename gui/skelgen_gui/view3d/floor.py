@@ -14,6 +14,7 @@ N_FADES = 4
 
 _CELLS = 8  # across what is seen in a frame
 _MOST_CELLS = 36  # across the take: more would be a haze
+_LEAST_CELL = 1.0  # mm, beneath a single point
 _BEYOND = 0.25  # of the take's extent, by which the grid exceeds it
 _SOLE = 0.12  # of the height: so far may the lowest marker hang above a floor at zero
 
@@ -70,7 +71,7 @@ def find_floor(sample: Floats, usual: Floats, size: float, up: int) -> Floor:
     level = [axis for axis in range(3) if axis != up]
     height = _height(sample, up)
     extent = float((box[1] - box[0])[level].max())
-    spacing = max(round_step(max(size, 1.0) / _CELLS), round_step((1 + 2 * _BEYOND) * extent / _MOST_CELLS))
+    spacing = round_step(max(size / _CELLS, (1 + 2 * _BEYOND) * extent / _MOST_CELLS, _LEAST_CELL))
     margin = _BEYOND * max(extent, size) + spacing
     low = np.floor((box[0] - margin)[level] / spacing).astype(np.intp)
     high = np.ceil((box[1] + margin)[level] / spacing).astype(np.intp)

@@ -39,6 +39,7 @@ class Outlook:
         self.canvas = Canvas(Viewpoint(), 1, 1)
         self.is_home = True
         self._stated_up: int | None = None
+        self._anchor: Floats | None = None
 
     @property
     def up(self) -> int:
@@ -51,6 +52,7 @@ class Outlook:
         is_same = self.scene is not None and project is not None and self.scene.project.take is project.take
         self.scene = None if project is None else Scene(project)
         if not is_same:
+            self.follow(None if self._anchor is None else 0)
             self.look_home()
 
     def point_up(self, axis: int | None) -> None:
@@ -68,6 +70,21 @@ class Outlook:
         """Put the viewer elsewhere."""
         self.canvas = replace(self.canvas, viewpoint=viewpoint)
         self.is_home = False
+
+    def follow(self, frame: int | None) -> None:
+        """Go along with what moves, from a frame on; None stays."""
+        self._anchor = None
+        if frame is not None and self.scene is not None and frame < self.scene.n_frames:
+            self._anchor = self.scene.middle(frame)
+
+    def canvas_at(self, frame: int) -> Canvas:
+        """Return the viewer in a frame, and the size of the picture; he follows on the level."""
+        if self._anchor is None or self.scene is None or frame >= self.scene.n_frames:
+            return self.canvas
+        step = np.nan_to_num(self.scene.middle(frame) - self._anchor)
+        step[self.up] = 0.0
+        viewpoint = self.canvas.viewpoint
+        return replace(self.canvas, viewpoint=viewpoint.looking_at(np.array(viewpoint.target) + step))
 
     def look_home(self) -> None:
         """Lay the floor, and look at all of the take from obliquely before it."""
@@ -91,6 +108,7 @@ class Outlook:
         """Fit some markers in a frame, or all that is there."""
         if self.scene is None or frame >= self.scene.n_frames:
             return
+        self.follow(None if self._anchor is None else frame)
         snapshot = self.scene.at(frame)
         everything = np.concatenate([snapshot.markers, snapshot.loose, snapshot.joints])
         self._fit(snapshot.markers[sorted(markers)] if markers else everything)

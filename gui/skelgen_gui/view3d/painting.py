@@ -28,8 +28,11 @@ _SIZES = (0.55, 1.5)  # bounds of that growth
 _NEARER = (0.7, 1.4)  # bounds of the growth with nearness
 _JOINT = 1.0  # of a marker's radius
 _BONE = 0.95  # of a marker's radius: width of a bone
+_LEFT_OUT = 1.2  # of a marker's radius: diameter of points that went to no marker
 _FULL_FOG = 0.4  # of the size of what is seen: a figure that is flatter does not fade in full
 _SPOKE = 0.4  # of a bone's width: lines to markers
+_HALO, _MARKED_HALO = 3.0, 6.0  # px, what the halo adds to a bone's width
+_WIDE = 60.0  # of a marker's radius: ellipsoids that are larger are not filled, so as not to veil the rest
 _STYLES = (Style.BALL, Style.DOUBTFUL, Style.HOLLOW)  # by `State`
 _JOINT_STYLE, _RING_STYLE = Style.JOINT, Style.RING
 _SOLID, _CAP, _FLAT = Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenCapStyle.FlatCap
@@ -99,10 +102,19 @@ def paint_trails(painter: QPainter, scene: Scene, places: Floats, inks: Inks) ->
         draw_lines(painter, lines)
 
 
-def paint_loose(painter: QPainter, picture: Picture, brushes: Brushes) -> None:
-    """Paint the points of an unlabelled take; markers cover theirs, so that what was left out remains."""
-    painter.setPen(QPen(brushes.inks.limb(-1, 0), 1.5 * brushes.radius, _SOLID, _CAP))
+def paint_left_out(painter: QPainter, picture: Picture, brushes: Brushes) -> None:
+    """Paint the points of an unlabelled take small: markers cover theirs, so that what was left out remains."""
+    painter.setPen(QPen(brushes.inks.limb(-1, 0), _LEFT_OUT * brushes.radius, _SOLID, _CAP))
     draw_points(painter, _known(picture.loose))
+
+
+def paint_points(painter: QPainter, scene: Scene, picture: Picture, brushes: Brushes) -> None:
+    """Paint the points of a take that has no markers yet, from the farthest to the nearest."""
+    known = np.flatnonzero(~np.isnan(picture.loose[:, 0]))
+    order = known[np.argsort(-picture.loose_depths[known], kind="stable")]
+    depths, places = picture.loose_depths[order], picture.loose[order].tolist()
+    for place, depth, fog in zip(places, depths.tolist(), _fogs(depths, scene.size), strict=True):
+        brushes.sprites.draw(painter, place, brushes.radius_at(depth), Style.BALL, brushes.inks.limb(-1, fog))
 
 
 def paint_axes(painter: QPainter, picture: Picture, colours: Colours) -> None:
@@ -118,14 +130,14 @@ def paint_ellipses(painter: QPainter, picture: Picture, brushes: Brushes) -> Non
     """Paint the uncertainty of joints: translucent ellipsoids with their main sections, where they exceed a joint."""
     colours = brushes.inks.colours
     edge, line, inside = (QColor(colours.only or colours.ink) for _ in range(3))
-    edge.setAlpha(150)
-    line.setAlpha(80)
-    inside.setAlpha(30)
+    edge.setAlpha(120)
+    line.setAlpha(60)
+    inside.setAlpha(22)
     spans = np.ptp(picture.ellipses[:, 0], axis=1).max(axis=1)
     known = picture.ellipses[spans > 2 * brushes.radius]
-    painter.setBrush(inside)
     painter.setPen(QPen(edge, 1.0))
-    for outline in known[:, 0].tolist():
+    for outline, span in zip(known[:, 0].tolist(), spans[spans > 2 * brushes.radius].tolist(), strict=True):
+        painter.setBrush(inside if span < _WIDE * brushes.radius else Qt.BrushStyle.NoBrush)
         painter.drawPolygon(QPolygonF([QPointF(x, y) for x, y in outline]))
     sections = known[:, 1:].reshape(-1, *known.shape[2:])
     painter.setPen(QPen(line, 0.8, _SOLID, _FLAT))
@@ -173,21 +185,26 @@ def paint_items(
             bone = item - n_markers - n_joints
             width = _BONE * radius * (_SPOKE if scene.bones.is_spoke[bone] else 1.0)
             colour = brushes.inks.limb(limb_of_bone[bone], fog + (2 if faint[bone] else 0))
-            _paint_bone(painter, bones[bone], width, colour, brushes.inks.halo(limb_of_bone[bone] == limb))
+            _paint_bone(painter, bones[bone], width, colour, brushes, limb_of_bone[bone] == limb)
 
 
 def paint_rings(painter: QPainter, places: Floats, depths: Floats, brushes: Brushes, colour: QColor) -> None:
     """Paint rings around markers or joints [px] that are selected or under the pointer."""
     for (x, y), depth in zip(places.tolist(), depths.tolist(), strict=True):
         if not math.isnan(x):  # else it is hidden
-            brushes.sprites.draw(painter, (x, y), brushes.radius_at(depth), _RING_STYLE, colour)
+            brushes.sprites.draw(
+                painter, (x, y), brushes.radius_at(depth), _RING_STYLE, colour, brushes.inks.colours.ground
+            )
 
 
-def _paint_bone(painter: QPainter, ends: list[list[float]], width: float, colour: QColor, halo: QColor) -> None:
+def _paint_bone(
+    painter: QPainter, ends: list[list[float]], width: float, colour: QColor, brushes: Brushes, is_marked: bool
+) -> None:
     """A rod with light along it; its halo cuts what lies behind, which shows what is in front."""
     line = QLineF(*ends[0], *ends[1])
-    for ink, part, extra in ((halo, 1.0, 3.0), (colour, 1.0, 0.0), (colour.lighter(122), 0.35, 0.0)):
-        painter.setPen(QPen(ink, part * width + extra, _SOLID, _CAP))
+    halo, around = brushes.inks.halo(is_marked), _MARKED_HALO if is_marked else _HALO
+    for ink, thickness in ((halo, width + around), (colour, width), (colour.lighter(122), 0.35 * width)):
+        painter.setPen(QPen(ink, thickness, _SOLID, _CAP))
         painter.drawLine(line)
 
 

@@ -24,7 +24,7 @@ class Picture:
     ----------
     markers, loose, joints : ndarray, shape (n, 2), px
         As in the snapshot.
-    marker_depths, joint_depths, bone_depths : ndarray, shape (n,), mm
+    marker_depths, loose_depths, joint_depths, bone_depths : ndarray, shape (n,), mm
         Distance along the line of sight; of bones, their farther ends', and a little more.
     bones, axes : ndarray, shape (n, 2, 2), px
         Both ends of each line.
@@ -37,6 +37,7 @@ class Picture:
     markers: Floats
     marker_depths: Floats
     loose: Floats
+    loose_depths: Floats
     joints: Floats
     joint_depths: Floats
     bones: Floats
@@ -68,7 +69,7 @@ class Canvas:
         return places.reshape(*points.shape[:-1], 2), depths.reshape(points.shape[:-1])
 
 
-def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: float) -> Picture:
+def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: float, magnification: float) -> Picture:
     """Project what is shown of a snapshot.
 
     Parameters
@@ -81,21 +82,27 @@ def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: 
         What is hidden gets no place.
     axis_length : float, mm
         Half the length of drawn axes.
+    magnification : float
+        Half axes of ellipsoids in standard deviations.
     """
     markers, marker_depths = canvas.project(snapshot.markers)
     hidden = (snapshot.state == State.FILLED) & (not shown.filled) | (snapshot.state != State.FILLED) & (
         not shown.markers
     )
     markers[hidden] = np.nan
+    loose, loose_depths = canvas.project(_only(snapshot.loose, shown.markers))
     joints, joint_depths = canvas.project(snapshot.joints)
-    ellipses = _ellipses(snapshot, canvas, joints, joint_depths, shown)
+    ellipses = _ellipses(snapshot, canvas, joints, joint_depths, magnification)
+    if not shown.uncertainty:
+        ellipses[:] = np.nan
     bones, bone_depths = canvas.project(_only(snapshot.bones, shown.bones))
     if not shown.joints:
         joints[:] = np.nan
     return Picture(
         markers,
         marker_depths,
-        canvas.project(_only(snapshot.loose, shown.markers))[0],
+        loose,
+        loose_depths,
         joints,
         joint_depths,
         bones,
@@ -121,14 +128,14 @@ def _body_axes(bodies: Floats, length: float) -> Floats:
     return np.stack([origins, origins + length * bodies[:, :3, :3].swapaxes(1, 2)], axis=2)
 
 
-def _ellipses(snapshot: Snapshot, canvas: Canvas, joints: Floats, depths: Floats, shown: Shown) -> Floats:
+def _ellipses(snapshot: Snapshot, canvas: Canvas, joints: Floats, depths: Floats, magnification: float) -> Floats:
     """Outlines of the covariances, projected as if the line of sight were the same all over each ellipsoid."""
     n_joints = len(snapshot.covariances)
-    if not shown.uncertainty or not n_joints:
+    if not n_joints:
         return np.full((n_joints, 4, len(_OUTLINE), 2), np.nan)
     right, up, _ = canvas.viewpoint.basis
     plane = np.stack([right, -up])
-    scales = shown.magnification * canvas.viewpoint.focal(canvas.height) / depths
+    scales = magnification * canvas.viewpoint.focal(canvas.height) / depths
     axes = _half_axes(snapshot.covariances)
     outline = _half_axes(plane @ snapshot.covariances @ plane.T)
     sections = plane @ np.stack([axes[..., pair] for pair in ((0, 1), (1, 2), (2, 0))], axis=1)

@@ -13,6 +13,7 @@ from skelgen.app.report.figure_pose import find_views
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen_gui.view3d.bones import Bones, find_bones
+from skelgen_gui.view3d.shown import MAGNIFICATIONS
 from skelgen_gui.view3d.uncertainty import joint_covariances
 
 SURE = 0.9
@@ -28,6 +29,8 @@ _STRAYS = 1.0  # percent of positions on each side that may lie outside the box:
 _PAD = 0.05  # of the box, so that what strays are not is inside
 
 
+_UNCERTAIN_SAMPLES = 20
+_ELLIPSOID = 0.04  # of the size of what is seen: half an axis of a typical ellipsoid
 _NO_POINTS = np.zeros((0, 3))
 _NO_BODIES = np.zeros((0, 4, 4))
 _NO_INTS = np.zeros(0, dtype=np.intp)
@@ -130,9 +133,11 @@ class Scene:
     @cached_property
     def spans(self) -> Floats:
         """Extent along each axis [mm] of what is seen in a typical frame, shape (3,)."""
-        known = self.sample[~np.isnan(self.sample[..., 0]).all(axis=1)]
+        known = self.sample[(~np.isnan(self.sample[..., 0])).any(axis=1)]
+        if not len(known):
+            return np.zeros(3)
         spans = np.fmax.reduce(known, axis=1) - np.fmin.reduce(known, axis=1)
-        return np.asarray(np.median(spans, axis=0)) if len(known) else np.zeros(3)
+        return np.asarray(np.median(spans, axis=0))
 
     @property
     def size(self) -> float:
@@ -150,6 +155,17 @@ class Scene:
         """Azimuth [rad] of a viewer before the wider side, along an axis, where an axis points up."""
         first, second = (up + 1) % 3, (up + 2) % 3
         return -math.pi / 2 if self.spans[first] > self.spans[second] else 0.0
+
+    @cached_property
+    def magnification(self) -> int:
+        """How many standard deviations the half axes of ellipsoids should be, for most of them to be of a good size."""
+        frames = np.unique(np.linspace(0, self.n_frames - 1, min(_UNCERTAIN_SAMPLES, self.n_frames)).astype(np.intp))
+        covariances = [joint_covariances(self.project, int(frame)) for frame in frames]
+        variances = np.concatenate([np.linalg.eigvalsh(each)[:, -1] for each in covariances] or [np.zeros(0)])
+        if not len(variances):
+            return MAGNIFICATIONS[0]
+        most = _ELLIPSOID * self.size / max(float(np.sqrt(np.median(variances))), 1e-9)
+        return max((step for step in MAGNIFICATIONS if step <= most), default=MAGNIFICATIONS[0])
 
     @property
     def limb_seen(self) -> Bools | None:
@@ -177,6 +193,22 @@ class Scene:
             self._axes(frame),
             take.world_from_body[frame] if isinstance(take, Poses) else _NO_BODIES,
         )
+
+    def middle(self, frame: int) -> Floats:
+        """Return the middle of a frame: of its joints, or else of what is seen; NaN if that is nothing.
+
+        Parameters
+        ----------
+        frame : int
+            From 0, within the take.
+        """
+        points = (
+            self._joints(frame)
+            if self.project.has("skeleton") and self.project.skeleton.n_joints
+            else self._points(frame)
+        )
+        known = points[~np.isnan(points[:, 0])]
+        return np.asarray(known.mean(axis=0)) if len(known) else np.full(3, np.nan)
 
     def trail(self, frame: int, seconds: float) -> Floats:
         """Return where the markers were until a frame, at frames that stay the same while it moves on.

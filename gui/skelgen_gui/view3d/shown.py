@@ -7,8 +7,8 @@ from dataclasses import dataclass
 TRAIL_SECONDS = (0.25, 0.5, 1.0, 2.0)
 """Lengths of trails to choose from [s]."""
 
-MAGNIFICATIONS = (1, 5, 20, 100)
-"""How many times the ellipsoids of joints are drawn larger than one standard deviation; most are below 1 mm."""
+MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100)
+"""How many times larger than one standard deviation ellipsoids can be drawn: of good takes these are below 1 mm."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,12 @@ class Shown:
         Bones; joints; ellipsoids of the joints' uncertainty; axes of hinges and of universal joints.
     floor, cameras, other : bool
         Floor grid and shadows; frustums of cameras; the second project.
+    follow : bool
+        Whether the viewer goes along with what moves.
     trail_seconds : float, s
         Length of trails.
-    magnification : int
-        Half axes of the ellipsoids in standard deviations.
+    magnification : int or None
+        Half axes of the ellipsoids in standard deviations; None chooses what can be seen and does not hide the rest.
     up : int or None
         Coordinate axis that points up, 0 .. 2; None leaves it to the data.
     """
@@ -43,6 +45,7 @@ class Shown:
     floor: bool = True
     cameras: bool = True
     other: bool = True
+    follow: bool = False
     trail_seconds: float = TRAIL_SECONDS[0]
-    magnification: int = MAGNIFICATIONS[2]
+    magnification: int | None = None
     up: int | None = None

@@ -12,7 +12,8 @@ from PySide6.QtGui import QColor, QPainter, QPen, QPixmap, QRadialGradient
 RADIUS_STEP = 0.5
 """Sprites are made for radii in steps of so many pixels."""
 
-_MOST = 2000  # sprites kept: 20 colours in 5 depths, 4 styles and 5 radii
+MOST_SPRITES = 2000
+"""Sprites kept: 20 colours in 5 depths, 4 styles and 5 radii."""
 
 
 class Style(Enum):
@@ -53,13 +54,13 @@ class Sprites:
         style : Style
             What it looks like.
         *colours : QColor
-            Of the ball, and of what marks it (the ring of a doubtful one, the edge of a joint).
+            Of the ball or ring, and of what marks it (the ring of a doubtful one, the edge of a joint or ring).
         """
         step = max(round(radius / RADIUS_STEP), 2)
         key = (style, step, colours[0].rgba(), colours[-1].rgba())
         pixmap = self._kept.get(key)
         if pixmap is None:
-            if len(self._kept) >= _MOST:
+            if len(self._kept) >= MOST_SPRITES:
                 self._kept.clear()
             pixmap = self._kept[key] = self._made(step * RADIUS_STEP, style, colours[0], colours[-1])
         half = pixmap.width() / self.ratio / 2
@@ -70,10 +71,9 @@ class Sprites:
         pixmap = QPixmap(math.ceil(side * self.ratio), math.ceil(side * self.ratio))
         pixmap.setDevicePixelRatio(self.ratio)
         pixmap.fill(Qt.GlobalColor.transparent)
-        painter = QPainter(pixmap)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        _PAINTERS[style](painter, QPointF(side / 2, side / 2), radius, colour, mark)
-        painter.end()
+        with QPainter(pixmap) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            _PAINTERS[style](painter, QPointF(side / 2, side / 2), radius, colour, mark)
         return pixmap
 
 
@@ -111,8 +111,9 @@ def _joint(painter: QPainter, middle: QPointF, radius: float, colour: QColor, ma
 
 def _ring(painter: QPainter, middle: QPointF, radius: float, colour: QColor, mark: QColor) -> None:
     painter.setBrush(Qt.BrushStyle.NoBrush)
-    painter.setPen(QPen(colour, 2.2))
-    painter.drawEllipse(middle, radius + 3.0, radius + 3.0)
+    for ink, width in ((mark, 4.4), (colour, 2.2)):
+        painter.setPen(QPen(ink, width))
+        painter.drawEllipse(middle, radius + 3.0, radius + 3.0)
 
 
 _PAINTERS = {

@@ -26,7 +26,7 @@ def trail_lines(places: Floats, limb_of_marker: Ints) -> list[tuple[int, int, Fl
         Limb, age from 0 = old to `N_AGES` - 1 = fresh, and the lines.
     """
     n_lines = len(places) - 1
-    if n_lines < 1:
+    if n_lines < 1 or not len(limb_of_marker):
         return []
     order = np.argsort(limb_of_marker, kind="stable")
     lines = np.stack([places[:-1, order], places[1:, order]], axis=2).swapaxes(0, 1)

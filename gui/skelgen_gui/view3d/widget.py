@@ -89,7 +89,6 @@ class View3D(QWidget):
         self._wording = Wording(self)
         self._set_up_widget()
         self.commands = Commands(self)
-        self.addActions([*self.commands.movements, self.commands.rectangle])
         self._buttons = ViewButtons(self.commands, self)
         session.project_changed.connect(self._take_project)
         session.other_changed.connect(self._take_other)
@@ -119,6 +118,8 @@ class View3D(QWidget):
             return
         if shown.up != self._shown.up:
             self._outlook.point_up(shown.up)
+        if shown.follow != self._shown.follow:
+            self._outlook.follow(self._session.frame if shown.follow else None)
         self._shown = shown
         self.shown_changed.emit(shown)
         self.update()
@@ -164,48 +165,47 @@ class View3D(QWidget):
             return ""
         return self._wording.about(self._hovered, scene, self._painted[0], self._session.frame)
 
-    def sizeHint(self) -> QSize:
+    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
         """Return a comfortable size."""
         return QSize(900, 700)
 
-    def minimumSizeHint(self) -> QSize:
+    def minimumSizeHint(self) -> QSize:  # noqa: N802 - Qt's name
         """Return the least useful size."""
         return QSize(240, 180)
 
-    def paintEvent(self, event: QPaintEvent) -> None:
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
         """Paint the frame."""
-        canvas = self._outlook.canvas
+        canvas = self._outlook.canvas_at(self._session.frame)
         floor = self._outlook.floor if self._shown.floor else None
         frustums = self._frustums if self._shown.cameras else self._frustums[:0]
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        easel = self._present_easel()
-        easel.paint_backdrop(painter, canvas, floor, frustums, self._legend())
-        self._painted = self._paint_scenes(painter, easel, canvas, floor)
-        if self._drag is not None and self._drag.kind is DragKind.BAND:
-            easel.paint_band(painter, self._drag.band)
-        elif self._drag is None and (text := self.note()):
-            easel.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
-        painter.end()
+        with QPainter(self) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            easel = self._present_easel()
+            easel.paint_backdrop(painter, canvas, floor, frustums, self._legend())
+            self._painted = self._paint_scenes(painter, easel, canvas, floor)
+            if self._drag is not None and self._drag.kind is DragKind.BAND:
+                easel.paint_band(painter, self._drag.band)
+            elif self._drag is None and (text := self.note()):
+                easel.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
 
-    def resizeEvent(self, event: QResizeEvent) -> None:
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name
         """Keep the buttons in their corner, and an untouched view fitted."""
         self._buttons.adjustSize()
         self._buttons.move(self.width() - self._buttons.width() - _MARGIN, _MARGIN)
         self._outlook.resize(self.width(), self.height())
 
-    def changeEvent(self, event: QEvent) -> None:
+    def changeEvent(self, event: QEvent) -> None:  # noqa: N802 - Qt's name
         """Follow the colours of the desktop."""
         if event.type() in (QEvent.Type.PaletteChange, QEvent.Type.StyleChange):
             self._easel = None
             self.update()
         super().changeEvent(event)
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:
+    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
         """Begin a click or a drag."""
         self._drag = Drag(event.position(), event.button())
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
         """Drag, or see what is under the pointer."""
         self._pointer = event.position()
         if self._drag is None:
@@ -218,7 +218,7 @@ class View3D(QWidget):
             self._move(self.viewpoint.panned(step.x(), step.y(), self.height()))
         self.update()
 
-    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
         """Select what was clicked or is in the rectangle, or ask for a menu."""
         drag, self._drag = self._drag, None
         if drag is None:
@@ -232,38 +232,38 @@ class View3D(QWidget):
             self._ask_for_menu(event)
         self.update()
 
-    def leaveEvent(self, event: QEvent) -> None:
+    def leaveEvent(self, event: QEvent) -> None:  # noqa: N802 - Qt's name
         """Nothing is under the pointer any more."""
         self._hovered = None
         self.update()
 
-    def wheelEvent(self, event: QWheelEvent) -> None:
+    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
         """Zoom at the pointer."""
         place = event.position()
         right, down = place.x() - self.width() / 2, place.y() - self.height() / 2
         self._move(self.viewpoint.zoomed(_WHEEL ** event.angleDelta().y(), right, down, self.height()))
 
-    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:  # noqa: N802 - Qt's name
         """Ask for a menu from the keyboard; that of the mouse follows its release, since dragging shifts the view."""
         if event.reason() is QContextMenuEvent.Reason.Keyboard:
             self.context_requested.emit(self.mapToGlobal(self.rect().center()), self._session.selection)
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Turn (shift and arrows), shift (alt and arrows), zoom (plus, minus), select all (ctrl A) or nothing (esc)."""
+    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+        """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), and the keys of the commands."""
         modifiers = event.modifiers() & ~Qt.KeyboardModifier.KeypadModifier
-        if event.key() in _ARROWS and modifiers in (_SHIFT, _ALT):
+        if event.key() in _ARROWS and modifiers in (_CONTROL, _ALT):
             right, down = _ARROWS[Qt.Key(event.key())]
-            if modifiers == _SHIFT:
+            if modifiers == _CONTROL:
                 self._move(self.viewpoint.orbited(_KEY_TURN * right, -_KEY_TURN * down))
             else:
                 self._move(self.viewpoint.panned(-_KEY_SHIFT * right, -_KEY_SHIFT * down, self.height()))
-        elif event.key() in _ZOOMS:
+        elif event.key() in _ZOOMS and modifiers & _CONTROL:
             self._move(self.viewpoint.zoomed(_ZOOMS[Qt.Key(event.key())]))
         elif event.matches(QKeySequence.StandardKey.SelectAll) and self._outlook.scene is not None:
             self._session.select(Selection(frozenset(range(self._outlook.scene.n_markers))))
         elif event.key() == Qt.Key.Key_Escape:
             self._session.select(Selection())
-        else:
+        elif not self.commands.obey(QKeySequence(event.keyCombination())):
             super().keyPressEvent(event)
 
     def _set_up_widget(self) -> None:
@@ -318,7 +318,8 @@ class View3D(QWidget):
         if floor is not None and self._shown.floor:
             parts.append(self.tr("grid {spacing:g} mm").format(spacing=floor.spacing))
         if self._shown.uncertainty and scene is not None and scene.project.has("skeleton"):
-            parts.append(self.tr("ellipsoids {times} × std").format(times=self._shown.magnification))
+            times = self._shown.magnification or scene.magnification
+            parts.append(self.tr("ellipsoids {times} × std").format(times=times))
         return "   ".join(parts)
 
     def _wants_band(self, event: QMouseEvent) -> bool:

@@ -14,13 +14,14 @@ from jinja2 import DictLoader, Environment, StrictUndefined
 from skelgen.app.report.contents import report_content
 from skelgen.files import replacing
 from skelgen.model import Project
+from skelgen.progress import SILENT, Monitor
 
 __all__ = ["report_html", "write_report"]
 
 _TEMPLATES = ("template.html", "labels.html", "style.html", "macros.html")
 
 
-def write_report(project: Project, path: Path) -> Path:
+def write_report(project: Project, path: Path, monitor: Monitor = SILENT) -> Path:
     """Write the report of a project; whatever stages have run is shown.
 
     Parameters
@@ -29,6 +30,8 @@ def write_report(project: Project, path: Path) -> Path:
         Any project, from a bare take to a fitted skeleton.
     path : Path
         The HTML file; it appears whole or not at all.
+    monitor : Monitor
+        Told of progress; may cancel.
 
     Returns
     -------
@@ -40,18 +43,18 @@ def write_report(project: Project, path: Path) -> Path:
     WriteError
         If the file cannot be written.
     """
-    html = report_html(project)
+    html = report_html(project, monitor)
     with replacing(path) as temporary:
         # A name that was read from a broken file may hold halves of characters: they become question marks.
         temporary.write_text(html, encoding="utf-8", errors="replace")
     return path
 
 
-def report_html(project: Project) -> str:
+def report_html(project: Project, monitor: Monitor = SILENT) -> str:
     """Return the report as a text; see `write_report`."""
     folder = resources.files(__name__)
     sources = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _TEMPLATES}
     environment = Environment(
         loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.get_template("template.html").render(report_content(project))
+    return environment.get_template("template.html").render(report_content(project, monitor))

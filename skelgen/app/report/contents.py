@@ -27,6 +27,7 @@ from skelgen.app.summary import column_rows
 from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.filled import Source
 from skelgen.model.skeleton import JOINT_KINDS
+from skelgen.progress import SILENT, Monitor
 
 Content = dict[str, Any]
 
@@ -43,13 +44,15 @@ _SOURCE_WORDS = {
 _SIGN_SIDE = 18.0
 
 
-def report_content(project: Project) -> Content:
+def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
     """Return everything that the template shows; the keys of sections are missing where a stage has not run.
 
     Parameters
     ----------
     project : Project
         Any project, from a bare take to a fitted skeleton.
+    monitor : Monitor
+        Told of progress; may cancel.
     """
     content: Content = {
         "title": project.name or "take without a name",
@@ -63,7 +66,7 @@ def report_content(project: Project) -> Content:
         "colours": _colours(project),
     }
     if project.has("labels") and project.trajectories.n_frames and project.trajectories.n_markers:
-        content["gaps"] = _gaps(project)
+        content["gaps"] = _gaps(project, monitor)
         if project.has_labelling:
             content["labels"] = labels_content(project)
     if project.has("limbs") and project.limbs.n_limbs:
@@ -178,12 +181,12 @@ def _taken(project: Project) -> Content:
     return {"facts": [*facts, ("Markers", str(take.n_markers))], "figure": ""}
 
 
-def _gaps(project: Project) -> Content:
+def _gaps(project: Project, monitor: Monitor) -> Content:
     """Timeline and facts; with a skeleton, what the gaps can be filled from."""
     facts = _gap_facts(project)
     if not project.has("skeleton") or project.trajectories.seen.all():
         return {"figure": gaps_figure(project), "facts": facts, "can_fill": False}
-    filled = fill_project(project)
+    filled = fill_project(project, monitor)
     for source, words in _SOURCE_WORDS.items():
         stds = filled.std[filled.source == source]
         if len(stds):

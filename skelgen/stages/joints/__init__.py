@@ -12,7 +12,6 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.kinematics.shape import LimbShape
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order
@@ -24,6 +23,15 @@ from skelgen.stages.joints.noise import typical_variance
 from skelgen.stages.joints.pairs import ENOUGH_FRAMES, MIN_COMMON, JointGuess, Segment, guess_joint, make_segment
 from skelgen.stages.joints.parallel import map_pairs
 from skelgen.stages.joints.parameters import JointParameters
+from skelgen.stages.joints.placing import (
+    place_in_blocks,
+    place_joints,
+    sample_frames,
+    spread,
+    stacked,
+    telling_frames,
+    tracks_of_limbs,
+)
 from skelgen.stages.joints.said import tree_sentences
 from skelgen.stages.joints.tree import spanning_tree
 from skelgen.stages.joints.wishes import Pair, limb_pairs, obeyed_costs
@@ -31,9 +39,6 @@ from skelgen.stages.joints.wishes import Pair, limb_pairs, obeyed_costs
 __all__ = ["JointParameters", "find_joints"]
 
 Costs = dict[tuple[int, int], JointGuess]
-
-POSE_POINTS = 3
-"""Points that fix a pose, where a limb has as many."""
 
 
 def find_joints(
@@ -81,9 +86,9 @@ def find_joints(
     monitor.begin("joints")
     if limbs.n_limbs == 0:
         raise InputError(f"{trajectories.name or 'the take'}: no marker belongs to a limb, so there are no joints")
-    tracks = [trajectories.positions[:, limbs.markers_of(limb)] for limb in range(limbs.n_limbs)]
-    frames = sample_frames(trajectories.n_frames, parameters)
-    segments = [make_segment(track, _telling_frames(track, frames)) for track in tracks]
+    tracks = tracks_of_limbs(trajectories.positions, limbs, parameters)
+    frames = sample_frames(len(tracks[0]), parameters)
+    segments = [make_segment(track, telling_frames(track, frames)) for track in tracks]
     guesses = _all_pairs(segments, frames, parameters, seed, n_jobs, monitor)
     sizes = np.array([segment.n_markers for segment in segments])
     judged = comparable_costs(guesses, limbs.n_limbs, parameters.alpha)
@@ -98,12 +103,16 @@ def find_joints(
             cut = [edge for edge in false if (min(edge), max(edge)) not in wanted]
             parents = _without(cut, parents, costs, sizes, root)
     _check_parents(parents, judged.costs)
-    kept = _place_joints(segments, frames, parents, parameters, seed, monitor)
+    kept = place_joints(segments, frames, parents, parameters, seed, monitor)
     children = outward_order(parents)[(parents < 0).sum() :]
+    if len(tracks[0]) == trajectories.n_frames:
+        raw = stacked([kept[int(child)] for child in children], trajectories.n_frames)
+    else:
+        raw = place_in_blocks(trajectories.positions, limbs, parents, parameters, seed, monitor)
     topology = Topology(
         parents=parents,
         joint_costs=np.where(np.isfinite(costs), judged.costs, np.nan),
-        raw_joint_positions=_stacked([kept[int(child)].positions for child in children], trajectories.n_frames),
+        raw_joint_positions=raw,
         n_iterations=np.array([kept[int(child)].n_iterations for child in children], dtype=np.intp),
         values=np.array([_value(kept[int(child)], parameters.alpha_final) for child in children]),
         alpha=parameters.alpha,
@@ -123,26 +132,6 @@ def _without(cut: list[tuple[int, int]], parents: Ints, costs: Floats, sizes: In
         if (int(parents[child]), int(child)) not in cut:
             kept[child, parents[child]] = kept[parents[child], child] = costs[child, parents[child]]
     return spanning_tree(kept, sizes, root)
-
-
-def sample_frames(n_frames: int, parameters: JointParameters) -> Ints:
-    """Frames at which all pairs of limbs are tried, rising."""
-    step = parameters.sampling or max(1.0, n_frames / parameters.samples)
-    return np.unique(np.arange(0, n_frames, step).astype(np.intp).clip(max=n_frames - 1))  # rounding may reach the end
-
-
-def _telling_frames(track: Floats, frames: Ints) -> Ints:
-    """Sampled frames, or, where they hardly show a limb, as many of all frames that do."""
-    enough = min(track.shape[1], POSE_POINTS)
-    shows = (~np.isnan(track[:, :, 0])).sum(axis=1) >= enough
-    if shows[frames].sum() >= min(ENOUGH_FRAMES, shows.sum()):
-        return frames
-    return spread(np.flatnonzero(shows), len(frames))
-
-
-def spread(frames: Ints, most: int) -> Ints:
-    """At most so many of the frames, evenly."""
-    return frames[np.unique(np.linspace(0, len(frames) - 1, most).astype(np.intp))] if len(frames) > most else frames
 
 
 def _all_pairs(
@@ -200,37 +189,6 @@ def _surest_joint_to_small_limb(
             if waits and np.isfinite(guess.square) and (best is None or guess.doubt < best[0]):
                 best = (guess.doubt, small, pair)
     return None if best is None else best[1:]
-
-
-def _place_joints(
-    segments: list[Segment], frames: Ints, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
-) -> dict[int, JointGuess]:
-    """Place the joints of the tree in all frames, those between limbs with poses first; keys are child limbs."""
-    segments = list(segments)
-    typical = typical_variance(segment.noise for segment in segments)
-    waiting = [int(child) for child in np.flatnonzero(parents >= 0)]
-    n_joints = len(waiting)
-    kept: dict[int, JointGuess] = {}
-    while waiting:
-        waiting.sort(key=lambda child: -_known(segments[child].shape) - _known(segments[parents[child]].shape))
-        child = waiting.pop(0)
-        pair = (int(parents[child]), child)
-        kept[child] = guess_joint(
-            segments[pair[0]], segments[pair[1]], typical, parameters.alpha_final, parameters, seed
-        )
-        for limb in pair:
-            if segments[limb].lacks_poses:
-                segments[limb] = segments[limb].with_joint(kept[child].positions, frames)
-        monitor.advance(len(kept), n_joints)
-    return kept
-
-
-def _known(shape: LimbShape) -> int:
-    return int(shape.posed.sum() >= ENOUGH_FRAMES) + int(shape.has_pose)
-
-
-def _stacked(positions: list[Floats], n_frames: int) -> Floats:
-    return np.stack(positions, axis=1) if positions else np.zeros((n_frames, 0, 3))
 
 
 def _check_parents(parents: Ints, costs: Floats) -> None:

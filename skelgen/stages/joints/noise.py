@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.shape import LimbShape
+from skelgen.kinematics.shape import LimbShape, distinct_rows
 from skelgen.model.arrays import Floats, Ints
 
 LEAST_FREEDOMS = 30
@@ -76,8 +76,7 @@ def pose_noise(shape: LimbShape, points: Floats, frames: Ints) -> PoseNoise:
     if not posed.any():
         return PoseNoise(np.nan, np.zeros((0, 6, 6)), pattern)
     seen = ~np.isnan(points[posed, :, 0])
-    sets, inverse = np.unique(seen, axis=0, return_inverse=True)
-    pattern[posed] = inverse.ravel()
+    sets, pattern[posed] = distinct_rows(seen)
     slopes = np.concatenate([np.tile(np.eye(3), (len(shape.points), 1, 1)), -cross_matrix(shape.points)], axis=2)
     information = np.tensordot(sets.astype(np.float64), slopes.swapaxes(1, 2) @ slopes, 1)
     return PoseNoise(_variance(shape, points, frames), np.linalg.inv(information), pattern)

@@ -13,7 +13,7 @@ CHUNK_FLOATS = 4_000_000
 """Coordinates held at once: 32 MB."""
 
 MIN_COMMON_SAMPLES = 8
-"""Fewer sampled frames with both markers say nothing about rigidity; all frames are then asked."""
+"""Fewer sampled frames with both markers say nothing about rigidity; other frames are then asked."""
 
 FAR = 3.0
 """Standard deviations beyond which a distance is far from the others."""
@@ -81,17 +81,31 @@ def distance_deviations(positions: Floats, frames: Ints) -> Deviations:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     frames : ndarray of intp
-        Sampled frames. Pairs that fewer than `MIN_COMMON_SAMPLES` of them show are computed over all frames.
+        Sampled frames. Pairs that fewer than `MIN_COMMON_SAMPLES` of them show are computed over other frames that
+        do, as many as there are samples.
     """
     plain, steady, common = _deviations(positions[frames])
     rare = (common < MIN_COMMON_SAMPLES) & (len(frames) < len(positions))
-    markers = np.flatnonzero(rare.any(axis=1))
-    if len(markers):
+    others = _frames_with_both(positions, rare, len(frames))
+    if len(others):
+        markers = np.flatnonzero(rare.any(axis=1))
         block = np.ix_(markers, markers)
-        over_all = _deviations(positions[:, markers])
-        for table, found in ((plain, over_all[0]), (steady, over_all[1])):
+        over_others = _deviations(positions[np.ix_(others, markers)])
+        for table, found in ((plain, over_others[0]), (steady, over_others[1])):
             table[block] = np.where(rare[block], found, table[block])
     return Deviations(plain, steady, common)
+
+
+def _frames_with_both(positions: Floats, pairs: Bools, most: int) -> Ints:
+    """Frames that show both markers of some pairs, at most so many for each, evenly."""
+    if not pairs.any():
+        return np.zeros(0, dtype=np.intp)
+    seen = np.ascontiguousarray(~np.isnan(positions[:, :, 0]).T)
+    found = []
+    for first, second in np.argwhere(np.triu(pairs)):
+        both = np.flatnonzero(seen[first] & seen[second])
+        found.append(both[np.unique(np.linspace(0, len(both) - 1, min(most, len(both))).astype(np.intp))])
+    return np.unique(np.concatenate(found))
 
 
 def _deviations(positions: Floats) -> tuple[Floats, Floats, Ints]:

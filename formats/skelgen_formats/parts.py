@@ -1,0 +1,55 @@
+"""What a project consists of, so that each format can declare which of it a file keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from skelgen.model import PointCloud, Poses, Project, Trajectories
+
+
+@dataclass(frozen=True)
+class Part:
+    """One kind of thing that a project holds.
+
+    Attributes
+    ----------
+    name : str
+        What formats declare in `Format.keeps`.
+    title : str
+        How a sentence names it.
+    is_in : callable (project) -> bool
+        Whether a project has it.
+    in_every_frame : bool
+        Whether it is told frame by frame.
+    """
+
+    name: str
+    title: str
+    is_in: Callable[[Project], bool]
+    in_every_frame: bool = False
+
+
+def _has_markers(project: Project) -> bool:
+    return project.has("labels") or isinstance(project.take, Trajectories)
+
+
+PARTS: tuple[Part, ...] = (
+    Part("points", "the points of the recording", lambda project: isinstance(project.take, PointCloud), True),
+    Part("bodies", "the bodies with their orientations", lambda project: isinstance(project.take, Poses), True),
+    Part("markers", "the positions of the markers", _has_markers, True),
+    Part("names", "the names of the markers", _has_markers),
+    Part("confidence", "how sure the labels are", lambda project: project.has_labelling),
+    Part("limbs", "which marker is on which limb", lambda project: project.has("limbs")),
+    Part("joints", "the positions of the joints", lambda project: project.has("skeleton"), True),
+    Part("angles", "the angles of the joints with their deviations", lambda project: project.has("skeleton"), True),
+    Part("kinds", "kinds and axes of the joints", lambda project: project.has("skeleton")),
+    Part("uncertainty", "how sure the joints are", lambda project: project.has("skeleton")),
+    Part("motion", "how the limbs turn", lambda project: project.has("skeleton"), True),
+)
+"""All parts, in the order in which the stages find them."""
+
+
+def parts_in(project: Project) -> tuple[Part, ...]:
+    """Return the parts that a project has."""
+    return tuple(part for part in PARTS if part.is_in(project))

@@ -1,0 +1,186 @@
+"""Exports: every format that a project can be written in, what it keeps of this project, and the writing itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from skelgen_formats.filled_markers import FILLED, marking_sentence
+from skelgen_formats.markers import trajectories_of
+from skelgen_formats.parts import PARTS, parts_in
+from skelgen_formats.registry import Format, checked_options, known_formats
+
+from skelgen.app.report.wording import counted, listed
+from skelgen.errors import SkelgenError, WriteError
+from skelgen.files import arriving_together
+from skelgen.model import PointCloud, Poses, Project, Take
+from skelgen.progress import SILENT, Monitor
+
+
+def _write_report(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
+    from skelgen.app.report import write_report  # noqa: PLC0415 - its templates take time to load
+
+    return [write_report(value if isinstance(value, Project) else Project(value), path, monitor)]
+
+
+REPORT = Format(
+    name="report",
+    title="Report, HTML",
+    suffixes=(".html",),
+    holds="report",
+    write=_write_report,
+    keeps=tuple(part.name for part in PARTS),
+    note="One page with figures and tables of everything that was found, for reading and printing.",
+)
+"""What can be written beside the registered formats."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A file that an export will write.
+
+    Attributes
+    ----------
+    path : Path
+        Where.
+    exists : bool
+        Whether it replaces a file.
+    """
+
+    path: Path
+    exists: bool
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What an export will do.
+
+    Attributes
+    ----------
+    files : tuple of Planned
+        What will be written.
+    contents : str
+        What of the project will be in them, with its counts, e.g. ``45 markers in 2000 frames (20 s)``.
+    remarks : tuple of str
+        Sentences on what the format cannot hold, and on what becomes of the rest.
+    obstacle : str
+        Why it cannot be done; empty if it can.
+    """
+
+    files: tuple[Planned, ...] = ()
+    contents: str = ""
+    remarks: tuple[str, ...] = ()
+    obstacle: str = ""
+
+
+def export_formats() -> tuple[Format, ...]:
+    """Return every format that can be written, and the report."""
+    return (*(entry for entry in known_formats() if entry.write is not None), REPORT)
+
+
+def obstacle_to(project: Project, entry: Format, options: Mapping[str, Any]) -> str:
+    """Return one sentence on why a project cannot be written in a format; empty if it can."""
+    try:
+        entry.check(project, checked_options(entry, options))
+    except SkelgenError as error:
+        return str(error)
+    return ""
+
+
+def export_path(folder: Path, name: str, entry: Format) -> Path:
+    """Return the path of an export, from which the format makes the names of its files.
+
+    Raises
+    ------
+    WriteError
+        If the name cannot be that of a file.
+    """
+    if not name.strip() or any(character in name for character in "/\\\0"):
+        raise WriteError(f"{name!r} cannot be the name of a file: it is empty or holds a slash")
+    return folder / (name + entry.suffixes[0])
+
+
+def preview_export(project: Project, entry: Format, path: Path, options: Mapping[str, Any]) -> Preview:
+    """Tell what `export_project` will do, without doing it.
+
+    Parameters
+    ----------
+    project : Project
+        What will be written.
+    entry : Format
+        In which format, one of `export_formats`.
+    path : Path
+        From `export_path`.
+    options : mapping of str to value
+        Options of the format's writer.
+    """
+    obstacle = obstacle_to(project, entry, options)
+    if obstacle:
+        return Preview(obstacle=obstacle)
+    files = tuple(Planned(file, file.exists()) for file in entry.files(path, options))
+    marking = (marking_sentence(entry, path) + ".",) if options.get(FILLED.name) else ()
+    remarks = (*_lost(project, entry), *entry.remarks(project, options), *marking)
+    return Preview(files, _contents(project, entry), remarks)
+
+
+def export_project(
+    project: Project, entry: Format, path: Path, options: Mapping[str, Any], monitor: Monitor = SILENT
+) -> list[Path]:
+    """Write a project; all files of the format arrive together, or none.
+
+    Parameters
+    ----------
+    project : Project
+        What is written.
+    entry : Format
+        In which format, one of `export_formats`.
+    path : Path
+        From `export_path`.
+    options : mapping of str to value
+        Options of the format's writer.
+    monitor : Monitor
+        Told of progress; may cancel, which leaves what was there before.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    WriteError
+        If the format cannot hold the project, or its files cannot be written.
+    """
+    if entry.write is None:
+        raise WriteError(f"the format {entry.name} can only be read")
+    clean = checked_options(entry, options)
+    monitor.begin(f"writing {path.name}")
+    with arriving_together(path.parent) as temporary:
+        files = entry.write(project, temporary / path.name, monitor=monitor, **clean)
+    return [path.parent / file.name for file in files]
+
+
+def _lost(project: Project, entry: Format) -> tuple[str, ...]:
+    lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
+    return (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
+
+
+def _contents(project: Project, entry: Format) -> str:
+    kept = [part for part in parts_in(project) if part.name in entry.keeps]
+    names = {part.name for part in kept}
+    take = project.take
+    counts = []
+    if "points" in names and isinstance(take, PointCloud):
+        counts.append(counted(take.n_points, "point"))
+    elif names & {"markers", "names"}:
+        counts.append(counted(trajectories_of(project, entry.title).n_markers, "marker"))
+    if "bodies" in names and isinstance(take, Poses):
+        counts.append(counted(take.n_bodies, "body", "bodies"))
+    if names & {"limbs", "motion"}:
+        counts.append(counted(project.limbs.n_limbs, "limb"))
+    if names & {"joints", "angles", "kinds"}:
+        counts.append(counted(project.skeleton.n_joints, "joint"))
+    frames = f" in {counted(take.n_frames, 'frame')} at {take.rate:g} Hz"
+    return listed(counts) + (frames if any(part.in_every_frame for part in kept) else "")

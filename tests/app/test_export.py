@@ -1,0 +1,208 @@
+"""An export does what its preview says, says what is lost, and leaves everything as it was when it fails."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from skelgen_formats.parts import PARTS
+from skelgen_formats.registry import find_format
+
+from skelgen.app.export import (
+    REPORT,
+    export_formats,
+    export_path,
+    export_project,
+    obstacle_to,
+    preview_export,
+)
+from skelgen.errors import Cancelled, ParameterError, SkelgenError, WriteError
+from skelgen.model import PointCloud, Poses, Project, Trajectories
+
+NAMES = [entry.name for entry in export_formats()]
+FITTED = [name for name in NAMES if name not in {"poses-csv"}]
+
+
+def entry_of(name):
+    return REPORT if name == REPORT.name else find_format(name)
+
+
+@pytest.fixture(scope="module")
+def projects(small_project):
+    """One project per kind of take, and one that is finished."""
+    positions = np.random.default_rng(5).uniform(-500, 500, (4, 3, 3))
+    poses = np.tile(np.eye(4), (4, 2, 1, 1))
+    return {
+        "finished": small_project,
+        "markers": Project(Trajectories(positions, ("a", "b", "c"), 50.0, "m")),
+        "points": Project(PointCloud(positions.reshape(-1, 3), np.arange(0, 13, 3), np.arange(4) / 50.0, name="p")),
+        "bodies": Project(Poses(poses, ("u", "v"), 50.0, "b")),
+    }
+
+
+@pytest.mark.parametrize("kind", ["finished", "markers", "points", "bodies"])
+@pytest.mark.parametrize("name", NAMES)
+def test_an_obstacle_is_foretold_exactly_where_the_writer_refuses(projects, tmp_path, name, kind):
+    entry, project = entry_of(name), projects[kind]
+    foretold = obstacle_to(project, entry, {})
+    try:
+        export_project(project, entry, export_path(tmp_path, "x", entry), {})
+        refused = ""
+    except SkelgenError as error:
+        refused = str(error)
+    assert foretold == refused
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [*((name, {}) for name in FITTED), *((name, {"filled": True}) for name in ("c3d", "trc", "csm"))],
+)
+def test_the_files_are_those_of_the_preview(small_project, tmp_path, name, options):
+    entry = entry_of(name)
+    path = export_path(tmp_path, "walk & run", entry)
+    foretold = preview_export(small_project, entry, path, options)
+    assert list(tmp_path.iterdir()) == []
+    files = export_project(small_project, entry, path, options)
+    assert [planned.path for planned in foretold.files] == files
+    assert sorted(tmp_path.iterdir()) == sorted(files)
+    assert all(planned.exists for planned in preview_export(small_project, entry, path, options).files)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_formats_keep_parts_that_there_are(name):
+    keeps = entry_of(name).keeps
+    assert keeps
+    assert set(keeps) <= {part.name for part in PARTS}
+
+
+@pytest.mark.parametrize(
+    ("name", "contents"),
+    [
+        ("c3d", "10 markers in 12 frames at 100 Hz"),
+        ("joints-csv", "2 joints in 12 frames at 100 Hz"),
+        ("angles-csv", "2 joints in 12 frames at 100 Hz"),
+        ("seed-xml", "10 markers, 3 limbs and 2 joints in 12 frames at 100 Hz"),
+        ("summary-json", "10 markers, 3 limbs and 2 joints"),
+    ],
+)
+def test_contents_are_counted(small_project, tmp_path, name, contents):
+    entry = entry_of(name)
+    assert preview_export(small_project, entry, export_path(tmp_path, "x", entry), {}).contents == contents
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "contents"),
+    [
+        ("markers", "trc", "3 markers in 4 frames at 50 Hz"),
+        ("points", "mfml", "12 points in 4 frames at 50 Hz"),
+        ("bodies", "poses-csv", "2 bodies in 4 frames at 50 Hz"),
+    ],
+)
+def test_contents_of_takes_are_counted(projects, tmp_path, kind, name, contents):
+    entry = entry_of(name)
+    assert preview_export(projects[kind], entry, export_path(tmp_path, "x", entry), {}).contents == contents
+
+
+def test_what_is_lost_is_said(small_project, tmp_path):
+    def remarks(name, **options):
+        entry = entry_of(name)
+        return preview_export(small_project, entry, export_path(tmp_path, "walk", entry), options).remarks
+
+    assert remarks("joints-csv") == (
+        "Joint positions, CSV does not hold the positions of the markers, the names of the markers, which marker is on "
+        "which limb, the angles of the joints with their deviations, kinds and axes of the joints, how sure the joints "
+        "are and how the limbs turn.",
+    )
+    assert remarks("seed-xml") == (
+        "Skeleton and motion, XML does not hold the angles of the joints with their deviations.",
+    )
+    assert remarks("report") == ()
+    # Coordinates reach between 2 and 4 m; of the 24 bits of f32 that leaves 2^-12 mm.
+    assert "Positions are rounded to single precision, to 0.0002 mm." in remarks("c3d")
+    assert any("trc" in sentence and "walk.filled.csv" in sentence for sentence in remarks("trc", filled=True))
+
+
+def test_names_that_csm_writes_otherwise_are_said(tmp_path):
+    entry = entry_of("csm")
+    project = Project(Trajectories(np.zeros((2, 2, 3)), ("left hip", "knee"), 50.0))
+    remarks = preview_export(project, entry, export_path(tmp_path, "x", entry), {}).remarks
+    assert any("'left hip' as 'left_hip'" in sentence for sentence in remarks)
+
+
+@pytest.mark.parametrize("name", ["", "  ", "a/b", "a\0b", "a\\b"])
+def test_a_name_that_no_file_can_have_is_refused(tmp_path, name):
+    with pytest.raises(WriteError, match="cannot be the name of a file"):
+        export_path(tmp_path, name, REPORT)
+
+
+@pytest.mark.parametrize("name", ["walk.1", "Gänge; ${x} & 100 %", "..."])
+def test_any_other_name_is_that_of_the_file(small_project, tmp_path, name):
+    entry = entry_of("cal3d")
+    export_project(small_project, entry, export_path(tmp_path, name, entry), {})
+    assert sorted(file.name for file in tmp_path.iterdir()) == [f"{name}.xaf", f"{name}.xsf"]
+
+
+def test_a_value_that_is_not_allowed_is_an_obstacle_and_an_error(small_project, tmp_path):
+    entry = entry_of("csm")
+    path = export_path(tmp_path, "x", entry)
+    sentence = "the format csm: dropout is 'none'; it must be one of word, zero"
+    assert preview_export(small_project, entry, path, {"dropout": "none"}).obstacle == sentence
+    with pytest.raises(ParameterError, match="must be one of word, zero"):
+        export_project(small_project, entry, path, {"dropout": "none"})
+
+
+class CancellingMonitor:
+    """Cancels when it is told of progress for the n-th time."""
+
+    def __init__(self, left):
+        self.left = left
+
+    def begin(self, name):
+        pass
+
+    def advance(self, done, total):
+        self.left -= 1
+        if self.left < 0:
+            raise Cancelled
+
+    def notice(self, sentence):
+        pass
+
+
+@pytest.mark.parametrize("left", [0, 1])
+@pytest.mark.parametrize("name", ["trc", "csm", "mfml", "seed-xml", "cal3d", "joints-csv", "angles-csv"])
+def test_cancelling_leaves_what_was_there(make_project, tmp_path, name, left):
+    entry, project = entry_of(name), make_project(n_frames=600)
+    path = export_path(tmp_path, "walk", entry)
+    path.write_text("precious")
+    with pytest.raises(Cancelled):
+        export_project(project, entry, path, {}, CancellingMonitor(left))
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [(path.name, "precious")]
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_a_full_disk_is_a_sentence_and_leaves_what_was_there(make_project, tmp_path, name, full_disk):
+    entry, project = entry_of(name), make_project(n_frames=600)
+    path = export_path(tmp_path / "new", "walk", entry)
+    with full_disk(2000), pytest.raises(WriteError) as caught:
+        export_project(project, entry, path, {})
+    assert str(path.parent / path.stem) in str(caught.value)
+    assert ".skelgen-" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_a_file_is_a_sentence(small_project, tmp_path):
+    (tmp_path / "out").write_text("")
+    entry = entry_of("c3d")
+    with pytest.raises(WriteError, match=r"out: cannot be created"):
+        export_project(small_project, entry, export_path(tmp_path / "out", "walk", entry), {})
+
+
+def test_a_folder_without_rights_is_a_sentence(small_project, tmp_path, monkeypatch):
+    def refuse(*args, **kwargs):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.mkdtemp", refuse)
+    entry = entry_of("c3d")
+    with pytest.raises(WriteError, match=r"out: cannot be written: Permission denied"):
+        export_project(small_project, entry, export_path(tmp_path / "out", "walk", entry), {})
+    assert list(tmp_path.iterdir()) == []
