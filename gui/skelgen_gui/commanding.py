@@ -68,7 +68,7 @@ class Commanding(QObject):
     def _view_menu(self) -> QMenu:
         menu = QMenu(self.tr("&View"), self._window)
         commands = self._window.view3d.commands
-        menu.addActions(list(commands.movements))
+        menu.addActions([commands.fit, commands.fit_take, commands.front, commands.side, commands.top])
         menu.addSeparator()
         commands.fill(menu)
         menu.addSeparator()

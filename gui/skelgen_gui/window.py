@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QPoint, Qt
+from PySide6.QtCore import QPoint, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QTabWidget, QWidget
 
@@ -193,4 +193,4 @@ class Window(QMainWindow):
         self.warming.end()
         self.preferences.keep_window(self.saveGeometry(), self.saveState())
         self.autosave.end()
-        self.close()
+        QTimer.singleShot(0, self.close)  # Qt closes no window while it asks whether to

@@ -15,7 +15,6 @@ from skelgen_gui.session import Selection
 from skelgen_gui.window import Window
 
 import skelgen
-from skelgen.app.store import open_project
 from skelgen.simulation import simulate
 
 WAIT = 60_000  # ms; a loaded machine runs all stages of a small take in a few seconds
@@ -248,12 +247,12 @@ def test_a_folder_without_rights_is_told_on_save(qtbot, window, rods):
 
 
 def test_every_control_has_a_name_for_screen_readers(qtbot, window, rods):
-    from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QListView
+    from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QListWidget
 
     opened(qtbot, window, rods)
     for key in ("open", "labels", "limbs", "joints", "skeleton"):
         page = window.pages.page(key)
-        for kind in (QAbstractButton, QAbstractSpinBox, QComboBox, QListView):
+        for kind in (QAbstractButton, QAbstractSpinBox, QComboBox, QListWidget):
             for control in page.findChildren(kind):
                 if control.objectName().startswith("qt_") or control.parent() in page.findChildren(QComboBox):
                     continue
