@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
 
@@ -64,7 +65,9 @@ class Deriver(QObject):
         self._pool.waitForDone()
 
     def _run(self, number: int, function: Callable[[], object]) -> None:
-        self._returned.emit(number, function())
+        result = function()
+        with suppress(RuntimeError):  # the widget that wished it may be gone by now
+            self._returned.emit(number, result)
 
     def _hand_over(self, number: int, result: object) -> None:
         if number == self._number and self._then is not None:
