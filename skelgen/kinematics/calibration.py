@@ -85,6 +85,7 @@ class Calibration:
     noise: float
     positions: Floats
     weights: Floats
+    known: Floats | None = None
 
     @cached_property
     def information(self) -> Floats:
@@ -93,6 +94,8 @@ class Calibration:
         Of marker offsets, then joints 1 .. n_limbs - 1, in 1 / mm^2 times `noise` squared, then of the constants of
         axes.
         """
+        if self.known is not None:
+            return self.known
         size = n_constants(self.chain, self.articulation)
         affordable = int(INFORMATION_WORK / (size**2 * (3 + 3 * self.chain.n_limbs)))
         most = max(affordable, STEP_FRAMES)

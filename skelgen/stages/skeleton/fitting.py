@@ -13,6 +13,7 @@ from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
 from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.kinematics.limb_errors import LimbErrors
 from skelgen.kinematics.posing import fit_poses
+from skelgen.kinematics.sliding import fit_sliding, settle_sliding
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
 from skelgen.stages.skeleton.deviations import joint_deviations, lasting
@@ -108,13 +109,17 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         last, poses, kinds = _refined(first, poses, trusted, kinds, set(wanted), parameters.refine_samples)
         if are_poses:
             last = with_noise_of_poses(last, trusted)
+    used = _frames_of_refinement(trusted, parameters.refine_samples) if refine else frames
+    growth = lasting(last, trusted[used])
+    if refine and parameters.soft_tissue and not are_poses:
+        before = poses[used]
+        last, poses, trusted, growth = _without_slides(last, poses, trusted, used, growth)
+        kinds = _followed(kinds, last, before)
     freedom = axis_freedom(kinds, last.noise)
     shifts = shifts_along_axes(last.chain, kinds, freedom)
     chain = shifted(last.chain, kinds, shifts)
     if refine:
         poses = fit_poses(chain, poses, trusted, last.articulation)
-    used = _frames_of_refinement(trusted, parameters.refine_samples) if refine else frames
-    growth = lasting(last, trusted[used])
     errors = errors_of_limbs(last, kinds, shifts, freedom, growth, parameters.rank_tolerance)
     shared = _spread(used, TURN_FRAMES)
     turn_covariances = errors.turns(poses[shared], trusted[shared])
@@ -149,9 +154,29 @@ def _refined(
     rotations = last.articulation.projected(last.chain.parents, start.rotations)
     root = start.root.copy()
     root[frames], rotations[frames] = last.poses.root, last.poses.rotations
-    turn = nearest_rotation((last.poses.rotations.swapaxes(2, 3) @ start.rotations[frames]).mean(axis=0))
-    kinds = _in_other_frames(kinds, last.chain.parents, turn)
-    return last, ChainPoses(root, rotations), with_axes(kinds, last.articulation)
+    return last, ChainPoses(root, rotations), _followed(kinds, last, start[frames])
+
+
+def _followed(kinds: list[JointKind], last: Calibration, before: ChainPoses) -> list[JointKind]:
+    """Kinds with the axes that were fitted, and with the others in the frames that limbs have now."""
+    turn = nearest_rotation((last.poses.rotations.swapaxes(2, 3) @ before.rotations).mean(axis=0))
+    return with_axes(_in_other_frames(kinds, last.chain.parents, turn), last.articulation)
+
+
+def _without_slides(
+    last: Calibration, poses: ChainPoses, trusted: Floats, used: Ints, growth: float
+) -> tuple[Calibration, ChainPoses, Floats, float]:
+    """Fit once more to positions without the slides of soft tissue, if there are any; also return these positions."""
+    sliding = fit_sliding(last, trusted[used])
+    if sliding is None:
+        return last, poses, trusted, growth
+    chain, articulation = sliding.chain, sliding.articulation
+    poses = ChainPoses(poses.root, articulation.projected(chain.parents, poses.rotations))
+    poses = fit_poses(chain, poses, trusted - sliding.skin.slides(chain, poses), articulation)
+    settled = settle_sliding(sliding, poses[used], trusted[used])
+    last = settled.calibration
+    poses = ChainPoses(poses.root, last.articulation.projected(chain.parents, poses.rotations))
+    return last, poses, trusted - settled.skin.slides(last.chain, poses), settled.growth
 
 
 def _in_other_frames(kinds: list[JointKind], parents: Ints, turn: Floats) -> list[JointKind]:

@@ -56,6 +56,10 @@ class SkeletonParameters(StageParameters):
     refine_samples: int = declare(
         2000, "frames from which limbs and joints are estimated at last", unit="frames", low=10, high=1e6
     )
+    soft_tissue: bool = declare(
+        True,
+        "let markers slide on their limbs in proportion to the bends of the joint, where the take shows that they do",
+    )
     hinge_wobble: float = declare(
         0.12,
         "a hinge or universal joint may turn in other ways by this part of its smallest own turn, noise apart",

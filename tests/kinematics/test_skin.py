@@ -1,0 +1,46 @@
+"""Bends of joints, and markers that slide with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelgen.kinematics.skin import skin_at_rest
+
+
+@pytest.fixture(scope="module")
+def tree(true_chain):
+    return true_chain("tree:8", n_frames=300)
+
+
+def test_bends_have_mean_square_one_and_do_not_go_together(tree):
+    skin = skin_at_rest(tree.chain, tree.poses)
+    bends = skin.bends(tree.chain, tree.poses)
+    for limb in range(1, tree.chain.n_limbs):
+        products = bends[:, limb].T @ bends[:, limb] / len(bends)
+        np.testing.assert_allclose(products, np.diag(skin.is_bent[limb]), atol=1e-9)
+
+
+def test_hinges_bend_in_one_way_and_balls_in_three(tree):
+    """Rotation vectors of a universal joint leave the plane of its axes when it bends far."""
+    n_bends = skin_at_rest(tree.chain, tree.poses).is_bent.sum(axis=1)
+    fewest, most = ({"ball": 3, "universal": two, "hinge": 1} for two in (2, 3))
+    for kind, limb in zip(tree.truth.joint_kinds, tree.truth.edges[:, 1], strict=True):
+        assert fewest[kind] <= n_bends[limb] <= most[kind]
+    assert n_bends[0] == 0
+
+
+def test_still_joints_carry_no_slides(true_chain):
+    case = true_chain("tree:8", n_frames=100, motion_range=0.01)
+    assert not skin_at_rest(case.chain, case.poses).is_bent.any()
+
+
+def test_slides_are_slopes_times_bends_in_the_limbs_axes(tree):
+    random = np.random.default_rng(0)
+    at_rest = skin_at_rest(tree.chain, tree.poses)
+    skin = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
+    slides, bends = skin.slides(tree.chain, tree.poses), skin.bends(tree.chain, tree.poses)
+    for frame, marker in ((0, 0), (7, 5), (299, -1)):
+        limb = tree.chain.limb_of_marker[marker]
+        local = skin.slopes[marker] @ bends[frame, limb]
+        np.testing.assert_allclose(slides[frame, marker], tree.poses.rotations[frame, limb] @ local)

@@ -1,0 +1,46 @@
+"""Soft tissue: joints better than without a model of it, and stated deviations as large as the errors."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from skelgen.evaluation import evaluate
+from skelgen.stages.skeleton import SkeletonParameters
+
+SEEDS, N_FRAMES, NOISE = range(6), 800, 0.5  # mm
+COVERED = (0.90, 0.98)  # of 95 % intervals: what the issue asks
+SCATTER = 0.02  # of the coverage of 42 joints whose errors last for the take
+
+
+@pytest.fixture(scope="module")
+def scores(simulated, reconstructed, true_limbs):
+    """Mean joint error [mm] and coverage of random trees of 8 limbs: `scores(tissue [mm], dropouts, model)`."""
+
+    @functools.cache
+    def make(tissue: float, dropouts: float = 0.0, model: bool = True) -> np.ndarray:
+        found = []
+        for seed in SEEDS:
+            options = {"noise": NOISE, "soft_tissue": tissue, "dropouts": dropouts}
+            case = simulated("tree:8", seed, N_FRAMES, **options)
+            parameters = SkeletonParameters(soft_tissue=model)
+            project = reconstructed(case.take, given_limbs=true_limbs(case), skeleton=parameters)
+            score = evaluate(project, case.truth)
+            found.append((score.mean_joint_error, score.coverage))
+        return np.array(found)
+
+    return make
+
+
+@pytest.mark.parametrize(("tissue", "dropouts"), [(3.0, 0.0), (1.0, 0.0), (3.0, 0.1)])
+def test_intervals_hold_the_truth(scores, tissue, dropouts):
+    coverage = scores(tissue, dropouts)[:, 1].mean()
+    assert COVERED[0] - SCATTER <= coverage <= COVERED[1] + SCATTER
+
+
+def test_slides_that_are_fitted_leave_less_error_and_honest_deviations(scores):
+    with_model, without = scores(3.0), scores(3.0, model=False)
+    assert with_model[:, 0].mean() < 0.85 * without[:, 0].mean()
+    assert without[:, 1].mean() < 0.8 < with_model[:, 1].mean()
