@@ -53,3 +53,12 @@ def test_a_deriver_that_is_deleted_waits_and_hands_over_nothing(qtbot):
     qtbot.wait(10)
     assert gate.is_set()
     assert told == []
+
+
+def test_an_error_is_raised_in_the_window_s_thread(qtbot):
+    deriver, told = Deriver(), []
+    with qtbot.capture_exceptions() as errors:
+        deriver.derive(lambda: 1 / 0, told.append)
+        qtbot.waitUntil(lambda: not deriver.is_busy)
+    assert [error[0] for error in errors] == [ZeroDivisionError]
+    assert told == []
