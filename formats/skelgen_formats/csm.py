@@ -130,8 +130,8 @@ def write_csm(
     gap = _DROPOUT if dropout == "word" else "0 0 0"
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(take, names))
-        for number, row in enumerate(told(take.positions.tolist(), take.n_frames, monitor), start=1):
-            words = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row)
+        for number, row in enumerate(told(take.positions, take.n_frames, monitor), start=1):
+            words = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row.tolist())
             stream.write(f"{number}  " + "  ".join(words) + "\n")
     return [path, *write_table(markers, path)]
 

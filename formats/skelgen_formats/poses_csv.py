@@ -85,8 +85,8 @@ def write_poses(value: Project | Take, path: Path, monitor: Monitor = SILENT) ->
     numbers = _numbers(take.world_from_body)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(take.rate, names))
-        for frame, row in enumerate(told(numbers.reshape(take.n_frames, -1).tolist(), take.n_frames, monitor)):
-            cells = ["" if x != x else repr(x) for x in row]  # noqa: PLR0124 - NaN differs from itself
+        for frame, row in enumerate(told(numbers.reshape(take.n_frames, -1), take.n_frames, monitor)):
+            cells = ["" if x != x else repr(x) for x in row.tolist()]  # noqa: PLR0124 - NaN differs from itself
             stream.write(f"{frame},{frame / take.rate!r}," + ",".join(cells) + "\n")
     return [path]
 
