@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QHelpEvent, QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPalette, QWheelEvent
-from PySide6.QtWidgets import QToolTip, QWidget
+from PySide6.QtGui import QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPalette, QWheelEvent
+from PySide6.QtWidgets import QWidget
 
 from skelgen_gui.matrix.facts import Matrix, find_matrix
 from skelgen_gui.matrix.painting import MatrixPainting, place_matrix
 from skelgen_gui.matrix.region import Placed, Region
 from skelgen_gui.pixels import image_of
 from skelgen_gui.session import Selection, Session
+from skelgen_gui.tips import tell
 
 _CLICK = 4.0  # px, that the pointer may move in a click
 _ZOOM = 1.25
@@ -70,12 +71,9 @@ class MatrixView(QWidget):
 
     def event(self, event: QEvent) -> bool:
         """Name the pair under the pointer."""
-        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
-            QToolTip.showText(event.globalPos(), self.told_at(QPointF(event.pos())), self)
-            return True
         if event.type() == QEvent.Type.Leave:
             self._point_at(None)
-        return super().event(event)
+        return tell(self, event, self.told_at) or super().event(event)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
         """Begin a click or a square."""
