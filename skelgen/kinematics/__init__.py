@@ -8,7 +8,7 @@ from skelgen.kinematics.joint_fit import JointFit, fit_ball, fit_hinge, fit_rigi
 from skelgen.kinematics.kind import KindLimits
 from skelgen.kinematics.live import LiveSkeleton
 from skelgen.kinematics.relative import pose_covariance
-from skelgen.kinematics.rigid_body import RigidBody, calibrate_rigid_body
+from skelgen.kinematics.rigid_body import RigidBody, calibrate_rigid_body, limb_bodies
 
 __all__ = [
     "Hierarchy",
@@ -28,6 +28,7 @@ __all__ = [
     "fit_rigid",
     "fit_universal",
     "joint_angles",
+    "limb_bodies",
     "pose_covariance",
     "posture_of",
     "solve",
