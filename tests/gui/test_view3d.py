@@ -200,6 +200,16 @@ def test_selecting_draws_a_ring_around_a_marker_and_around_those_of_a_limb(view,
         assert changed(before, picture_of(view), view.place_of_marker(other)) > 20
 
 
+def test_the_names_of_few_selected_markers_stand_beside_them(view, session):
+    marker = lone_markers(view)[0]
+    beside = view.place_of_marker(marker) + QPointF(34, -9)
+    before = picture_of(view)
+    session.select(Selection(frozenset({marker})))
+    assert changed(before, picture_of(view), beside, radius=8) > 10
+    session.select(Selection(frozenset(range(40))))
+    assert changed(before, picture_of(view), beside, radius=8) == 0
+
+
 def test_a_click_selects_and_control_adds_and_takes_away(qtbot, view, session):
     first, second = lone_markers(view)[:2]
     click(qtbot, view, view.place_of_marker(first))
@@ -285,9 +295,10 @@ def test_fit_shows_all_of_the_frame_or_what_is_selected(view, session):
     places = [view.place_of_marker(marker) for marker in range(session.project.trajectories.n_markers)]
     assert all(view.rect().contains(place.toPoint()) for place in places if place is not None)
     distance = view.viewpoint.distance
-    session.select(Selection(frozenset(lone_markers(view)[:2])))
-    view.fit()
-    assert view.viewpoint.distance < distance
+    for selection in (Selection(frozenset(lone_markers(view)[:2])), Selection(limb=3)):
+        session.select(selection)
+        view.fit()
+        assert view.viewpoint.distance < distance
 
 
 @pytest.mark.parametrize("key", ["1", "3", "7", "F"])
@@ -345,6 +356,16 @@ def test_joints_bones_and_filled_markers_are_explained(view, session):
     picture_of(view)
     send_move(view, view.place_of_marker(int(unseen[0])).toPoint())
     assert "unseen" in view.note()
+
+
+def test_nothing_is_said_of_a_marker_that_is_unseen_in_another_frame(view, session):
+    marker = lone_markers(view)[0]
+    send_move(view, view.place_of_marker(marker).toPoint())
+    assert view.note()
+    unseen = np.flatnonzero(~session.project.trajectories.seen[:, marker])
+    session.show_frame(int(unseen[0]))
+    picture_of(view)
+    assert view.note() == ""
 
 
 def test_the_right_button_asks_for_a_menu_about_what_it_clicked(qtbot, view, session):
@@ -513,6 +534,23 @@ def test_every_stage_is_drawn(qtbot, qtlog, walked, stage):
     bare = picture_of(view)
     view.show_only(Shown())
     assert changed(bare, picture_of(view)) > 2000
+    assert [record.message for record in qtlog.records] == []
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["arm/arm-4-4-4_clean_30fps.c3d", "human/markers_Squat2.trc", "wheelchair/racing_full.c3d", "hand/recording.tsv"],
+)
+def test_recordings_are_seen_whole_at_the_first_look(qtbot, qtlog, recording, path):
+    session, take = Session(), recording(path)
+    view = make_view(qtbot, session)
+    session.open(Project(take))
+    for frame in np.linspace(0, take.n_frames - 1, 5).astype(int).tolist():
+        session.show_frame(frame)
+        picture_of(view)
+        seen = np.flatnonzero(take.seen[frame]).tolist()
+        inside = [view.rect().contains(view.place_of_marker(marker).toPoint()) for marker in seen]
+        assert np.mean(inside) > 0.9  # strays may lie outside
     assert [record.message for record in qtlog.records] == []
 
 

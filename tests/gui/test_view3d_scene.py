@@ -16,7 +16,7 @@ from skelgen_gui.view3d.trails import N_AGES, trail_lines
 from skelgen_gui.view3d.uncertainty import joint_covariances
 from skelgen_gui.view3d.viewpoint import Viewpoint
 
-from skelgen.model import PointCloud, Project, Trajectories
+from skelgen.model import PointCloud, Poses, Project, Trajectories
 
 ROUNDING = 1e-9
 
@@ -70,6 +70,8 @@ def test_before_the_first_stage_points_are_loose_and_markers_have_no_limb(walked
     cloud = Scene(Project(PointCloud(np.arange(9.0).reshape(3, 3), np.array([0, 2, 3]), np.array([0.0, 0.01]))))
     assert cloud.n_markers == 0
     assert cloud.at(0).loose.shape == (2, 3)
+    bodies = Scene(Project(Poses(np.broadcast_to(np.eye(4), (3, 2, 4, 4)), ("left", "right"), 100.0)))
+    assert bodies.at(0).loose.shape == (2, 3)
 
 
 def test_covariances_are_those_of_the_motion_or_else_turn_with_the_parents(walked):
@@ -120,6 +122,14 @@ def test_trails_end_in_the_frame_and_their_other_points_stay_while_it_moves_on(w
     trails = [scene.trail(frame, 0.3) for frame in (350, 351)]
     assert np.array_equal(trails[0][-1], fine.positions[350], equal_nan=True)
     assert np.array_equal(trails[0][1:-1], trails[1][1:-1], equal_nan=True)
+
+
+def test_the_past_of_points_without_names_is_that_of_the_frames_before(walked):
+    points = np.arange(30.0).reshape(10, 3)
+    cloud = Scene(Project(PointCloud(points, np.array([0, 2, 4, 7, 10]), np.arange(4) / 100)))
+    assert np.array_equal(cloud.past_points(3, 0.02), points[2:7])
+    assert len(cloud.past_points(0, 1.0)) == 0
+    assert len(Scene(walked[0]).past_points(3, 1.0)) == 0
 
 
 def test_trails_break_where_a_marker_is_unseen_and_are_parted_by_limb_and_age():
@@ -220,3 +230,21 @@ def test_a_take_in_which_nothing_is_seen_has_no_size():
     assert len(unseen.usual) == 0
     assert unseen.size == 0.0
     assert np.isnan(unseen.middle(0)).all()
+
+
+@pytest.mark.parametrize(
+    ("path", "up"),
+    [
+        ("arm/arm-4-2-3_clean_120fps.c3d", 2),
+        ("arm/arm-4-4-4_clean_30fps.c3d", 2),
+        ("hand/recording.tsv", 2),
+        ("human/markers_Squat2.trc", 1),
+        ("human/nick_freeform_001.c3d", 1),
+        ("mouse/mouse_S15.c3d", 2),
+        ("rods_pendulum/pendulum_01.c3d", 2),
+        ("wheelchair/racing_full.c3d", 1),
+        ("wheelchair/walkingOptiTrack.c3d", 2),
+    ],
+)
+def test_the_axis_that_points_up_is_found_in_recordings(recording, path, up):
+    assert Scene(Project(recording(path))).up == up

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
@@ -21,10 +22,16 @@ from skelgen_gui.view3d.scene import Scene, Snapshot
 from skelgen_gui.view3d.shown import Shown
 from skelgen_gui.view3d.sprites import Sprites
 
+NO_FRUSTUMS = np.zeros((0, 2, 3))
+"""What to paint of cameras if there are none."""
+
 _AXIS_SHARE = 0.05  # of the size of what is seen: half the length of axes
 _OTHER_OPACITY = 0.5
 _NOTE_GAP = 14.0  # px, from what a note is about
 _NOTE_PAD = 7.0
+_NAME_PLACE = QPointF(8, -16)  # px, of its upper left corner from the marker
+_NAME_MARGIN = (QPointF(-1, 0), QPointF(1, 0), QPointF(0, -1), QPointF(0, 1))
+_MOST_NAMES = 12  # of selected markers, beside them
 
 
 class Easel:
@@ -45,6 +52,7 @@ class Easel:
         self._sprites = Sprites(ratio)
         self._backdrop = QPixmap()
         self._backdrop_key: object = None
+        self._backdrop_frustums = NO_FRUSTUMS
         self._names: dict[str, QStaticText] = {}
 
     def paint_backdrop(
@@ -65,9 +73,9 @@ class Easel:
         legend : str
             Scales, in the lower right corner.
         """
-        key = (canvas, floor, id(frustums), legend)
-        if key != self._backdrop_key:
-            self._backdrop_key = key
+        key = (canvas, floor, legend)
+        if key != self._backdrop_key or frustums is not self._backdrop_frustums:
+            self._backdrop_key, self._backdrop_frustums = key, frustums
             self._backdrop = self._new_backdrop(canvas, floor, frustums, legend)
         painter.drawPixmap(0, 0, self._backdrop)
 
@@ -94,9 +102,11 @@ class Easel:
         if shown.trails and shown.markers:
             places, _ = canvas.project(scene.trail(frame, shown.trail_seconds))
             painting.paint_trails(painter, scene, places, self._inks)
+            past, _ = canvas.project(scene.past_points(frame, shown.trail_seconds))
+            painting.paint_past(painter, past, self._inks)
         self._paint_figure(painter, scene, frame, snapshot, picture, brushes, marked)
-        if shown.names and scene.trajectories is not None:
-            self._paint_names(painter, scene.trajectories.names, picture)
+        named = range(scene.n_markers) if shown.names else _few(marked.selection.markers)
+        self._paint_names(painter, scene.names, picture, named)
         return snapshot, picture
 
     def paint_other(self, painter: QPainter, scene: Scene, frame: int, canvas: Canvas, shown: Shown) -> None:
@@ -166,15 +176,23 @@ class Easel:
             chosen = [index for index in sorted(selected) if index < len(places)]
             painting.paint_rings(painter, places[chosen], depths[chosen], brushes, colours.highlight)
 
-    def _paint_names(self, painter: QPainter, names: tuple[str, ...], picture: Picture) -> None:
+    def _paint_names(self, painter: QPainter, names: tuple[str, ...], picture: Picture, markers: Iterable[int]) -> None:
+        """Paint names beside markers, with a margin that parts them from what lies behind."""
+        drawn = [marker for marker in markers if not math.isnan(picture.markers[marker, 0])]
+        texts = [(self._name(names[marker]), QPointF(*picture.markers[marker]) + _NAME_PLACE) for marker in drawn]
+        painter.setPen(self.colours.ground)
+        for text, place in texts:
+            for shift in _NAME_MARGIN:
+                painter.drawStaticText(place + shift, text)
         painter.setPen(self.colours.mixed(self.colours.ink, 0.2))
-        for name, (x, y) in zip(names, picture.markers.tolist(), strict=True):
-            if math.isnan(x):  # hidden
-                continue
-            if name not in self._names:
-                self._names[name] = QStaticText(name)
-                self._names[name].setTextFormat(Qt.TextFormat.PlainText)
-            painter.drawStaticText(QPointF(x + 8, y - 16), self._names[name])
+        for text, place in texts:
+            painter.drawStaticText(place, text)
+
+    def _name(self, name: str) -> QStaticText:
+        if name not in self._names:
+            self._names[name] = QStaticText(name)
+            self._names[name].setTextFormat(Qt.TextFormat.PlainText)
+        return self._names[name]
 
     def _new_backdrop(self, canvas: Canvas, floor: Floor | None, frustums: Floats, legend: str) -> QPixmap:
         pixmap = QPixmap(round(canvas.width * self.ratio), round(canvas.height * self.ratio))
@@ -192,6 +210,11 @@ class Easel:
             corner = QRectF(0, 0, canvas.width - 12, canvas.height - 10)
             painter.drawText(corner, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom, legend)
         return pixmap
+
+
+def _few(markers: frozenset[int]) -> list[int]:
+    """The markers, or none if their names would cover the picture."""
+    return sorted(markers) if len(markers) <= _MOST_NAMES else []
 
 
 def _faint(scene: Scene, frame: int) -> Bools:

@@ -104,7 +104,7 @@ class Outlook:
         if self.scene is not None:
             self._fit(self.scene.usual)
 
-    def fit_frame(self, frame: int, markers: frozenset[int]) -> None:
+    def fit_frame(self, frame: int, markers: set[int]) -> None:
         """Fit some markers in a frame, or all that is there."""
         if self.scene is None or frame >= self.scene.n_frames:
             return

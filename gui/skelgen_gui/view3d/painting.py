@@ -28,6 +28,7 @@ _SIZES = (0.55, 1.5)  # bounds of that growth
 _NEARER = (0.7, 1.4)  # bounds of the growth with nearness
 _JOINT = 1.0  # of a marker's radius
 _BONE = 0.95  # of a marker's radius: width of a bone
+_PAST, _PAST_ALPHA = 1.8, 90  # px, 0 .. 255: dots where points without names were
 _LEFT_OUT = 1.2  # of a marker's radius: diameter of points that went to no marker
 _FULL_FOG = 0.4  # of the size of what is seen: a figure that is flatter does not fade in full
 _SPOKE = 0.4  # of a bone's width: lines to markers
@@ -100,6 +101,14 @@ def paint_trails(painter: QPainter, scene: Scene, places: Floats, inks: Inks) ->
         ink.setAlphaF(0.08 + 0.42 * ((age + 1) / N_AGES) ** 2)
         painter.setPen(QPen(ink, 1.0 + 0.5 * age / N_AGES, _SOLID, _FLAT))
         draw_lines(painter, lines)
+
+
+def paint_past(painter: QPainter, places: Floats, inks: Inks) -> None:
+    """Paint where points without names were [px], shape (n, 2), as small dots."""
+    ink = QColor(inks.limb(-1, 0))
+    ink.setAlpha(_PAST_ALPHA)
+    painter.setPen(QPen(ink, _PAST, _SOLID, _CAP))
+    draw_points(painter, _known(places))
 
 
 def paint_left_out(painter: QPainter, picture: Picture, brushes: Brushes) -> None:

@@ -57,6 +57,12 @@ def pick(picture: Picture, x: float, y: float) -> Pick | None:
     return None if found is None else Pick(BONE, found)
 
 
+def is_drawn(picture: Picture, picked: Pick) -> bool:
+    """Whether something is drawn: in another frame it may be hidden."""
+    places = {MARKER: picture.markers, JOINT: picture.joints, BONE: picture.bones}[picked.kind]
+    return picked.index < len(places) and not bool(np.isnan(places[picked.index]).any())
+
+
 def markers_within(picture: Picture, left: float, top: float, right: float, bottom: float) -> frozenset[int]:
     """Return the markers that are drawn within a rectangle [px], its border included."""
     inside = (picture.markers >= (left, top)) & (picture.markers <= (right, bottom))

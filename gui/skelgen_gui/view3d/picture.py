@@ -86,10 +86,7 @@ def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: 
         Half axes of ellipsoids in standard deviations.
     """
     markers, marker_depths = canvas.project(snapshot.markers)
-    hidden = (snapshot.state == State.FILLED) & (not shown.filled) | (snapshot.state != State.FILLED) & (
-        not shown.markers
-    )
-    markers[hidden] = np.nan
+    markers[~np.where(snapshot.state == State.FILLED, shown.filled, shown.markers)] = np.nan
     loose, loose_depths = canvas.project(_only(snapshot.loose, shown.markers))
     joints, joint_depths = canvas.project(snapshot.joints)
     ellipses = _ellipses(snapshot, canvas, joints, joint_depths, magnification)

@@ -53,12 +53,14 @@ class Snapshot:
 
     Attributes
     ----------
+    frame : int
+        Its number.
     markers : ndarray, shape (n_markers, 3)
         Measured positions, or those on the skeleton.
     state : ndarray of intp, shape (n_markers,)
         A `State` for each.
     loose : ndarray, shape (n_points, 3)
-        All points of an unlabelled take, those of markers included.
+        All points of an unlabelled take, those of markers included; bodies before the first stage.
     joints : ndarray, shape (n_joints, 3)
         Joints.
     covariances : ndarray, shape (n_joints, 3, 3), mm^2
@@ -71,6 +73,7 @@ class Snapshot:
         Poses of a take of bodies.
     """
 
+    frame: int
     markers: Floats
     state: Ints
     loose: Floats
@@ -94,7 +97,8 @@ class Scene:
         self.project = project
         self.trajectories = _labelled(project)
         self.n_frames = project.take.n_frames
-        self.n_markers = self.trajectories.n_markers if self.trajectories else 0
+        self.names = self.trajectories.names if self.trajectories is not None else ()
+        self.n_markers = len(self.names)
 
     @cached_property
     def limb_of_marker(self) -> Ints:
@@ -183,10 +187,12 @@ class Scene:
         markers, state = self._markers(frame)
         joints = self._joints(frame)
         take = self.project.take
+        is_labelled = self.trajectories is not None and not isinstance(take, PointCloud)
         return Snapshot(
+            frame,
             markers,
             state,
-            take.frame(frame) if isinstance(take, PointCloud) else _NO_POINTS,
+            _NO_POINTS if is_labelled else self._points(frame),
             joints,
             joint_covariances(self.project, frame),
             self.bones.place(joints, markers),
@@ -202,11 +208,8 @@ class Scene:
         frame : int
             From 0, within the take.
         """
-        points = (
-            self._joints(frame)
-            if self.project.has("skeleton") and self.project.skeleton.n_joints
-            else self._points(frame)
-        )
+        joints = self._joints(frame) if self.project.has("skeleton") else _NO_POINTS
+        points = joints if len(joints) else self._points(frame)
         known = points[~np.isnan(points[:, 0])]
         return np.asarray(known.mean(axis=0)) if len(known) else np.full(3, np.nan)
 
@@ -227,11 +230,20 @@ class Scene:
         """
         if self.trajectories is None:
             return np.zeros((0, self.n_markers, 3))
-        length = max(round(seconds * self.trajectories.rate), 1)
+        return np.asarray(self.trajectories.positions[[*self._frames_before(frame, seconds), frame]])
+
+    def past_points(self, frame: int, seconds: float) -> Floats:
+        """Return all points of a take that has no markers yet, from some time [s] before a frame on, shape (n, 3)."""
+        if self.trajectories is not None:
+            return _NO_POINTS
+        return np.concatenate([_NO_POINTS, *(self._points(earlier) for earlier in self._frames_before(frame, seconds))])
+
+    def _frames_before(self, frame: int, seconds: float) -> range:
+        """Frames before one, at most `TRAIL_SAMPLES`, that stay the same while it moves on."""
+        length = max(round(seconds * self.project.take.rate), 1)
         stride = -(-length // TRAIL_SAMPLES)
         first = max(frame - length, 0)
-        frames = [*range(-(-first // stride) * stride, frame, stride), frame]
-        return np.asarray(self.trajectories.positions[frames])
+        return range(-(-first // stride) * stride, frame, stride)
 
     def _points(self, frame: int) -> Floats:
         take = self.project.take
@@ -257,9 +269,9 @@ class Scene:
     def _joints(self, frame: int) -> Floats:
         if self.project.has("skeleton"):
             return np.asarray(self.project.motion.joint_positions[frame])
-        return (
-            np.asarray(self.project.topology.raw_joint_positions[frame]) if self.project.has("joints") else _NO_POINTS
-        )
+        if self.project.has("joints"):
+            return np.asarray(self.project.topology.raw_joint_positions[frame])
+        return _NO_POINTS
 
     @cached_property
     def axis_joints(self) -> Ints:

@@ -25,11 +25,11 @@ from skelgen_gui.session import Selection, Session
 from skelgen_gui.view3d.buttons import ViewButtons
 from skelgen_gui.view3d.commands import Commands
 from skelgen_gui.view3d.drag import Drag, DragKind
-from skelgen_gui.view3d.easel import Easel
+from skelgen_gui.view3d.easel import NO_FRUSTUMS, Easel
 from skelgen_gui.view3d.floor import Floor
 from skelgen_gui.view3d.marking import Marked, is_selected, with_pick
 from skelgen_gui.view3d.outlook import Outlook
-from skelgen_gui.view3d.picking import Pick, markers_within, pick
+from skelgen_gui.view3d.picking import Pick, is_drawn, markers_within, pick
 from skelgen_gui.view3d.picture import Canvas, Picture
 from skelgen_gui.view3d.scene import Scene, Snapshot
 from skelgen_gui.view3d.shown import Shown
@@ -80,7 +80,7 @@ class View3D(QWidget):
         self._shown = Shown()
         self._outlook = Outlook()
         self._other: Scene | None = None
-        self._frustums = np.zeros((0, 2, 3))
+        self._frustums = NO_FRUSTUMS
         self._easel: Easel | None = None
         self._painted: tuple[Snapshot, Picture] | None = None
         self._hovered: Pick | None = None
@@ -126,12 +126,14 @@ class View3D(QWidget):
 
     def show_cameras(self, frustums: Sequence[Floats]) -> None:
         """Show cameras, each as lines of shape (n, 2, 3) in mm, as `frustum` gives them."""
-        self._frustums = np.concatenate([np.zeros((0, 2, 3)), *frustums])
+        self._frustums = np.concatenate([NO_FRUSTUMS, *frustums])
         self.update()
 
     def fit(self) -> None:
-        """Fit the selected markers, otherwise all of this frame."""
-        self._outlook.fit_frame(self._session.frame, self._session.selection.markers)
+        """Fit the markers that are selected or on the selected limb, otherwise all of this frame."""
+        scene = self._outlook.scene
+        chosen = set() if scene is None else Marked(self._session.selection).markers(scene)
+        self._outlook.fit_frame(self._session.frame, chosen)
         self.update()
 
     def fit_take(self) -> None:
@@ -160,24 +162,28 @@ class View3D(QWidget):
 
     def note(self) -> str:
         """What is said of the thing under the pointer; empty if there is none."""
-        scene = self._outlook.scene
-        if self._hovered is None or self._painted is None or scene is None:
+        hovered, painted, scene = self._hovered, self._painted, self._outlook.scene
+        if hovered is None or painted is None or scene is None or not is_drawn(painted[1], hovered):
             return ""
-        return self._wording.about(self._hovered, scene, self._painted[0], self._session.frame)
+        return self._wording.about(hovered, scene, painted[0])
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return a comfortable size."""
         return QSize(900, 700)
 
-    def minimumSizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def minimumSizeHint(self) -> QSize:
         """Return the least useful size."""
         return QSize(240, 180)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def event(self, event: QEvent) -> bool:
+        """Hold back the tool tip where something is explained already."""
+        return (event.type() == QEvent.Type.ToolTip and bool(self.note())) or super().event(event)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the frame."""
         canvas = self._outlook.canvas_at(self._session.frame)
         floor = self._outlook.floor if self._shown.floor else None
-        frustums = self._frustums if self._shown.cameras else self._frustums[:0]
+        frustums = self._frustums if self._shown.cameras else NO_FRUSTUMS
         with QPainter(self) as painter:
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
             easel = self._present_easel()
@@ -188,24 +194,24 @@ class View3D(QWidget):
             elif self._drag is None and (text := self.note()):
                 easel.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
 
-    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name
+    def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the buttons in their corner, and an untouched view fitted."""
         self._buttons.adjustSize()
         self._buttons.move(self.width() - self._buttons.width() - _MARGIN, _MARGIN)
         self._outlook.resize(self.width(), self.height())
 
-    def changeEvent(self, event: QEvent) -> None:  # noqa: N802 - Qt's name
+    def changeEvent(self, event: QEvent) -> None:
         """Follow the colours of the desktop."""
         if event.type() in (QEvent.Type.PaletteChange, QEvent.Type.StyleChange):
             self._easel = None
             self.update()
         super().changeEvent(event)
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Begin a click or a drag."""
         self._drag = Drag(event.position(), event.button())
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Drag, or see what is under the pointer."""
         self._pointer = event.position()
         if self._drag is None:
@@ -218,7 +224,7 @@ class View3D(QWidget):
             self._move(self.viewpoint.panned(step.x(), step.y(), self.height()))
         self.update()
 
-    def mouseReleaseEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """Select what was clicked or is in the rectangle, or ask for a menu."""
         drag, self._drag = self._drag, None
         if drag is None:
@@ -232,23 +238,23 @@ class View3D(QWidget):
             self._ask_for_menu(event)
         self.update()
 
-    def leaveEvent(self, event: QEvent) -> None:  # noqa: N802 - Qt's name
+    def leaveEvent(self, event: QEvent) -> None:
         """Nothing is under the pointer any more."""
         self._hovered = None
         self.update()
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom at the pointer."""
         place = event.position()
         right, down = place.x() - self.width() / 2, place.y() - self.height() / 2
         self._move(self.viewpoint.zoomed(_WHEEL ** event.angleDelta().y(), right, down, self.height()))
 
-    def contextMenuEvent(self, event: QContextMenuEvent) -> None:  # noqa: N802 - Qt's name
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Ask for a menu from the keyboard; that of the mouse follows its release, since dragging shifts the view."""
         if event.reason() is QContextMenuEvent.Reason.Keyboard:
             self.context_requested.emit(self.mapToGlobal(self.rect().center()), self._session.selection)
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), and the keys of the commands."""
         modifiers = event.modifiers() & ~Qt.KeyboardModifier.KeypadModifier
         if event.key() in _ARROWS and modifiers in (_CONTROL, _ALT):
@@ -268,12 +274,12 @@ class View3D(QWidget):
 
     def _set_up_widget(self) -> None:
         self.setAccessibleName(self.tr("3-D view"))
-        self.setWhatsThis(
-            self.tr(
-                "Drag to turn, drag with the right button to shift, turn the wheel to zoom. Click to select, with Ctrl "
-                "to add; Shift and drag selects the markers in a rectangle."
-            )
+        usage = self.tr(
+            "Drag to turn, drag with the right button to shift, turn the wheel to zoom. Click to select, with Ctrl to "
+            "add; Shift and drag selects the markers in a rectangle."
         )
+        self.setToolTip(usage)
+        self.setAccessibleDescription(usage)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)

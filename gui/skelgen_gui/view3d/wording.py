@@ -16,7 +16,7 @@ from skelgen_gui.view3d.scene import Scene, Snapshot, State
 class Wording(QObject):
     """Sentences about what lies under the pointer."""
 
-    def about(self, picked: Pick, scene: Scene, snapshot: Snapshot, frame: int) -> str:
+    def about(self, picked: Pick, scene: Scene, snapshot: Snapshot) -> str:
         """Say what something is, a fact a line.
 
         Parameters
@@ -27,11 +27,9 @@ class Wording(QObject):
             Its project.
         snapshot : Snapshot
             The frame.
-        frame : int
-            Its number.
         """
         if picked.kind == MARKER:
-            return self._marker(picked.index, scene, snapshot, frame)
+            return self._marker(picked.index, scene, snapshot)
         if picked.kind == JOINT:
             return self._joint(picked.index, scene.project, snapshot)
         return self.limb(int(scene.bones.limb[picked.index]), scene)
@@ -41,10 +39,9 @@ class Wording(QObject):
         count = int((scene.limb_of_marker == limb).sum())
         return self.tr("limb {limb}").format(limb=limb) + "\n" + self.tr("{count} markers").format(count=count)
 
-    def _marker(self, marker: int, scene: Scene, snapshot: Snapshot, frame: int) -> str:
-        assert scene.trajectories is not None
+    def _marker(self, marker: int, scene: Scene, snapshot: Snapshot) -> str:
         limb = int(scene.limb_of_marker[marker])
-        lines = [scene.trajectories.names[marker]]
+        lines = [scene.names[marker]]
         if limb >= 0:
             lines.append(self.tr("limb {limb}").format(limb=limb))
         elif scene.project.has("limbs"):
@@ -54,9 +51,9 @@ class Wording(QObject):
             lines.append(self.tr("unseen: where the skeleton places it"))
             return "\n".join(lines)
         if scene.project.has("labels") and scene.project.has_labelling:
-            confidence = 100 * float(scene.project.labelling.confidence[frame, marker])
+            confidence = 100 * float(scene.project.labelling.confidence[snapshot.frame, marker])
             lines.append(self.tr("confidence {value:.0f} %").format(value=confidence))
-        return "\n".join(lines + self._residual(scene.project, frame, marker))
+        return "\n".join(lines + self._residual(scene.project, snapshot.frame, marker))
 
     def _residual(self, project: Project, frame: int, marker: int) -> list[str]:
         residual = float(project.motion.residuals[frame, marker]) if project.has("skeleton") else math.nan

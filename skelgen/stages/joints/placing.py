@@ -78,7 +78,7 @@ def place_in_blocks(
         frames = sample_frames(len(block), parameters)
         tracks = [block[:, limbs.markers_of(limb)] for limb in range(limbs.n_limbs)]
         segments = [make_segment(track, telling_frames(track, frames)) for track in tracks]
-        kept = place_joints(segments, frames, parents, parameters, seed, SILENT)
+        kept, _ = place_joints(segments, frames, parents, parameters, seed, SILENT)
         raw[first:last] = stacked([kept[int(child)] for child in children], len(block))
         monitor.advance(last, n_frames)
     raw.flags.writeable = False
@@ -87,7 +87,7 @@ def place_in_blocks(
 
 def place_joints(
     segments: list[Segment], frames: Ints, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
-) -> dict[int, JointGuess]:
+) -> tuple[dict[int, JointGuess], list[Segment]]:
     """Place the joints of the tree in all frames of some segments, those between limbs with poses first.
 
     Parameters
@@ -107,8 +107,8 @@ def place_joints(
 
     Returns
     -------
-    dict of int to JointGuess
-        By child limb.
+    tuple of dict of int to JointGuess and list of Segment
+        Joints by child limb, and all limbs with the joints that give them poses.
     """
     segments = list(segments)
     typical = typical_variance(segment.noise for segment in segments)
@@ -126,7 +126,7 @@ def place_joints(
             if segments[limb].lacks_poses:
                 segments[limb] = segments[limb].with_joint(kept[child].positions, frames)
         monitor.advance(len(kept), n_joints)
-    return kept
+    return kept, segments
 
 
 def _known(shape: LimbShape) -> int:
