@@ -20,6 +20,7 @@ from shown import show, show_machine, verdict
 from skelgen_gui.session import Session
 from skelgen_gui.view3d import Shown, View3D
 from skelgen_gui.view3d.scene import Scene
+from window_timeline import timeline_rows
 
 import skelgen
 from skelgen.simulation import simulate
@@ -128,7 +129,10 @@ def peak_memory() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PEAK_UNITS
 
 
-PARTS: dict[str, Callable[[QApplication, skelgen.Project, float], Iterator[Row]]] = {"3-D view": view3d_rows}
+PARTS: dict[str, Callable[[QApplication, skelgen.Project, float], Iterator[Row]]] = {
+    "3-D view": view3d_rows,
+    "Timeline and curves": timeline_rows,
+}
 
 if __name__ == "__main__":
     main()

@@ -7,13 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from skelgen.app.report.wording import digits, listed
-from skelgen.kinematics.angles import angle_names, joint_angles
+from skelgen.app.report.wording import digits, fixed, listed
+from skelgen.kinematics.joint_motion import AngleRange, angle_ranges
 from skelgen.model import Project, Topology
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.joints.said import SMALL_MARGIN
-
-_SAMPLES = 2000  # frames that the range of motion rests on
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +28,8 @@ class JointFact:
         The limbs that the cheapest other joint would connect.
     kind : str
         Empty before the skeleton.
-    ranges : tuple of (str, float, float)
-        Name of each angle, with its lowest and highest value [degrees].
+    ranges : tuple of AngleRange
+        Of each angle; none before the skeleton.
     """
 
     parent: int
@@ -40,7 +38,7 @@ class JointFact:
     margin: float
     rival: tuple[int, int] | None
     kind: str
-    ranges: tuple[tuple[str, float, float], ...]
+    ranges: tuple[AngleRange, ...]
 
     @property
     def ratio(self) -> float:
@@ -72,8 +70,9 @@ class JointFact:
             first, second = self.rival
             lines.append(f"best other joint: limb {first} – limb {second}, {digits(self.cost + self.margin)} mm²")
             lines.append(f"margin {digits(self.margin)} mm²" + (": hardly any" if self.is_doubtful else ""))
-        for name, low, high in self.ranges:
-            lines.append(f"{name}: {low:.0f}° … {high:.0f}°".replace("-", "−"))
+        for angle in self.ranges:
+            low, high = (fixed(float(np.degrees(end)), 0) for end in (angle.low, angle.high))
+            lines.append(f"{angle.name}: {low}° … {high}°")
         return "\n".join(lines)
 
 
@@ -116,6 +115,9 @@ def find_graph(project: Project) -> GraphFacts:
     """Return what the graph of a project with joints shows."""
     topology = project.topology
     margins, rivals = topology.margins, topology.rivals
+    ranges: tuple[tuple[AngleRange, ...], ...] = ((),) * topology.n_joints
+    if project.has("skeleton"):
+        ranges = angle_ranges(project.skeleton, project.motion, project.trajectories.positions)
     joints = tuple(
         JointFact(
             parent,
@@ -124,7 +126,7 @@ def find_graph(project: Project) -> GraphFacts:
             float(margins[joint]),
             None if rivals[joint, 0] < 0 else (int(rivals[joint, 0]), int(rivals[joint, 1])),
             project.skeleton.joints[joint].kind if project.has("skeleton") else "",
-            _ranges(project, joint) if project.has("skeleton") else (),
+            ranges[joint],
         )
         for joint, (parent, child) in enumerate(topology.edges.tolist())
     )
@@ -147,21 +149,6 @@ def _upward(parents: Ints, limb: int) -> list[int]:
     while parents[way[-1]] >= 0:
         way.append(int(parents[way[-1]]))
     return way
-
-
-def _ranges(project: Project, joint: int) -> tuple[tuple[str, float, float], ...]:
-    """Lowest and highest of each angle over sampled frames in which both limbs are seen."""
-    one, motion = project.skeleton.joints[joint], project.motion
-    seen = np.flatnonzero(motion.limb_seen[:, one.parent] & motion.limb_seen[:, one.child])
-    frames = seen[:: -(-len(seen) // _SAMPLES)] if len(seen) else seen
-    rotations = motion.world_from_limb[frames][:, [one.parent, one.child], :3, :3]
-    angles = np.degrees(joint_angles(one, rotations[:, 0].swapaxes(1, 2) @ rotations[:, 1]))
-    if not len(frames):
-        return ()
-    if one.axis is not None:
-        angles = np.unwrap(angles, axis=0, period=360.0)
-    spans = zip(angle_names(one), angles.min(axis=0).tolist(), angles.max(axis=0).tolist(), strict=True)
-    return tuple(spans)
 
 
 def _other_pairs(topology: Topology) -> Ints:

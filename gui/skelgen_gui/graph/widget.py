@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QHelpEvent, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPalette, QWheelEvent
-from PySide6.QtWidgets import QComboBox, QToolTip, QWidget
+from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPalette, QWheelEvent
+from PySide6.QtWidgets import QComboBox, QWidget
 
 from skelgen.app.report.wording import counted, shortened
 from skelgen.model import Project
@@ -18,6 +18,7 @@ from skelgen_gui.graph.layout import body_places, tree_places
 from skelgen_gui.graph.nearest import nearest_line, nearest_point
 from skelgen_gui.graph.painting import NODE, GraphPainting
 from skelgen_gui.session import Selection, Session
+from skelgen_gui.tips import tell
 
 _MARGIN = 40.0  # px about the graph
 _NEAR_JOINT, _NEAR_PAIR = 9.0, 4.0  # px within which a line is caught
@@ -45,6 +46,7 @@ class GraphView(QWidget):
         super().__init__(parent)
         self._session = session
         self._facts: GraphFacts | None = None
+        self._facts_of: Project | None = None
         self._layouts: tuple[Floats, Floats] = (np.zeros((0, 2)), np.zeros((0, 2)))
         self._zoom, self._shift = 1.0, QPointF(0, 0)
         self._pressed: QPointF | None = None
@@ -86,7 +88,7 @@ class GraphView(QWidget):
         middle = np.array([self.width() / 2 + self._shift.x(), self.height() / 2 + self._shift.y()])
         return np.asarray(middle + (unit - 0.5) * size * self._zoom)
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return room for some limbs."""
         return QSize(560, 480)
 
@@ -98,7 +100,7 @@ class GraphView(QWidget):
     def told_at(self, place: QPointF) -> str:
         """Return what is told of a limb, a joint or a pair of limbs at a place."""
         limb, joint, pair = self._found_at(place)
-        project = self._session.project
+        project = self._facts_of
         if limb is not None and project is not None:
             markers = project.limbs.markers_of(limb).tolist()
             names = shortened([project.trajectories.names[marker] for marker in markers], _NAMES_ROOM)
@@ -111,12 +113,9 @@ class GraphView(QWidget):
 
     def event(self, event: QEvent) -> bool:
         """Say what lies under the pointer."""
-        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
-            QToolTip.showText(event.globalPos(), self.told_at(QPointF(event.pos())), self)
-            return True
-        return super().event(event)
+        return tell(self, event, self.told_at) or super().event(event)
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Select a limb or a joint, or begin to pan."""
         if event.button() != Qt.MouseButton.LeftButton:
             return
@@ -126,7 +125,7 @@ class GraphView(QWidget):
             self._pressed = None
             self._session.select(Selection(limb=limb, joint=joint))
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Pan, or mark what lies under the pointer."""
         if self._pressed is not None and event.buttons() & Qt.MouseButton.LeftButton:
             self._shift += event.position() - self._pressed
@@ -138,11 +137,11 @@ class GraphView(QWidget):
             self._pointed_limb, self._pointed_joint = limb, joint
             self.update()
 
-    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Show all."""
         self.show_all()
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the pointer."""
         before = self._zoom
         self._zoom = min(max(before * _ZOOM ** (event.angleDelta().y() / _NOTCH), _ZOOMS[0]), _ZOOMS[1])
@@ -151,7 +150,7 @@ class GraphView(QWidget):
         self.update()
         event.accept()
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Go from limb to limb, or to the joint above one."""
         key = Qt.Key(event.key())
         if key in _STEPS and self._facts is not None:
@@ -165,7 +164,7 @@ class GraphView(QWidget):
         else:
             super().keyPressEvent(event)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the graph, and what is selected."""
         painter = QPainter(self)
         if self._facts is None:
@@ -183,18 +182,23 @@ class GraphView(QWidget):
         painter.end()
 
     def _follow_project(self) -> None:
+        """Derive the graph; until it is there, that of an earlier result stays."""
         project = self._session.project
+        self.deriver.forget()
         if project is None or not project.has("joints"):
-            self.deriver.forget()
-            self._facts = None
+            self._facts = self._facts_of = None
             self.update()
         else:
-            self.deriver.derive(partial(_derive, project), self._take)
+            self.deriver.derive(partial(_derive, project), partial(self._take, project))
 
-    def _take(self, found: tuple[GraphFacts, tuple[Floats, Floats]]) -> None:
-        self._facts, self._layouts = found
+    def _take(self, project: Project, found: tuple[GraphFacts, tuple[Floats, Floats]]) -> None:
+        is_same_take = self._facts_of is not None and self._facts_of.take is project.take
+        self._facts_of, (self._facts, self._layouts) = project, found
         self._pointed_limb = self._pointed_joint = None
-        self.show_all()
+        if is_same_take:
+            self.update()
+        else:
+            self.show_all()
 
     def _found_at(self, place: QPointF) -> tuple[int | None, int | None, tuple[int, int] | None]:
         """The limb, the joint, or the pair of limbs at a place."""
@@ -216,22 +220,23 @@ class GraphView(QWidget):
     def _marked_joint(self, facts: GraphFacts) -> JointFact | None:
         """The joint under the pointer, otherwise the selected one."""
         number = self._session.selection.joint if self._pointed_joint is None else self._pointed_joint
-        return None if number is None else facts.joints[number]
+        return None if number is None or number >= len(facts.joints) else facts.joints[number]
 
     def _selected_limbs(self) -> set[int]:
         """The selected limb, and those of selected markers."""
-        selection, project = self._session.selection, self._session.project
+        selection, project = self._session.selection, self._facts_of
         limbs = set() if selection.limb is None else {selection.limb}
         if project is not None:
-            limbs |= {int(project.limbs.limb_of_marker[marker]) for marker in selection.markers}
+            markers = [marker for marker in selection.markers if marker < project.limbs.n_markers]
+            limbs |= set(project.limbs.limb_of_marker[markers].tolist())
         return limbs
 
     def _step(self, direction: Floats) -> None:
         """Select the nearest limb in a direction, at first the first root."""
-        if self._facts is None:
+        if self._facts is None or not self._facts.topology.n_limbs:
             return
         limb = self._session.selection.limb
-        if limb is None:
+        if limb is None or limb >= self._facts.topology.n_limbs:
             self._session.select(Selection(limb=int(self._facts.topology.roots[0])))
             return
         between = self.places - self.places[limb]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QHelpEvent, QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPalette, QWheelEvent
-from PySide6.QtWidgets import QToolTip, QWidget
+from PySide6.QtGui import QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPalette, QWheelEvent
+from PySide6.QtWidgets import QWidget
 
 from skelgen_gui.matrix.facts import Matrix, find_matrix
 from skelgen_gui.matrix.painting import MatrixPainting, place_matrix
 from skelgen_gui.matrix.region import Placed, Region
 from skelgen_gui.pixels import image_of
 from skelgen_gui.session import Selection, Session
+from skelgen_gui.tips import tell
 
 _CLICK = 4.0  # px, that the pointer may move in a click
 _ZOOM = 1.25
@@ -53,7 +54,7 @@ class MatrixView(QWidget):
         """The part that is in sight."""
         return self._region
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return a square and what stands beside it."""
         return QSize(560, 480)
 
@@ -70,26 +71,23 @@ class MatrixView(QWidget):
 
     def event(self, event: QEvent) -> bool:
         """Name the pair under the pointer."""
-        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
-            QToolTip.showText(event.globalPos(), self.told_at(QPointF(event.pos())), self)
-            return True
         if event.type() == QEvent.Type.Leave:
             self._point_at(None)
-        return super().event(event)
+        return tell(self, event, self.told_at) or super().event(event)
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Begin a click or a square."""
         if event.button() == Qt.MouseButton.LeftButton and self._placed.cell_at(event.position()) is not None:
             self._pressed = self._dragged = event.position()
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Name the pair, or draw the square."""
         if self._pressed is not None:
             self._dragged = event.position()
             self.update()
         self._point_at(self._placed.cell_at(event.position()))
 
-    def mouseReleaseEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """Select the pair, or show the square."""
         pressed, self._pressed, self._dragged = self._pressed, None, None
         if pressed is None:
@@ -100,17 +98,17 @@ class MatrixView(QWidget):
         else:
             self._show(Region.around(self._placed.index_at(pressed), self._placed.index_at(event.position())))
 
-    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Show all."""
         self._show(Region.whole(self._n))
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the pointer."""
         factor = _ZOOM ** (event.angleDelta().y() / _NOTCH)
         self._show(self._region.zoomed(factor, *self._placed.index_at(event.position())))
         event.accept()
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Move from cell to cell, select, zoom."""
         key = Qt.Key(event.key())
         if key in _STEPS and self._n:
@@ -125,7 +123,7 @@ class MatrixView(QWidget):
         else:
             super().keyPressEvent(event)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint cells, limbs, names, the bar of colours, and what is marked."""
         painter = QPainter(self)
         if self._matrix is None:
