@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtGui import QColor, QContextMenuEvent, QWheelEvent
+from PySide6.QtCore import QEvent, QObject, QPoint, QPointF, Qt
+from PySide6.QtGui import QColor, QContextMenuEvent, QMouseEvent, QWheelEvent
 from PySide6.QtWidgets import QApplication, QToolButton
 from skelgen_gui.palette import doubt_colour
 from skelgen_gui.session import Selection, Session
@@ -87,9 +87,6 @@ def drag(qtbot, view, start, end, button=Qt.MouseButton.LeftButton, modifier=Qt.
 
 
 def send_move(view, place, buttons=Qt.MouseButton.NoButton, modifier=Qt.KeyboardModifier.NoModifier):
-    from PySide6.QtCore import QEvent
-    from PySide6.QtGui import QMouseEvent
-
     spot = QPointF(place)
     event = QMouseEvent(
         QEvent.Type.MouseMove, spot, QPointF(view.mapToGlobal(place)), Qt.MouseButton.NoButton, buttons, modifier
@@ -436,6 +433,35 @@ def test_a_view_that_follows_keeps_what_moves_in_its_place(view, session):
     view.show_only(replace(MARKERS, follow=True))
     session.show_frame(250)
     assert np.abs(middle() - stays)[0] < 5  # it goes along on the level; height is seen
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda view, session: session.show_frame(session.frame + 1),
+        lambda view, session: session.select(Selection(joint=3)),
+        lambda view, session: session.compare_with(session.project),
+        lambda view, session: session.change(session.project),
+        lambda view, session: view.show_only(Shown(names=True)),
+        lambda view, session: view.fit(),
+        lambda view, session: view.look_from_top(),
+        lambda view, session: view.show_cameras([]),
+    ],
+)
+def test_every_change_is_painted(qtbot, view, session, change):
+    class Painted(QObject):
+        count = 0
+
+        def eventFilter(self, watched, event):  # noqa: N802 - Qt's name
+            self.count += event.type() == QEvent.Type.Paint
+            return False
+
+    view.repaint()  # what is still to be painted of the first look
+    QApplication.processEvents()
+    painted = Painted()
+    view.installEventFilter(painted)
+    change(view, session)
+    qtbot.waitUntil(lambda: painted.count > 0)
 
 
 def test_the_up_axis_can_be_stated(view):
