@@ -50,7 +50,7 @@ class Size:
 SIZES = (
     Size(2000, 28, 10, seconds=1.5),
     Size(1500, 127, 30, seconds=8.0),
-    Size(48_000, 40, 14, seconds=180.0 / 15, gigabytes=2.5),
+    Size(48_000, 40, 14, seconds=180.0, gigabytes=2.5),
     Size(720_000, 40, 14, seconds=180.0, gigabytes=2.5),
 )
 

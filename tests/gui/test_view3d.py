@@ -11,6 +11,7 @@ from PySide6.QtGui import QColor, QContextMenuEvent, QMouseEvent, QWheelEvent
 from PySide6.QtWidgets import QApplication, QToolButton
 from skelgen_gui.palette import doubt_colour
 from skelgen_gui.session import Selection, Session
+from skelgen_gui.shortcuts import COMMANDS
 from skelgen_gui.theme import theme_palette
 from skelgen_gui.view3d import Shown, View3D, frustum
 from skelgen_gui.view3d.colours import Colours
@@ -300,6 +301,9 @@ def test_fit_shows_all_of_the_frame_or_what_is_selected(view, session):
 
 @pytest.mark.parametrize("key", ["1", "3", "7", "F"])
 def test_keys_do_what_the_buttons_do(qtbot, view, key):
+    view.activateWindow()
+    view.setFocus()
+    qtbot.waitUntil(view.hasFocus)
     view.fit()
     view._outlook.move(view.viewpoint.orbited(0.3, 0.2))
     before = view.viewpoint
@@ -309,6 +313,23 @@ def test_keys_do_what_the_buttons_do(qtbot, view, key):
     actions = {"1": view.commands.front, "3": view.commands.side, "7": view.commands.top, "F": view.commands.fit}
     actions[key].trigger()
     assert by_key == view.viewpoint
+
+
+def test_keys_of_the_view_are_its_own(view):
+    keys = [action.shortcut().toString() for action in view.actions()]
+    assert "" not in keys
+    assert len(set(keys)) == len(keys)
+    assert set(keys).isdisjoint(command.key for command in COMMANDS)
+
+
+def test_trails_and_names_have_keys(qtbot, view):
+    view.activateWindow()
+    view.setFocus()
+    qtbot.waitUntil(view.hasFocus)
+    for key, part in ((Qt.Key.Key_T, "trails"), (Qt.Key.Key_N, "names")):
+        before = getattr(view.shown, part)
+        qtbot.keyClick(view, key)
+        assert getattr(view.shown, part) != before
 
 
 def test_arrows_turn_and_shift_and_escape_selects_nothing(qtbot, view, session):
