@@ -91,7 +91,7 @@ class ExportPage(QWidget):
         self._follow_choice()
         self._follow_project()
 
-    def showEvent(self, event: QShowEvent) -> None:  # noqa: N802 - Qt's name
+    def showEvent(self, event: QShowEvent) -> None:
         """Look again which files there are."""
         super().showEvent(event)
         self._follow()

@@ -88,7 +88,7 @@ class GraphView(QWidget):
         middle = np.array([self.width() / 2 + self._shift.x(), self.height() / 2 + self._shift.y()])
         return np.asarray(middle + (unit - 0.5) * size * self._zoom)
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return room for some limbs."""
         return QSize(560, 480)
 
@@ -115,7 +115,7 @@ class GraphView(QWidget):
         """Say what lies under the pointer."""
         return tell(self, event, self.told_at) or super().event(event)
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Select a limb or a joint, or begin to pan."""
         if event.button() != Qt.MouseButton.LeftButton:
             return
@@ -125,7 +125,7 @@ class GraphView(QWidget):
             self._pressed = None
             self._session.select(Selection(limb=limb, joint=joint))
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Pan, or mark what lies under the pointer."""
         if self._pressed is not None and event.buttons() & Qt.MouseButton.LeftButton:
             self._shift += event.position() - self._pressed
@@ -137,11 +137,11 @@ class GraphView(QWidget):
             self._pointed_limb, self._pointed_joint = limb, joint
             self.update()
 
-    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Show all."""
         self.show_all()
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the pointer."""
         before = self._zoom
         self._zoom = min(max(before * _ZOOM ** (event.angleDelta().y() / _NOTCH), _ZOOMS[0]), _ZOOMS[1])
@@ -150,7 +150,7 @@ class GraphView(QWidget):
         self.update()
         event.accept()
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Go from limb to limb, or to the joint above one."""
         key = Qt.Key(event.key())
         if key in _STEPS and self._facts is not None:
@@ -164,7 +164,7 @@ class GraphView(QWidget):
         else:
             super().keyPressEvent(event)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the graph, and what is selected."""
         painter = QPainter(self)
         if self._facts is None:

@@ -54,7 +54,7 @@ class MatrixView(QWidget):
         """The part that is in sight."""
         return self._region
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return a square and what stands beside it."""
         return QSize(560, 480)
 
@@ -75,19 +75,19 @@ class MatrixView(QWidget):
             self._point_at(None)
         return tell(self, event, self.told_at) or super().event(event)
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Begin a click or a square."""
         if event.button() == Qt.MouseButton.LeftButton and self._placed.cell_at(event.position()) is not None:
             self._pressed = self._dragged = event.position()
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Name the pair, or draw the square."""
         if self._pressed is not None:
             self._dragged = event.position()
             self.update()
         self._point_at(self._placed.cell_at(event.position()))
 
-    def mouseReleaseEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """Select the pair, or show the square."""
         pressed, self._pressed, self._dragged = self._pressed, None, None
         if pressed is None:
@@ -98,17 +98,17 @@ class MatrixView(QWidget):
         else:
             self._show(Region.around(self._placed.index_at(pressed), self._placed.index_at(event.position())))
 
-    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Show all."""
         self._show(Region.whole(self._n))
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the pointer."""
         factor = _ZOOM ** (event.angleDelta().y() / _NOTCH)
         self._show(self._region.zoomed(factor, *self._placed.index_at(event.position())))
         event.accept()
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Move from cell to cell, select, zoom."""
         key = Qt.Key(event.key())
         if key in _STEPS and self._n:
@@ -123,7 +123,7 @@ class MatrixView(QWidget):
         else:
             super().keyPressEvent(event)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint cells, limbs, names, the bar of colours, and what is marked."""
         painter = QPainter(self)
         if self._matrix is None:

@@ -40,7 +40,7 @@ class Curves(PlotView):
         session.selection_changed.connect(self._follow)
         self._follow()
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return room for three panels."""
         return QSize(640, 320)
 

@@ -81,11 +81,11 @@ class LaneView(QWidget):
         """The lanes that are shown; None while they are derived."""
         return self._lanes
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return room for some lanes."""
         return QSize(640, _LANE * min(max(self._n_lanes, _FEW), _MANY))
 
-    def minimumSizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def minimumSizeHint(self) -> QSize:
         """Return room for few lanes."""
         return QSize(GUTTER + MARGIN + 120, _LANE * _FEW)
 
@@ -105,7 +105,7 @@ class LaneView(QWidget):
         frame = self._frame_at(place.x()) if place.x() >= GUTTER else None
         return lane_sentence(project, self._lanes, lane, frame)
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Go to a frame, or select a marker by its name."""
         if event.button() != Qt.MouseButton.LeftButton or not self._session.n_frames:
             return
@@ -115,31 +115,31 @@ class LaneView(QWidget):
         else:
             self._select(self._lane_at(event.position().y()), event.modifiers())
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Go on to other frames."""
         if self._is_dragging and event.buttons() & Qt.MouseButton.LeftButton:
             self._session.show_frame(self._frame_at(event.position().x()))
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom or pan; over the names, scroll."""
         if event.position().x() < GUTTER:
             self._bar.event(event)
         else:
             zoom_or_pan(event, self._span, plot_width(self.width()))
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Select the marker above or below; zoom."""
         if event.key() in {Qt.Key.Key_Up, Qt.Key.Key_Down} and self._n_lanes:
             self._select_beside(-1 if event.key() == Qt.Key.Key_Up else 1)
         elif not zoomed_by_key(event, self._span, self._session.frame):
             super().keyPressEvent(event)
 
-    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name
+    def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the scroll bar at the right."""
         self._bar.setGeometry(self.width() - MARGIN + 2, 0, MARGIN - 2, self.height())
         self._fit_bar()
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint selected lanes, bars, names, and the cursor."""
         painter = QPainter(self)
         if self._lanes is not None and self._lanes_of is not None and self._lanes.n_lanes:

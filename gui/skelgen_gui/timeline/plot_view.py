@@ -63,7 +63,7 @@ class PlotView(QWidget):
         self._panels, self._hint, self._picture = panels, hint, None
         self.update()
 
-    def minimumSizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def minimumSizeHint(self) -> QSize:
         """Return room for one low panel."""
         return QSize(GUTTER + MARGIN + 120, 36)
 
@@ -87,26 +87,26 @@ class PlotView(QWidget):
         values = [f"{curve.name}: {digits(float(curve.line.low[frame]))} {panel.unit}" for curve in panel.curves]
         return "\n".join([f"{panel.title}, " + self.tr("frame {}").format(frame), *values])
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Go to a frame."""
         if event.button() == Qt.MouseButton.LeftButton and event.position().x() >= GUTTER:
             self._go_to(event.position().x())
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Go on to other frames."""
         if event.buttons() & Qt.MouseButton.LeftButton:
             self._go_to(event.position().x())
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom or pan."""
         zoom_or_pan(event, self._span, plot_width(self.width()))
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Zoom."""
         if not zoomed_by_key(event, self._span, self._session.frame):
             super().keyPressEvent(event)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the curves that are kept, legends and cursor."""
         painter = QPainter(self)
         painter.drawPixmap(0, 0, self._curves())

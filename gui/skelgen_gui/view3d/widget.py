@@ -167,11 +167,11 @@ class View3D(QWidget):
             return ""
         return self._wording.about(hovered, scene, painted[0])
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return a comfortable size."""
         return QSize(900, 700)
 
-    def minimumSizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def minimumSizeHint(self) -> QSize:
         """Return the least useful size."""
         return QSize(240, 180)
 
@@ -179,7 +179,7 @@ class View3D(QWidget):
         """Hold back the tool tip where something is explained already."""
         return (event.type() == QEvent.Type.ToolTip and bool(self.note())) or super().event(event)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the frame."""
         canvas = self._outlook.canvas_at(self._session.frame)
         floor = self._outlook.floor if self._shown.floor else None
@@ -194,24 +194,24 @@ class View3D(QWidget):
             elif self._drag is None and (text := self.note()):
                 easel.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
 
-    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name
+    def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the buttons in their corner, and an untouched view fitted."""
         self._buttons.adjustSize()
         self._buttons.move(self.width() - self._buttons.width() - _MARGIN, _MARGIN)
         self._outlook.resize(self.width(), self.height())
 
-    def changeEvent(self, event: QEvent) -> None:  # noqa: N802 - Qt's name
+    def changeEvent(self, event: QEvent) -> None:
         """Follow the colours of the desktop."""
         if event.type() in (QEvent.Type.PaletteChange, QEvent.Type.StyleChange):
             self._easel = None
             self.update()
         super().changeEvent(event)
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Begin a click or a drag."""
         self._drag = Drag(event.position(), event.button())
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Drag, or see what is under the pointer."""
         self._pointer = event.position()
         if self._drag is None:
@@ -224,7 +224,7 @@ class View3D(QWidget):
             self._move(self.viewpoint.panned(step.x(), step.y(), self.height()))
         self.update()
 
-    def mouseReleaseEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """Select what was clicked or is in the rectangle, or ask for a menu."""
         drag, self._drag = self._drag, None
         if drag is None:
@@ -238,23 +238,23 @@ class View3D(QWidget):
             self._ask_for_menu(event)
         self.update()
 
-    def leaveEvent(self, event: QEvent) -> None:  # noqa: N802 - Qt's name
+    def leaveEvent(self, event: QEvent) -> None:
         """Nothing is under the pointer any more."""
         self._hovered = None
         self.update()
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom at the pointer."""
         place = event.position()
         right, down = place.x() - self.width() / 2, place.y() - self.height() / 2
         self._move(self.viewpoint.zoomed(_WHEEL ** event.angleDelta().y(), right, down, self.height()))
 
-    def contextMenuEvent(self, event: QContextMenuEvent) -> None:  # noqa: N802 - Qt's name
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Ask for a menu from the keyboard; that of the mouse follows its release, since dragging shifts the view."""
         if event.reason() is QContextMenuEvent.Reason.Keyboard:
             self.context_requested.emit(self.mapToGlobal(self.rect().center()), self._session.selection)
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), and the keys of the commands."""
         modifiers = event.modifiers() & ~Qt.KeyboardModifier.KeypadModifier
         if event.key() in _ARROWS and modifiers in (_CONTROL, _ALT):
