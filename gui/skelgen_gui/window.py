@@ -159,7 +159,7 @@ class Window(QMainWindow):
         self.tabs.setCurrentIndex(int(project.view.get("tab", 0)))
         self.session.project_changed.emit()
         self.session.show_frame(int(project.view.get("frame", 0)))
-        self.view3d.fit()
+        self.view3d.fit_take()
 
     def _show_finished(self, stage: str) -> None:
         self.pages.page(stage)

@@ -5,6 +5,7 @@ Which limbs are joined is told by part of a long take; of the frames between, no
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -90,6 +91,9 @@ def place_joints(
 ) -> tuple[dict[int, JointGuess], list[Segment]]:
     """Place the joints of the tree in all frames of some segments, those between limbs with poses first.
 
+    Points that hardly turn about a joint lie on a sphere of any size. A joint that comes out farther from its markers
+    than all markers are from each other is placed anew by the joint cost, which pulls it towards them.
+
     Parameters
     ----------
     segments : list of Segment
@@ -112,6 +116,7 @@ def place_joints(
     """
     segments = list(segments)
     typical = typical_variance(segment.noise for segment in segments)
+    reach, pulled = _extent(segments, frames), replace(parameters, solver="conjugate-gradient")
     waiting = [int(child) for child in np.flatnonzero(parents >= 0)]
     n_joints = len(waiting)
     kept: dict[int, JointGuess] = {}
@@ -119,14 +124,27 @@ def place_joints(
         waiting.sort(key=lambda child: -_known(segments[child].shape) - _known(segments[parents[child]].shape))
         child = waiting.pop(0)
         pair = (int(parents[child]), child)
-        kept[child] = guess_joint(
-            segments[pair[0]], segments[pair[1]], typical, parameters.alpha_final, parameters, seed
-        )
+        first, second = segments[pair[0]], segments[pair[1]]
+        kept[child] = guess_joint(first, second, typical, parameters.alpha_final, parameters, seed)
+        if kept[child].distance > reach:
+            kept[child] = guess_joint(first, second, typical, parameters.alpha, pulled, seed)
         for limb in pair:
             if segments[limb].lacks_poses:
                 segments[limb] = segments[limb].with_joint(kept[child].positions, frames)
         monitor.advance(len(kept), n_joints)
     return kept, segments
+
+
+def _extent(segments: list[Segment], frames: Ints) -> float:
+    """Usual diagonal of the box around all markers [mm]."""
+    markers = np.concatenate([segment.markers[frames] for segment in segments], axis=1)
+    seen = ~np.isnan(markers[:, :, :1])
+    shown = seen.any(axis=(1, 2))
+    if not shown.any():
+        return np.inf
+    highest = np.where(seen, markers, -np.inf)[shown].max(axis=1)
+    lowest = np.where(seen, markers, np.inf)[shown].min(axis=1)
+    return float(np.median(np.linalg.norm(highest - lowest, axis=1)))
 
 
 def _known(shape: LimbShape) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from skelgen.geometry.orientation import Rotator
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.calibration import Calibration, calibrate
-from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
+from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.closing import ClosedCalibration
 from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.kinematics.limb_errors import LimbErrors
@@ -250,17 +250,27 @@ def _followed(kinds: list[JointKind], last: Calibration, before: ChainPoses) -> 
 def _without_slides(
     last: Calibration, poses: ChainPoses, trusted: Floats, used: Ints, growth: float
 ) -> tuple[Calibration, ChainPoses, Floats, float]:
-    """Fit once more to positions without the slides of soft tissue, if there are any; also return these positions."""
+    """Fit once more to positions without the slides of soft tissue, if there are any; also return these positions.
+
+    Slides have unknowns of their own, so they explain the markers better, or their fit has gone astray and is dropped.
+    """
     sliding = fit_sliding(last, trusted[used])
     if sliding is None:
         return last, poses, trusted, growth
-    chain, articulation = sliding.chain, sliding.articulation
+    before, chain, articulation = poses, sliding.chain, sliding.articulation
     poses = ChainPoses(poses.root, articulation.projected(chain.parents, poses.rotations))
     poses = fit_poses(chain, poses, trusted - sliding.skin.slides(chain, poses), articulation)
     settled = settle_sliding(sliding, poses[used], trusted[used])
+    if not _squares(settled.calibration) < _squares(last):
+        return last, before, trusted, growth
     last = settled.calibration
     poses = ChainPoses(poses.root, last.articulation.projected(chain.parents, poses.rotations))
     return last, poses, trusted - settled.skin.slides(last.chain, poses), settled.growth
+
+
+def _squares(fit: Calibration) -> float:
+    """Sum of the squared residuals [mm^2] of the frames of a fit."""
+    return float((residuals(fit.chain, fit.poses, fit.positions) ** 2).sum())
 
 
 def _in_other_frames(kinds: list[JointKind], parents: Ints, turn: Floats) -> list[JointKind]:
