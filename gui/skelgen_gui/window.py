@@ -115,7 +115,7 @@ class Window(QMainWindow):
         self.tabs.addTab(self.view3d, self.tr("3-D"))
         self.tabs.addTab(self.matrix, self.tr("Distances"))
         self.tabs.addTab(self.graph, self.tr("Joints"))
-        for view in (self.view3d, self.matrix, self.graph, self.curves):
+        for view in (self.view3d, self.curves):  # matrix and graph go about with the arrow keys
             add_view_actions(view, self.actions_by_id)
         self.setCentralWidget(self.tabs)
 
