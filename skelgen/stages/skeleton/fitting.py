@@ -167,7 +167,7 @@ def _without_slides(
     last: Calibration, poses: ChainPoses, trusted: Floats, used: Ints, growth: float
 ) -> tuple[Calibration, ChainPoses, Floats, float]:
     """Fit once more to positions without the slides of soft tissue, if there are any; also return these positions."""
-    sliding = fit_sliding(last, trusted[used])
+    sliding = fit_sliding(last)
     if sliding is None:
         return last, poses, trusted, growth
     chain, articulation = sliding.chain, sliding.articulation
