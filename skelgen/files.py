@@ -87,6 +87,8 @@ def _create(folder: Path) -> list[Path]:
     missing = [place for place in (folder, *folder.parents) if not place.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise WriteError(f"{folder}: cannot be created: there is a file of this name") from error
     except OSError as error:
         raise WriteError(f"{folder}: cannot be created: {error.strerror or error}") from error
     return missing

@@ -42,6 +42,7 @@ from skelgen_formats.markers import (
     zeros_unseen,
 )
 from skelgen_formats.registry import Format
+from skelgen_formats.world import AXES, UNIT, per_mm
 
 _TITLE = "C3D"
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
@@ -79,9 +80,9 @@ def read_c3d(path: Path) -> Trajectories | PointCloud:
 
 
 def write_c3d(
-    value: Project | Take | Filled, path: Path, filled: bool = False, monitor: Monitor = SILENT
+    value: Project | Take | Filled, path: Path, filled: bool = False, unit: str = "mm", monitor: Monitor = SILENT
 ) -> list[Path]:
-    """Write labelled markers as C3D: f32 in mm, unseen markers with residual -1.
+    """Write labelled markers as C3D: f32, unseen markers with residual -1.
 
     With `filled`, filled positions have residual 0 and no camera, as c3d.org has it for points that are not measured,
     and measured ones residual 1 and camera 1, because by which cameras they were seen is not known.
@@ -100,7 +101,7 @@ def write_c3d(
         raise WriteError(f"{path}: {what} for C3D; csm or trc can hold it")
     with replacing(path) as temporary:
         try:
-            content = _content(take, names)
+            content = _content(take, names, unit)
             if isinstance(markers, Filled):
                 content["data"]["meta_points"] = _told_apart(markers)
             content.write(os.fspath(temporary))
@@ -181,12 +182,12 @@ def _mm_per_unit(path: Path, layout: C3dLayout, positions: Floats, notices: list
     return mm_per_unit(path, "", unit)
 
 
-def _content(take: Trajectories, names: list[str]) -> Any:
+def _content(take: Trajectories, names: list[str], unit: str) -> Any:
     import ezc3d  # noqa: PLC0415 - compiled code that only this format needs
 
     content = ezc3d.c3d()
     point = content["parameters"]["POINT"]
-    point["UNITS"]["value"] = ["mm"]
+    point["UNITS"]["value"] = [unit]
     point["RATE"]["value"] = [take.rate]
     point["LABELS"]["value"] = names
     if take.n_frames > MOST_HEADER_FRAMES:
@@ -195,7 +196,7 @@ def _content(take: Trajectories, names: list[str]) -> Any:
         content["parameters"]["TRIAL"]["ACTUAL_START_FIELD"] = _long_word(1)
         content["parameters"]["TRIAL"]["ACTUAL_END_FIELD"] = _long_word(take.n_frames)
     points = np.ones((4, take.n_markers, take.n_frames))
-    points[:3] = np.moveaxis(take.positions, -1, 0).swapaxes(1, 2)
+    points[:3] = np.moveaxis(take.positions * per_mm(unit), -1, 0).swapaxes(1, 2)
     content["data"]["points"] = points
     return content
 
@@ -244,6 +245,6 @@ FORMAT = Format(
     files=marker_files,
     keeps=("markers", "names"),
     remarks=_remarks,
-    options=(FILLED,),
+    options=(AXES, UNIT, FILLED),
     note="Units from the file; residual below 0 and all zeros are unseen; any number of labels and frames; f32 in mm.",
 )

@@ -1,7 +1,7 @@
 """Cal3D skeleton (.xsf) and animation (.xaf), as the XML loaders of Cal3D 0.9 to 1.3 read them.
 
 One bone per limb, parents first; a bone begins at the joint to its parent, a root where its limb's frame has its
-origin. Lengths are in mm, times in seconds; Cal3D itself knows neither unit nor axis convention. The loaders take two
+origin. Times are in seconds; Cal3D itself knows neither unit nor axis convention. The loaders take two
 top-level elements, HEADER and the content, which makes the files no well-formed XML.
 
 Cal3D rotates a vector as v' = q* v q. The files therefore hold the conjugate of the usual quaternion.
@@ -9,8 +9,9 @@ Cal3D rotates a vector as v' = q* v q. The files therefore hold the conjugate of
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,16 +23,16 @@ from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.finished import finished_project
 from skelgen_formats.registry import Format
+from skelgen_formats.world import AXES, UNIT, per_mm
 
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"
 
-_NO_UNIT = "Cal3D files name neither unit nor axes: lengths are in mm, axes as in the recording."
 _VERSION = 910  # of the 0.9 era: also the later forks accept it
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 _LARGEST = float(np.finfo(np.float32).max)  # the loaders read floats; a number beyond silently zeroes all that follow
 
 
-def write_cal3d(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
+def write_cal3d(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write skeleton and animation beside each other, whichever of the two `path` names.
 
     Raises
@@ -45,8 +46,8 @@ def write_cal3d(value: Project | Take, path: Path, monitor: Monitor = SILENT) ->
     _check_values(project, path)
     skeleton_path, animation_path = files = _files(path)
     with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
-        _write(skeleton_file, _skeleton(project.skeleton))
-        _write(animation_file, _animation(project, monitor))
+        _write(skeleton_file, _skeleton(project.skeleton, unit))
+        _write(animation_file, _animation(project, unit, monitor))
     return list(files)
 
 
@@ -67,7 +68,8 @@ def _write(path: Path, lines: Iterator[str]) -> None:
         stream.writelines(lines)
 
 
-def _skeleton(skeleton: Skeleton) -> Iterator[str]:
+def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
+    reference_pose = _in_unit(skeleton.reference_pose, unit)
     order = skeleton.outward.tolist()
     bone_of_limb = {limb: bone for bone, limb in enumerate(order)} | {-1: -1}
     yield f'<HEADER MAGIC="XSF" VERSION="{_VERSION}"/>\n<SKELETON NUMBONES="{len(order)}">\n'
@@ -75,7 +77,7 @@ def _skeleton(skeleton: Skeleton) -> Iterator[str]:
         parent = int(skeleton.parents[limb])
         children = [bone_of_limb[child] for child in order if skeleton.parents[child] == limb]
         yield f'<BONE ID="{bone}" NAME="limb{limb}" NUMCHILDS="{len(children)}">\n'
-        yield from _transforms(skeleton.reference_pose, parent, limb)
+        yield from _transforms(reference_pose, parent, limb)
         yield f"<PARENTID>{bone_of_limb[parent]}</PARENTID>\n"
         yield from (f"<CHILDID>{child}</CHILDID>\n" for child in children)
         yield "</BONE>\n"
@@ -92,20 +94,27 @@ def _transforms(reference_pose: Floats, parent: int, limb: int) -> Iterator[str]
     yield _element("LOCALROTATION", xyzw_from_matrix(bone_from_world) * _CONJUGATE)
 
 
-def _animation(project: Project, monitor: Monitor) -> Iterator[str]:
+def _animation(project: Project, unit: str, monitor: Monitor) -> Iterator[str]:
     skeleton, motion = project.skeleton, project.motion
+    world_from_limb = _in_unit(motion.world_from_limb, unit)
     order = skeleton.outward.tolist()
     times = [f"{time:.9g}" for time in motion.times]
     duration = times[-1] if motion.n_frames > 1 else f"{1 / motion.rate:.9g}"  # zero is refused by the loaders
     key = f'<KEYFRAME TIME="%s">\n{_template("TRANSLATION", 3)}{_template("ROTATION", 4)}</KEYFRAME>\n'
     yield f'<HEADER MAGIC="XAF" VERSION="{_VERSION}"/>\n<ANIMATION NUMTRACKS="{len(order)}" DURATION="{duration}">\n'
     for bone, limb in enumerate(told(order, len(order), monitor, every=1)):
-        translations, rotations = bone_transforms(motion.world_from_limb, int(skeleton.parents[limb]), limb)
+        translations, rotations = bone_transforms(world_from_limb, int(skeleton.parents[limb]), limb)
         numbers = np.concatenate([translations, xyzw_from_matrix(rotations) * _CONJUGATE], axis=1)
         yield f'<TRACK BONEID="{bone}" NUMKEYFRAMES="{motion.n_frames}">\n'
         yield from (key % (time, *row) for time, row in zip(times, numbers.tolist(), strict=True))
         yield "</TRACK>\n"
     yield "</ANIMATION>\n"
+
+
+def _in_unit(poses: Floats, unit: str) -> Floats:
+    scaled = poses.copy()
+    scaled[..., :3, 3] *= per_mm(unit)
+    return scaled
 
 
 def _element(name: str, numbers: Floats) -> str:
@@ -117,6 +126,11 @@ def _template(name: str, length: int) -> str:
     return f"<{name}>{places}</{name}>\n"
 
 
+def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+    unit = options.get(UNIT.name, UNIT.default)
+    return (f"Cal3D files name neither unit nor axes: remember that lengths are in {unit}.",)
+
+
 FORMAT = Format(
     name="cal3d",
     title="Cal3D skeleton and animation",
@@ -126,6 +140,7 @@ FORMAT = Format(
     check=lambda value, options: finished_project(value, "Cal3D"),
     files=lambda path, options: _files(path),
     keeps=("joints", "motion"),
-    remarks=lambda project, options: (_NO_UNIT,),
-    note="Two files are written, .xsf and .xaf; lengths in mm.",
+    remarks=_remarks,
+    options=(AXES, UNIT),
+    note="Two files are written, .xsf and .xaf.",
 )

@@ -53,6 +53,7 @@ from skelgen_formats.markers import (
 )
 from skelgen_formats.registry import Format, Option
 from skelgen_formats.text import count_in, decoded_head, number_in, rate_in, read_lines
+from skelgen_formats.world import AXES, UNIT, per_mm
 
 _TITLE = "CSM"
 _DROPOUT = "DROPOUT"
@@ -102,6 +103,7 @@ def write_csm(
     path: Path,
     dropout: str = "word",
     filled: bool = False,
+    unit: str = "mm",
     monitor: Monitor = SILENT,
 ) -> list[Path]:
     """Write labelled markers as a Character Studio marker file.
@@ -116,6 +118,8 @@ def write_csm(
         ``word`` writes DROPOUT for an unseen marker, ``zero`` three zeros.
     filled : bool
         Write filled positions as well, and the table that tells which they are.
+    unit : str
+        Unit of the lengths, which the file does not say: ``mm``, ``cm`` or ``m``.
     monitor : Monitor
         Told of progress; may cancel.
 
@@ -129,9 +133,9 @@ def write_csm(
     names = check_writable_names(path, take.names, "", _clean)
     gap = _DROPOUT if dropout == "word" else "0 0 0"
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(_header_text(take, names))
-        for number, row in enumerate(told(take.positions.tolist(), take.n_frames, monitor), start=1):
-            words = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row)
+        stream.write(_header_text(take, names, unit))
+        for number, row in enumerate(told(take.positions * per_mm(unit), take.n_frames, monitor), start=1):
+            words = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row.tolist())
             stream.write(f"{number}  " + "  ".join(words) + "\n")
     return [path, *write_table(markers, path)]
 
@@ -216,11 +220,11 @@ def _check_numbers(path: Path, sections: _Sections, numbers: Sequence[int], firs
     check_frames(path, last_line, end - begin + 1, len(numbers), notices)
 
 
-def _header_text(take: Trajectories, names: Sequence[str]) -> str:
+def _header_text(take: Trajectories, names: Sequence[str], unit: str) -> str:
     return "\n".join(
         [
             "$Comments",
-            "Marker positions in mm, written by skelgen",
+            f"Marker positions in {unit}, written by skelgen",
             "",
             "$FirstFrame 1",
             f"$LastFrame {take.n_frames}",
@@ -244,7 +248,7 @@ def _sniff(head: bytes, path: Path) -> bool:
 def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
     names = trajectories_of(project, _TITLE).names
     blanks = [name for name in names if name != _clean(name)]
-    without_unit = "The file does not say its unit: lengths are in mm."
+    without_unit = f"The file does not say its unit: lengths are in {options.get(UNIT.name, UNIT.default)}."
     if not blanks:
         return (without_unit,)
     return without_unit, f"Names are written without blanks, such as {blanks[0]!r} as {_clean(blanks[0])!r}."
@@ -262,6 +266,6 @@ FORMAT = Format(
     files=marker_files,
     keeps=("markers", "names"),
     remarks=_remarks,
-    options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")), FILLED),
+    options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")), AXES, UNIT, FILLED),
     note="No unit in the file: mm; dropouts as the word DROPOUT or as zeros; blanks in names become underscores.",
 )

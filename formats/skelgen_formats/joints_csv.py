@@ -6,6 +6,7 @@ and child limb. Frames count from 0.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,8 +14,11 @@ from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.finished import finished_project
+from skelgen_formats.markers import MM_PER_UNIT
 from skelgen_formats.registry import Format
+from skelgen_formats.world import AXES, UNIT, per_mm
 
+_DECIMALS_OF_MM = 6
 _TITLE = "Joint positions, CSV"
 
 
@@ -23,8 +27,8 @@ def joint_names(skeleton: Skeleton) -> tuple[str, ...]:
     return tuple(f"limb{joint.parent}-limb{joint.child}" for joint in skeleton.joints)
 
 
-def write_joints_csv(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
-    """Write the joint positions of a finished project [mm], to a millionth of a millimetre.
+def write_joints_csv(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+    """Write the joint positions of a finished project, to a millionth of a millimetre.
 
     Raises
     ------
@@ -34,18 +38,20 @@ def write_joints_csv(value: Project | Take, path: Path, monitor: Monitor = SILEN
         If the project has no skeleton yet.
     """
     project = finished_project(value, _TITLE)
-    header = ["frame", "time_s", *(f"{name}_{axis}_mm" for name in joint_names(project.skeleton) for axis in "xyz")]
-    rows = told(_rows(project), project.motion.n_frames, monitor)
+    header = ["frame", "time_s", *(f"{name}_{axis}_{unit}" for name in joint_names(project.skeleton) for axis in "xyz")]
+    rows = told(_rows(project, unit), project.motion.n_frames, monitor)
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
         stream.write(",".join(header) + "\n")
         stream.writelines(rows)
     return [path]
 
 
-def _rows(project: Project) -> Iterator[str]:
+def _rows(project: Project, unit: str) -> Iterator[str]:
     motion = project.motion
-    row = "%d,%r" + ",%.6f" * (3 * motion.joint_positions.shape[1]) + "\n"
-    for frame, (time, positions) in enumerate(zip(motion.times.tolist(), motion.joint_positions, strict=True)):
+    decimals = _DECIMALS_OF_MM + round(math.log10(MM_PER_UNIT[unit]))
+    row = "%d,%r" + f",%.{decimals}f" * (3 * motion.joint_positions.shape[1]) + "\n"
+    joints = motion.joint_positions * per_mm(unit)
+    for frame, (time, positions) in enumerate(zip(motion.times.tolist(), joints, strict=True)):
         yield row % (frame, time, *positions.ravel().tolist())
 
 
@@ -57,5 +63,6 @@ FORMAT = Format(
     write=write_joints_csv,
     check=lambda value, options: finished_project(value, _TITLE),
     keeps=("joints",),
-    note="One row per frame, three columns per joint, in mm.",
+    options=(AXES, UNIT),
+    note="One row per frame, three columns per joint.",
 )

@@ -4,7 +4,7 @@ Layout, comma-separated text::
 
     skelgen-poses,1                                   the format and its version
     rate,120.0,Hz
-    unit,mm                                           of positions; mm, cm, m and others are read, mm is written
+    unit,mm                                           of positions; mm, cm, m and others are read
     frame,time,pelvis.x,pelvis.y,pelvis.z,pelvis.qw,pelvis.qx,pelvis.qy,pelvis.qz,thigh.x,...
     0,0.0,12.5,-3.0,880.1,1.0,0.0,0.0,0.0,...
 
@@ -32,6 +32,7 @@ from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
 from skelgen_formats.registry import Format
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
+from skelgen_formats.world import AXES, UNIT, per_mm
 
 _MAGIC = "skelgen-poses"
 _VERSION = "1"
@@ -72,8 +73,8 @@ def read_poses(path: Path) -> Poses:
     return Poses(transforms[:, ever], kept, rate, path.name, notices)
 
 
-def write_poses(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
-    """Write bodies with orientation; positions in mm, quaternions with scalar first.
+def write_poses(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+    """Write bodies with orientation; quaternions with scalar first.
 
     Raises
     ------
@@ -82,11 +83,11 @@ def write_poses(value: Project | Take, path: Path, monitor: Monitor = SILENT) ->
     """
     take = _poses_of(value)
     names = check_writable_names(path, take.names, "")
-    numbers = _numbers(take.world_from_body)
+    numbers = _numbers(take.world_from_body) * ([per_mm(unit)] * 3 + [1.0] * 4)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(_header_text(take.rate, names))
-        for frame, row in enumerate(told(numbers.reshape(take.n_frames, -1).tolist(), take.n_frames, monitor)):
-            cells = ["" if x != x else repr(x) for x in row]  # noqa: PLR0124 - NaN differs from itself
+        stream.write(_header_text(take.rate, names, unit))
+        for frame, row in enumerate(told(numbers.reshape(take.n_frames, -1), take.n_frames, monitor)):
+            cells = ["" if x != x else repr(x) for x in row.tolist()]  # noqa: PLR0124 - NaN differs from itself
             stream.write(f"{frame},{frame / take.rate!r}," + ",".join(cells) + "\n")
     return [path]
 
@@ -147,11 +148,11 @@ def _numbers(world_from_body: Floats) -> Floats:
     return numbers
 
 
-def _header_text(rate: float, names: Sequence[str]) -> str:
+def _header_text(rate: float, names: Sequence[str], unit: str) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     titles = [f"{name}.{column}" for name in names for column in _COLUMNS]
-    writer.writerows([[_MAGIC, _VERSION], ["rate", repr(rate), "Hz"], ["unit", "mm"], ["frame", "time", *titles]])
+    writer.writerows([[_MAGIC, _VERSION], ["rate", repr(rate), "Hz"], ["unit", unit], ["frame", "time", *titles]])
     return text.getvalue()
 
 
@@ -169,5 +170,6 @@ FORMAT = Format(
     write=write_poses,
     check=lambda value, options: _poses_of(value),
     keeps=("bodies",),
+    options=(AXES, UNIT),
     note="Position and unit quaternion (scalar first) of each body per frame; empty cells are unseen.",
 )

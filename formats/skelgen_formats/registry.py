@@ -12,10 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from skelgen.errors import FormatError, WriteError
+from skelgen.geometry.up_axis import AS_RECORDED, with_up_axis
 from skelgen.model import Project, Take
 from skelgen.model.filled import Filled
 from skelgen.parameters import Declaration
 from skelgen.progress import SILENT, Monitor
+
+AXES_NAME = "axes"
+"""The option that the registry obeys itself, for every format that declares it."""
 
 SNIFF_BYTES = 4096
 """How much of a file's beginning the sniffers are shown."""
@@ -199,11 +203,23 @@ def write_file(
     """
     path = Path(path)
     entry = format_for_writing(path, format_name)
+    return write_as(entry, value, path, options, monitor)
+
+
+def write_as(
+    entry: Format,
+    value: Project | Take | Filled,
+    path: Path,
+    options: Mapping[str, Any],
+    monitor: Monitor = SILENT,
+) -> list[Path]:
+    """Write in a format that is found already; see `write_file`."""
     if entry.write is None:
         raise WriteError(f"the format {entry.name} can only be read")
     clean = checked_options(entry, options)
     monitor.begin(f"writing {path.name}")
-    return entry.write(value, path, monitor=monitor, **clean)
+    turned = with_up_axis(value, clean.pop(AXES_NAME, AS_RECORDED))
+    return entry.write(turned, path, monitor=monitor, **clean)
 
 
 def format_for_writing(path: Path, format_name: str | None = None) -> Format:

@@ -64,6 +64,7 @@ def summary(project: Project) -> dict[str, Any]:
         "left_out_markers": _names(project, project.limbs.left_out) if project.has("limbs") else None,
         "tree": _tree(project) if project.has("joints") else None,
         "joints": _joints(project) if project.has("skeleton") else None,
+        "closed_loops": _loops(project.skeleton) if project.has("skeleton") else None,
         "lengths": _lengths(project.skeleton) if project.has("skeleton") else None,
         "residual_mean": _mean(project.motion.residuals) if project.has("skeleton") else None,
         "stages": {
@@ -198,6 +199,19 @@ def _joints(project: Project) -> list[dict[str, Any]]:
             "not_determined": observed[index].sentence or None,
         }
         for index, (name, joint) in enumerate(zip(joint_names(skeleton), skeleton.joints, strict=True))
+    ]
+
+
+def _loops(skeleton: Skeleton) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": f"limb{joint.parent}-limb{joint.child}",
+            "position_in_parent": joint.position_in_parent,
+            "position_in_child": joint.position_in_child,
+            "std": joint.std,
+            "std_in_child": joint.std_in_child,
+        }
+        for joint in skeleton.loops
     ]
 
 

@@ -51,6 +51,7 @@ from skelgen_formats.text import (
     read_lines,
     without_trailing_empty,
 )
+from skelgen_formats.world import AXES, UNIT, per_mm
 
 _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
@@ -93,9 +94,9 @@ def read_trc(path: Path) -> Trajectories | PointCloud:
 
 
 def write_trc(
-    value: Project | Take | Filled, path: Path, filled: bool = False, monitor: Monitor = SILENT
+    value: Project | Take | Filled, path: Path, filled: bool = False, unit: str = "mm", monitor: Monitor = SILENT
 ) -> list[Path]:
-    """Write labelled markers as TRC in mm; unseen markers are empty cells.
+    """Write labelled markers as TRC; unseen markers are empty cells.
 
     With `filled`, filled positions are written as well, and the table that tells which they are.
 
@@ -108,8 +109,8 @@ def write_trc(
     take = positions_of(markers)
     names = check_writable_names(path, take.names, "\t", str.strip)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(_header_text(path, take, names))
-        frames = told(zip(take.times.tolist(), take.positions, strict=True), take.n_frames, monitor)
+        stream.write(_header_text(path, take, names, unit))
+        frames = told(zip(take.times.tolist(), take.positions * per_mm(unit), strict=True), take.n_frames, monitor)
         for number, (time, row) in enumerate(frames, start=1):
             cells = ["" if x != x else repr(x) for x in row.ravel().tolist()]  # noqa: PLR0124 - NaN differs from itself
             stream.write(f"{number}\t{time!r}\t" + "\t".join(cells) + "\n")
@@ -162,8 +163,8 @@ def _without_comments(lines: Sequence[str]) -> list[str]:
     return ["" if line.startswith("#") else line for line in lines]
 
 
-def _header_text(path: Path, take: Trajectories, names: Sequence[str]) -> str:
-    values = [take.rate, take.rate, take.n_frames, take.n_markers, "mm", take.rate, 1, take.n_frames]
+def _header_text(path: Path, take: Trajectories, names: Sequence[str], unit: str) -> str:
+    values = [take.rate, take.rate, take.n_frames, take.n_markers, unit, take.rate, 1, take.n_frames]
     coordinates = [f"{axis}{number}" for number in range(1, take.n_markers + 1) for axis in "XYZ"]
     return "\n".join(
         [
@@ -193,6 +194,6 @@ FORMAT = Format(
     check=lambda value, options: check_markers(value, _TITLE, bool(options.get(FILLED.name))),
     files=marker_files,
     keeps=("markers", "names"),
-    options=(FILLED,),
-    note="Units mm, cm, m from the header; empty cells and three zeros are unseen; written in mm with full precision.",
+    options=(AXES, UNIT, FILLED),
+    note="Units mm, cm, m from the header; empty cells and three zeros are unseen; written with full precision.",
 )

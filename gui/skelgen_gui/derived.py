@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QObject, QThreadPool, Signal
 
 _T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class _Failure:
+    error: Exception
 
 
 class Deriver(QObject):
@@ -46,12 +53,17 @@ class Deriver(QObject):
         function : callable
             Pure, without Qt.
         then : callable
-            Is called with its result.
+            Is called with its result; an error is raised in the window's thread instead.
         """
-        self._pool.clear()
-        self._number += 1
+        self.forget()
         self._then = then
         self._pool.start(partial(self._run, self._number, function))
+
+    def forget(self) -> None:
+        """Do not hand over what was wished and is not there yet."""
+        self._pool.clear()
+        self._number += 1
+        self._then = None
 
     def wait(self) -> None:
         """Wait until nothing runs any more."""
@@ -59,10 +71,18 @@ class Deriver(QObject):
         self._pool.waitForDone()
 
     def _run(self, number: int, function: Callable[[], object]) -> None:
-        self._returned.emit(number, function())
+        result: object
+        try:
+            result = function()
+        except Exception as error:  # whatever it is, it is raised where the window hears of it
+            result = _Failure(error)
+        with suppress(RuntimeError):  # the widget that wished it may be gone by now
+            self._returned.emit(number, result)
 
     def _hand_over(self, number: int, result: object) -> None:
         if number == self._number and self._then is not None:
             then, self._then = self._then, None
+            if isinstance(result, _Failure):
+                raise result.error
             then(result)
             self.settled.emit()

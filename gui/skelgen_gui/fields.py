@@ -39,7 +39,7 @@ class NumberBox(QAbstractSpinBox):
         """Show a number, or whatever else is given as its text."""
         self.lineEdit().setText(_as_text(value))
 
-    def stepBy(self, steps: int) -> None:  # noqa: N802 - Qt's name
+    def stepBy(self, steps: int) -> None:
         """Go up or down, within the bounds; from what is no number, go nowhere."""
         try:
             value = float(self.text())
@@ -48,7 +48,7 @@ class NumberBox(QAbstractSpinBox):
         self.show_value(stepped(self._declaration, value, steps))
         self.selectAll()
 
-    def stepEnabled(self) -> QAbstractSpinBox.StepEnabledFlag:  # noqa: N802 - Qt's name
+    def stepEnabled(self) -> QAbstractSpinBox.StepEnabledFlag:
         """Tell Qt that both arrows work."""
         return QAbstractSpinBox.StepEnabledFlag.StepUpEnabled | QAbstractSpinBox.StepEnabledFlag.StepDownEnabled
 
@@ -170,7 +170,7 @@ class _WheelGuard(QObject):
         super().__init__(editor)
         self._editor = editor
 
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802 - Qt's name
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Hold back wheel events."""
         if event.type() == QEvent.Type.Wheel and not self._editor.hasFocus():
             event.ignore()

@@ -108,7 +108,7 @@ class FormRow(QObject):
             sentences.append(self.tr("Default: {0}.").format(self._default_text()))
         return " ".join(sentences)
 
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802 - Qt's name
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Tell the form which editor is looked at."""
         if event.type() in {QEvent.Type.FocusIn, QEvent.Type.Enter}:
             self.looked_at.emit()

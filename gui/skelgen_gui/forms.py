@@ -59,6 +59,7 @@ class ParameterForm(QWidget):
         self._help = self._made_help()
         self._reset_all = QPushButton(self.tr("Reset all"), self)
         self._lay_out()
+        self._help.setText(self._basic[0].help_text() if self._basic else "")
         self._follow()
 
     @property

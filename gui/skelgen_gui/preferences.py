@@ -40,6 +40,11 @@ class Wanted(StageParameters):
         choices=("z", "y", "x"),
         basic=True,
     )
+    embed: bool = declare(
+        True,
+        "Whether project files hold the recording; otherwise they refer to it, and are small.",
+        basic=True,
+    )
     autosave: int = declare(
         60,
         "How often work that is not saved is put aside, for recovery after a crash; 0 = never.",

@@ -26,7 +26,7 @@ class Selection:
     limb : int or None
         Index of a limb.
     joint : int or None
-        Index into the skeleton's joints.
+        Index into the topology's and the skeleton's joints; there can be one before there is a skeleton.
     """
 
     markers: frozenset[int] = NO_MARKERS
@@ -163,7 +163,7 @@ class Session(QObject):
         project = self._project
         n_markers = project.trajectories.n_markers if project is not None and project.has("labels") else 0
         n_limbs = project.limbs.n_limbs if project is not None and project.has("limbs") else 0
-        n_joints = project.skeleton.n_joints if project is not None and project.has("skeleton") else 0
+        n_joints = project.topology.n_joints if project is not None and project.has("joints") else 0
         return Selection(
             frozenset(marker for marker in selection.markers if marker < n_markers),
             selection.limb if selection.limb is not None and selection.limb < n_limbs else None,

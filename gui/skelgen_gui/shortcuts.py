@@ -52,7 +52,7 @@ class Command:
     is_checkable: bool = False
 
 
-_FILE, _EDIT, _RUN, _VIEW, _PLAY, _HELP = "&File", "&Edit", "&Run", "&View", "&Play", "&Help"
+_FILE, _EDIT, _RUN, _PLAY, _HELP = "&File", "&Edit", "&Run", "&Play", "&Help"
 
 COMMANDS: tuple[Command, ...] = (
     Command("open", _FILE, "&Open…", "Ctrl+O", "Open a recording or a project", in_tool_bar=True),
@@ -74,13 +74,6 @@ COMMANDS: tuple[Command, ...] = (
     Command("cancel", _RUN, "&Cancel", "Ctrl+.", "Stop what is running; results stay as they were"),
     Command("next_page", _RUN, "&Next page", "Ctrl+PgDown", "Go to the next step"),
     Command("previous_page", _RUN, "&Previous page", "Ctrl+PgUp", "Go to the step before"),
-    Command("fit", _VIEW, "&Fit", "F", "Show everything", in_tool_bar=True, in_views=True),
-    Command("front", _VIEW, "Fr&ont", "1", "Look from the front", in_views=True),
-    Command("side", _VIEW, "&Side", "3", "Look from the side", in_views=True),
-    Command("top", _VIEW, "&Top", "7", "Look from above", in_views=True),
-    Command(SEPARATOR, _VIEW),
-    Command("trails", _VIEW, "T&rails", "T", "Show the ways of the markers", in_views=True, is_checkable=True),
-    Command("names", _VIEW, "&Names", "N", "Show the names of all markers", in_views=True, is_checkable=True),
     Command("play", _PLAY, "&Play", "Space", "Play or pause", in_tool_bar=True, in_views=True, is_checkable=True),
     Command("loop", _PLAY, "&Loop", "L", "Begin again at the end of the range", in_views=True, is_checkable=True),
     Command(SEPARATOR, _PLAY),
@@ -137,11 +130,6 @@ def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction], commands: Itera
 def add_view_actions(view: QWidget, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS) -> None:
     """Let the keys of views work while `view`, or something in it, has the focus."""
     view.addActions([actions[command.id] for command in commands if command.in_views])
-
-
-def plain_text(command: Command) -> str:
-    """Return the translated text of a command without its mark of a key, e.g. ``Open``."""
-    return _translated(command.text).replace("&", "").removesuffix("…")
 
 
 def _action(command: Command, parent: QObject) -> QAction:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction, QKeySequence
@@ -18,8 +18,6 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen_gui.shortcuts import COMMANDS, Command, plain_text
-
 _SIZE = (640, 560)  # px
 
 
@@ -28,13 +26,13 @@ class ShortcutsDialog(QDialog):
 
     Parameters
     ----------
-    actions : mapping of str to QAction
-        From `make_actions`; their keys may differ from the table's defaults.
+    actions : iterable of QAction
+        Of the window and its views; those without a key are passed over.
     parent : QWidget, optional
         Qt's parent.
     """
 
-    def __init__(self, actions: Mapping[str, QAction], parent: QWidget | None = None) -> None:
+    def __init__(self, actions: Iterable[QAction], parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setWindowTitle(self.tr("Keyboard shortcuts"))
         self.search = QLineEdit(self)
@@ -45,9 +43,9 @@ class ShortcutsDialog(QDialog):
         for widget in (self.search, self.table, buttons):
             layout.addWidget(widget)
         self._describe()
-        for command in COMMANDS:
-            if command.id in actions and not actions[command.id].shortcut().isEmpty():
-                self._add(command, actions[command.id])
+        for action in actions:
+            if not action.shortcut().isEmpty():
+                self._add(action)
         self.table.resizeColumnsToContents()
         self.resize(*_SIZE)
 
@@ -67,11 +65,11 @@ class ShortcutsDialog(QDialog):
         self.table.setAccessibleName(self.tr("Keyboard shortcuts"))
         self.table.setToolTip(self.tr("Single letters work while the 3-D view or the timeline has the focus"))
 
-    def _add(self, command: Command, action: QAction) -> None:
+    def _add(self, action: QAction) -> None:
         row = self.table.rowCount()
         self.table.insertRow(row)
         key = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
-        for column, text in enumerate((plain_text(command), key, action.statusTip())):
+        for column, text in enumerate((_plain(action.text()), key, action.statusTip() or action.toolTip())):
             item = QTableWidgetItem(text)
             item.setFlags(Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable)
             self.table.setItem(row, column, item)
@@ -80,3 +78,8 @@ class ShortcutsDialog(QDialog):
         for row in range(self.table.rowCount()):
             cells = (self.table.item(row, column) for column in range(self.table.columnCount()))
             self.table.setRowHidden(row, not any(text.lower() in cell.text().lower() for cell in cells if cell))
+
+
+def _plain(text: str) -> str:
+    """The text of an action without its mark of a key."""
+    return text.replace("&", "").removesuffix("…")

@@ -51,7 +51,7 @@ _DARK = {
     _Role.LinkVisited: "#b9a3e3",
     _Role.BrightText: "#ff8f85",
 }
-_FADED = {False: "#8b929c", True: "#737a84"}  # texts of what is switched off
+_FADED = {False: "#8b929c", True: "#8d949e"}  # texts of what is switched off
 _MIDDLE = 128  # of lightness 0 .. 255
 
 

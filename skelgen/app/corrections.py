@@ -11,7 +11,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.model.corrections import Correction, Place, named_marker
+from skelgen.model.corrections import RULES, Correction, Place, named_marker
 from skelgen.progress import Monitor
 
 EDITS = frozenset({"merge", "split", "rename", "delete", "swap"})
@@ -47,6 +47,23 @@ def without_correction(project: Project, index: int) -> Project:
     taken = project.corrections[index]
     kept = (*project.corrections[:index], *project.corrections[index + 1 :])
     return replace(project, corrections=kept).before(taken.stage)
+
+
+def with_number(project: Project, kind: str, number: int | None) -> Project:
+    """State the number of markers or limbs, or let it be found; the results that rest on it are dropped.
+
+    Parameters
+    ----------
+    project : Project
+        Perhaps with another number stated.
+    kind : str
+        ``n_markers`` or ``n_limbs``.
+    number : int or None
+        The number; None lets it be found.
+    """
+    others = tuple(correction for correction in project.corrections if correction.kind != kind)
+    stated = () if number is None else (Correction(kind, value=str(number)),)
+    return replace(project, corrections=(*others, *stated)).before(RULES[kind].stage)
 
 
 def place_of(trajectories: Trajectories, marker: int, frame: int) -> Place:

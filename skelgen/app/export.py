@@ -10,7 +10,7 @@ from typing import Any
 from skelgen_formats.filled_markers import FILLED, marking_sentence
 from skelgen_formats.markers import trajectories_of
 from skelgen_formats.parts import PARTS, parts_in
-from skelgen_formats.registry import Format, checked_options, known_formats
+from skelgen_formats.registry import Format, checked_options, known_formats, write_as
 
 from skelgen.app.report.wording import counted, listed
 from skelgen.errors import SkelgenError, WriteError
@@ -153,12 +153,8 @@ def export_project(
     WriteError
         If the format cannot hold the project, or its files cannot be written.
     """
-    if entry.write is None:
-        raise WriteError(f"the format {entry.name} can only be read")
-    clean = checked_options(entry, options)
-    monitor.begin(f"writing {path.name}")
     with arriving_together(path.parent) as temporary:
-        files = entry.write(project, temporary / path.name, monitor=monitor, **clean)
+        files = write_as(entry, project, temporary / path.name, options, monitor)
     return [path.parent / file.name for file in files]
 
 

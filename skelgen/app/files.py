@@ -9,9 +9,17 @@ from typing import Any
 
 from skelgen_formats.filled_markers import marking_sentence
 from skelgen_formats.identities_csv import read_identities
-from skelgen_formats.registry import find_format, format_for_writing, read_take, recognise, write_file
+from skelgen_formats.registry import (
+    find_format,
+    format_for_writing,
+    known_formats,
+    read_take,
+    recognise,
+    write_file,
+)
 from skelgen_formats.table import COLUMNS, formats_table
 
+from skelgen.app.references import source_of
 from skelgen.app.store import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.errors import InputError, WriteError
 from skelgen.model import Identities, Project, Take
@@ -61,7 +69,9 @@ def open_input(
         project = open_project(find_result(path))
         stated = given_identities(identities) or project.identities
         return replace(project, seed=project.seed if seed is None else seed, identities=stated)
-    return Project(read_take(path, format, **options), seed or 0, identities=given_identities(identities))
+    take = read_take(path, format, **options)
+    source = source_of(Path(path), format or recognise(Path(path)).name, options)
+    return Project(take, seed or 0, identities=given_identities(identities), source=source)
 
 
 def given_identities(identities: Identities | Path | str | None) -> Identities | None:
@@ -116,6 +126,15 @@ def name_of_format(path: Path) -> str:
 def format_rows() -> list[dict[str, str]]:
     """Return one row per format, with the columns of `skelgen_formats.table` as keys; the project file comes last."""
     return [dict(zip(COLUMNS, row, strict=True)) for row in (*formats_table(), _PROJECT_ROW)]
+
+
+def file_filter() -> str:
+    """Return what a file dialog offers to open: everything that is read, then each format by itself."""
+    readable = [(entry.title, entry.suffixes) for entry in known_formats() if entry.read is not None]
+    readable.append((_PROJECT_ROW[1], (SUFFIX,)))
+    everything = " ".join(dict.fromkeys(f"*{suffix}" for _, suffixes in readable for suffix in suffixes))
+    single = [f"{title} ({' '.join(f'*{suffix}' for suffix in suffixes)})" for title, suffixes in readable]
+    return ";;".join((f"Recordings and projects ({everything})", *single, "All files (*)"))
 
 
 def _option_names(format_name: str) -> set[str]:

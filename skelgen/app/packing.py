@@ -29,8 +29,9 @@ from skelgen.model import (
 )
 from skelgen.model.corrections import Correction, Place
 from skelgen.model.labelling import Agreement, Doubt, Finding, Tracklets
+from skelgen.model.source import Source
 
-_TAKES = (PointCloud, Trajectories, Poses, Identities, Identity, Correction, Place)
+_TAKES = (PointCloud, Trajectories, Poses, Identities, Identity, Correction, Place, Source)
 _RESULTS = (Labelling, Tracklets, Doubt, Finding, Agreement, Limbs, Topology, Skeleton, Joint, Motion)
 _VALUES: dict[str, type] = {cls.__name__: cls for cls in (*_TAKES, *_RESULTS)}
 

@@ -22,9 +22,11 @@ from numpy.typing import NDArray
 import skelgen
 from skelgen.app.consistency import check_chain
 from skelgen.app.packing import packed, unpacked
+from skelgen.app.references import reference_to, take_of
 from skelgen.errors import FormatError, InputError
 from skelgen.files import replacing
-from skelgen.model import Project, StageReport
+from skelgen.model import Project, StageReport, Take
+from skelgen.model.source import Source
 
 SUFFIX = ".skelgen"
 VERSION = 2
@@ -43,7 +45,7 @@ _RESULTS = ("trajectories", "labelling", "limbs", "topology", "skeleton", "motio
 _DAMAGES = (zipfile.BadZipFile, ValueError, OSError, EOFError, KeyError, struct.error, RuntimeError, OverflowError)
 
 
-def save_project(project: Project, path: Path | str) -> Path:
+def save_project(project: Project, path: Path | str, *, embed: bool = True) -> Path:
     """Write a project file, whole or not at all.
 
     Parameters
@@ -52,6 +54,8 @@ def save_project(project: Project, path: Path | str) -> Path:
         With or without results.
     path : Path or str
         Usually ends in ``.skelgen``.
+    embed : bool
+        Whether the file holds the recording; otherwise it refers to it, by path and content.
 
     Returns
     -------
@@ -61,7 +65,7 @@ def save_project(project: Project, path: Path | str) -> Path:
     Raises
     ------
     WriteError
-        If it cannot be written.
+        If it cannot be written, or would refer to a recording that has changed.
 
     Examples
     --------
@@ -69,7 +73,7 @@ def save_project(project: Project, path: Path | str) -> Path:
     """
     path = Path(path)
     arrays: dict[str, NDArray[Any]] = {}
-    members = {_STRUCTURE: _as_json(_structure(project, arrays)), _RUN: _as_json(_run_facts(project))}
+    members = {_STRUCTURE: _as_json(_structure(project, arrays, embed)), _RUN: _as_json(_run_facts(project))}
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
         for name in sorted(arrays):
             _store(archive, f"{_ARRAYS}{name}.npy", _as_npy(arrays[name]))
@@ -160,7 +164,7 @@ class _Reader:
 
     def _assembled(self, structure: Mapping[str, Any], run: Mapping[str, Any]) -> Project:
         structure = {"labelling": None, **structure}  # which the first files did not have
-        take = unpacked(structure["take"], self._array)
+        take, source = self._take(structure, run)
         results = {name: unpacked(structure[name], self._array) for name in _RESULTS if structure[name] is not None}
         if structure["labelled"]:
             results["trajectories"] = take
@@ -173,9 +177,18 @@ class _Reader:
         identities = unpacked(structure.get("identities"), self._array)  # older files have none
         corrections = tuple(unpacked(structure.get("corrections", []), self._array))
         view = dict(structure.get("view", {}))
-        project = Project(take, int(structure["seed"]), reports, identities, corrections, view, **chain)
+        project = Project(take, int(structure["seed"]), reports, identities, corrections, view, source, **chain)
         check_chain(project)
         return project
+
+    def _take(self, structure: Mapping[str, Any], run: Mapping[str, Any]) -> tuple[Take, Source | None]:
+        """The take that the file holds, or the recording that it refers to."""
+        source = unpacked(structure.get("source") or run.get("source"), self._array)
+        if not isinstance(source, Source | None):
+            raise InputError("the source of the take is none")
+        if structure["take"] is None and source is not None:
+            return take_of(source, self._path)
+        return unpacked(structure["take"], self._array), source
 
     def _json(self, member: str) -> dict[str, Any]:
         try:
@@ -206,7 +219,7 @@ class _Reader:
             raise FormatError(self._path, member, f"damaged or cut off: {error}") from error
 
 
-def _structure(project: Project, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
+def _structure(project: Project, arrays: dict[str, NDArray[Any]], embed: bool) -> dict[str, Any]:
     results = {name: getattr(project, f"_{name}") for name in _RESULTS}
     labelled = results["trajectories"] is project.take
     if labelled:
@@ -216,7 +229,8 @@ def _structure(project: Project, arrays: dict[str, NDArray[Any]]) -> dict[str, A
         for name, report in project.reports.items()
     }
     structure = {"format": _FORMAT, "version": VERSION, "seed": project.seed, "labelled": labelled, "reports": reports}
-    structure["take"] = packed(project.take, "take", arrays)
+    structure["take"] = packed(project.take, "take", arrays) if embed else None
+    structure["source"] = None if embed else packed(reference_to(project), "source", arrays)
     structure["identities"] = packed(project.identities, "identities", arrays)
     structure["corrections"] = packed(project.corrections, "corrections", arrays)
     structure["view"] = dict(project.view)
@@ -225,7 +239,8 @@ def _structure(project: Project, arrays: dict[str, NDArray[Any]]) -> dict[str, A
 
 def _run_facts(project: Project) -> dict[str, Any]:
     versions = {"skelgen": skelgen.__version__, "python": platform.python_version(), "numpy": np.__version__}
-    return {"versions": versions, "seconds": {name: report.seconds for name, report in project.reports.items()}}
+    seconds = {name: report.seconds for name, report in project.reports.items()}
+    return {"versions": versions, "seconds": seconds, "source": packed(project.source, "", {})}
 
 
 def _as_json(data: Mapping[str, Any]) -> bytes:

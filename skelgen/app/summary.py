@@ -9,6 +9,7 @@ import numpy as np
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
 from skelgen.kinematics.joint_motion import angle_ranges
 from skelgen.kinematics.observability import observed_joints
+from skelgen.kinematics.rings import loop_gaps
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats
 
@@ -60,6 +61,7 @@ def project_tables(project: Project) -> dict[str, Any]:
         tables["loops"] = [f"limb{first}-limb{second}" for first, second in project.topology.loops]
     if project.has("skeleton"):
         tables["angles"] = _angle_rows(project)
+        tables["rings"] = _ring_rows(project)
         tables["lengths"] = _length_rows(project)
         tables["residuals"] = _spread(project.motion.residuals)
     return tables
@@ -150,6 +152,20 @@ def _angle_rows(project: Project) -> list[Row]:
                 row[f"{name}_deg"] = None if np.isnan(value) else value
             rows.append(row)
     return rows
+
+
+def _ring_rows(project: Project) -> list[Row]:
+    """One row per ring that was closed."""
+    gaps = loop_gaps(project.skeleton, project.motion)
+    return [
+        {
+            "ring": _joint_name(joint),
+            "std_mm": _across(joint, joint.covariance),
+            "child_std_mm": _across(joint, joint.covariance_in_child),
+            "gap_mm": float(np.sqrt((gap**2).mean())),
+        }
+        for joint, gap in zip(project.skeleton.loops, gaps.T, strict=True)
+    ]
 
 
 def _joint_name(joint: Joint) -> str:

@@ -18,7 +18,7 @@ import typer
 
 import skelgen
 from skelgen.app.stages import PIPELINE, Stage
-from skelgen.cli import file_commands, stage_commands
+from skelgen.cli import file_commands, stage_commands, window_command
 from skelgen.cli.options import generated, parameter_options, reader_options, writer_options
 from skelgen.errors import SkelgenError
 
@@ -111,6 +111,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("config", file_commands.config, tuple),
         ("report", file_commands.report, tuple),
         ("fill", file_commands.fill, tuple),
+        ("gui", window_command.gui, tuple),
     ]
 
 

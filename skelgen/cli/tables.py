@@ -15,6 +15,7 @@ _TITLES = {
     "limbs": "Limbs",
     "joints": "Joints",
     "angles": "Joint angles",
+    "rings": "Joints that close rings",
     "lengths": "Lengths between the joints of a limb",
 }
 _SPOKEN = ("not_determined",)  # sentences: they are said as notes while the stages run, and are too long for a column

@@ -18,6 +18,7 @@ from skelgen.kinematics.articulation import FREEDOMS, Articulation
 from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
 from skelgen.kinematics.pose_covariances import pose_covariances
 from skelgen.kinematics.posing import fit_poses
+from skelgen.kinematics.rings import Rings, fit_closed_poses
 from skelgen.kinematics.shape import determines_pose
 from skelgen.kinematics.uncertainty import axis_projectors
 from skelgen.model import Joint, Motion, Skeleton
@@ -64,7 +65,7 @@ class Posture:
 
 
 def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain", noise: float | None = None) -> Posture:
-    """Pose a known skeleton.
+    """Pose a known skeleton; rings that it closes stay closed.
 
     Parameters
     ----------
@@ -98,10 +99,14 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
         own = positions[:, tree.markers]
         start, seen[:, tree.limbs] = _outward(tree, own)
         weights = seen_weights(own, np.broadcast_to(tree.weights, own.shape[:2]))
-        poses.append(
-            fit_poses(tree.chain, start, own, tree.articulation, weights) if method == "whole-chain" else start
-        )
+        poses.append(_fitted(tree, start, own, weights) if method == "whole-chain" else start)
     return _posture(skeleton, trees, poses, positions, seen)
+
+
+def _fitted(tree: _Tree, start: ChainPoses, positions: Floats, weights: Floats) -> ChainPoses:
+    if tree.rings.n_rings:
+        return fit_closed_poses(tree.chain, tree.rings, start, positions, tree.articulation, weights)
+    return fit_poses(tree.chain, start, positions, tree.articulation, weights)
 
 
 def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: Ints | None = None) -> Posture:
@@ -170,6 +175,10 @@ class _Tree:
         self.chain = Chain(parents, limb_of_marker, np.array(places), skeleton.marker_offsets[self.markers])
         joints = [above.get(int(limb)) for limb in self.limbs]
         self.articulation = _articulation(joints)
+        loops = [joint for joint in skeleton.loops if joint.parent in place and joint.child in place]
+        pairs = np.array([[place[joint.parent], place[joint.child]] for joint in loops], dtype=np.intp).reshape(-1, 2)
+        ends = [(joint.position_in_parent, joint.position_in_child) for joint in loops]
+        self.rings = Rings(pairs, np.array(ends).reshape(-1, 2, 3))
         self.turns = np.array([_or_zero(joint, "turn_covariance") for joint in joints])
         self.places = np.array([_or_zero(joint, "covariance") for joint in joints])
         deviations = _noise_of_markers(skeleton, noise)[self.markers]

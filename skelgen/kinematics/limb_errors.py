@@ -74,6 +74,11 @@ class LimbErrors:
         motion = points.motion(row)
         return np.asarray(points.against(motion)[row] + self._change_of_way(child, limb, motion[2]))
 
+    def point(self, limb: int, place: Floats, change: Floats) -> Floats:
+        """Change [mm] against a limb's markers of a point that follows the errors by `change`, shape (3, n)."""
+        centre, shift, turn = _Points.of(self, limb).motion(None)
+        return np.asarray(change - shift + cross_matrix(place - centre) @ turn)
+
     def _change_of_way(self, child: int, limb: int, turn: Floats) -> Floats:
         """How a joint that was moved along its axis follows the errors of the axis [mm], shape (3, n)."""
         if self.articulation.kinds[child] != "hinge":

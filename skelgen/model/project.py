@@ -12,6 +12,7 @@ from skelgen.model.identities import Identities
 from skelgen.model.labelling import Labelling
 from skelgen.model.limbs import Limbs
 from skelgen.model.skeleton import Motion, Skeleton
+from skelgen.model.source import Source
 from skelgen.model.takes import Take, Trajectories
 from skelgen.model.topology import Topology
 
@@ -57,6 +58,8 @@ class Project:
         What the user corrected by hand; every run obeys it.
     view : mapping of str to value
         What the window shows and what its forms hold, as plain JSON values; no stage looks at it.
+    source : Source or None
+        The recording that the take was read from.
 
     Notes
     -----
@@ -75,6 +78,7 @@ class Project:
     identities: Identities | None = None
     corrections: tuple[Correction, ...] = ()
     view: Mapping[str, Any] = field(default_factory=dict)
+    source: Source | None = None
     _trajectories: Trajectories | None = None
     _labelling: Labelling | None = None
     _limbs: Limbs | None = None

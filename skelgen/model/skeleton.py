@@ -115,6 +115,8 @@ class Skeleton:
         Standard deviations of `lengths`, in their order; where hinges are along their axes is a choice and no error.
     marker_noise : ndarray, shape (n_markers,), mm, or None
         Standard deviation of each marker's coordinates, freedoms of the fit taken off: what its deviations rest on.
+    loops : tuple of Joint
+        Joints beyond the tree that close rings, between any two limbs; the motion keeps them closed.
     """
 
     parents: Ints
@@ -126,6 +128,7 @@ class Skeleton:
     offset_std: Floats | None = None
     length_std: Floats | None = None
     marker_noise: Floats | None = None
+    loops: tuple[Joint, ...] = ()
 
     def __post_init__(self) -> None:
         parents = check_ints(self.parents, (None,), "parents")
@@ -133,6 +136,7 @@ class Skeleton:
         n_markers = len(limb_of_marker)
         object.__setattr__(self, "parents", parents)
         object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "loops", tuple(self.loops))
         object.__setattr__(self, "limb_of_marker", limb_of_marker)
         object.__setattr__(self, "marker_offsets", check_floats(self.marker_offsets, (n_markers, 3), "marker_offsets"))
         object.__setattr__(self, "marker_std", check_floats(self.marker_std, (n_markers,), "marker_std"))

@@ -193,7 +193,7 @@ def test_a_full_disk_is_a_sentence_and_leaves_what_was_there(make_project, tmp_p
 def test_a_folder_that_is_a_file_is_a_sentence(small_project, tmp_path):
     (tmp_path / "out").write_text("")
     entry = entry_of("c3d")
-    with pytest.raises(WriteError, match=r"out: cannot be created"):
+    with pytest.raises(WriteError, match=r"out: cannot be created: there is a file"):
         export_project(small_project, entry, export_path(tmp_path / "out", "walk", entry), {})
 
 

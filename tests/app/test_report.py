@@ -335,6 +335,15 @@ def test_vertical_is_the_axis_along_which_the_lowest_marker_rests():
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
 
 
+def test_vertical_is_the_axis_along_which_nothing_lies_below_the_floor():
+    """A rider who is shaken along y, 400 mm above the floor, and never leaves the place along x and z."""
+    rng = np.random.default_rng(0)
+    body = rng.uniform([-600, 400, -400], [600, 1000, 400], (12, 3))
+    shaken = np.zeros((100, 1, 3))
+    shaken[:, 0, 1] = rng.uniform(-100, 100, 100)
+    assert find_views(body, body + shaken)[0].up.tolist() == [0, 1, 0]
+
+
 def test_png_is_read_back_as_the_same_pixels():
     pixels = np.random.default_rng(2).integers(0, 256, size=(5, 7, 4), dtype=np.uint8)
     data = base64.b64decode(png_uri(pixels).split(",")[1])

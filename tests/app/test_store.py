@@ -137,7 +137,7 @@ def test_same_project_gives_the_same_bytes(small_project, tmp_path):
 
 def test_times_and_versions_are_in_a_member_of_their_own(saved):
     with zipfile.ZipFile(saved) as archive:
-        assert set(json.loads(archive.read("run.json"))) == {"seconds", "versions"}
+        assert set(json.loads(archive.read("run.json"))) == {"seconds", "source", "versions"}
         assert "seconds" not in archive.read("project.json").decode()
 
 

@@ -10,16 +10,21 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
 from shown import show, show_machine, verdict
 
 import skelgen
+from skelgen.model import Trajectories
 
 USUAL_PLACE = Path(__file__).parents[3] / "shared" / "data"
-HINGE_TO_HINGE, LENGTH_TOLERANCE = 520.7, 2.0  # mm, of the pendulum
+PENDULUM = "rods_pendulum/pendulum_01.c3d"
+HINGE_TO_HINGE, LENGTH_TOLERANCE = 520.7, 1.8  # mm, of the pendulum
+PARALLEL = 1.7  # deg, between any two of its hinges
+BONE_PINS, CENTRE = "bone_pin/abdbonepin.trc", "gu"  # the glenohumeral centre is one of the points
+CENTRE_TOLERANCE = 5.0  # mm
 BONES = dict.fromkeys(("ij", "ijc", "centijc7", "centpxt8"), "thorax") | dict.fromkeys(
     ("ac", "acc", "ai", "ts"), "scapula"
 )
@@ -35,9 +40,7 @@ class Known:
 
 
 RECORDINGS: dict[str, Known | None] = {
-    "rods_pendulum/pendulum_01.c3d": Known(
-        lambda name: name.rstrip("OXY0123456789"), ("Static", "Upper", "Middle", "Lower")
-    ),
+    PENDULUM: Known(lambda name: name.rstrip("OXY0123456789"), ("Static", "Upper", "Middle", "Lower")),
     "arm/arm-4-4-4_clean_30fps.c3d": Known(
         lambda name: ("torso", "upper arm", "forearm")[int(name[1:]) // 4], ("torso", "upper arm", "forearm")
     ),
@@ -46,7 +49,7 @@ RECORDINGS: dict[str, Known | None] = {
         ("torso", "upper arm", "forearm"),
     ),
     "wheelchair/walkingOptiTrack.c3d": Known(lambda name: name.split("_")[0], ("Foot", "Leg", "Knee"), is_chain=False),
-    "bone_pin/abdbonepin.trc": Known(lambda name: BONES.get(name, "humerus"), ("thorax", "scapula", "humerus")),
+    BONE_PINS: Known(lambda name: BONES.get(name, "humerus"), ("thorax", "scapula", "humerus")),
     "wheelchair/racing_full.c3d": None,
     "human/nick_freeform_001.c3d": None,
     "human/markers_Squat2.trc": None,
@@ -65,12 +68,13 @@ def main() -> None:
         if not (folder / path).exists():
             rows.append((path, "absent", *[""] * 7))
             continue
-        started = time.perf_counter()
+        started = time.process_time()
         project = projects[path] = skelgen.reconstruct(skelgen.read(folder / path))
-        rows.append((path, *summary(project, known), f"{time.perf_counter() - started:.1f}"))
+        rows.append((path, *summary(project, known), f"{time.process_time() - started:.1f}"))
     columns = ("recording", "frames", "markers", "limbs", "wanted", "tree", "residual [mm]", "interpolated", "s")
     show("Real recordings: limbs, tree, mean / median residual, part of all poses that is interpolated", columns, rows)
     show_pendulum(projects)
+    show_centre(folder)
     for path, project in projects.items():
         if RECORDINGS[path] is None:
             show_limbs(path, project)
@@ -110,17 +114,55 @@ def is_chain(project: skelgen.Project, known: Known) -> bool:
 
 
 def show_pendulum(projects: dict[str, skelgen.Project]) -> None:
-    """The pendulum's lengths against those that were built."""
-    project = projects.get("rods_pendulum/pendulum_01.c3d")
+    """The pendulum's lengths and hinges against those that were built."""
+    project = projects.get(PENDULUM)
     if project is None:
         return
-    kinds = ", ".join(joint.kind for joint in project.skeleton.joints)
+    joints, turns = project.skeleton.joints, project.motion.rotations[0]
+    kinds = ", ".join(joint.kind for joint in joints)
     rows = [
         ("hinge to hinge [mm]", f"{HINGE_TO_HINGE} ± {LENGTH_TOLERANCE:g}", f"{length:.2f}", verdict(is_right(length)))
         for length in project.skeleton.lengths.values()
     ]
     rows.append(("kinds of the joints", "hinge, hinge, hinge", kinds, verdict(kinds == "hinge, hinge, hinge")))
+    axes = [turns[joint.parent] @ joint.axis for joint in joints if joint.axis is not None]
+    widest = max((float(np.rad2deg(np.arccos(min(abs(a @ b), 1.0)))) for a, b in combinations(axes, 2)), default=np.nan)
+    rows.append(("largest angle between hinges [deg]", f"<= {PARALLEL}", f"{widest:.2f}", verdict(widest <= PARALLEL)))
     show("Pendulum", ("figure", "wanted", "reached", ""), rows)
+
+
+def show_centre(folder: Path) -> None:
+    """The glenohumeral centre, found without its own point, against where it was recorded."""
+    if not (folder / BONE_PINS).exists():
+        return
+    take = skelgen.read(folder / BONE_PINS)
+    others = [index for index, name in enumerate(take.names) if name != CENTRE]
+    names = tuple(take.names[index] for index in others)
+    project = skelgen.reconstruct(Trajectories(take.positions[:, others], names, take.rate))
+    limbs, true = groups(project), true_groups(names, RECORDINGS[BONE_PINS] or Known(str, ()))
+    joint = next(
+        (
+            column
+            for column, joint in enumerate(project.skeleton.joints)
+            if {BONES.get(names[project.limbs.markers_of(limb)[0]]) for limb in (joint.parent, joint.child)}
+            == {"scapula", None}
+        ),
+        None,
+    )
+    rows = [("bones", "3", str(len(limbs)), verdict(limbs == true))]
+    if joint is not None:
+        gaps = project.motion.joint_positions[:, joint] - take.positions[:, take.names.index(CENTRE)]
+        distance = np.linalg.norm(gaps, axis=1)
+        figures = f"{np.nanmedian(distance):.2f} / {np.nanmean(distance):.2f}"
+        rows.append(
+            (
+                f"joint to {CENTRE}, median / mean over frames [mm]",
+                f"<= {CENTRE_TOLERANCE:g}",
+                figures,
+                verdict(bool(np.nanmean(distance) <= CENTRE_TOLERANCE)),
+            )
+        )
+    show(f"{BONE_PINS} without {CENTRE}", ("figure", "wanted", "reached", ""), rows)
 
 
 def is_right(length: float) -> bool:

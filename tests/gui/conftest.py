@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -63,3 +64,16 @@ def has_colour():
         return int((np.abs(pixels[..., :3].astype(int) - wanted).max(axis=2) <= 2).sum()) >= least
 
     return has
+
+
+@pytest.fixture
+def recording():
+    """Read a real recording, or skip the test where they are not there."""
+
+    def read(path):
+        file = Path(__file__).parents[3] / "shared" / "data" / path
+        if not file.exists():
+            pytest.skip(f"the real recording {path} is not here: ../shared/data is absent")
+        return skelgen.read(file)
+
+    return read

@@ -51,13 +51,13 @@ def test_what_is_unknown_is_neither_drawn_nor_bridged():
 def test_scales_hold_curves_bands_and_zero():
     line = np.array([2.0, 4.0])
     curve = Curve("a", Extremes.of(line), Extremes.of(line - 1, line + 1))
-    assert Panel("", "", (curve,)).heights(0, 2, 2) == (0.0, 5.0)
-    assert Panel("", "", (curve,), from_zero=False).heights(0, 2, 2) == (1.0, 5.0)
+    for panel, wanted in ((Panel("", "", (curve,)), (0.0, 5.0)), (Panel("", "", (curve,), "", False), (1.0, 5.0))):
+        assert panel.scale(panel.columns(0, 2, 2)) == wanted
 
 
 def test_a_panel_without_values_has_a_scale():
-    nothing = Curve("a", Extremes.of(np.full(5, np.nan)))
-    assert Panel("", "", (nothing,)).heights(0, 5, 50) == (0.0, 1.0)
+    panel = Panel("", "", (Curve("a", Extremes.of(np.full(5, np.nan))),))
+    assert panel.scale(panel.columns(0, 5, 50)) == (0.0, 1.0)
 
 
 def test_angles_are_those_of_the_motion_up_to_full_turns(walked):

@@ -5,17 +5,9 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
-from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeySequence
-from PySide6.QtWidgets import QLineEdit, QMainWindow, QPushButton, QToolBar, QVBoxLayout, QWidget
-from skelgen_gui.shortcuts import (
-    COMMANDS,
-    SEPARATOR,
-    add_view_actions,
-    fill_menu_bar,
-    fill_tool_bar,
-    make_actions,
-)
+from PySide6.QtWidgets import QMainWindow, QToolBar
+from skelgen_gui.shortcuts import COMMANDS, SEPARATOR, fill_menu_bar, fill_tool_bar, make_actions
 from skelgen_gui.shortcuts_dialog import ShortcutsDialog
 
 ALL = [command for command in COMMANDS if command.id != SEPARATOR]
@@ -73,30 +65,8 @@ def test_tool_tips_tell_the_key(actions):
     assert all(action.toolTip() for action in actions.values())
 
 
-def test_keys_of_views_work_in_views_and_nowhere_else(qtbot, window, actions):
-    view, field, button = QWidget(), QLineEdit(), QPushButton("b")
-    view.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-    central = QWidget()
-    layout = QVBoxLayout(central)
-    for widget in (view, field, button):
-        layout.addWidget(widget)
-    window.setCentralWidget(central)
-    fill_menu_bar(window.menuBar(), actions)
-    add_view_actions(view, actions)
-    played, pressed = [], []
-    actions["play"].triggered.connect(lambda: played.append(1))
-    button.clicked.connect(lambda: pressed.append(1))
-    with qtbot.waitExposed(window):
-        window.show()
-    window.activateWindow()
-    for widget in (view, field, button):
-        widget.setFocus()
-        qtbot.keyClick(widget, Qt.Key.Key_Space)
-    assert (played, field.text(), pressed) == ([1], " ", [1])
-
-
 def test_the_list_of_keys_shows_each_with_its_use(qtbot, actions):
-    dialog = ShortcutsDialog(actions)
+    dialog = ShortcutsDialog(actions.values())
     qtbot.addWidget(dialog)
     rows = [[dialog.table.item(row, column).text() for column in range(3)] for row in range(dialog.table.rowCount())]
     assert len(rows) == sum(bool(command.key) for command in ALL)
@@ -104,7 +74,7 @@ def test_the_list_of_keys_shows_each_with_its_use(qtbot, actions):
 
 
 def test_the_list_of_keys_can_be_searched(qtbot, actions):
-    dialog = ShortcutsDialog(actions)
+    dialog = ShortcutsDialog(actions.values())
     qtbot.addWidget(dialog)
     dialog.show()
     qtbot.keyClicks(dialog.search, "redo")
@@ -114,6 +84,6 @@ def test_the_list_of_keys_can_be_searched(qtbot, actions):
 
 def test_a_changed_key_is_listed_as_it_is_now(qtbot, actions):
     actions["open"].setShortcut("Ctrl+Alt+O")
-    dialog = ShortcutsDialog(actions)
+    dialog = ShortcutsDialog(actions.values())
     qtbot.addWidget(dialog)
     assert dialog.table.item(0, 1).text() == "Ctrl+Alt+O"

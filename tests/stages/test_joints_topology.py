@@ -61,6 +61,12 @@ def test_tree_under_soft_tissue_is_the_true_one(simulated, true_limbs, name, cam
     assert edges(find_joints(case.take, true_limbs(case))) == true_edges(case.truth)
 
 
+@pytest.mark.parametrize("seed", [9, 21, 61])  # axes of two hinges of one limb meet: three joints, two of them true
+def test_of_three_joints_in_one_point_the_hinges_are_taken(simulated, true_limbs, seed):
+    case = simulated("tree:30", seed, n_frames=1000, noise=1.0)
+    assert edges(find_joints(case.take, true_limbs(case))) == true_edges(case.truth)
+
+
 def test_margin_is_what_the_best_tree_without_the_edge_costs_more(simulated, true_limbs):
     case = simulated("tree:8", **TISSUE)
     topology = find_joints(case.take, true_limbs(case), JointParameters(separate=False))

@@ -292,6 +292,20 @@ def test_pendulum_is_a_chain_of_parallel_hinges(recording, reconstructed):
     assert np.nanmean(project.motion.residuals) < 0.3  # mm: the links are steel
 
 
+@pytest.mark.parametrize(
+    ("path", "largest"),  # mm: mean over all markers; a fit that goes astray leaves tens to thousands
+    [
+        ("wheelchair/racing_full.c3d", 4.5),
+        ("human/markers_Squat2.trc", 3.0),
+        ("hand/recording.tsv", 1.5),
+        ("mouse/mouse_S15.c3d", 0.7),
+        ("bone_pin/abdbonepin.trc", 1.2),
+    ],
+)
+def test_recordings_are_explained_to_a_few_mm(recording, reconstructed, path, largest):
+    assert np.nanmean(reconstructed(recording(path)).motion.residuals) < largest
+
+
 @pytest.fixture(scope="module")
 def worn_hinges():
     """Three limbs in a row with 4 markers each, joined by hinges along y that wobble by 0.3 deg; 0.1 mm noise."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -105,6 +106,13 @@ class Curve:
     component: int | None = None
 
 
+class Columns(NamedTuple):
+    """Lowest and highest values of a curve, and of its band, in each column of a picture."""
+
+    line: tuple[Floats, Floats]
+    band: tuple[Floats, Floats] | None
+
+
 @dataclass(frozen=True, eq=False)
 class Panel:
     """Curves with one scale.
@@ -127,16 +135,21 @@ class Panel:
     note: str = ""
     from_zero: bool = True
 
-    def heights(self, first: float, end: float, n_columns: int) -> tuple[float, float]:
-        """Return the lowest and highest value in a stretch [frames]; 0 and 1 where nothing is known."""
-        lows, highs = [], []
-        for curve in self.curves:
-            for part in (curve.line, curve.band) if curve.band is not None else (curve.line,):
-                low, high = part.columns(first, end, n_columns)
-                lows.append(low)
-                highs.append(high)
-        known = ~np.isnan(lows)
-        least = float(np.asarray(lows)[known].min()) if known.any() else 0.0
-        most = float(np.asarray(highs)[known].max()) if known.any() else 1.0
-        least = min(least, 0.0) if self.from_zero else least
-        return (least, most) if most > least else (least, least + 1.0)
+    def columns(self, first: float, end: float, n_columns: int) -> list[Columns]:
+        """Return what each curve has in the columns of a picture of a stretch [frames]."""
+        return [
+            Columns(
+                curve.line.columns(first, end, n_columns),
+                None if curve.band is None else curve.band.columns(first, end, n_columns),
+            )
+            for curve in self.curves
+        ]
+
+    def scale(self, columns: list[Columns]) -> tuple[float, float]:
+        """Return the lowest and highest value of columns; 0 and 1 where nothing is known."""
+        parts = [part for one in columns for part in (one.line, one.band) if part is not None]
+        values = np.concatenate([extreme for part in parts for extreme in part])
+        values = values[~np.isnan(values)]
+        low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+        low = min(low, 0.0) if self.from_zero else low
+        return (low, high) if high > low else (low, low + 1.0)

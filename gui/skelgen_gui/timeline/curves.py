@@ -40,7 +40,7 @@ class Curves(PlotView):
         session.selection_changed.connect(self._follow)
         self._follow()
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return room for three panels."""
         return QSize(640, 320)
 
@@ -48,6 +48,7 @@ class Curves(PlotView):
         """Derive what is selected; the mean of all markers only once for each project."""
         project, selection = self._session.project, self._session.selection
         if project is None or not project.has("skeleton"):
+            self.deriver.forget()
             self.show_panels((), self.tr("Run the step Skeleton to see residuals and angles of joints"))
             return
         joint = selection.joint

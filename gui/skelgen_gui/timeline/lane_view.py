@@ -8,7 +8,6 @@ import numpy as np
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import (
     QFontMetricsF,
-    QHelpEvent,
     QKeyEvent,
     QMouseEvent,
     QPainter,
@@ -19,7 +18,7 @@ from PySide6.QtGui import (
     QResizeEvent,
     QWheelEvent,
 )
-from PySide6.QtWidgets import QScrollBar, QToolTip, QWidget
+from PySide6.QtWidgets import QScrollBar, QWidget
 
 from skelgen.model import Project
 from skelgen.model.arrays import Ints
@@ -33,6 +32,7 @@ from skelgen_gui.timeline.lane_picture import lane_picture
 from skelgen_gui.timeline.lanes import Lanes, find_lanes
 from skelgen_gui.timeline.scale import GUTTER, MARGIN, plot_width
 from skelgen_gui.timeline.span import VisibleSpan
+from skelgen_gui.tips import tell
 
 _LANE = 16  # px, height of a lane
 _FEW, _MANY = 4, 12  # lanes that fit at least, and that there is room for at first
@@ -58,6 +58,7 @@ class LaneView(QWidget):
         super().__init__(parent)
         self._session, self._span = session, span
         self._lanes: Lanes | None = None
+        self._lanes_of: Project | None = None
         self._picture: tuple[tuple[object, ...], QPixmap] | None = None
         self._is_dragging = False
         self.deriver = Deriver(self)
@@ -80,11 +81,11 @@ class LaneView(QWidget):
         """The lanes that are shown; None while they are derived."""
         return self._lanes
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return room for some lanes."""
         return QSize(640, _LANE * min(max(self._n_lanes, _FEW), _MANY))
 
-    def minimumSizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def minimumSizeHint(self) -> QSize:
         """Return room for few lanes."""
         return QSize(GUTTER + MARGIN + 120, _LANE * _FEW)
 
@@ -94,20 +95,17 @@ class LaneView(QWidget):
 
     def event(self, event: QEvent) -> bool:
         """Say what lies under the pointer."""
-        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
-            QToolTip.showText(event.globalPos(), self.told_at(QPointF(event.pos())), self)
-            return True
-        return super().event(event)
+        return tell(self, event, self.told_at) or super().event(event)
 
     def told_at(self, place: QPointF) -> str:
         """Return what is told of a place: the marker, and how it is known in the frame there."""
-        lane, project = self._lane_at(place.y()), self._session.project
+        lane, project = self._lane_at(place.y()), self._lanes_of
         if lane is None or self._lanes is None or project is None:
             return self.tr("Wheel: zoom · Shift and wheel: pan · click: go there · click on a name: select")
         frame = self._frame_at(place.x()) if place.x() >= GUTTER else None
         return lane_sentence(project, self._lanes, lane, frame)
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Go to a frame, or select a marker by its name."""
         if event.button() != Qt.MouseButton.LeftButton or not self._session.n_frames:
             return
@@ -117,40 +115,39 @@ class LaneView(QWidget):
         else:
             self._select(self._lane_at(event.position().y()), event.modifiers())
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Go on to other frames."""
         if self._is_dragging and event.buttons() & Qt.MouseButton.LeftButton:
             self._session.show_frame(self._frame_at(event.position().x()))
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom or pan; over the names, scroll."""
         if event.position().x() < GUTTER:
             self._bar.event(event)
         else:
             zoom_or_pan(event, self._span, plot_width(self.width()))
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Select the marker above or below; zoom."""
         if event.key() in {Qt.Key.Key_Up, Qt.Key.Key_Down} and self._n_lanes:
             self._select_beside(-1 if event.key() == Qt.Key.Key_Up else 1)
         elif not zoomed_by_key(event, self._span, self._session.frame):
             super().keyPressEvent(event)
 
-    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802 - Qt's name
+    def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the scroll bar at the right."""
         self._bar.setGeometry(self.width() - MARGIN + 2, 0, MARGIN - 2, self.height())
         self._fit_bar()
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint selected lanes, bars, names, and the cursor."""
         painter = QPainter(self)
-        project = self._session.project
-        if self._lanes is not None and self._lanes.n_lanes and project is not None:
+        if self._lanes is not None and self._lanes_of is not None and self._lanes.n_lanes:
             shown = self._shown_lanes(self._lanes)
             self._paint_backs(painter, self._lanes, shown)
             top = _LANE * int(shown[0]) - self._bar.value()
             painter.drawPixmap(GUTTER, top, self._bars(self._lanes, shown))
-            self._paint_names(painter, self._lanes, shown, project)
+            self._paint_names(painter, self._lanes, shown, self._lanes_of)
         else:
             self._paint_nothing(painter)
         if self._session.n_frames and GUTTER <= self._x(self._session.frame) <= self.width() - MARGIN:
@@ -160,14 +157,16 @@ class LaneView(QWidget):
         painter.end()
 
     def _follow_project(self) -> None:
+        """Derive lanes; until they are there, those of an earlier result of the same take stay."""
         project = self._session.project
-        if project is None:
-            self._take_lanes(None)
-        else:
-            self.deriver.derive(partial(find_lanes, project), self._take_lanes)
+        self.deriver.forget()
+        if project is None or self._lanes_of is None or self._lanes_of.take is not project.take:
+            self._take_lanes(None, None)
+        if project is not None:
+            self.deriver.derive(partial(find_lanes, project), partial(self._take_lanes, project))
 
-    def _take_lanes(self, lanes: Lanes | None) -> None:
-        self._lanes, self._picture = lanes, None
+    def _take_lanes(self, project: Project | None, lanes: Lanes | None) -> None:
+        self._lanes_of, self._lanes, self._picture = project, lanes, None
         self._fit_bar()
         self.updateGeometry()
         self.update()
@@ -182,7 +181,7 @@ class LaneView(QWidget):
     def _selected(self) -> list[int]:
         """Markers that are selected, by themselves or with their limb."""
         selection, project = self._session.selection, self._session.project
-        if selection.markers or selection.limb is None or project is None:
+        if selection.markers or selection.limb is None or project is None or not project.has("limbs"):
             return sorted(selection.markers)
         markers: list[int] = project.limbs.markers_of(selection.limb).tolist()
         return markers
@@ -197,7 +196,7 @@ class LaneView(QWidget):
 
     def _select_beside(self, step: int) -> None:
         """Select the marker of the lane above or below the selected one."""
-        if self._lanes is None:
+        if self._lanes is None or not self._lanes.n_lanes:
             return
         lanes = np.flatnonzero(np.isin(self._lanes.markers, self._selected()))
         lane = (int(lanes[0 if step < 0 else -1]) + step) if len(lanes) else 0

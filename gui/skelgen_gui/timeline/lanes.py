@@ -99,7 +99,7 @@ def find_lanes(project: Project) -> Lanes:
         Doubts are known with its labels, limbs with its limbs, filled markers with its skeleton.
     """
     n_frames = project.take.n_frames
-    if not project.has("labels") or n_frames == 0:
+    if not project.has("labels") or n_frames == 0 or project.trajectories.n_markers == 0:
         nothing = np.zeros(0, dtype=np.intp)
         return Lanes(nothing, nothing, n_frames, nothing, nothing)
     markers = subtree_markers(project)

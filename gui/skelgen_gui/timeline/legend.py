@@ -33,11 +33,11 @@ class Legend(QWidget):
         self.setAccessibleDescription(", ".join(self._words.values()))
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return one low line."""
         return QSize(400, _BAR + 8)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the samples as lanes are painted."""
         painter = QPainter(self)
         x, metrics = float(GUTTER), QFontMetricsF(self.font())

@@ -50,7 +50,8 @@ def paint_plot(painter: QPainter, panel: Panel, span: VisibleSpan, place: QRectF
         Colours of texts and ground.
     """
     n_columns = max(round(place.width()), 1)
-    low, high = panel.heights(span.first, span.end, n_columns)
+    columns = panel.columns(span.first, span.end, n_columns)
+    low, high = panel.scale(columns)
     air = _AIR * (high - low)
     high += air
     low -= 0.0 if panel.from_zero and low == 0 else air
@@ -64,19 +65,13 @@ def paint_plot(painter: QPainter, panel: Panel, span: VisibleSpan, place: QRectF
         return np.asarray(place.bottom() - (values - low) / (high - low) * place.height())
 
     xs = np.arange(n_columns, dtype=np.float64) + (place.left() + 0.5)
-    for curve in panel.curves:
+    for curve, found in zip(panel.curves, columns, strict=True):
         colour = colour_of(curve, palette)
-        if curve.band is not None:
-            bottom, top = curve.band.columns(span.first, span.end, n_columns)
-            painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
-            colour.setAlphaF(_BAND)
-            painter.setPen(QPen(colour, 1.0))
-            draw_lines(painter, _upright(xs, heights(bottom), heights(top)))
-            colour.setAlphaF(1.0)
-        below, above = curve.line.columns(span.first, span.end, n_columns)
+        if found.band is not None:
+            _paint_band(painter, colour, _upright(xs, *map(heights, found.band)))
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.setPen(QPen(colour, _LINE, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
-        draw_lines(painter, _joined(xs, heights(below), heights(above)))
+        painter.setPen(QPen(colour, _LINE, Qt.PenStyle.SolidLine, Qt.PenCapStyle.SquareCap))  # round: 10 times slower
+        draw_lines(painter, _joined(xs, *map(heights, found.line)))
     _paint_scale(painter, lines, place, palette)
     painter.restore()
 
@@ -141,6 +136,14 @@ def _paint_scale(painter: QPainter, lines: list[tuple[float, float]], place: QRe
         if room.top() >= place.top():
             painter.fillRect(room, veil)
             painter.drawText(room, Qt.AlignmentFlag.AlignCenter, shown)
+
+
+def _paint_band(painter: QPainter, colour: QColor, lines: Floats) -> None:
+    veil = QColor(colour)
+    veil.setAlphaF(_BAND)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing, False)
+    painter.setPen(QPen(veil, 1.0))
+    draw_lines(painter, lines)
 
 
 def _upright(xs: Floats, starts: Floats, stops: Floats) -> Floats:

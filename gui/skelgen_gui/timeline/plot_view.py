@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import (
-    QHelpEvent,
     QKeyEvent,
     QMouseEvent,
     QPainter,
@@ -14,9 +13,10 @@ from PySide6.QtGui import (
     QPixmap,
     QWheelEvent,
 )
-from PySide6.QtWidgets import QToolTip, QWidget
+from PySide6.QtWidgets import QWidget
 
 from skelgen.app.report.wording import digits
+from skelgen.model import Take
 from skelgen_gui.palette import cursor_colour
 from skelgen_gui.session import Session
 from skelgen_gui.timeline.curve import Panel
@@ -24,6 +24,7 @@ from skelgen_gui.timeline.gestures import zoom_or_pan, zoomed_by_key
 from skelgen_gui.timeline.plot import paint_legend, paint_plot
 from skelgen_gui.timeline.scale import GUTTER, MARGIN, plot_width
 from skelgen_gui.timeline.span import VisibleSpan
+from skelgen_gui.tips import tell
 
 _GAP = 6.0  # px between panels
 _Role = QPalette.ColorRole
@@ -46,7 +47,9 @@ class PlotView(QWidget):
         self._panels: tuple[Panel, ...] = ()
         self._hint = ""
         self._picture: tuple[tuple[object, ...], QPixmap] | None = None
+        self._panels_of: Take | None = None
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        session.project_changed.connect(self._forget_other_take)
         for signal in (session.frame_changed, span.changed):
             signal.connect(self.update)
 
@@ -60,7 +63,7 @@ class PlotView(QWidget):
         self._panels, self._hint, self._picture = panels, hint, None
         self.update()
 
-    def minimumSizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def minimumSizeHint(self) -> QSize:
         """Return room for one low panel."""
         return QSize(GUTTER + MARGIN + 120, 36)
 
@@ -72,10 +75,7 @@ class PlotView(QWidget):
 
     def event(self, event: QEvent) -> bool:
         """Say what lies under the pointer."""
-        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
-            QToolTip.showText(event.globalPos(), self.told_at(QPointF(event.pos())), self)
-            return True
-        return super().event(event)
+        return tell(self, event, self.told_at) or super().event(event)
 
     def told_at(self, place: QPointF) -> str:
         """Return the values of the frame at a place, and what the panel's note says."""
@@ -87,26 +87,26 @@ class PlotView(QWidget):
         values = [f"{curve.name}: {digits(float(curve.line.low[frame]))} {panel.unit}" for curve in panel.curves]
         return "\n".join([f"{panel.title}, " + self.tr("frame {}").format(frame), *values])
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Go to a frame."""
         if event.button() == Qt.MouseButton.LeftButton and event.position().x() >= GUTTER:
             self._go_to(event.position().x())
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Go on to other frames."""
         if event.buttons() & Qt.MouseButton.LeftButton:
             self._go_to(event.position().x())
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom or pan."""
         zoom_or_pan(event, self._span, plot_width(self.width()))
 
-    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802 - Qt's name
+    def keyPressEvent(self, event: QKeyEvent) -> None:
         """Zoom."""
         if not zoomed_by_key(event, self._span, self._session.frame):
             super().keyPressEvent(event)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the curves that are kept, legends and cursor."""
         painter = QPainter(self)
         painter.drawPixmap(0, 0, self._curves())
@@ -122,6 +122,13 @@ class PlotView(QWidget):
             room = self.panel_rect(len(self._panels)) if self._panels else QRectF(self.rect())
             painter.drawText(room, Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap, self._hint)
         painter.end()
+
+    def _forget_other_take(self) -> None:
+        """Curves of another take have other frames: better none, until those of this one are there."""
+        project = self._session.project
+        if project is None or project.take is not self._panels_of:
+            self._panels_of = None if project is None else project.take
+            self.show_panels(())
 
     def _holds(self, index: int, place: QPointF) -> bool:
         room = self.panel_rect(index)

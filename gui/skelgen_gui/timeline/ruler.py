@@ -47,11 +47,11 @@ class Ruler(QWidget):
         for signal in (session.frame_changed, session.project_changed, player.settings_changed, span.changed):
             signal.connect(self.update)
 
-    def sizeHint(self) -> QSize:  # noqa: N802 - Qt's name
+    def sizeHint(self) -> QSize:
         """Return a wide and low size."""
         return QSize(400, _HEIGHT)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802 - Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Paint ticks, the range with its handles, and the cursor's head."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -62,13 +62,13 @@ class Ruler(QWidget):
             self._paint_cursor(painter)
         painter.end()
 
-    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mousePressEvent(self, event: QMouseEvent) -> None:
         """Take a handle, or go to a frame."""
         if event.button() == Qt.MouseButton.LeftButton and self._session.n_frames:
             self._grip = self._grip_at(event.position().x())
             self._drag(event.position().x())
 
-    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802 - Qt's name
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Drag the handle or the frame."""
         if event.buttons() & Qt.MouseButton.LeftButton:
             self._drag(event.position().x())
@@ -76,7 +76,7 @@ class Ruler(QWidget):
             on_grip = self._grip_at(event.position().x()) is not None
             self.setCursor(Qt.CursorShape.SplitHCursor if on_grip else Qt.CursorShape.ArrowCursor)
 
-    def wheelEvent(self, event: QWheelEvent) -> None:  # noqa: N802 - Qt's name
+    def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom, or pan with Shift."""
         zoom_or_pan(event, self._span, plot_width(self.width()))
 

@@ -48,7 +48,7 @@ class Transport(QWidget):
         self._follow_player()
         self._follow()
 
-    def changeEvent(self, event: QEvent) -> None:  # noqa: N802 - Qt's name
+    def changeEvent(self, event: QEvent) -> None:
         """Draw the signs anew in the colours of another palette."""
         if event.type() == QEvent.Type.PaletteChange:
             self._draw_icons()

@@ -80,6 +80,7 @@ class Timeline(QWidget):
     def _follow_project(self) -> None:
         project = self._session.project
         if project is None:
+            self.deriver.forget()
             self._take_counts(None)
         else:
             self.deriver.derive(partial(count_panel, project), self._take_counts)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.report import measures, svg
-from skelgen.app.report.colours import ramp_rgba
+from skelgen.app.report.colours import LogScale, ramp_rgba
 from skelgen.app.report.png import png_uri
 from skelgen.app.report.wording import clipped, counted, digits, plain
 from skelgen.model import Project
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Ints
 
-_DECADES = 4.0  # range of the colours: numerical noise far below the largest value is not worth a colour
 _WIDTH = 640.0  # of the matrix of markers, without its labels
 _LARGEST_CELL, _SMALLEST_LABELLED_CELL = 26.0, 8.5
 _LABEL_WIDTH, _STRIP, _SPACE = 108.0, 12.0, 4.0
@@ -26,26 +24,6 @@ _MOST_COST_WIDTH = 420.0
 _LEAST_SCALE = 0.75
 
 
-@dataclass(frozen=True)
-class _Colours:
-    """A logarithmic scale from `low` to `high`."""
-
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, values: Floats) -> _Colours:
-        positive = values[values > 0]
-        high = float(positive.max()) if len(positive) else 1.0
-        low = max(float(positive.min()), high / 10**_DECADES) if len(positive) else high
-        return cls(low, high) if low < high else cls(high / 10, high)
-
-    def fractions(self, values: Floats) -> Floats:
-        span = np.log10(self.high / self.low)
-        clipped_low: Floats = np.maximum(values, self.low)  # keeps NaN
-        return np.asarray(np.log10(clipped_low / self.low) / span)
-
-
 def deviation_figure(project: Project) -> Markup:
     """Draw the matrix of distance deviations, ordered by limb, with the limbs' boundaries and colours."""
     order = measures.subtree_markers(project)
@@ -53,7 +31,7 @@ def deviation_figure(project: Project) -> Markup:
     np.fill_diagonal(matrix, 0.0)
     cell = min(_WIDTH / len(order), _LARGEST_CELL)
     side = cell * len(order)
-    colours = _Colours.of(matrix)
+    colours = LogScale.of(matrix)
     left, top = _LABEL_WIDTH + _STRIP + _SPACE, _STRIP + 18
     parts = [
         svg.image(left, top, side, side, png_uri(ramp_rgba(colours.fractions(matrix)))),
@@ -102,7 +80,7 @@ def _marker_labels(names: Sequence[str], cell: float, left: float, top: float) -
     ]
 
 
-def _scale(colours: _Colours, unit: str, x: float, y: float) -> Markup:
+def _scale(colours: LogScale, unit: str, x: float, y: float) -> Markup:
     steps = np.linspace(0.0, 1.0, _SCALE_STEPS)[np.newaxis]
     middle = (colours.low * colours.high) ** 0.5
     below = y + _SCALE_HEIGHT + 13
@@ -125,7 +103,7 @@ def cost_figure(project: Project) -> Markup:
     order = measures.limb_order(project)
     matrix = topology.joint_costs[np.ix_(order, order)].copy()
     np.fill_diagonal(matrix, np.nan)
-    colours = _Colours.of(matrix)
+    colours = LogScale.of(matrix)
     cell = min(_COST_CELL, _MOST_COST_WIDTH / len(order))
     side, left, top = cell * len(order), 30.0, 30.0
     pixels = ramp_rgba(colours.fractions(matrix))

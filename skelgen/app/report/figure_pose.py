@@ -16,6 +16,8 @@ _SIDE = 560.0  # px, of the longer side of a view
 _MARGIN = 34.0
 _LEAST_WIDTH = 150.0  # px: a slim side view still needs room for its scale bar
 _FLAT = 0.3  # an axis along which the body extends less than this share of its size is hardly the vertical
+_SUNK = 0.05  # of the body's size: markers that lie farther below zero are not above a floor at zero
+_RARELY = 0.01  # of the frames, in which a stray may lie below
 _TRIAD = 22.0
 _AXES = ("X", "Y", "Z")
 _LABEL_DISTANCE = 13.0
@@ -71,7 +73,8 @@ def pose_figures(project: Project) -> list[tuple[str, Markup]]:
 def find_views(points: Floats, marker_positions: Floats) -> tuple[View, View]:
     """Choose a front and a side view.
 
-    The vertical is taken for the coordinate axis along which the lowest marker moves least over the take: feet stay
+    The vertical is taken for the coordinate axis along which nothing lies below zero, where most systems have their
+    floor; of several, or if there is none, for that along which the lowest marker moves least over the take: feet stay
     near the floor. The front is the horizontal direction in which the reference pose is widest.
 
     Parameters
@@ -97,8 +100,10 @@ def _vertical(points: Floats, marker_positions: Floats) -> int:
     lowest = np.fmin.reduce(marker_positions, axis=1)
     lowest = lowest[~np.isnan(lowest[:, 0])]
     extent = np.ptp(points, axis=0)
-    unrest = lowest.std(axis=0) + np.where(extent < _FLAT * extent.max(), np.inf, 0.0)
-    return int(np.argmin(unrest))
+    is_flat = extent < _FLAT * extent.max()
+    is_below = (lowest < -_SUNK * extent.max()).mean(axis=0) > _RARELY
+    refused = is_flat | is_below if (~is_flat & ~is_below).any() else is_flat
+    return int(np.argmin(lowest.std(axis=0) + np.where(refused, np.inf, 0.0)))
 
 
 def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:

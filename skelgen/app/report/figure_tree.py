@@ -65,18 +65,7 @@ def _cross(x: float, y: float) -> str:
 
 
 def _places(parents: Ints) -> list[_Place]:
-    """Leaves in rows of their own; every other limb in the middle of its children."""
-    rows = np.zeros(len(parents))
-    depths = np.zeros(len(parents), dtype=np.intp)
-    order = measures.branch_order(parents)
-    leaves = [limb for limb in order if not (parents == limb).any()]
-    rows[leaves] = np.arange(len(leaves))
-    for limb in order:
-        depths[limb] = depths[parents[limb]] + 1 if parents[limb] >= 0 else 0
-    for limb in reversed(order):
-        children = np.flatnonzero(parents == limb)
-        if len(children):
-            rows[limb] = (rows[children].min() + rows[children].max()) / 2
+    depths, rows = measures.tidy_places(parents)
     return [
         _Place(_MARGIN + _COLUMN * depth, _MARGIN + _LABEL_SPACE + _ROW * row)
         for depth, row in zip(depths.tolist(), rows.tolist(), strict=True)

@@ -90,6 +90,35 @@ def branch_order(parents: Ints) -> list[int]:
     return order
 
 
+def tidy_places(parents: Ints) -> tuple[Ints, Floats]:
+    """Place a tree tidily: leaves in rows of their own, every other limb in the middle of its children.
+
+    Parameters
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parent of each limb, -1 for a root.
+
+    Returns
+    -------
+    depths : ndarray of intp, shape (n_limbs,)
+        Joints between each limb and its root.
+    rows : ndarray, shape (n_limbs,)
+        Branch by branch from 0.
+    """
+    rows = np.zeros(len(parents))
+    depths = np.zeros(len(parents), dtype=np.intp)
+    order = branch_order(parents)
+    leaves = [limb for limb in order if not (parents == limb).any()]
+    rows[leaves] = np.arange(len(leaves))
+    for limb in order:
+        depths[limb] = depths[parents[limb]] + 1 if parents[limb] >= 0 else 0
+    for limb in reversed(order):
+        children = np.flatnonzero(parents == limb)
+        if len(children):
+            rows[limb] = (rows[children].min() + rows[children].max()) / 2
+    return depths, rows
+
+
 def limb_order(project: Project) -> list[int]:
     """Return the limbs in the order of the tree where it is known, otherwise by index."""
     if project.has("joints"):

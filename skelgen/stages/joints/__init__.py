@@ -32,7 +32,7 @@ from skelgen.stages.joints.placing import (
     telling_frames,
     tracks_of_limbs,
 )
-from skelgen.stages.joints.said import tree_sentences
+from skelgen.stages.joints.said import slack_sentences, tree_sentences
 from skelgen.stages.joints.tree import spanning_tree
 from skelgen.stages.joints.wishes import Pair, limb_pairs, obeyed_costs
 
@@ -103,7 +103,7 @@ def find_joints(
             cut = [edge for edge in false if (min(edge), max(edge)) not in wanted]
             parents = _without(cut, parents, costs, sizes, root)
     _check_parents(parents, judged.costs)
-    kept = place_joints(segments, frames, parents, parameters, seed, monitor)
+    kept, segments = place_joints(segments, frames, parents, parameters, seed, monitor)
     children = outward_order(parents)[(parents < 0).sum() :]
     if len(tracks[0]) == trajectories.n_frames:
         raw = stacked([kept[int(child)] for child in children], trajectories.n_frames)
@@ -118,7 +118,7 @@ def find_joints(
         alpha=parameters.alpha,
         loops=loop_joints(parents, judged),
     )
-    for sentence in tree_sentences(topology, judged, guesses, cut):
+    for sentence in (*tree_sentences(topology, judged, guesses, cut), *slack_sentences(segments)):
         monitor.notice(sentence)
     return topology
 

@@ -4,12 +4,16 @@ A gap of mean square s per coordinate, where the noise of both limbs' poses lets
 against each other (each axis, root mean square), costs
 
 .. math::
-    \max(s, e) + K \max(0, s - \rho e) + h \max(1, T^2 / t^2) + \alpha d .
+    \eta \, (\max(s, e) + K \max(0, s - \rho e) + h \max(1, T^2 / t^2) + \alpha d) .
 
 A gap below what noise makes is chance and counts as noise; what noise does not explain counts K times more; h is what
 the noise could hide in so few frames, blown up to the usual turn T: limbs that hardly move against each other have
 small gaps wherever the joint is thought to be. The distance d to the markers decides between what is left. To e belongs
-what joints of this take usually wander (soft tissue that moves as a whole), estimated from the tree itself.
+what joints of this take usually wander (soft tissue that moves as a whole), estimated from the tree itself, and so is
+what the ratio of s to e usually is, which says how much of it is chance.
+
+Where the axes of two hinges meet, the two outer limbs turn about that point as well: no gap tells which two of the
+three joints are there. The turns do: a hinge leaves nothing but noise across its axis. It costs less by the factor eta.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats
 from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess
 from skelgen.stages.joints.tree import spanning_tree
@@ -30,6 +35,16 @@ UNEXPLAINED_WEIGHT = 3.0
 
 CHANCE = 1.5
 """Ratio of gaps to expected gaps that noise still makes: soft tissue lasts, so that few frames are independent."""
+
+CHANCE_SPREAD = 4.0
+"""Standard deviations above the median of the tree's joints up to which their ratios are chance, if that is less."""
+
+ENOUGH_RATIOS = 8
+"""Fewer joints say nothing of how their ratios are spread."""
+
+HINGE_PART = 0.8
+"""Of the cost, for a hinge. Of 12 takes with up to 3 mm of soft tissue all hinges turn across their axes by at most 1.2
+times the noise, no pair of limbs that has no hinge by less than 2.5 times; the factor need only break ties."""
 
 USUAL_PART = 0.25
 """Of all pairs of limbs turn less than what counts as usual: limbs of a joint turn less than those far apart."""
@@ -78,20 +93,32 @@ def comparable_costs(guesses: Guesses, n_limbs: int, alpha: float) -> JointCosts
     hidden = np.where(possible, _table({pair: guess.hidden_part for pair, guess in guesses.items()}, n_limbs), 0.0)
     far = alpha * np.where(possible, _table({pair: guess.distance for pair, guess in guesses.items()}, n_limbs), 0.0)
     turns = np.where(possible, _table({pair: guess.turn for pair, guess in guesses.items()}, n_limbs), np.nan)
+    wobbles = np.where(possible, _table({pair: guess.wobble for pair, guess in guesses.items()}, n_limbs), np.nan)
+    kinds = np.where((wobbles <= CHANCE) & (turns >= LEAST_TURN), HINGE_PART, 1.0)
     stillness = _stillness(turns, possible)
-    wandering, costs, expected = 0.0, squares, noise
+    wandering, chance, costs, expected = 0.0, CHANCE, squares, noise
     for _ in range(ROUNDS):
         expected = noise + wandering
-        unexplained = np.maximum(0.0, squares - CHANCE * expected)
+        unexplained = np.maximum(0.0, squares - chance * expected)
         costs = np.maximum(squares, expected) + UNEXPLAINED_WEIGHT * unexplained
-        costs = np.where(possible, costs + hidden * expected * stillness + far, np.inf)
+        costs = np.where(possible, kinds * (costs + hidden * expected * stillness + far), np.inf)
         np.fill_diagonal(costs, 0.0)
         parents = spanning_tree(costs, np.zeros(n_limbs, dtype=np.intp))
         children = np.flatnonzero(parents >= 0)
         if len(children):
-            excess = squares[children, parents[children]] - noise[children, parents[children]]
-            wandering = max(float(np.median(excess)), 0.0)
+            edges = children, parents[children]
+            wandering = max(float(np.median(squares[edges] - noise[edges])), 0.0)
+            chance = _chance(squares[edges] / np.maximum(noise[edges] + wandering, np.finfo(np.float64).tiny))
     return JointCosts(costs, squares, expected, turns)
+
+
+def _chance(ratios: Floats) -> float:
+    """Largest ratio of a gap to what is expected that noise still makes, from the ratios of the tree's joints."""
+    if len(ratios) < ENOUGH_RATIOS:
+        return CHANCE
+    middle = float(np.median(ratios))
+    spread = SIGMA_OF_MEDIAN * float(np.median(np.abs(ratios - middle)))
+    return float(np.clip(middle + CHANCE_SPREAD * spread, 1.0, CHANCE))
 
 
 def _stillness(turns: Floats, possible: Bools) -> Floats:

@@ -13,6 +13,9 @@ LOOP_COST = 1.5
 LOOP_TURN = 0.5
 """Of the median turn of the tree's joints: limbs that turn less need no joint to stay together."""
 
+ENOUGH_TURN = 0.2
+"""rad; limbs that turn so much against each other need a joint to stay together, however far others turn."""
+
 
 def loop_joints(parents: Ints, judged: JointCosts) -> tuple[tuple[int, int], ...]:
     """Return pairs of limbs that seem joined although the tree does not join them.
@@ -33,6 +36,6 @@ def loop_joints(parents: Ints, judged: JointCosts) -> tuple[tuple[int, int], ...
     turn = float(np.median(turns[~np.isnan(turns)])) if not np.isnan(turns).all() else 0.0
     with np.errstate(invalid="ignore"):
         closes = (judged.costs <= LOOP_COST * cost) & (judged.squares <= CHANCE * judged.expected)
-        closes &= judged.turns >= LOOP_TURN * turn
+        closes &= judged.turns >= min(LOOP_TURN * turn, ENOUGH_TURN)
     closes[children, above] = closes[above, children] = False
     return tuple((int(first), int(second)) for first, second in np.argwhere(np.triu(closes, 1)))

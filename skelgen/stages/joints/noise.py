@@ -54,6 +54,12 @@ class PoseNoise:
         by_pattern = np.einsum("paa->p", self.covariances[:, 3:, 3:]) / 3
         return np.append(by_pattern, np.nan)[self.pattern]
 
+    def of_turn_across(self, axis: Floats) -> Floats:
+        """Variance [rad^2] of turns about the two axes across one, together, for unit noise, shape (n_frames,)."""
+        turns = self.covariances[:, 3:, 3:]
+        by_pattern = np.einsum("paa->p", turns) - np.einsum("a,pab,b->p", axis, turns, axis)
+        return np.append(by_pattern, np.nan)[self.pattern]
+
     def at(self, frames: Ints) -> PoseNoise:
         """These poses in some frames."""
         return PoseNoise(self.variance, self.covariances, self.pattern[frames])

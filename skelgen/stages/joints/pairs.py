@@ -29,6 +29,9 @@ ENOUGH_FRAMES = 50
 LEAST_TURN = 0.02
 """rad, each axis; limbs that turn less against each other hardly turn."""
 
+LEAST_TURN_NOISE = 1e-12
+"""rad^2; what rounding leaves of exact rotations."""
+
 USUAL_TURN = 0.2
 """rad, each axis; what limbs of a moving body turn against each other."""
 
@@ -127,6 +130,8 @@ class JointGuess:
         Mean distance from the markers of both limbs.
     turn : float, rad
         Root mean square of how far the limbs turn about the joint beyond noise, each axis; NaN without poses.
+    wobble : float
+        Mean square of the turns across the axis that turns most, in units of what noise lets expect; NaN without poses.
     n_frames : int
         Frames that it rests on.
     n_iterations : int
@@ -138,6 +143,7 @@ class JointGuess:
     expected: float = np.nan
     distance: float = np.nan
     turn: float = np.nan
+    wobble: float = np.nan
     n_frames: int = 0
     n_iterations: int = 0
 
@@ -219,8 +225,16 @@ def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess |
         square,
         float(np.nansum(weights * expected) / weights.sum()),
         turn=float(np.sqrt(max(turned, 0.0))),
+        wobble=_wobble(first, second, fit, weights, typical),
         n_frames=n_frames,
     )
+
+
+def _wobble(first: Segment, second: Segment, fit: FixedPoint, weights: Floats, typical: float) -> float:
+    """What a hinge would leave unexplained, in units of the noise: twice the loss of the surest direction's length."""
+    shaking = _noise(first, typical) * first.noise.of_turn_across(fit.axis_in_first)
+    shaking = shaking + _noise(second, typical) * second.noise.of_turn_across(fit.axis_in_second)
+    return float(fit.turning[0] / max(np.nansum(weights * shaking) / weights.sum(), LEAST_TURN_NOISE))
 
 
 def _weights(first: Segment, second: Segment, fit: FixedPoint, typical: float) -> Floats:

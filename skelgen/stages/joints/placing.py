@@ -5,6 +5,7 @@ Which limbs are joined is told by part of a long take; of the frames between, no
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -78,7 +79,7 @@ def place_in_blocks(
         frames = sample_frames(len(block), parameters)
         tracks = [block[:, limbs.markers_of(limb)] for limb in range(limbs.n_limbs)]
         segments = [make_segment(track, telling_frames(track, frames)) for track in tracks]
-        kept = place_joints(segments, frames, parents, parameters, seed, SILENT)
+        kept, _ = place_joints(segments, frames, parents, parameters, seed, SILENT)
         raw[first:last] = stacked([kept[int(child)] for child in children], len(block))
         monitor.advance(last, n_frames)
     raw.flags.writeable = False
@@ -87,8 +88,11 @@ def place_in_blocks(
 
 def place_joints(
     segments: list[Segment], frames: Ints, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
-) -> dict[int, JointGuess]:
+) -> tuple[dict[int, JointGuess], list[Segment]]:
     """Place the joints of the tree in all frames of some segments, those between limbs with poses first.
+
+    Points that hardly turn about a joint lie on a sphere of any size. A joint that comes out farther from its markers
+    than all markers are from each other is placed anew by the joint cost, which pulls it towards them.
 
     Parameters
     ----------
@@ -107,11 +111,12 @@ def place_joints(
 
     Returns
     -------
-    dict of int to JointGuess
-        By child limb.
+    tuple of dict of int to JointGuess and list of Segment
+        Joints by child limb, and all limbs with the joints that give them poses.
     """
     segments = list(segments)
     typical = typical_variance(segment.noise for segment in segments)
+    reach, pulled = _extent(segments, frames), replace(parameters, solver="conjugate-gradient")
     waiting = [int(child) for child in np.flatnonzero(parents >= 0)]
     n_joints = len(waiting)
     kept: dict[int, JointGuess] = {}
@@ -119,14 +124,27 @@ def place_joints(
         waiting.sort(key=lambda child: -_known(segments[child].shape) - _known(segments[parents[child]].shape))
         child = waiting.pop(0)
         pair = (int(parents[child]), child)
-        kept[child] = guess_joint(
-            segments[pair[0]], segments[pair[1]], typical, parameters.alpha_final, parameters, seed
-        )
+        first, second = segments[pair[0]], segments[pair[1]]
+        kept[child] = guess_joint(first, second, typical, parameters.alpha_final, parameters, seed)
+        if kept[child].distance > reach:
+            kept[child] = guess_joint(first, second, typical, parameters.alpha, pulled, seed)
         for limb in pair:
             if segments[limb].lacks_poses:
                 segments[limb] = segments[limb].with_joint(kept[child].positions, frames)
         monitor.advance(len(kept), n_joints)
-    return kept
+    return kept, segments
+
+
+def _extent(segments: list[Segment], frames: Ints) -> float:
+    """Usual diagonal of the box around all markers [mm]."""
+    markers = np.concatenate([segment.markers[frames] for segment in segments], axis=1)
+    seen = ~np.isnan(markers[:, :, :1])
+    shown = seen.any(axis=(1, 2))
+    if not shown.any():
+        return np.inf
+    highest = np.where(seen, markers, -np.inf)[shown].max(axis=1)
+    lowest = np.where(seen, markers, np.inf)[shown].min(axis=1)
+    return float(np.median(np.linalg.norm(highest - lowest, axis=1)))
 
 
 def _known(shape: LimbShape) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 
 from skelgen.model import Topology
 from skelgen.stages.joints.comparable import JointCosts
-from skelgen.stages.joints.pairs import ENOUGH_FRAMES, LEAST_TURN, JointGuess
+from skelgen.stages.joints.pairs import ENOUGH_FRAMES, LEAST_TURN, JointGuess, Segment
 
 SMALL_MARGIN = 1.5
 """Ratio of the cost of the best other edge to an edge's own below which the data hardly prefer it."""
@@ -50,6 +50,19 @@ def tree_sentences(
         )
     for parent, child in topology.edges.tolist():
         yield from _weak_joint(parent, child, guesses[min(parent, child), max(parent, child)])
+
+
+def slack_sentences(segments: list[Segment]) -> Iterator[str]:
+    """Say which limbs have points on one line only, joints included.
+
+    Parameters
+    ----------
+    segments : list of Segment
+        All limbs, with the joints that were found.
+    """
+    for limb, segment in enumerate(segments):
+        if segment.is_seen.any() and not segment.shape.posed.any():
+            yield f"all that is seen of limb {limb} lies on one line: how it turns about that line is not determined"
 
 
 def _doubtful_edges(topology: Topology) -> Iterator[str]:

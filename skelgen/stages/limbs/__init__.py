@@ -17,6 +17,7 @@ from skelgen.stages.limbs.bodies import Distances, rigid_bodies
 from skelgen.stages.limbs.constraints import Constraints, NameGroups, find_constraints, name_groups
 from skelgen.stages.limbs.count import count_limbs
 from skelgen.stages.limbs.deviation import Deviations, distance_deviations, sample_frames
+from skelgen.stages.limbs.doubts import limb_doubts
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative import Movements
 from skelgen.stages.limbs.rigidity import rigid_groups
@@ -96,6 +97,8 @@ def find_limbs(
         labels[stray] = -1
         _report(trajectories, stray, "moving against all limbs like none of them", monitor)
     labels[labels >= 0] = _numbered_by_first(labels[labels >= 0])
+    for sentence in limb_doubts(trajectories, labels, frames):
+        monitor.notice(sentence)
     monitor.advance(1, 1)
     return Limbs(labels, deviations.plain)
 

@@ -23,6 +23,7 @@ from skelgen.stages.limbs.rigidity import (
     FULL_POSE,
     LEAST_GAIN,
     PRIOR_WEIGHT,
+    TINY_VARIANCE,
     PairSums,
     merge_costs,
     noise_variance,
@@ -38,6 +39,10 @@ LIMB = 5.0
 PLATE = 3.0
 """The same between pieces that have poses of their own: that each is rigid speaks for a joint already, while pairs of
 markers on soft tissue are rigid by nearness."""
+
+
+UNRELATED = 1e6
+"""Times the largest variance: what markers count between which nothing was seen. Finite, so that sums stay numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,14 +67,16 @@ class Distances:
 
     @property
     def bounded(self) -> Floats:
-        """The variances; a pair that is never seen together has the least that a third marker leaves possible."""
+        """The variances; a pair that is never seen together has the least that a third marker leaves possible.
+
+        Where no third marker is seen with both, nothing holds them together: the variance is far beyond all others.
+        """
         known = np.where(self.weight > 0, self.variance, np.inf)
         np.fill_diagonal(known, 0.0)
         for index in np.flatnonzero(np.isinf(known).any(axis=1)):
             known[index] = np.minimum(known[index], np.maximum(known[index][:, np.newaxis], known).min(axis=0))
             known[:, index] = known[index]
-        largest = known[np.isfinite(known)].max()
-        return np.where(np.isfinite(known), known, largest)
+        return np.where(np.isfinite(known), known, UNRELATED * max(known[np.isfinite(known)].max(), TINY_VARIANCE))
 
 
 def rigid_bodies(

@@ -18,6 +18,7 @@ from skelgen.stages.skeleton.assemble import cut_out
 from skelgen.stages.skeleton.fitting import FittedBody, fit_body
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.result import make_motion, make_skeleton
+from skelgen.stages.skeleton.ringed import ring_sentences, wanted_rings
 
 __all__ = ["SkeletonParameters", "fit_skeleton"]
 
@@ -60,15 +61,24 @@ def fit_skeleton(
     """
     parameters = parameters or SkeletonParameters()
     monitor.begin("skeleton")
+    pairs = wanted_rings(parameters.loops, topology, trajectories, limbs)
+    if pairs and parameters.fit != "whole-chain":
+        monitor.notice("rings stay open: only the fit of the whole chain closes them")
     fitted = []
     for index, root in enumerate(topology.roots):
         body = cut_out(trajectories, limbs, topology, int(root))
         if not (~np.isnan(body.positions[:, :, 0])).any():
             raise InputError(f"{trajectories.name or 'the take'}: no marker of limb {root} is seen in any frame")
-        fitted.append(fit_body(body, parameters, ROTATORS[parameters.rotation], are_poses))
+        place = {int(limb): position for position, limb in enumerate(body.limbs)}
+        rings = np.array([[place[limb] for limb in pair] for pair in pairs if pair[0] in place], dtype=np.intp)
+        fitted.append(fit_body(body, parameters, ROTATORS[parameters.rotation], are_poses, rings))
         monitor.advance(index + 1, len(topology.roots))
     _report_unseen(fitted, monitor)
     _report_outliers(fitted, trajectories, monitor)
+    for one in fitted:
+        if one.rings is not None:
+            for sentence in ring_sentences(one.rings, one.body.limbs):
+                monitor.notice(sentence)
     skeleton = make_skeleton(fitted, limbs, topology)
     motion = make_motion(fitted, trajectories, skeleton)
     for seen in observed_joints(skeleton, motion):

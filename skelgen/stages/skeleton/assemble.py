@@ -153,8 +153,12 @@ def _mean(local: Floats, known: np.ndarray[tuple[int, ...], np.dtype[np.bool_]])
 
 def _places_without_pose(points: Floats) -> Floats:
     """Points of a limb that never shows an orientation: on a line, as far apart as they are on average."""
-    first = points[:, :1]
-    distance = np.linalg.norm(points - first, axis=2)
+    end = int(np.argmax(_mean_distances(points, 0)))  # the others are all on one side of it
+    return np.asarray(_mean_distances(points, end)[:, np.newaxis] * np.array([0.0, 0.0, 1.0]))
+
+
+def _mean_distances(points: Floats, start: int) -> Floats:
+    """Mean distance of each point from one of them [mm], shape (n_points,); 0 where they are never seen together."""
+    distance = np.linalg.norm(points - points[:, start, np.newaxis], axis=2)
     known = ~np.isnan(distance)
-    along = np.where(known, distance, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    return np.asarray(along[:, np.newaxis] * np.array([0.0, 0.0, 1.0]))
+    return np.asarray(np.where(known, distance, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1))

@@ -9,7 +9,8 @@ import numpy as np
 from skelgen.geometry.orientation import Rotator
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.calibration import Calibration, calibrate
-from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
+from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
+from skelgen.kinematics.closing import ClosedCalibration
 from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.kinematics.limb_errors import LimbErrors
 from skelgen.kinematics.posing import fit_poses
@@ -30,6 +31,7 @@ from skelgen.stages.skeleton.joints import (
 from skelgen.stages.skeleton.outliers import out_of_place, out_of_reach
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
+from skelgen.stages.skeleton.ringed import FOUND, BodyRings, all_poses, closed_body
 
 FIRST_ROUNDS = 3
 """Rounds of the fit with free joints: it need only be near enough for the kinds to be told."""
@@ -74,6 +76,8 @@ class FittedBody:
         How many frames of residuals tell as much as one that is independent.
     noise : float, mm
         Standard deviation of a coordinate.
+    rings : BodyRings, optional
+        Rings that were closed.
     """
 
     body: Body
@@ -89,41 +93,51 @@ class FittedBody:
     deviations: Floats
     growth: float
     noise: float
+    rings: BodyRings | None = None
 
 
-def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_poses: bool = False) -> FittedBody:
-    """Fit one tree of limbs to its markers."""
+def fit_body(
+    body: Body, parameters: SkeletonParameters, rotator: Rotator, are_poses: bool = False, rings: Ints | None = None
+) -> FittedBody:
+    """Fit one tree of limbs to its markers.
+
+    Parameters
+    ----------
+    body : Body
+        The tree with its markers and raw joints.
+    parameters : SkeletonParameters
+        How.
+    rotator : callable
+        Closed form of absolute orientation.
+    are_poses : bool
+        Whether the markers stand for bodies with orientation.
+    rings : ndarray of intp, shape (n_rings, 2), optional
+        Limbs that meet beyond the tree, by position in the body; the whole chain is fitted with them closed.
+    """
     chain, reference = assemble(body, parameters, rotator, _well_seen_frames(body, parameters.samples))
     trusted, start, posed = _without_outliers(body, chain, parameters, rotator)
+    outliers = np.isnan(trusted[:, :, 0]) & ~np.isnan(body.positions[:, :, 0])
     frames = _determined_frames(posed, parameters.samples)
-    refine = parameters.fit == "whole-chain"
-    first = calibrate(chain, start[frames], trusted[frames], n_rounds=FIRST_ROUNDS if refine else 0)
-    if are_poses:
-        first = with_noise_of_poses(first, trusted[frames])
-    limits = KindLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
     wanted = _wanted_kinds(parameters, body)
-    kinds = find_kinds(first.chain, first.poses, trusted[frames], posed[frames], first.noise, wanted, limits, are_poses)
+    first, kinds = _first_fit(chain, start[frames], trusted[frames], posed[frames], parameters, wanted, are_poses)
     poses, seen = pose_outward(first.chain, trusted, body.raw_joints, rotator, parameters.flatness)
-    last = first
-    if refine:
-        last, poses, kinds = _refined(first, poses, trusted, kinds, set(wanted), parameters.refine_samples)
-        if are_poses:
-            last = with_noise_of_poses(last, trusted)
-    used = _frames_of_refinement(trusted, parameters.refine_samples) if refine else frames
-    growth = lasting(last, trusted[used])
-    if refine and parameters.soft_tissue and not are_poses:
-        before = poses[used]
-        last, poses, trusted, growth = _without_slides(last, poses, trusted, used, growth)
-        kinds = _followed(kinds, last, before)
-    freedom = axis_freedom(kinds, last.noise)
-    shifts = shifts_along_axes(last.chain, kinds, freedom)
-    chain = shifted(last.chain, kinds, shifts)
-    if refine:
-        poses = fit_poses(chain, poses, trusted, last.articulation)
-    errors = errors_of_limbs(last, kinds, shifts, freedom, growth, parameters.rank_tolerance)
-    shared = _spread(used, TURN_FRAMES)
-    turn_covariances = errors.turns(poses[shared], trusted[shared])
-    deviations = joint_deviations(last, chain, poses, trusted, np.asarray(~seen.all(axis=1)), growth)
+    found = _Fit(first, kinds, poses, trusted, frames, lasting(first, trusted[frames]))
+    if parameters.fit == "whole-chain":
+        found = _whole_fit(found, set(wanted), parameters, are_poses, rings)
+    freedom = axis_freedom(found.kinds, found.last.noise)
+    shifts = shifts_along_axes(found.last.chain, found.kinds, freedom)
+    chain = shifted(found.last.chain, found.kinds, shifts)
+    closed, poses = found.closed, found.poses
+    if parameters.fit == "whole-chain":
+        closed = None if closed is None else closed.shifted(found.kinds, shifts)
+        poses = all_poses(chain, closed, poses, found.trusted, found.last)
+    errors = errors_of_limbs(found.last, found.kinds, shifts, freedom, found.growth, parameters.rank_tolerance)
+    if closed is not None and isinstance(found.last, ClosedCalibration):
+        closed = closed.with_errors(errors, found.last, found.last.noise * np.sqrt(found.growth))
+    shared = _spread(found.used, TURN_FRAMES)
+    turn_covariances = errors.turns(poses[shared], found.trusted[shared])
+    unseen = np.asarray(~seen.all(axis=1))
+    deviations = joint_deviations(found.last, chain, poses, found.trusted, unseen, found.growth)
     chain, poses, turn = _with_reference_axes(chain, poses, reference)
     above = np.maximum(chain.parents, 0)
     return FittedBody(
@@ -131,16 +145,86 @@ def fit_body(body: Body, parameters: SkeletonParameters, rotator: Rotator, are_p
         chain=chain,
         poses=poses,
         seen=seen,
-        outliers=np.isnan(trusted[:, :, 0]) & ~np.isnan(body.positions[:, :, 0]),
-        kinds=_in_other_frames(kinds, chain.parents, turn),
+        outliers=outliers,
+        kinds=_in_other_frames(found.kinds, chain.parents, turn),
         errors=errors,
         turn=turn,
         turn_covariances=turn[above] @ turn_covariances @ turn[above].swapaxes(1, 2),
         reference=reference,
         deviations=deviations,
-        growth=growth,
-        noise=last.noise,
+        growth=found.growth,
+        noise=found.last.noise,
+        rings=None if closed is None else closed.turned(turn),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A body while it is fitted: what is known, and the positions that it is fitted to.
+
+    Attributes
+    ----------
+    last : Calibration
+        The last fit.
+    kinds : list of JointKind
+        Of the joints above limbs 1, 2, ...
+    poses : ChainPoses
+        All frames.
+    trusted : ndarray, shape (n_frames, n_markers, 3), mm
+        Positions without outliers and slides.
+    used : ndarray of intp
+        Frames of the last fit.
+    growth : float
+        How many of these tell as much as one that is independent.
+    closed : BodyRings, optional
+        Rings that were closed.
+    """
+
+    last: Calibration
+    kinds: list[JointKind]
+    poses: ChainPoses
+    trusted: Floats
+    used: Ints
+    growth: float
+    closed: BodyRings | None = None
+
+
+def _first_fit(
+    chain: Chain,
+    start: ChainPoses,
+    trusted: Floats,
+    posed: Bools,
+    parameters: SkeletonParameters,
+    wanted: dict[int, str],
+    are_poses: bool,
+) -> tuple[Calibration, list[JointKind]]:
+    """Fit some frames with free joints, and tell the kinds."""
+    first = calibrate(chain, start, trusted, n_rounds=FIRST_ROUNDS if parameters.fit == "whole-chain" else 0)
+    if are_poses:
+        first = with_noise_of_poses(first, trusted)
+    limits = KindLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
+    return first, find_kinds(first.chain, first.poses, trusted, posed, first.noise, wanted, limits, are_poses)
+
+
+def _whole_fit(
+    first: _Fit, known: set[int], parameters: SkeletonParameters, are_poses: bool, rings: Ints | None
+) -> _Fit:
+    """Fit as many frames as count, joints held to their kinds, soft tissue and rings heeded."""
+    trusted = first.trusted
+    last, poses, kinds = _refined(first.last, first.poses, trusted, first.kinds, known, parameters.refine_samples)
+    if are_poses:
+        last = with_noise_of_poses(last, trusted)
+    used = _frames_of_refinement(trusted, parameters.refine_samples)
+    growth = lasting(last, trusted[used])
+    if parameters.soft_tissue and not are_poses:
+        before = poses[used]
+        last, poses, trusted, growth = _without_slides(last, poses, trusted, used, growth)
+        kinds = _followed(kinds, last, before)
+    if rings is None or not len(rings):
+        return _Fit(last, kinds, poses, trusted, used, growth)
+    last, poses, closed = closed_body(last, poses, used, rings, parameters.loops.strip() != FOUND)
+    kinds = with_axes(kinds, last.articulation)
+    return _Fit(last, kinds, poses, trusted, used, lasting(last, trusted[used]), closed)
 
 
 def _refined(
@@ -166,17 +250,27 @@ def _followed(kinds: list[JointKind], last: Calibration, before: ChainPoses) -> 
 def _without_slides(
     last: Calibration, poses: ChainPoses, trusted: Floats, used: Ints, growth: float
 ) -> tuple[Calibration, ChainPoses, Floats, float]:
-    """Fit once more to positions without the slides of soft tissue, if there are any; also return these positions."""
+    """Fit once more to positions without the slides of soft tissue, if there are any; also return these positions.
+
+    Slides have unknowns of their own, so they explain the markers better, or their fit has gone astray and is dropped.
+    """
     sliding = fit_sliding(last)
     if sliding is None:
         return last, poses, trusted, growth
-    chain, articulation = sliding.chain, sliding.articulation
+    before, chain, articulation = poses, sliding.chain, sliding.articulation
     poses = ChainPoses(poses.root, articulation.projected(chain.parents, poses.rotations))
     poses = fit_poses(chain, poses, trusted - sliding.skin.slides(chain, poses), articulation)
     settled = settle_sliding(sliding, poses[used], trusted[used])
+    if not _squares(settled.calibration) < _squares(last):
+        return last, before, trusted, growth
     last = settled.calibration
     poses = ChainPoses(poses.root, last.articulation.projected(chain.parents, poses.rotations))
     return last, poses, trusted - settled.skin.slides(last.chain, poses), settled.growth
+
+
+def _squares(fit: Calibration) -> float:
+    """Sum of the squared residuals [mm^2] of the frames of a fit."""
+    return float((residuals(fit.chain, fit.poses, fit.positions) ** 2).sum())
 
 
 def _in_other_frames(kinds: list[JointKind], parents: Ints, turn: Floats) -> list[JointKind]:

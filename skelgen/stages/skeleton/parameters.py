@@ -112,6 +112,12 @@ class SkeletonParameters(StageParameters):
         basic=True,
     )
 
+    loops: str = declare(
+        "",
+        "rings that the fit closes: found for those of the stage before, or pairs of limbs or of one marker of each as "
+        "'limb0, limb3; LKNE, LANK'; empty leaves them open",
+    )
+
     def __post_init__(self) -> None:
         super().__post_init__()
         self._known_kinds()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.fitting import FittedBody
 from skelgen.stages.skeleton.joints import limb_size
+from skelgen.stages.skeleton.ringed import BodyRings
 
 
 def make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -> Skeleton:
@@ -36,6 +38,7 @@ def make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) ->
         reference_pose=reference,
         offset_std=offset_std,
         marker_noise=noise,
+        loops=tuple(joint for one in fitted if one.rings is not None for joint in _ring_joints(one, one.rings)),
     )
     return replace(skeleton, length_std=_length_std(fitted, skeleton))
 
@@ -76,8 +79,9 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
     found = {}
     for limb in range(1, one.chain.n_limbs):
         parent, kind = int(one.chain.parents[limb]), one.kinds[limb - 1]
-        covariance = _capped(one.turn[parent] @ one.errors.joint(limb, parent), one, limb)
-        in_child = _capped(one.turn[limb] @ one.errors.joint(limb, limb), one, limb)
+        size = limb_size(one.chain, limb)
+        changes = [one.turn[where] @ one.errors.joint(limb, where) for where in (parent, limb)]
+        covariance, in_child = (_below(change @ change.T, size) for change in changes)
         child = int(one.body.limbs[limb])
         found[child] = Joint(
             parent=int(one.body.limbs[parent]),
@@ -106,10 +110,28 @@ def _offset_std(one: FittedBody) -> Floats:
     return stds
 
 
-def _capped(change: Floats, one: FittedBody, limb: int) -> Floats:
+def _ring_joints(one: FittedBody, closed: BodyRings) -> Iterator[Joint]:
+    """Joints that close rings; they are held as balls: their points meet."""
+    rings = closed.rings
+    for limbs, places, covariances in zip(rings.limbs.tolist(), rings.places, closed.covariances, strict=True):
+        capped = [_below(size, limb_size(one.chain, limb)) for size, limb in zip(covariances, limbs, strict=True)]
+        yield Joint(
+            parent=int(one.body.limbs[limbs[0]]),
+            child=int(one.body.limbs[limbs[1]]),
+            position_in_parent=places[0],
+            position_in_child=places[1],
+            kind="ball",
+            axis=None,
+            std=_root(capped[0]),
+            covariance=capped[0],
+            covariance_in_child=capped[1],
+        )
+
+
+def _below(covariance: Floats, size: float) -> Floats:
     """Covariance of a place, shape (3, 3): what is less sure than the limb is large is not determined at all."""
-    values, vectors = np.linalg.eigh(change @ change.T)
-    return np.asarray((vectors * np.clip(values, 0.0, limb_size(one.chain, limb) ** 2)) @ vectors.T)
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors * np.clip(values, 0.0, size**2)) @ vectors.T)
 
 
 def _root(covariance: Floats) -> Floats:

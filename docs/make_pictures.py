@@ -1,0 +1,100 @@
+"""Make the pictures of the window's page from the running window: ``python docs/make_pictures.py [recording]``.
+
+Without a display: ``QT_QPA_PLATFORM=offscreen python docs/make_pictures.py``. The recording is a simulated human by
+default, so that anybody gets the same pictures.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QApplication
+from skelgen_gui.preferences import Preferences
+from skelgen_gui.session import Selection
+from skelgen_gui.theme import Theme, prepare_high_dpi
+from skelgen_gui.window import Window
+
+import skelgen
+from skelgen.simulation import simulate
+
+FOLDER = Path(__file__).parent / "pictures"
+SIZE = (1280, 800)
+SETTLE_SECONDS = 1.0  # views derive lanes and curves on threads
+MOST_SECONDS = 300.0
+FAULTS = {"n_frames": 1000, "noise": 0.5, "soft_tissue": 1.0, "n_cameras": 8, "ghosts": 0.2, "labelled": False}
+
+
+def main() -> None:
+    """Open a recording, run all, and save a picture of each view."""
+    prepare_high_dpi()
+    app = QApplication([])
+    with tempfile.TemporaryDirectory() as folder:
+        preferences = Preferences(QSettings(str(Path(folder) / "settings.ini"), QSettings.Format.IniFormat))
+        theme = Theme(app, preferences)
+        theme.apply()
+        window = Window(preferences, recovery=Path(folder) / "recovery")
+        window.resize(*SIZE)
+        window.show()
+        path = Path(sys.argv[1]) if len(sys.argv) > 1 else recording(Path(folder))
+        window.open(path)
+        wait(app, lambda: window.session.project is not None and not window.jobs.is_busy)
+        window.commanding.run_all()
+        wait(app, lambda: not window.jobs.is_busy and window.session.project.has("skeleton"))
+        FOLDER.mkdir(exist_ok=True)
+        take_pictures(app, window)
+        window.care.close = lambda then: then()
+        window.close()
+        settle(app)
+
+
+def recording(folder: Path) -> Path:
+    """Simulate a human whose points have no names."""
+    path = folder / "human.mfml"
+    skelgen.write(simulate("human", **FAULTS).take, path)
+    return path
+
+
+def take_pictures(app: QApplication, window: Window) -> None:
+    """Save a picture of every view."""
+    window.session.show_frame(window.session.n_frames // 3)
+    window.session.select(Selection(joint=0))
+    window.view3d.fit_take()
+    for name, page, tab in (("window", "skeleton", 0), ("distances", "limbs", 1), ("joints", "joints", 2)):
+        window.pages.page(page)
+        window.tabs.setCurrentIndex(tab)
+        save(app, window, name)
+    window.tabs.setCurrentIndex(0)
+    window.pages.page("labels")
+    window.session.select(Selection(frozenset({0, 1})))
+    save(app, window, "labels")
+
+
+def save(app: QApplication, window: Window, name: str) -> None:
+    """Save one picture."""
+    settle(app)
+    window.grab().save(str(FOLDER / f"{name}.png"))
+
+
+def settle(app: QApplication) -> None:
+    """Let the views finish what they derive."""
+    end = time.monotonic() + SETTLE_SECONDS
+    wait(app, lambda: time.monotonic() > end)
+
+
+def wait(app: QApplication, is_so: Callable[[], bool]) -> None:
+    """Let the window live until something is so."""
+    end = time.monotonic() + MOST_SECONDS
+    while not is_so():
+        if time.monotonic() > end:
+            raise SystemExit("the window did not finish in time")
+        app.processEvents()
+        time.sleep(0.005)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+"""Opening, saving and closing: nothing is lost, and every question is asked once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
+
+from skelgen.app.files import open_input
+from skelgen.app.store import SUFFIX, is_project_file, save_project
+from skelgen.model import Project
+from skelgen_gui.document import Document
+from skelgen_gui.jobs import Jobs
+from skelgen_gui.preferences import Preferences
+from skelgen_gui.recovery import Remains
+
+Button = QMessageBox.StandardButton
+
+
+class FileCare(QObject):
+    """Opens and saves the document.
+
+    Parameters
+    ----------
+    document : Document
+        What is opened and saved.
+    jobs : Jobs
+        Reads and writes.
+    preferences : Preferences
+        Remembers files.
+    view : callable () -> mapping
+        What the window shows, for the project file.
+    tell_error : callable (error)
+        Shows what went wrong.
+    window : QWidget
+        Parent of questions.
+
+    Signals
+    -------
+    opened(object)
+        A project was opened.
+    """
+
+    opened = Signal(object)
+
+    def __init__(
+        self,
+        document: Document,
+        jobs: Jobs,
+        preferences: Preferences,
+        view: Callable[[], Mapping[str, Any]],
+        tell_error: Callable[[Exception], None],
+        window: QWidget,
+    ) -> None:
+        super().__init__(window)
+        self._document, self._jobs, self._preferences = document, jobs, preferences
+        self._view, self._tell_error, self._window = view, tell_error, window
+
+    def open(self, path: Path) -> None:
+        """Open a recording or a project, after asking what becomes of unsaved changes."""
+        if self._jobs.is_busy:
+            return
+        self._after_saving(lambda: self._read(path))
+
+    def compare(self, path: Path) -> None:
+        """Overlay the result of another project."""
+
+        def work(monitor: Any) -> Project:
+            monitor.begin("reading")
+            return open_input(path)
+
+        self._jobs.start(self._reading(path), work, self._document.session.compare_with, self._tell_error)
+
+    def restore(self, remains: Remains) -> None:
+        """Open what a window that died left behind; it stays unsaved until the user saves it."""
+
+        def work(monitor: Any) -> Project:
+            monitor.begin("reading")
+            return remains.project()
+
+        def done(project: Project) -> None:
+            self._document.open(project)
+            self.opened.emit(project)
+
+        self._jobs.start(self._reading(remains.folder), work, done, self._tell_error)
+
+    def save(self, then: Callable[[], None] | None = None) -> None:
+        """Save in the project's file; ask for one if there is none."""
+        path = self._document.session.path
+        if path is None:
+            self.save_as(then)
+        else:
+            self._write(path, then)
+
+    def save_as(self, then: Callable[[], None] | None = None) -> None:
+        """Ask for a file, and save there."""
+        project = self._document.session.project
+        if project is None:
+            return
+        proposed = str(Path(project.name or "take").with_suffix(SUFFIX))
+        title, kinds = self.tr("Save the project"), self.tr("Projects (*{0})").format(SUFFIX)
+        name, _ = QFileDialog.getSaveFileName(self._window, title, proposed, kinds)
+        if name:
+            path = Path(name)
+            self._write(path if path.suffix.lower() == SUFFIX else path.with_name(path.name + SUFFIX), then)
+
+    def close(self, then: Callable[[], None]) -> None:
+        """Ask what becomes of running work and unsaved changes, then close."""
+        if self._jobs.is_busy:
+            question = self.tr("A step is still running. Cancel it and close?")
+            if QMessageBox.question(self._window, self.tr("Close"), question) != Button.Yes:
+                return
+            self._jobs.stop()
+        self._after_saving(then)
+
+    def _after_saving(self, then: Callable[[], None]) -> None:
+        session = self._document.session
+        if not session.is_dirty or not self._is_worth_asking():
+            then()
+            return
+        question = self.tr("Save the changes of {0}?").format(session.project.name if session.project else "")
+        buttons = Button.Save | Button.Discard | Button.Cancel
+        answer = QMessageBox.question(self._window, self.tr("Unsaved changes"), question, buttons, Button.Save)
+        if answer == Button.Save:
+            self.save(then)
+        elif answer == Button.Discard:
+            then()
+
+    def _is_worth_asking(self) -> bool:
+        """A recording of which nothing was computed or corrected can be opened again."""
+        project = self._document.session.project
+        return project is not None and bool(project.reports or project.corrections or project.identities)
+
+    def _read(self, path: Path) -> None:
+        def work(monitor: Any) -> Project:
+            monitor.begin("reading")
+            return open_input(path)
+
+        def done(project: Project) -> None:
+            self._document.open(project, path if is_project_file(path) else None)
+            self._preferences.remember(path)
+            self.opened.emit(project)
+
+        self._jobs.start(self._reading(path), work, done, self._tell_error)
+
+    def _write(self, path: Path, then: Callable[[], None] | None) -> None:
+        project = self._document.session.project
+        if project is None:
+            return
+        shown = replace(project, view=dict(self._view()))
+        embed = self._preferences.values.embed
+
+        def work(monitor: Any) -> Path:
+            monitor.begin("saving")
+            return save_project(shown, path, embed=embed)
+
+        def done(saved: Path) -> None:
+            self._document.session.saved(saved, project)
+            self._preferences.remember(saved)
+            if then is not None:
+                then()
+
+        self._jobs.start(self.tr("Saving {0}").format(path.name), work, done, self._tell_error)
+
+    def _reading(self, path: Path) -> str:
+        return self.tr("Reading {0}").format(path.name)

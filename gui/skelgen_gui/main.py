@@ -1,0 +1,53 @@
+"""Starts the desktop window: ``skelgen-gui [FILE]`` and ``skelgen gui [FILE]``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QSettings, QTimer
+from PySide6.QtWidgets import QApplication
+
+from skelgen_gui.preferences import Preferences
+from skelgen_gui.recovery import find_remains
+from skelgen_gui.theme import Theme, prepare_high_dpi
+from skelgen_gui.window import Window
+
+ORGANISATION = APPLICATION = "skelgen"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Show the window until it is closed.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        A recording or a project to open; by default those of the command line.
+
+    Returns
+    -------
+    int
+        Exit code.
+    """
+    files = list(sys.argv[1:] if arguments is None else arguments)
+    prepare_high_dpi()
+    app = QApplication([APPLICATION])
+    app.setOrganizationName(ORGANISATION)
+    app.setApplicationName(APPLICATION)
+    preferences = Preferences(QSettings())
+    theme = Theme(app, preferences)
+    theme.apply()
+    window = Window(preferences)
+    window.errors.install()
+    window.show()
+    window.warming.begin()
+    QTimer.singleShot(0, lambda: _begin(window, files))
+    return int(app.exec())
+
+
+def _begin(window: Window, files: Sequence[str]) -> None:
+    for remains in find_remains():
+        window.offer(remains)
+    if files and not window.jobs.is_busy:
+        window.open(Path(files[0]))

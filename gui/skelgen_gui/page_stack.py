@@ -1,0 +1,79 @@
+"""The pages beside their list; each is built when it is first shown, because stages take long to load."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QCoreApplication, Signal
+from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QVBoxLayout, QWidget
+
+from skelgen_gui.pages import Context, PageEntry
+
+WIDTH = 380  # px
+
+
+class PageStack(QWidget):
+    """All pages of the table, one of them shown.
+
+    Parameters
+    ----------
+    entries : tuple of PageEntry
+        The table.
+    context : Context
+        What pages are given.
+
+    Signals
+    -------
+    shown(str)
+        Another page is shown; its key.
+    """
+
+    shown = Signal(str)
+
+    def __init__(self, entries: tuple[PageEntry, ...], context: Context) -> None:
+        super().__init__()
+        self.entries, self._context = entries, context
+        self.list, self._stack = QListWidget(self), QStackedWidget(self)
+        self._pages: dict[str, QWidget] = {}
+        self.list.setAccessibleName(self.tr("Steps"))
+        for entry in entries:
+            item = QListWidgetItem(QCoreApplication.translate("Pages", entry.title), self.list)
+            item.setToolTip(QCoreApplication.translate("Pages", entry.tip))
+        self.list.setFixedHeight(self.list.sizeHintForRow(0) * len(entries) + 2 * self.list.frameWidth())
+        layout = QVBoxLayout(self)
+        layout.addWidget(self.list)
+        layout.addWidget(self._stack, 1)
+        self.setMinimumWidth(WIDTH)
+        self.list.currentRowChanged.connect(self._show)
+        self.list.setCurrentRow(0)
+
+    @property
+    def current(self) -> PageEntry:
+        """The entry of the page that is shown."""
+        return self.entries[self.list.currentRow()]
+
+    def page(self, key: str) -> QWidget:
+        """Show a page, and return it."""
+        keys = [entry.key for entry in self.entries]
+        self.list.setCurrentRow(keys.index(key))
+        return self._pages[key]
+
+    def turn(self, step: int) -> None:
+        """Show the page some places on, the first or last if there is none."""
+        self.list.setCurrentRow(min(max(self.list.currentRow() + step, 0), len(self.entries) - 1))
+
+    def prepare(self) -> bool:
+        """Build the next page that was not shown yet; whether any is left after it."""
+        missing = [entry for entry in self.entries if entry.key not in self._pages]
+        if missing:
+            self._make(missing[0])
+        return len(missing) > 1
+
+    def _show(self, row: int) -> None:
+        entry = self.entries[row]
+        if entry.key not in self._pages:
+            self._make(entry)
+        self._stack.setCurrentWidget(self._pages[entry.key])
+        self.shown.emit(entry.key)
+
+    def _make(self, entry: PageEntry) -> None:
+        self._pages[entry.key] = entry.make(self._context)
+        self._stack.addWidget(self._pages[entry.key])

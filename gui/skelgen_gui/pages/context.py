@@ -1,0 +1,71 @@
+"""What every page is given, and the entry of a page in the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtWidgets import QWidget
+
+from skelgen_gui.document import Document
+from skelgen_gui.jobs import Jobs
+from skelgen_gui.preferences import Preferences
+from skelgen_gui.runner import Runner
+from skelgen_gui.session import Session
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """What pages read, and through what they wish.
+
+    Attributes
+    ----------
+    session : Session
+        The open project, frame and selection.
+    document : Document
+        Changes the project.
+    jobs : Jobs
+        Long work.
+    runner : Runner
+        Runs stages.
+    preferences : Preferences
+        What is kept between runs.
+    tell_error : callable (error)
+        Shows what went wrong.
+    open_file : callable (path)
+        Opens a recording or a project.
+    """
+
+    session: Session
+    document: Document
+    jobs: Jobs
+    runner: Runner
+    preferences: Preferences
+    tell_error: Callable[[Exception], None]
+    open_file: Callable[[Path], None]
+
+
+@dataclass(frozen=True)
+class PageEntry:
+    """One page of the window.
+
+    Attributes
+    ----------
+    key : str
+        Name in project files and tests.
+    title : str
+        What the user reads, in English.
+    tip : str
+        One sentence on what it is for.
+    make : callable (context) -> QWidget
+        Builds it when it is first shown.
+    stage : str
+        The stage whose result it shows, or empty.
+    """
+
+    key: str
+    title: str
+    tip: str
+    make: Callable[[Context], QWidget]
+    stage: str = ""

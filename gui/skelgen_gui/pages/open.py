@@ -1,0 +1,120 @@
+"""The first page: what is open, how to open something else, and identities that are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QFileDialog,
+    QHBoxLayout,
+    QLabel,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from skelgen.app.files import file_filter, given_identities
+from skelgen.app.told import take_sentences
+from skelgen.errors import SkelgenError
+from skelgen_gui.pages.context import Context
+
+_PATH = Qt.ItemDataRole.UserRole
+
+
+class OpenPage(QWidget):
+    """Open a recording or a project.
+
+    Parameters
+    ----------
+    context : Context
+        What pages are given.
+    """
+
+    def __init__(self, context: Context) -> None:
+        super().__init__()
+        self._context = context
+        self.setObjectName("page-open")
+        self.take = QLabel(self)
+        self.notices = QLabel(self)
+        self.browse = QPushButton(self.tr("Open a file…"), self)
+        self.identities = QPushButton(self.tr("Identities…"), self)
+        self.recent = QListWidget(self)
+        self._describe()
+        self._lay_out()
+        context.session.project_changed.connect(self._follow)
+        context.preferences.recent_changed.connect(self._follow_recent)
+        self.browse.clicked.connect(self.choose)
+        self.identities.clicked.connect(self._choose_identities)
+        self.recent.itemActivated.connect(self._open_recent)
+        self._follow()
+        self._follow_recent()
+
+    def choose(self) -> None:
+        """Ask for a file, and open it."""
+        name, _ = QFileDialog.getOpenFileName(self, self.tr("Open"), "", file_filter())
+        if name:
+            self._context.open_file(Path(name))
+
+    def _describe(self) -> None:
+        self.take.setWordWrap(True)
+        self.take.setAccessibleName(self.tr("What is open"))
+        self.notices.setWordWrap(True)
+        self.notices.setAccessibleName(self.tr("What the reader did"))
+        self.browse.setToolTip(self.tr("Open a recording in any format, or a project"))
+        self.browse.setAccessibleName(self.tr("Open a file"))
+        self.identities.setToolTip(self.tr("Read a file that says which point is which marker in some frames"))
+        self.identities.setAccessibleName(self.tr("Read identities"))
+        self.recent.setAccessibleName(self.tr("Recent files"))
+        self.recent.setToolTip(self.tr("Files that were open; Enter opens one again"))
+
+    def _lay_out(self) -> None:
+        buttons = QHBoxLayout()
+        for button in (self.browse, self.identities):
+            buttons.addWidget(button)
+        buttons.addStretch(1)
+        layout = QVBoxLayout(self)
+        layout.addWidget(QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self))
+        layout.addLayout(buttons)
+        layout.addWidget(self.take)
+        layout.addWidget(self.notices)
+        layout.addWidget(QLabel(self.tr("Recent files"), self))
+        layout.addWidget(self.recent, 1)
+
+    def _choose_identities(self) -> None:
+        project = self._context.session.project
+        name, _ = QFileDialog.getOpenFileName(self, self.tr("Identities"), "", self.tr("Identities (*.csv)"))
+        if not name or project is None:
+            return
+        try:
+            stated = given_identities(Path(name))
+        except SkelgenError as error:
+            self._context.tell_error(error)
+            return
+        changed = replace(project, identities=stated).before("labels")
+        self._context.document.change(self.tr("identities of {0}").format(Path(name).name), changed)
+
+    def _follow(self) -> None:
+        project = self._context.session.project
+        self.identities.setEnabled(project is not None)
+        if project is None:
+            self.take.setText(self.tr("Nothing is open."))
+            self.notices.clear()
+            return
+        self.take.setText("\n".join((project.name, *take_sentences(project.take))))
+        self.notices.setText("\n".join(project.take.notices))
+
+    def _follow_recent(self) -> None:
+        self.recent.clear()
+        for path in self._context.preferences.recent:
+            item = QListWidgetItem(path.name, self.recent)
+            item.setToolTip(str(path))
+            item.setData(_PATH, path)
+            if not path.exists():
+                item.setFlags(item.flags() & ~Qt.ItemFlag.ItemIsEnabled)
+
+    def _open_recent(self, item: QListWidgetItem) -> None:
+        self._context.open_file(item.data(_PATH))

@@ -1,0 +1,226 @@
+"""The page of one stage: run it or take a saved result, its parameters, what came out, and what to look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QButtonGroup,
+    QFileDialog,
+    QGroupBox,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QRadioButton,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
+
+from skelgen.app.configuration import parameters_class
+from skelgen.app.corrections import number_of, with_number
+from skelgen.app.saved import with_saved
+from skelgen.app.stages import find_stage
+from skelgen.app.store import SUFFIX, find_result, open_project
+from skelgen.app.told import Pointer, stage_pointers, stage_sentences
+from skelgen.model import Project
+from skelgen_gui.forms import stage_form
+from skelgen_gui.found_or_given import FoundOrGiven
+from skelgen_gui.pages.context import Context
+from skelgen_gui.session import Selection
+
+_NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
+"""Stages whose number the user may know, and the correction that says so."""
+
+_POINTER = Qt.ItemDataRole.UserRole
+
+
+class StagePage(QWidget):
+    """One stage.
+
+    Parameters
+    ----------
+    stage : str
+        Its name.
+    context : Context
+        What pages are given.
+    """
+
+    def __init__(self, stage: str, context: Context) -> None:
+        super().__init__()
+        self._stage, self._context = stage, context
+        self.setObjectName(f"page-{stage}")
+        self.form = stage_form(parameters_class(stage), self)
+        self.number = self._made_number()
+        self.runs, self.uses_saved = QRadioButton(self.tr("Run this step"), self), QRadioButton(self)
+        self.path, self._browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
+        self.go = QPushButton(self)
+        self.result = QLabel(self)
+        self.warnings = QListWidget(self)
+        self._describe()
+        self._lay_out()
+        self._connect()
+        self._follow_project()
+
+    def _made_number(self) -> FoundOrGiven | None:
+        titles = {"labels": self.tr("Number of markers"), "limbs": self.tr("Number of limbs")}
+        return FoundOrGiven(titles[self._stage], self) if self._stage in titles else None
+
+    def _describe(self) -> None:
+        self.uses_saved.setText(self.tr("Use a saved result"))
+        self.runs.setToolTip(self.tr("Compute this step from the results before it"))
+        self.uses_saved.setToolTip(self.tr("Take the result of this step from a project file of the same recording"))
+        self.path.setPlaceholderText(self.tr("project file, {0}").format(SUFFIX))
+        self.path.setAccessibleName(self.tr("Project file with the saved result"))
+        self.path.setToolTip(self.path.accessibleName())
+        self._browse.setAccessibleName(self.tr("Choose the project file with the saved result"))
+        self._browse.setToolTip(self._browse.accessibleName())
+        self.result.setWordWrap(True)
+        self.result.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.result.setAccessibleName(self.tr("What came out of this step"))
+        self.warnings.setAccessibleName(self.tr("What to look at; Enter goes there"))
+        self.warnings.setToolTip(self.tr("Choose a line to go to its frame and markers"))
+        self.warnings.setWordWrap(True)
+        self.runs.setChecked(True)
+
+    def _lay_out(self) -> None:
+        choice, saved = QVBoxLayout(), QHBoxLayout()
+        for button in (self.runs, self.uses_saved):
+            choice.addWidget(button)
+        saved.addWidget(self.path)
+        saved.addWidget(self._browse)
+        self._choice = QButtonGroup(self)
+        self._choice.addButton(self.runs)
+        self._choice.addButton(self.uses_saved)
+        choice.addLayout(saved)
+        inner = QWidget(self)
+        column = QVBoxLayout(inner)
+        summary = QLabel(find_stage(self._stage).summary, self)
+        summary.setWordWrap(True)
+        column.addWidget(summary)
+        column.addLayout(choice)
+        for widget in filter(None, (self.number, self.form)):
+            column.addWidget(widget)
+        column.addStretch(1)
+        area = QScrollArea(self)
+        area.setWidgetResizable(True)
+        area.setFrameShape(QScrollArea.Shape.NoFrame)
+        area.setWidget(inner)
+        layout = QVBoxLayout(self)
+        layout.addWidget(area, 3)
+        layout.addWidget(self.go)
+        layout.addWidget(self._outcome(), 2)
+
+    def _outcome(self) -> QGroupBox:
+        box = QGroupBox(self.tr("What came out"), self)
+        layout = QVBoxLayout(box)
+        layout.addWidget(self.result)
+        layout.addWidget(self.warnings, 1)
+        return box
+
+    def _connect(self) -> None:
+        session, jobs = self._context.session, self._context.jobs
+        session.project_changed.connect(self._follow_project)
+        jobs.begun.connect(self._follow_jobs)
+        jobs.ended.connect(self._follow_jobs)
+        self.runs.toggled.connect(self._follow_jobs)
+        self.path.textChanged.connect(self._follow_jobs)
+        self._browse.clicked.connect(self._choose)
+        self.form.changed.connect(self._keep_values)
+        self.go.clicked.connect(self.start)
+        self.warnings.itemActivated.connect(self._look)
+        self.warnings.itemClicked.connect(self._look)
+
+    def start(self) -> None:
+        """Run the stage, or take the saved result."""
+        project = self._context.session.project
+        if project is None or not self.go.isEnabled():
+            return
+        if self.uses_saved.isChecked():
+            self._take_saved(project)
+            return
+        self.obey_number()
+        self._context.runner.run(self._stage)
+
+    def obey_number(self) -> None:
+        """Let the project say what this page says of the number."""
+        project = self._context.session.project
+        if self.number is None or project is None:
+            return
+        kind, number = _NUMBERS[self._stage], self.number.value()
+        if number != number_of(project, kind):
+            self._context.document.change(self.number.accessibleName(), with_number(project, kind, number))
+
+    def _take_saved(self, project: Project) -> None:
+        path, stage, document = Path(self.path.text()), self._stage, self._context.document
+
+        def work(monitor: Any) -> Project:
+            monitor.begin(stage)
+            return with_saved(project, open_project(find_result(path)), stage)
+
+        def done(result: Project) -> None:
+            document.change(self.tr("take a saved result"), result)
+
+        self._context.jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._context.tell_error)
+
+    def _choose(self) -> None:
+        title = self.tr("Project file with the saved result")
+        name, _ = QFileDialog.getOpenFileName(self, title, self.path.text(), self.tr("Projects (*{0})").format(SUFFIX))
+        if name:
+            self.path.setText(name)
+            self.uses_saved.setChecked(True)
+
+    def _keep_values(self) -> None:
+        if not self.form.problem():
+            self._context.runner.set_values(self._stage, self.form.values())
+        self._follow_jobs()
+
+    def _follow_jobs(self) -> None:
+        project = self._context.session.project
+        is_ready = bool(self.path.text()) if self.uses_saved.isChecked() else not self.form.problem()
+        self.go.setEnabled(project is not None and is_ready and not self._context.jobs.is_busy)
+        title = find_stage(self._stage).name
+        self.go.setText(
+            self.tr("Use the saved {0}").format(title)
+            if self.uses_saved.isChecked()
+            else self.tr("Run {0}").format(title)
+        )
+        self.go.setToolTip(find_stage(self._stage).summary)
+        for widget in (self.path, self._browse):
+            widget.setEnabled(self.uses_saved.isChecked())
+
+    def _follow_project(self) -> None:
+        project = self._context.session.project
+        self.form.blockSignals(True)
+        self.form.set_values(self._context.runner.values(self._stage))
+        self.form.blockSignals(False)
+        if self.number is not None:
+            kind = _NUMBERS[self._stage]
+            self.number.set_value(None if project is None else number_of(project, kind))
+            self.number.show_found(_found(project, kind))
+        sentences = () if project is None else stage_sentences(project, self._stage)
+        self.result.setText(" ".join(sentences) or self.tr("This step has not run yet."))
+        self.warnings.clear()
+        for pointer in () if project is None else stage_pointers(project, self._stage):
+            item = QListWidgetItem(pointer.sentence, self.warnings)
+            item.setData(_POINTER, pointer)
+        self._follow_jobs()
+
+    def _look(self, item: QListWidgetItem) -> None:
+        pointer: Pointer = item.data(_POINTER)
+        session = self._context.session
+        if pointer.frame is not None:
+            session.show_frame(pointer.frame)
+        if pointer.markers:
+            session.select(Selection(frozenset(pointer.markers)))
+
+
+def _found(project: Project | None, kind: str) -> int | None:
+    if project is None or not project.has("labels" if kind == "n_markers" else "limbs"):
+        return None
+    return project.trajectories.n_markers if kind == "n_markers" else project.limbs.n_limbs

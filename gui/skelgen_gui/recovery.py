@@ -1,0 +1,168 @@
+"""Autosave, and what a crash left behind: the open project is kept beside the user's files while it has changes.
+
+Each window writes into a folder of its own below the application's data folder: the project, and a note of whose it is.
+A clean end removes it; what a later window finds without a living process belongs to a window that died.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import threading
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QStandardPaths, QTimer
+
+from skelgen.app.store import open_project, save_project
+from skelgen.errors import SkelgenError
+from skelgen.files import replacing
+from skelgen.model import Project
+from skelgen_gui.preferences import Preferences
+from skelgen_gui.session import Session
+
+_PROJECT, _NOTE = "project.skelgen", "note.json"
+
+
+@dataclass(frozen=True)
+class Remains:
+    """What a window that died left behind.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it is.
+    name : str
+        Of the take.
+    path : Path or None
+        The project file that it was opened from, if any.
+    when : datetime
+        When it was kept.
+    """
+
+    folder: Path
+    name: str
+    path: Path | None
+    when: datetime
+
+    def project(self) -> Project:
+        """Read the project; raises `FormatError` if it is damaged."""
+        return open_project(self.folder / _PROJECT)
+
+    def forget(self) -> None:
+        """Remove it."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def recovery_folder() -> Path:
+    """Return the folder in which windows keep their projects."""
+    base = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.AppLocalDataLocation)
+    return Path(base) / "recovery"
+
+
+def find_remains(folder: Path | None = None) -> tuple[Remains, ...]:
+    """Return what windows that are no longer alive left behind, the newest first."""
+    folder = folder or recovery_folder()
+    found = []
+    for each in sorted(folder.glob("*/")) if folder.is_dir() else ():
+        try:
+            note = json.loads((each / _NOTE).read_text(encoding="utf-8"))
+            path = Path(note["path"]) if note["path"] else None
+            remains = Remains(each, str(note["name"]), path, datetime.fromisoformat(note["time"]))
+            is_alive = _is_alive(int(note["process"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # being written just now, or not ours
+        if not is_alive and (each / _PROJECT).is_file():
+            found.append(remains)
+    return tuple(sorted(found, key=lambda remains: remains.when, reverse=True))
+
+
+class Autosave(QObject):
+    """Keeps the session's project while it has unsaved changes.
+
+    Parameters
+    ----------
+    session : Session
+        Holds the project.
+    preferences : Preferences
+        Say how often.
+    folder : Path, optional
+        Where all windows keep theirs.
+    parent : QObject, optional
+        Owner.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        preferences: Preferences,
+        folder: Path | None = None,
+        parent: QObject | None = None,
+    ) -> None:
+        super().__init__(parent)
+        self._session = session
+        self._folder = (folder or recovery_folder()) / f"{os.getpid()}-{id(self):x}"
+        self._kept: Project | None = None
+        self._thread: threading.Thread | None = None
+        self._preferences = preferences
+        self._timer = QTimer(self)
+        self._timer.timeout.connect(self.save)
+        preferences.changed.connect(self._follow)
+        self._follow()
+
+    def save(self) -> None:
+        """Keep the project now, on a thread of its own, if it has changes that are not kept yet."""
+        project = self._session.project
+        if self._thread is not None and self._thread.is_alive():
+            return
+        if project is None or not self._session.is_dirty or project is self._kept:
+            return
+        self._kept = project
+        self._thread = threading.Thread(target=_keep, args=(project, self._session.path, self._folder))
+        self._thread.start()
+
+    def _follow(self) -> None:
+        seconds = self._preferences.values.autosave
+        if seconds:
+            self._timer.start(1000 * seconds)
+        else:
+            self._timer.stop()
+
+    def wait(self) -> None:
+        """Wait for what is being written."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def end(self) -> None:
+        """Wait for what is being written, and remove what was kept: nothing is lost any more."""
+        self._timer.stop()
+        self.wait()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _keep(project: Project, path: Path | None, folder: Path) -> None:
+    note = {
+        "name": project.name,
+        "path": str(path) if path else "",
+        "time": datetime.now().isoformat(),
+        "process": os.getpid(),
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        save_project(project, folder / _PROJECT)
+        with replacing(folder / _NOTE) as temporary:
+            temporary.write_text(json.dumps(note), encoding="utf-8")
+    except (OSError, SkelgenError):
+        return  # a full disk must not stop the work; saving by hand says what is wrong
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -1,0 +1,138 @@
+"""What can be done in the 3-D view, as actions for its buttons, its keys and the menus of the window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtCore import QObject
+from PySide6.QtGui import QAction, QActionGroup, QKeySequence
+from PySide6.QtWidgets import QMenu
+
+from skelgen_gui.view3d.shown import MAGNIFICATIONS, TRAIL_SECONDS, Shown
+
+if TYPE_CHECKING:
+    from skelgen_gui.view3d.widget import View3D
+
+
+class Commands(QObject):
+    """The actions of one view; they follow what it shows.
+
+    Attributes
+    ----------
+    fit, fit_take, front, side, top : QAction
+        Move the viewer.
+    rectangle : QAction
+        Checkable: dragging selects by a rectangle instead of turning the view.
+    switches : dict of str to QAction
+        Checkable, one for every switch of `Shown`, by its name.
+    choices : dict of str to list of QAction
+        Checkable, one for every value to choose of `Shown`'s other fields, by the field's name.
+
+    Parameters
+    ----------
+    view : View3D
+        The view, which becomes the parent.
+    """
+
+    def __init__(self, view: View3D) -> None:
+        super().__init__(view)
+        self._view = view
+        self._keys: dict[str, QAction] = {}
+        tr = self.tr
+        self.fit = self._do(tr("Fit"), "F", tr("Show all of this frame, or what is selected"), view.fit)
+        self.fit_take = self._do(tr("Fit take"), "Shift+F", tr("Show where all of the take happens"), view.fit_take)
+        self.front = self._do(tr("Front"), "1", tr("Look at the wider side"), view.look_from_front)
+        self.side = self._do(tr("Side"), "3", tr("Look at the narrower side"), view.look_from_side)
+        self.top = self._do(tr("Top"), "7", tr("Look from above"), view.look_from_top)
+        self.rectangle = self._do(tr("Select"), "B", tr("Drag a rectangle around markers (also: Shift and drag)"))
+        self.rectangle.setCheckable(True)
+        self.switches = {name: self._switch(name, *words) for name, words in self._switch_words().items()}
+        self.choices = {name: self._choice(name, values) for name, values in self._choice_words().items()}
+        view.shown_changed.connect(self._follow)
+        self._follow(view.shown)
+
+    def obey(self, key: QKeySequence) -> bool:
+        """Do what a key stands for, and say whether it stands for anything."""
+        action = self._keys.get(key.toString())
+        if action is not None:
+            action.trigger()
+        return action is not None
+
+    def fill(self, menu: QMenu) -> None:
+        """Add all switches and choices to a menu."""
+        menu.addActions(list(self.switches.values()))
+        menu.addSeparator()
+        titles = {"trail_seconds": self.tr("Length of trails"), "magnification": self.tr("Size of ellipsoids")}
+        for name, actions in self.choices.items():
+            submenu = menu.addMenu(titles.get(name, self.tr("Up axis")))
+            submenu.addActions(actions)
+
+    def _switch_words(self) -> dict[str, tuple[str, str]]:
+        """Text and explanation of every switch."""
+        tr = self.tr
+        return {
+            "markers": (tr("Markers"), tr("Measured markers; doubtful ones have a ring")),
+            "filled": (tr("Filled markers"), tr("Unseen markers, hollow, where the skeleton places them")),
+            "names": (tr("Names"), tr("Names of markers beside them")),
+            "trails": (tr("Trails"), tr("The ways that markers came")),
+            "bones": (tr("Bones"), tr("Lines between joints, and to the markers of end limbs")),
+            "joints": (tr("Joints"), tr("Joints of the skeleton")),
+            "uncertainty": (tr("Uncertainty of joints"), tr("Ellipsoids of standard deviations, magnified")),
+            "axes": (tr("Axes of joints"), tr("Axes of hinges and universal joints, and of bodies")),
+            "floor": (tr("Floor"), tr("Floor grid and shadows")),
+            "cameras": (tr("Cameras"), tr("What the cameras see, where they are known")),
+            "follow": (tr("Follow"), tr("Go along with what moves")),
+            "other": (tr("Second result"), tr("The project that is compared, translucent")),
+        }
+
+    def _choice_words(self) -> dict[str, list[tuple[str, Any]]]:
+        """Text and value of everything that can be chosen."""
+        seconds = [(self.tr("{value:g} s").format(value=value), value) for value in TRAIL_SECONDS]
+        times: list[tuple[str, Any]] = [(self.tr("As large as fits"), None)]
+        times += [(self.tr("{value} × standard deviation").format(value=value), value) for value in MAGNIFICATIONS]
+        ups = [(self.tr("As the data tell"), None), (self.tr("X up"), 0), (self.tr("Y up"), 1), (self.tr("Z up"), 2)]
+        return {"trail_seconds": list(seconds), "magnification": times, "up": list(ups)}
+
+    def _do(self, text: str, key: str, explanation: str, act: Callable[[], None] | None = None) -> QAction:
+        """Make an action. Its key is no shortcut of Qt: a window may have one of its own for the same thing."""
+        action = QAction(text, self)
+        action.setToolTip(f"{explanation} ({key})")
+        self._keys[QKeySequence(key).toString()] = action
+        if act is not None:
+            action.triggered.connect(act)
+        return action
+
+    def _switch(self, name: str, text: str, explanation: str) -> QAction:
+        action = QAction(text, self)
+        action.setCheckable(True)
+        action.setToolTip(explanation)
+        action.toggled.connect(partial(self._set, name))
+        return action
+
+    def _choice(self, name: str, values: Iterable[tuple[str, Any]]) -> list[QAction]:
+        group = QActionGroup(self)
+        actions = []
+        for text, value in values:
+            action = group.addAction(text)
+            action.setCheckable(True)
+            action.setData(value)
+            actions.append(action)
+        group.triggered.connect(partial(self._choose, name))
+        return actions
+
+    def _set(self, name: str, value: Any) -> None:
+        self._view.show_only(replace(self._view.shown, **{name: value}))
+
+    def _choose(self, name: str, action: QAction) -> None:
+        self._set(name, action.data())
+
+    def _follow(self, shown: Shown) -> None:
+        """Check what is shown."""
+        for name, action in self.switches.items():
+            action.setChecked(getattr(shown, name))
+        for name, actions in self.choices.items():
+            for action in actions:
+                action.setChecked(action.data() == getattr(shown, name))

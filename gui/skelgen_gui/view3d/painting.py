@@ -1,0 +1,230 @@
+"""A picture of a project, painted back to front."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from PySide6.QtCore import QLineF, QPointF, Qt
+from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
+
+from skelgen.model.arrays import Bools, Floats
+from skelgen_gui.batch import draw_lines, draw_points
+from skelgen_gui.view3d.colours import N_FOGS, Colours, Inks
+from skelgen_gui.view3d.floor import Floor
+from skelgen_gui.view3d.picture import Canvas, Picture
+from skelgen_gui.view3d.scene import Scene, Snapshot
+from skelgen_gui.view3d.sprites import Sprites, Style
+from skelgen_gui.view3d.trails import N_AGES, trail_lines
+
+MARKER_RADIUS = 5.0
+"""Pixels, of a marker as deep as the target, where what is seen in a frame takes `USUAL_SIZE`."""
+
+USUAL_SIZE = 480.0
+"""Pixels; on smaller and larger pictures markers are smaller and larger."""
+
+_SIZES = (0.55, 1.5)  # bounds of that growth
+_NEARER = (0.7, 1.4)  # bounds of the growth with nearness
+_JOINT = 1.0  # of a marker's radius
+_BONE = 0.95  # of a marker's radius: width of a bone
+_PAST, _PAST_ALPHA = 1.8, 90  # px, 0 .. 255: dots where points without names were
+_LEFT_OUT = 1.2  # of a marker's radius: diameter of points that went to no marker
+_FULL_FOG = 0.4  # of the size of what is seen: a figure that is flatter does not fade in full
+_SPOKE = 0.4  # of a bone's width: lines to markers
+_HALO, _MARKED_HALO = 3.0, 6.0  # px, what the halo adds to a bone's width
+_WIDE = 60.0  # of a marker's radius: ellipsoids that are larger are not filled, so as not to veil the rest
+_STYLES = (Style.BALL, Style.DOUBTFUL, Style.HOLLOW)  # by `State`
+_JOINT_STYLE, _RING_STYLE = Style.JOINT, Style.RING
+_SOLID, _CAP, _FLAT = Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenCapStyle.FlatCap
+
+
+@dataclass(frozen=True, eq=False)
+class Brushes:
+    """What painting needs besides the picture.
+
+    Attributes
+    ----------
+    inks : Inks
+        Colours.
+    sprites : Sprites
+        Balls and rings.
+    radius : float, px
+        Of a marker as deep as the target.
+    distance : float, mm
+        Depth of the target.
+    """
+
+    inks: Inks
+    sprites: Sprites
+    radius: float
+    distance: float
+
+    def radius_at(self, depth: float) -> float:
+        """Radius [px] of a marker at a depth [mm]."""
+        return self.radius * min(max(self.distance / depth, _NEARER[0]), _NEARER[1])
+
+
+def marker_radius(canvas: Canvas, size: float) -> float:
+    """Radius [px] of markers in a picture of something of a size [mm]."""
+    growth = canvas.viewpoint.scale(canvas.height) * size / USUAL_SIZE
+    return MARKER_RADIUS * min(max(growth, _SIZES[0]), _SIZES[1])
+
+
+def paint_shadows(painter: QPainter, snapshot: Snapshot, floor: Floor, canvas: Canvas, brushes: Brushes) -> None:
+    """Paint shadows straight below bones and markers: they show where in the room things are."""
+    shade = brushes.inks.colours.shade
+    bones, _ = canvas.project(floor.below(snapshot.bones))
+    painter.setPen(QPen(shade, 0.7 * brushes.radius, _SOLID, _CAP))
+    draw_lines(painter, _known(bones))
+    points, _ = canvas.project(floor.below(np.concatenate([snapshot.markers, snapshot.loose])))
+    painter.setPen(QPen(shade, brushes.radius, _SOLID, _CAP))
+    draw_points(painter, _known(points))
+
+
+def paint_trails(painter: QPainter, scene: Scene, places: Floats, inks: Inks) -> None:
+    """Paint the ways that markers came, faint where old.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    scene : Scene
+        For the limbs of markers.
+    places : ndarray, shape (n_steps, n_markers, 2), px
+        Where they were.
+    inks : Inks
+        Colours.
+    """
+    for limb, age, lines in trail_lines(places, scene.limb_of_marker):
+        ink = QColor(inks.limb(limb, 0))
+        ink.setAlphaF(0.08 + 0.42 * ((age + 1) / N_AGES) ** 2)
+        painter.setPen(QPen(ink, 1.0 + 0.5 * age / N_AGES, _SOLID, _FLAT))
+        draw_lines(painter, lines)
+
+
+def paint_past(painter: QPainter, places: Floats, inks: Inks) -> None:
+    """Paint where points without names were [px], shape (n, 2), as small dots."""
+    ink = QColor(inks.limb(-1, 0))
+    ink.setAlpha(_PAST_ALPHA)
+    painter.setPen(QPen(ink, _PAST, _SOLID, _CAP))
+    draw_points(painter, _known(places))
+
+
+def paint_left_out(painter: QPainter, picture: Picture, brushes: Brushes) -> None:
+    """Paint the points of an unlabelled take small: markers cover theirs, so that what was left out remains."""
+    painter.setPen(QPen(brushes.inks.limb(-1, 0), _LEFT_OUT * brushes.radius, _SOLID, _CAP))
+    draw_points(painter, _known(picture.loose))
+
+
+def paint_points(painter: QPainter, scene: Scene, picture: Picture, brushes: Brushes) -> None:
+    """Paint the points of a take that has no markers yet, from the farthest to the nearest."""
+    known = np.flatnonzero(~np.isnan(picture.loose[:, 0]))
+    order = known[np.argsort(-picture.loose_depths[known], kind="stable")]
+    depths, places = picture.loose_depths[order], picture.loose[order].tolist()
+    for place, depth, fog in zip(places, depths.tolist(), _fogs(depths, scene.size), strict=True):
+        brushes.sprites.draw(painter, place, brushes.radius_at(depth), Style.BALL, brushes.inks.limb(-1, fog))
+
+
+def paint_axes(painter: QPainter, picture: Picture, colours: Colours) -> None:
+    """Paint axes of joints dashed, and those of bodies in the colours of x, y and z."""
+    painter.setPen(QPen(colours.mixed(colours.ink, 0.4), 1.2, Qt.PenStyle.DashLine, _FLAT))
+    draw_lines(painter, _known(picture.axes))
+    for axis, colour in enumerate(colours.axes):
+        painter.setPen(QPen(colour, 2.0, _SOLID, _CAP))
+        draw_lines(painter, _known(picture.bodies[:, axis]))
+
+
+def paint_ellipses(painter: QPainter, picture: Picture, brushes: Brushes) -> None:
+    """Paint the uncertainty of joints: translucent ellipsoids with their main sections, where they exceed a joint."""
+    colours = brushes.inks.colours
+    edge, line, inside = (QColor(colours.only or colours.ink) for _ in range(3))
+    edge.setAlpha(120)
+    line.setAlpha(60)
+    inside.setAlpha(22)
+    spans = np.ptp(picture.ellipses[:, 0], axis=1).max(axis=1)
+    known = picture.ellipses[spans > 2 * brushes.radius]
+    painter.setPen(QPen(edge, 1.0))
+    for outline, span in zip(known[:, 0].tolist(), spans[spans > 2 * brushes.radius].tolist(), strict=True):
+        painter.setBrush(inside if span < _WIDE * brushes.radius else Qt.BrushStyle.NoBrush)
+        painter.drawPolygon(QPolygonF([QPointF(x, y) for x, y in outline]))
+    sections = known[:, 1:].reshape(-1, *known.shape[2:])
+    painter.setPen(QPen(line, 0.8, _SOLID, _FLAT))
+    draw_lines(painter, np.stack([sections, np.roll(sections, -1, axis=1)], axis=2).reshape(-1, 2, 2))
+
+
+def paint_items(
+    painter: QPainter, scene: Scene, snapshot: Snapshot, picture: Picture, brushes: Brushes, faint: Bools, limb: int
+) -> None:
+    """Paint bones, markers and joints from the farthest to the nearest.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    scene, snapshot, picture
+        What there is, and where.
+    brushes : Brushes
+        How it looks.
+    faint : ndarray of bool, shape (n_bones,)
+        Bones whose place is interpolated.
+    limb : int
+        The limb that is selected, or -1.
+    """
+    n_markers, n_joints = len(picture.markers), len(picture.joints)
+    depths = np.concatenate([picture.marker_depths, picture.joint_depths, picture.bone_depths])
+    known = ~np.isnan(
+        np.concatenate([picture.markers[:, 0], picture.joints[:, 0], picture.bones[:, :, 0].mean(axis=1)])
+    )
+    order = np.flatnonzero(known)[np.argsort(-depths[known], kind="stable")]
+    markers, joints, bones = picture.markers.tolist(), picture.joints.tolist(), picture.bones.tolist()
+    state = snapshot.state.tolist()
+    limb_of_marker, limb_of_bone = scene.limb_of_marker.tolist(), scene.bones.limb.tolist()
+    for item, depth, fog in zip(order.tolist(), depths[order].tolist(), _fogs(depths[order], scene.size), strict=True):
+        radius = brushes.radius_at(depth)
+        if item < n_markers:
+            colour = brushes.inks.limb(limb_of_marker[item], fog)
+            brushes.sprites.draw(
+                painter, markers[item], radius, _STYLES[state[item]], colour, brushes.inks.colours.doubt
+            )
+        elif item < n_markers + n_joints:
+            edge, inside = brushes.inks.joint(fog)
+            brushes.sprites.draw(painter, joints[item - n_markers], _JOINT * radius, _JOINT_STYLE, inside, edge)
+        else:
+            bone = item - n_markers - n_joints
+            width = _BONE * radius * (_SPOKE if scene.bones.is_spoke[bone] else 1.0)
+            colour = brushes.inks.limb(limb_of_bone[bone], fog + (2 if faint[bone] else 0))
+            _paint_bone(painter, bones[bone], width, colour, brushes, limb_of_bone[bone] == limb)
+
+
+def paint_rings(painter: QPainter, places: Floats, depths: Floats, brushes: Brushes, colour: QColor) -> None:
+    """Paint rings around markers or joints [px] that are selected or under the pointer."""
+    for (x, y), depth in zip(places.tolist(), depths.tolist(), strict=True):
+        if not math.isnan(x):  # else it is hidden
+            brushes.sprites.draw(
+                painter, (x, y), brushes.radius_at(depth), _RING_STYLE, colour, brushes.inks.colours.ground
+            )
+
+
+def _paint_bone(
+    painter: QPainter, ends: list[list[float]], width: float, colour: QColor, brushes: Brushes, is_marked: bool
+) -> None:
+    """A rod with light along it; its halo cuts what lies behind, which shows what is in front."""
+    line = QLineF(*ends[0], *ends[1])
+    halo, around = brushes.inks.halo(is_marked), _MARKED_HALO if is_marked else _HALO
+    for ink, thickness in ((halo, width + around), (colour, width), (colour.lighter(122), 0.35 * width)):
+        painter.setPen(QPen(ink, thickness, _SOLID, _CAP))
+        painter.drawLine(line)
+
+
+def _fogs(depths: Floats, size: float) -> list[int]:
+    """How deep each of some things lies among them, 0 .. `N_FOGS` - 1; less if they are flatter than a size [mm]."""
+    if not len(depths):
+        return []
+    span = max(float(np.ptp(depths)), _FULL_FOG * size, 1e-9)
+    return [round(fog) for fog in ((N_FOGS - 1) * (depths - depths.min()) / span).tolist()]
+
+
+def _known(places: Floats) -> Floats:
+    """The lines or points without NaN."""
+    return places[~np.isnan(places).any(axis=tuple(range(1, places.ndim)))]

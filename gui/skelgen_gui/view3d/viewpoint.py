@@ -1,0 +1,137 @@
+"""Where the viewer stands: perspective projection, and how orbit, pan, zoom and fit move it. Numbers only."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from skelgen.model.arrays import Floats
+
+FIELD_OF_VIEW = math.radians(32)
+"""Vertical angle of view: that of a short telephoto lens, which distorts little and still shows depth."""
+
+NEAREST = 0.02
+"""Part of the distance to the target before which nothing is drawn."""
+
+DISTANCES = (1.0, 1e7)
+"""Bounds [mm] of the distance to the target."""
+
+FIT_MARGIN = 0.9
+"""Part of the window that what is fitted may take."""
+
+_ALONE = 200.0  # mm, half the size of what is fitted if it has none: a single point
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """A viewer that looks at a target from a direction.
+
+    Attributes
+    ----------
+    target : tuple of float, mm
+        The point in the middle of the picture.
+    azimuth, elevation : float, rad
+        Direction from the target to the viewer; the elevation lies in -pi/2 .. pi/2.
+    distance : float, mm
+        From the target to the viewer.
+    up : int
+        Coordinate axis that points up. Azimuths turn about it, from the next axis (cyclically) towards the one after.
+    """
+
+    target: Point = (0.0, 0.0, 0.0)
+    azimuth: float = 0.0
+    elevation: float = 0.0
+    distance: float = 3000.0
+    up: int = 2
+
+    @cached_property
+    def basis(self) -> Floats:
+        """Unit vectors to the right, up in the picture, and toward the viewer, shape (3, 3), one a row."""
+        first, second, upward = np.eye(3)[[(self.up + 1) % 3, (self.up + 2) % 3, self.up]]
+        level = math.cos(self.azimuth) * first + math.sin(self.azimuth) * second
+        right = -math.sin(self.azimuth) * first + math.cos(self.azimuth) * second
+        toward = math.cos(self.elevation) * level + math.sin(self.elevation) * upward
+        return np.stack([right, np.cross(toward, right), toward])
+
+    def focal(self, height: float) -> float:
+        """Focal length [px] of a picture of some height [px]."""
+        return max(height, 1.0) / 2 / math.tan(FIELD_OF_VIEW / 2)
+
+    def scale(self, height: float) -> float:
+        """Pixels per mm at the target."""
+        return self.focal(height) / self.distance
+
+    def project(self, points: Floats, width: float, height: float) -> tuple[Floats, Floats]:
+        """Project points into the picture.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3), mm
+            NaN allowed.
+        width, height : float, px
+            Size of the picture.
+
+        Returns
+        -------
+        places : ndarray, shape (n, 2), px
+            From the upper left corner, right and down; NaN where unknown or not before the viewer.
+        depths : ndarray, shape (n,), mm
+            Distances along the line of sight; NaN as the places.
+        """
+        relative = (points - np.array(self.target)) @ self.basis.T
+        depths = self.distance - relative[:, 2]
+        depths[~(depths > NEAREST * self.distance)] = np.nan
+        scales = self.focal(height) / depths
+        places = np.stack([width / 2 + scales * relative[:, 0], height / 2 - scales * relative[:, 1]], axis=1)
+        return places, depths
+
+    def orbited(self, right: float, up: float) -> Viewpoint:
+        """Turn about the target by two angles [rad]; the viewer stops above and below it."""
+        elevation = min(max(self.elevation + up, -math.pi / 2), math.pi / 2)
+        return replace(self, azimuth=math.remainder(self.azimuth + right, math.tau), elevation=elevation)
+
+    def panned(self, right: float, down: float, height: float) -> Viewpoint:
+        """Shift the picture by pixels; what lies as deep as the target follows exactly."""
+        across, upward, _ = self.basis
+        shift = (down * upward - right * across) / self.scale(height)
+        return self.looking_at(np.array(self.target) + shift)
+
+    def zoomed(self, factor: float, right: float = 0.0, down: float = 0.0, height: float = 1.0) -> Viewpoint:
+        """Come nearer by a factor; a place [px] from the middle of the picture stays where it is."""
+        distance = min(max(self.distance / factor, DISTANCES[0]), DISTANCES[1])
+        part = 1.0 - distance / self.distance
+        return replace(self.panned(-right * part, -down * part, height), distance=distance)
+
+    def looking_at(self, target: Floats) -> Viewpoint:
+        """Look at another point [mm] from the same side and distance."""
+        x, y, z = (float(value) for value in target)
+        return replace(self, target=(x, y, z))
+
+    def fitted(self, points: Floats, width: float, height: float) -> Viewpoint:
+        """Look from the same side so that points fill the picture.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3), mm
+            NaN allowed; without any the viewpoint stays.
+        width, height : float, px
+            Size of the picture.
+        """
+        known = points[~np.isnan(points).any(axis=1)]
+        if not len(known):
+            return self
+        seen = known @ self.basis.T
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        middle = (low + high) / 2
+        away = seen - middle if (high - low).max() > 0 else np.full((1, 3), _ALONE)
+        tangent = math.tan(FIELD_OF_VIEW / 2) * FIT_MARGIN
+        tangents = np.array([tangent * max(width, 1.0) / max(height, 1.0), tangent])
+        distance = float((np.abs(away[:, :2]) / tangents + away[:, 2:]).max())
+        nearest = float(away[:, 2].max()) / (1 - NEAREST)
+        distance = min(max(distance, nearest, DISTANCES[0]), DISTANCES[1])
+        return replace(self, distance=distance).looking_at(middle @ self.basis)

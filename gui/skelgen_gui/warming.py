@@ -1,0 +1,53 @@
+"""Loads what the stages need while the window is idle, then builds its pages: neither should keep anybody waiting."""
+
+from __future__ import annotations
+
+import threading
+
+from PySide6.QtCore import QObject, QTimer
+
+from skelgen.app.configuration import parameters_class
+from skelgen.app.stages import stage_names
+from skelgen_gui.page_stack import PageStack
+
+INTERVAL = 50
+"""ms between two looks, and between two pages."""
+
+
+class Warming(QObject):
+    """Loads stages on a thread of its own; then builds one page after the other.
+
+    Parameters
+    ----------
+    pages : PageStack
+        Whose pages are built.
+    parent : QObject, optional
+        Owner.
+    """
+
+    def __init__(self, pages: PageStack, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._pages = pages
+        self._thread = threading.Thread(target=_load, name="warming", daemon=True)
+        self._timer = QTimer(self, interval=INTERVAL)
+        self._timer.timeout.connect(self._go_on)
+
+    def begin(self) -> None:
+        """Begin to load."""
+        self._thread.start()
+        self._timer.start()
+
+    def end(self) -> None:
+        """Build no more pages, and wait for what is being loaded."""
+        self._timer.stop()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _go_on(self) -> None:
+        if not self._thread.is_alive() and not self._pages.prepare():
+            self._timer.stop()
+
+
+def _load() -> None:
+    for name in stage_names():
+        parameters_class(name)

@@ -1,0 +1,196 @@
+"""The main window: pages at the left, views in the middle, timeline below, corrections at the right.
+
+It only puts parts together: pages come from their table, commands from theirs, and all follow the session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QPoint, Qt, QTimer
+from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
+from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QTabWidget, QWidget
+
+from skelgen.model import Project
+from skelgen_gui.care import FileCare
+from skelgen_gui.commanding import Commanding
+from skelgen_gui.correct.actions import CorrectionActions
+from skelgen_gui.correct.listed import CorrectionList
+from skelgen_gui.document import Document
+from skelgen_gui.errors import ErrorReporter
+from skelgen_gui.graph import GraphView
+from skelgen_gui.jobs import Jobs
+from skelgen_gui.matrix import MatrixView
+from skelgen_gui.page_stack import PageStack
+from skelgen_gui.pages import PAGES, Context, PageEntry
+from skelgen_gui.preferences import Preferences
+from skelgen_gui.recovery import Autosave, Remains
+from skelgen_gui.runner import Runner
+from skelgen_gui.session import Selection, Session
+from skelgen_gui.shortcuts import add_view_actions, make_actions
+from skelgen_gui.status import StatusLine
+from skelgen_gui.timeline.curves import Curves
+from skelgen_gui.timeline.widget import Timeline
+from skelgen_gui.view3d.widget import View3D
+from skelgen_gui.warming import Warming
+
+SIZE = (1440, 900)  # px, before the user has chosen one
+
+
+class Window(QMainWindow):
+    """The window.
+
+    Parameters
+    ----------
+    preferences : Preferences
+        What is kept between runs.
+    entries : tuple of PageEntry
+        Which pages it has; all by default.
+    recovery : Path, optional
+        Folder in which unsaved work is kept; by default the application's own.
+    """
+
+    def __init__(
+        self, preferences: Preferences, entries: tuple[PageEntry, ...] = PAGES, recovery: Path | None = None
+    ) -> None:
+        super().__init__()
+        self.preferences = preferences
+        self.errors = ErrorReporter(self)
+        self.session, self.jobs = Session(self), Jobs(self)
+        self.document = Document(self.session, self)
+        self.runner = Runner(self.document, self.jobs, self.errors.report, self)
+        self.care = FileCare(self.document, self.jobs, preferences, self.view_state, self.errors.report, self)
+        self.autosave = Autosave(self.session, preferences, recovery, self)
+        self.corrections = CorrectionActions(self.document, self.runner, self.errors.report, self)
+        self.actions_by_id = make_actions(self)
+        self._make_views()
+        self.pages = PageStack(entries, self._context())
+        self._make_docks()
+        self.setStatusBar(StatusLine(self.jobs, self))
+        self.commanding = Commanding(self)
+        self.warming = Warming(self.pages, self)
+        self._connect()
+        self.setAcceptDrops(True)
+        self.resize(*SIZE)
+        self.restoreGeometry(preferences.geometry)
+        self.restoreState(preferences.layout)
+        self._follow_state()
+        self._is_closing = False
+
+    def open(self, path: Path) -> None:
+        """Open a recording or a project."""
+        self.care.open(path)
+
+    def offer(self, remains: Remains) -> None:
+        """Ask whether to go on with what a window that died left behind."""
+        question = self.tr("skelgen ended without saving {0} (kept at {1:%X}, {1:%x}). Restore it?")
+        question = question.format(remains.name, remains.when)
+        if QMessageBox.question(self, self.tr("Recovery"), question) == QMessageBox.StandardButton.Yes:
+            self.care.restore(remains)
+        else:
+            remains.forget()
+
+    def view_state(self) -> Mapping[str, Any]:
+        """Return what the window shows and its forms hold, for the project file."""
+        return {
+            "page": self.pages.current.key,
+            "frame": self.session.frame,
+            "forms": self.runner.as_view(),
+            "tab": self.tabs.currentIndex(),
+        }
+
+    def _context(self) -> Context:
+        return Context(
+            self.session, self.document, self.jobs, self.runner, self.preferences, self.errors.report, self.open
+        )
+
+    def _make_views(self) -> None:
+        self.view3d, self.matrix, self.graph = View3D(self.session), MatrixView(self.session), GraphView(self.session)
+        self.timeline = Timeline(self.session, self.actions_by_id)
+        self.curves = Curves(self.session, self.timeline.span)
+        self.tabs = QTabWidget(self)
+        self.tabs.setDocumentMode(True)
+        self.tabs.addTab(self.view3d, self.tr("3-D"))
+        self.tabs.addTab(self.matrix, self.tr("Distances"))
+        self.tabs.addTab(self.graph, self.tr("Joints"))
+        for view in (self.view3d, self.matrix, self.graph, self.curves):
+            add_view_actions(view, self.actions_by_id)
+        self.setCentralWidget(self.tabs)
+
+    def _make_docks(self) -> None:
+        listed = CorrectionList(self.session, self.corrections, self.runner)
+        left, below = Qt.DockWidgetArea.LeftDockWidgetArea, Qt.DockWidgetArea.BottomDockWidgetArea
+        self.setCorner(Qt.Corner.BottomLeftCorner, left)
+        self._dock("steps", self.tr("Steps"), self.pages, left)
+        timeline = self._dock("timeline", self.tr("Timeline"), self.timeline, below)
+        self.tabifyDockWidget(timeline, self._dock("curves", self.tr("Curves"), self.curves, below))
+        timeline.raise_()
+        self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
+
+    def _dock(self, name: str, title: str, widget: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
+        dock = QDockWidget(title, self)
+        dock.setObjectName(name)
+        dock.setWidget(widget)
+        self.addDockWidget(area, dock)
+        return dock
+
+    def _connect(self) -> None:
+        self.session.state_changed.connect(self._follow_state)
+        self.care.opened.connect(self._show_opened)
+        self.runner.finished.connect(self._show_finished)
+        self.view3d.context_requested.connect(self._show_corrections)
+
+    def _follow_state(self) -> None:
+        project, path = self.session.project, self.session.path
+        name = "" if project is None else (path.name if path is not None else project.name or self.tr("unnamed"))
+        self.setWindowTitle(f"{name}[*] - skelgen" if name else "skelgen")
+        self.setWindowModified(self.session.is_dirty)
+
+    def _show_opened(self, project: Project) -> None:
+        """Show an opened project as it was left."""
+        self.runner.forget()
+        for stage, values in dict(project.view.get("forms", {})).items():
+            self.runner.set_values(stage, values)
+        keys = [entry.key for entry in self.pages.entries]
+        page = str(project.view.get("page", ""))
+        self.pages.page(page if page in keys else keys[min(1, len(keys) - 1)])
+        self.tabs.setCurrentIndex(int(project.view.get("tab", 0)))
+        self.session.project_changed.emit()
+        self.session.show_frame(int(project.view.get("frame", 0)))
+        self.view3d.fit_take()
+
+    def _show_finished(self, stage: str) -> None:
+        self.pages.page(stage)
+
+    def _show_corrections(self, place: QPoint, selection: Selection) -> None:
+        menu = QMenu(self)
+        self.corrections.fill(menu, selection)
+        menu.aboutToHide.connect(menu.deleteLater)
+        menu.popup(place)
+
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        """Accept files."""
+        if event.mimeData().hasUrls() and event.mimeData().urls()[0].isLocalFile():
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        """Open the file that was dropped."""
+        self.open(Path(event.mimeData().urls()[0].toLocalFile()))
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """Ask, cancel and wait; then close for good."""
+        if self._is_closing:
+            event.accept()
+            return
+        event.ignore()
+        self.care.close(self._close)
+
+    def _close(self) -> None:
+        self._is_closing = True
+        self.timeline.player.pause()
+        self.warming.end()
+        self.preferences.keep_window(self.saveGeometry(), self.saveState())
+        self.autosave.end()
+        QTimer.singleShot(0, self.close)  # Qt closes no window while it asks whether to

@@ -1,0 +1,139 @@
+"""What came out of a stage, in two or three sentences, and what to look at: for people who watch every step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
+from skelgen.model import PointCloud, Poses, Project, Take
+
+MOST_POINTERS = 200
+"""Warnings that are listed; more help nobody."""
+
+
+@dataclass(frozen=True)
+class Pointer:
+    """A warning, and where to look.
+
+    Attributes
+    ----------
+    sentence : str
+        What is the matter.
+    frame : int or None
+        Where in time.
+    markers : tuple of int
+        Markers that it is about.
+    """
+
+    sentence: str
+    frame: int | None = None
+    markers: tuple[int, ...] = ()
+
+
+def take_sentences(take: Take) -> tuple[str, ...]:
+    """Return what was read, in sentences."""
+    what = (
+        f"{take.n_points} points without labels, {take.n_points / max(take.n_frames, 1):.1f} in a frame"
+        if isinstance(take, PointCloud)
+        else f"{take.n_bodies} bodies with orientation"
+        if isinstance(take, Poses)
+        else f"{take.n_markers} markers with labels"
+    )
+    seconds = max(take.n_frames - 1, 0) / take.rate
+    return (f"{take.n_frames} frames at {take.rate:g} Hz, {seconds:.1f} s: {what}.",)
+
+
+def stage_sentences(project: Project, stage: str) -> tuple[str, ...]:
+    """Return what a stage has found, in two or three sentences; nothing before it has run.
+
+    Parameters
+    ----------
+    project : Project
+        With or without results.
+    stage : str
+        ``labels``, ``limbs``, ``joints`` or ``skeleton``.
+    """
+    return tuple(_SENTENCES[stage](project)) if project.has(stage) else ()
+
+
+def stage_pointers(project: Project, stage: str) -> tuple[Pointer, ...]:
+    """Return the warnings of a stage, those that point somewhere in the order of their frames, then the others."""
+    if not project.has(stage):
+        return ()
+    found = [] if stage != "labels" else list(_label_pointers(project))
+    names = {name: marker for marker, name in enumerate(project.trajectories.names)}
+    report = project.reports.get(stage)
+    for sentence in report.notices if report is not None else ():
+        words = {word.strip(",.:;()'\"") for word in sentence.split()}
+        found.append(Pointer(sentence, None, tuple(sorted(names[word] for word in words & names.keys()))))
+    return tuple(found[:MOST_POINTERS])
+
+
+def _label_pointers(project: Project) -> Iterator[Pointer]:
+    if not project.has_labelling:
+        return
+    names = project.trajectories.names
+    for finding in project.labelling.findings:
+        markers = tuple(names.index(name) for name in finding.names if name in names)
+        yield Pointer(
+            f"{', '.join(finding.names)}: {finding.evidence}; {finding.outcome}", finding.first_frame, markers
+        )
+    for doubt in project.labelling.doubts:
+        frames = f"frames {doubt.first_frame} to {doubt.last_frame}"
+        sentence = f"{names[doubt.marker]}, {frames}: {doubt.reason}; {REMEDIES[doubt.kind]}"
+        yield Pointer(sentence, doubt.first_frame, (doubt.marker,) + ((doubt.rival,) if doubt.rival >= 0 else ()))
+
+
+def _about_labels(project: Project) -> Iterator[str]:
+    markers = project.trajectories
+    share = float(markers.seen.mean()) if markers.seen.size else 0.0
+    yield f"{markers.n_markers} markers, seen in {100 * share:.1f} % of the frames on average."
+    if project.has_labelling:
+        doubts = len(project.labelling.doubts)
+        spans = f"{doubts} spans are doubtful" if doubts != 1 else "1 span is doubtful"
+        yield f"{spans}, {100 * doubtful_share(project.labelling):.2f} % of all positions."
+        if isinstance(project.take, PointCloud):
+            yield f"{100 * left_out_share(project):.2f} % of the points belong to no marker."
+
+
+def _about_limbs(project: Project) -> Iterator[str]:
+    limbs = project.limbs
+    sizes = np.bincount(limbs.limb_of_marker[limbs.limb_of_marker >= 0], minlength=limbs.n_limbs)
+    yield f"{limbs.n_limbs} limbs with {sizes.min(initial=0)} to {sizes.max(initial=0)} markers."
+    if len(limbs.left_out):
+        names = ", ".join(project.trajectories.names[marker] for marker in limbs.left_out)
+        yield f"Left out: {names}."
+
+
+def _about_joints(project: Project) -> Iterator[str]:
+    topology = project.topology
+    n_trees = len(topology.roots)
+    yield f"{len(topology.edges)} joints in {n_trees} {'tree' if n_trees == 1 else 'trees'}."
+    margins = topology.margins
+    if np.isfinite(margins).any():
+        worst = int(np.nanargmin(margins))
+        parent, child = topology.edges[worst].tolist()
+        less_sure = f"The least certain joint is that of limbs {parent} and {child}"
+        yield f"{less_sure}: another would cost {margins[worst]:.1f} mm² more."
+    if len(topology.loops):
+        pairs = ", ".join(f"{first} and {second}" for first, second in topology.loops)
+        yield f"Loops would be closed by joints between the limbs {pairs}."
+
+
+def _about_skeleton(project: Project) -> Iterator[str]:
+    kinds = [joint.kind for joint in project.skeleton.joints]
+    counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    yield f"{len(kinds)} joints: {counted}." if kinds else "One limb without joints."
+    residuals = project.motion.residuals
+    seen = residuals[~np.isnan(residuals)]
+    if len(seen):
+        middle = f"half of them within {np.median(seen):.2f} mm"
+        yield f"Markers lie {seen.mean():.2f} mm from the skeleton on average, {middle}."
+    unseen = 1.0 - float(project.motion.limb_seen.mean() if project.motion.limb_seen.size else 1.0)
+    yield f"{100 * unseen:.1f} % of the limbs' poses are interpolated."
+
+
+_SENTENCES = {"labels": _about_labels, "limbs": _about_limbs, "joints": _about_joints, "skeleton": _about_skeleton}

@@ -1,0 +1,100 @@
+"""Whole takes and projects in other world axes: programs differ in whether z or y points up.
+
+Turns are by a quarter about the x axis: coordinates change places and signs, and no digit is lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model import Motion, PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model.arrays import Floats
+from skelgen.model.filled import Filled
+
+AS_RECORDED = "as-recorded"
+TURNS: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
+    AS_RECORDED: ((0, 1, 2), (1, 1, 1)),
+    "z-to-y": ((0, 2, 1), (1, 1, -1)),
+    "y-to-z": ((0, 2, 1), (1, -1, 1)),
+}
+"""Per wish, which old coordinate each new one is, and with which sign: z-to-y makes what was up along z up along y."""
+
+
+def with_up_axis(value: Project | Take | Filled, wish: str) -> Project | Take | Filled:
+    """Return a take or a project in turned world axes, to be written; `AS_RECORDED` returns it as it is.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        Of a project, take and results are turned; places that the user named by hand are not.
+    wish : str
+        A key of `TURNS`.
+
+    Raises
+    ------
+    InputError
+        If there is no such wish.
+    """
+    if wish not in TURNS:
+        raise InputError(f"the axes {wish!r} are not known; there are {', '.join(TURNS)}")
+    if wish == AS_RECORDED:
+        return value
+    if isinstance(value, Project):
+        return _project(value, wish)
+    if isinstance(value, Filled):
+        return replace(value, measured=_markers(value.measured, wish), positions=_vectors(value.positions, wish))
+    return _take(value, wish)
+
+
+def _project(project: Project, wish: str) -> Project:
+    take = _take(project.take, wish)
+    changes: dict[str, Any] = {"take": take}
+    if project.has("labels"):
+        is_take = project.trajectories is project.take
+        changes["_trajectories"] = take if is_take else _markers(project.trajectories, wish)
+    if project.has("joints"):
+        raw = _vectors(project.topology.raw_joint_positions, wish)
+        changes["_topology"] = replace(project.topology, raw_joint_positions=raw)
+    if project.has("skeleton"):
+        skeleton = project.skeleton
+        changes["_skeleton"] = replace(skeleton, reference_pose=_poses(skeleton.reference_pose, wish))
+        changes["_motion"] = _motion(project.motion, wish)
+    return replace(project, **changes)
+
+
+def _motion(motion: Motion, wish: str) -> Motion:
+    return replace(
+        motion,
+        world_from_limb=_poses(motion.world_from_limb, wish),
+        joint_positions=_vectors(motion.joint_positions, wish),
+        marker_positions=_vectors(motion.marker_positions, wish),
+        joint_std=None if motion.joint_std is None else np.abs(_vectors(motion.joint_std, wish)),
+    )
+
+
+def _take(take: Take, wish: str) -> Take:
+    if isinstance(take, PointCloud):
+        return replace(take, points=_vectors(take.points, wish))
+    if isinstance(take, Poses):
+        return replace(take, world_from_body=_poses(take.world_from_body, wish))
+    return _markers(take, wish)
+
+
+def _markers(markers: Trajectories, wish: str) -> Trajectories:
+    return replace(markers, positions=_vectors(markers.positions, wish))
+
+
+def _vectors(vectors: Floats, wish: str) -> Floats:
+    order, signs = TURNS[wish]
+    return np.asarray(vectors[..., order] * signs)
+
+
+def _poses(poses: Floats, wish: str) -> Floats:
+    order, signs = TURNS[wish]
+    turned = poses.copy()
+    turned[..., :3, :] = poses[..., order, :] * np.array(signs)[:, np.newaxis]
+    return turned

@@ -1,0 +1,96 @@
+"""What is odd about markers and the limbs that they were put on: told in words, nothing is changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from skelgen.model import Trajectories
+from skelgen.model.arrays import Floats, Ints
+
+RARE_FRAMES = 30
+"""Frames below which a marker tells little of its limb; half the take, where that is shorter."""
+
+ONE_PLACE = 1.0
+"""mm; no two markers have their centres nearer to each other."""
+
+CORNERS = 4
+"""Markers whose signed volume tells a limb from its mirror image; three are their own."""
+
+MOST_CORNERS = 8
+"""Markers of a limb, spread over it, of which all sets of four are looked at: 70 sets."""
+
+STEADY = 0.25
+"""Of the volume: where it varies more, in the median, it is noise of flat limbs or no rigid limb's."""
+
+MIRRORED = (0.5, 2.0)
+"""Times the usual volume, the other way round: a mirror image, whatever the noise."""
+
+LEAST_MIRRORED = 3
+"""Frames; single ones are noise."""
+
+
+def limb_doubts(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints) -> Iterator[str]:
+    """Say what is odd.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        The take.
+    limb_of_marker : ndarray of intp, shape (n_markers,)
+        Limb of each marker, -1 if it is on none.
+    frames : ndarray of intp
+        Sampled frames that are looked at.
+    """
+    names, positions = trajectories.names, trajectories.positions
+    n_seen = (~np.isnan(positions[:, :, 0])).sum(axis=0)
+    few = min(RARE_FRAMES, trajectories.n_frames // 2)
+    for marker in np.flatnonzero((limb_of_marker >= 0) & (n_seen < few)).tolist():
+        limb = int(limb_of_marker[marker])
+        yield f"{names[marker]} is seen in {n_seen[marker]} frames only: that it is on limb {limb} rests on these"
+    sampled = positions[frames]
+    for first, second in _at_one_place(sampled):
+        yield f"{names[first]} and {names[second]} are always in one place: they count as two markers, but tell as one"
+    for limb in range(int(limb_of_marker.max(initial=-1)) + 1):
+        markers = np.flatnonzero(limb_of_marker == limb)
+        n_mirrored = _mirrored_frames(sampled[:, markers])
+        if n_mirrored:
+            yield (
+                f"limb {limb} ({', '.join(names[marker] for marker in markers)}) looks like its mirror image in "
+                f"{n_mirrored} of {len(frames)} sampled frames, which no turn explains: labels may be exchanged there"
+            )
+
+
+def _at_one_place(sampled: Floats) -> Iterator[tuple[int, int]]:
+    for first in range(sampled.shape[1]):
+        gap = np.linalg.norm(sampled[:, first + 1 :] - sampled[:, first, np.newaxis], axis=2)
+        seen = ~np.isnan(gap)
+        largest = np.where(seen, gap, 0.0).max(axis=0, initial=0.0)
+        for other in np.flatnonzero(seen.any(axis=0) & (largest < ONE_PLACE)).tolist():
+            yield first, first + 1 + other
+
+
+def _mirrored_frames(sampled: Floats) -> int:
+    """Frames in which a limb is its own mirror image, told by its four markers that span the largest volume."""
+    spread = np.unique(np.linspace(0, sampled.shape[1] - 1, MOST_CORNERS).astype(np.intp))
+    whole = sampled[~np.isnan(sampled[:, spread, 0]).any(axis=1)]
+    sets = list(combinations(spread.tolist(), CORNERS))
+    if not len(whole) or not sets:
+        return 0
+    volumes = np.stack([_volume(whole[:, corners]) for corners in sets])
+    sizes = np.median(np.abs(volumes), axis=1)
+    best = int(np.argmax(sizes))
+    volume, usual = volumes[best], float(sizes[best])
+    if usual == 0 or np.median(np.abs(np.abs(volume) - usual)) > STEADY * usual:
+        return 0
+    way = np.sign(np.median(np.sign(volume))) or 1.0
+    turned = -way * volume / usual
+    found = int(((turned > MIRRORED[0]) & (turned < MIRRORED[1])).sum())
+    return found if found >= LEAST_MIRRORED else 0
+
+
+def _volume(corners: Floats) -> Floats:
+    """Signed volume spanned by four points [mm^3], shape (n_frames,)."""
+    return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]))

@@ -1,0 +1,50 @@
+"""Sentences and pointers of every stage; results taken from a saved project."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelgen.app.pipeline import run_stages
+from skelgen.app.saved import with_saved
+from skelgen.app.told import stage_pointers, stage_sentences, take_sentences
+from skelgen.errors import InputError, MissingResultError
+from skelgen.model import Project
+from skelgen.model.project import STAGES
+from skelgen.simulation import simulate
+
+
+@pytest.fixture(scope="module")
+def done():
+    """An unlabelled human with all stages done."""
+    return run_stages(Project(simulate("human", n_frames=300, noise=0.5, labelled=False, ghosts=0.3).take))
+
+
+def test_every_stage_tells_what_it_found(done):
+    assert "points without labels" in take_sentences(done.take)[0]
+    for stage in STAGES:
+        assert 1 <= len(stage_sentences(done, stage)) <= 3
+        assert stage_sentences(Project(done.take), stage) == ()
+    assert f"{done.limbs.n_limbs} limbs" in stage_sentences(done, "limbs")[0]
+
+
+def test_doubts_point_to_their_frame_and_marker(done):
+    for pointer in stage_pointers(done, "labels"):
+        if pointer.frame is not None:
+            assert 0 <= pointer.frame < done.take.n_frames
+            assert done.trajectories.names[pointer.markers[0]] in pointer.sentence
+
+
+def test_a_saved_result_replaces_a_run(done):
+    project = Project(done.take)
+    for stage in STAGES:
+        project = with_saved(project, done, stage)
+    np.testing.assert_array_equal(project.motion.joint_positions, done.motion.joint_positions)
+
+
+def test_results_of_another_take_are_refused(done):
+    other = Project(simulate("rods", n_frames=100).take)
+    with pytest.raises(InputError, match="same recording"):
+        with_saved(other, done, "labels")
+    with pytest.raises(MissingResultError):
+        with_saved(Project(done.take), Project(done.take), "labels")

@@ -1,0 +1,64 @@
+"""What is derived in the background is handed over in the window's thread, the last wish only."""
+
+from __future__ import annotations
+
+import threading
+
+from shiboken6 import Shiboken
+from skelgen_gui.derived import Deriver
+
+
+def test_the_result_is_handed_over_in_the_window_s_thread(qtbot):
+    deriver, told = Deriver(), []
+    with qtbot.waitSignal(deriver.settled):
+        deriver.derive(threading.get_ident, lambda thread: told.append((thread, threading.get_ident())))
+    assert told[0][0] != told[0][1] == threading.get_ident()
+    assert not deriver.is_busy
+
+
+def test_only_the_last_wish_is_handed_over(qtbot):
+    deriver, told, gate = Deriver(), [], threading.Event()
+    deriver.derive(gate.wait, told.append)
+    deriver.derive(lambda: "second", told.append)
+    with qtbot.waitSignal(deriver.settled):
+        deriver.derive(lambda: "third", told.append)
+        gate.set()
+    deriver.wait()
+    qtbot.wait(10)
+    assert told == ["third"]
+
+
+def test_what_is_forgotten_is_not_handed_over(qtbot):
+    deriver, told = Deriver(), []
+    deriver.derive(lambda: 1, told.append)
+    deriver.forget()
+    deriver.wait()
+    qtbot.wait(10)
+    assert told == []
+    assert not deriver.is_busy
+
+
+def test_a_deriver_that_is_deleted_waits_and_hands_over_nothing(qtbot):
+    deriver, told = Deriver(), []
+    started, gate = threading.Event(), threading.Event()
+
+    def slow() -> bool:
+        started.set()
+        return gate.wait()
+
+    deriver.derive(slow, told.append)
+    started.wait()
+    threading.Timer(0.05, gate.set).start()
+    Shiboken.delete(deriver)
+    qtbot.wait(10)
+    assert gate.is_set()
+    assert told == []
+
+
+def test_an_error_is_raised_in_the_window_s_thread(qtbot):
+    deriver, told = Deriver(), []
+    with qtbot.capture_exceptions() as errors:
+        deriver.derive(lambda: 1 / 0, told.append)
+        qtbot.waitUntil(lambda: not deriver.is_busy)
+    assert [error[0] for error in errors] == [ZeroDivisionError]
+    assert told == []

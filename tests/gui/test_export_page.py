@@ -1,0 +1,264 @@
+"""The export page shows what will be written, has it written, and says in one sentence why it could not be."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFileDialog
+from skelgen_gui.errors import ErrorDialog
+from skelgen_gui.export_page import ExportPage
+from skelgen_gui.session import Session
+
+import skelgen
+from skelgen.errors import Cancelled
+from skelgen.model import Poses, Project
+from skelgen.progress import SILENT
+
+
+def start_at_once(title, work, done, failed=None):
+    """Do the work before returning, as `Jobs.start` would on another thread."""
+    try:
+        result = work(SILENT)
+    except Exception as error:
+        failed(error)
+    else:
+        done(result)
+    return True
+
+
+class Waiting:
+    """Keeps the work until it is told to do it."""
+
+    def __call__(self, title, work, done, failed=None):
+        self.work, self.done, self.failed = work, done, failed
+        return True
+
+    def go_on(self):
+        start_at_once("", self.work, self.done, self.failed)
+
+
+@pytest.fixture
+def open_page(qtbot, session, tmp_path):
+    def make(start=start_at_once, session=session):
+        page = ExportPage(session, start)
+        qtbot.addWidget(page)
+        page.target.suggest(tmp_path / "out", "walk")
+        page.show()
+        return page
+
+    return make
+
+
+@pytest.fixture
+def page(open_page):
+    return open_page()
+
+
+@pytest.fixture
+def click(qtbot):
+    return lambda button: qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+
+
+def names_in(folder):
+    return sorted(file.name for file in folder.iterdir()) if folder.exists() else []
+
+
+def test_a_project_is_exported_as_the_page_says(page, click, tmp_path):
+    page.choice.setCurrentText("Joint positions, CSV")
+    assert "<b>walk.joints.csv</b>" in page.preview.text()
+    assert "14 joints in 400 frames at 100 Hz" in page.preview.text()
+    click(page.export)
+    assert names_in(tmp_path / "out") == ["walk.joints.csv"]
+    assert page.status.text() == f"Written to {tmp_path / 'out'}: walk.joints.csv"
+    assert page.show_folder.isVisible()
+
+
+def test_options_of_the_format_are_a_form_and_are_obeyed(page, click, tmp_path, session):
+    page.choice.setCurrentText("Character Studio marker file")
+    assert set(page.form.rows) == {"dropout", "axes", "unit", "filled"}
+    page.form.rows["dropout"].editor.setCurrentText("zero")
+    click(page.export)
+    back = skelgen.read(tmp_path / "out" / "walk.csm", dropout="zero")
+    assert back.n_markers == session.project.trajectories.n_markers
+    assert "DROPOUT" not in (tmp_path / "out" / "walk.csm").read_text()
+
+
+def test_options_change_the_preview(page):
+    page.choice.setCurrentText("C3D")
+    assert "filled.csv" not in page.preview.text()
+    page.form.rows["filled"].editor.click()
+    assert "<b>walk.filled.csv</b>" in page.preview.text()
+
+
+def test_options_stay_when_a_result_changes(page, session):
+    page.form.rows["filled"].editor.click()
+    session.change(session.project)
+    assert page.form.values()["filled"] is True
+
+
+def test_a_format_without_options_shows_none(page):
+    page.choice.setCurrentText("Report, HTML")
+    assert not page.options_box.isVisible()
+
+
+def test_what_the_format_cannot_hold_is_said(page):
+    page.choice.setCurrentText("Joint positions, CSV")
+    assert "does not hold the positions of the markers" in page.preview.text()
+
+
+def test_files_that_will_be_replaced_are_said(page, click, qtbot, tmp_path):
+    page.choice.setCurrentText("Joint positions, CSV")
+    click(page.export)
+    assert page.export.text() == "Export and replace"
+    assert "<b>walk.joints.csv</b> (replaces the file that is there)" in page.preview.text()
+    page.target.name_line.selectAll()
+    qtbot.keyClicks(page.target.name_line, "run")
+    assert page.export.text() == "Export"
+
+
+def test_a_name_that_no_file_can_have_is_refused_at_once(qtbot, page):
+    page.target.name_line.selectAll()
+    qtbot.keyClicks(page.target.name_line, "a/b")
+    assert page.preview.text() == "&#x27;a/b&#x27; cannot be the name of a file: it is empty or holds a slash"
+    assert not page.export.isEnabled()
+
+
+def test_names_with_markup_are_shown_and_written_as_they_are(page, click, tmp_path):
+    page.target.name_line.setText("<b>Gänge & Läufe")
+    page.choice.setCurrentText("Joint positions, CSV")
+    assert "&lt;b&gt;Gänge &amp; Läufe.joints.csv" in page.preview.text()
+    click(page.export)
+    assert names_in(tmp_path / "out") == ["<b>Gänge & Läufe.joints.csv"]
+
+
+def test_formats_that_need_more_results_are_grey_and_say_what(open_page, walked, tmp_path):
+    session = Session()
+    session.open(Project(walked[0].take))
+    page = open_page(session=session)
+    row = page.choice.findText("Joint positions, CSV")
+    item = page.choice.model().item(row)
+    assert not item.isEnabled()
+    assert "run the stage 'skeleton' first" in item.toolTip()
+    session.change(walked[0])
+    assert item.isEnabled()
+
+
+def test_bodies_are_offered_the_format_that_holds_them(open_page):
+    session = Session()
+    session.open(Project(Poses(np.tile(np.eye(4), (5, 2, 1, 1)), ("pelvis", "thigh"), 60.0)))
+    page = open_page(session=session)
+    assert page.choice.currentText() == "Poses CSV (skelgen)"
+    assert page.export.isEnabled()
+
+
+def test_without_a_project_the_page_says_what_to_do(open_page):
+    page = open_page(session=Session())
+    assert page.preview.text() == "Open a recording first."
+    assert not page.export.isEnabled()
+
+
+def test_another_recording_is_suggested_its_own_name(page, session, walked, tmp_path):
+    take = skelgen.Trajectories(walked[0].trajectories.positions, walked[0].trajectories.names, 100.0, "jump.c3d")
+    session.open(Project(take), tmp_path / "jumps" / "jump.skelgen")
+    assert (page.target.folder, page.target.name) == (tmp_path / "jumps", "jump")
+
+
+def test_a_folder_can_be_chosen(page, click, monkeypatch, tmp_path):
+    monkeypatch.setattr(QFileDialog, "getExistingDirectory", lambda *args: str(tmp_path / "chosen"))
+    click(page.target.browse)
+    assert page.target.folder == tmp_path / "chosen"
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(page, click, tmp_path):
+    (tmp_path / "out").write_text("")
+    click(page.export)
+    assert page.status.text() == f"{tmp_path / 'out'}: cannot be created: there is a file of this name"
+    assert page.export.isEnabled()
+
+
+def test_a_full_disk_is_one_sentence_and_nothing_is_left(page, click, tmp_path, full_disk):
+    page.choice.setCurrentText("Skeleton and motion, XML")
+    with full_disk(100_000):
+        click(page.export)
+    assert page.status.text() == f"{tmp_path / 'out' / 'walk.xml'}: cannot be written: File too large"
+    assert names_in(tmp_path) == []
+
+
+def test_a_fault_of_the_program_opens_the_dialog_of_errors(open_page, click, monkeypatch):
+    monkeypatch.setattr("skelgen_gui.export_page.export_project", lambda *args: 1 / 0)
+    page = open_page()
+    click(page.export)
+    assert "ZeroDivisionError" in page.findChild(ErrorDialog).sentence.text()
+
+
+def test_while_it_runs_the_choices_wait_and_it_can_be_cancelled(open_page, click, tmp_path):
+    start = Waiting()
+    page = open_page(start)
+    click(page.export)
+    assert page.progress.isVisible()
+    assert not (page.export.isEnabled() or page.choice.isEnabled() or page.target.isEnabled())
+    click(page.cancel)
+    start.go_on()
+    assert page.status.text() == "Cancelled; nothing was written."
+    assert page.export.isEnabled() and page.choice.isEnabled() and not page.cancel.isVisible()
+    assert names_in(tmp_path) == []
+
+
+def test_cancelling_in_the_middle_writes_nothing(open_page, qtbot, click, tmp_path):
+    start = Waiting()
+    page = open_page(start)
+    page.choice.setCurrentText("Skeleton and motion, XML")
+    click(page.export)
+    shares = []
+    page._watched.progressed.connect(shares.append)
+    page._watched.progressed.connect(lambda share: page.cancel.click() if len(shares) == 3 else None)
+    start.go_on()
+    assert len(shares) == 3
+    assert page.status.text() == "Cancelled; nothing was written."
+    assert names_in(tmp_path) == []
+
+
+def test_progress_comes_from_another_thread_and_rises_to_the_end(open_page, qtbot, click, tmp_path):
+    start = Waiting()
+    page = open_page(start)
+    page.choice.setCurrentText("TRC (Motion Analysis, OpenSim)")
+    click(page.export)
+    shares, results = [], []
+    page._watched.progressed.connect(shares.append)
+    thread = threading.Thread(target=lambda: results.append(start.work(SILENT)))
+    thread.start()
+    qtbot.waitUntil(lambda: bool(results))
+    thread.join()
+    qtbot.waitUntil(lambda: len(shares) > 3)
+    start.done(results[0])
+    assert shares == sorted(shares)
+    assert names_in(tmp_path / "out") == ["walk.trc"]
+
+
+def test_cancelling_by_whoever_runs_the_job_is_told_as_well(open_page, click):
+    class Stopping:
+        def begin(self, name):
+            raise Cancelled
+
+    start = Waiting()
+    page = open_page(start)
+    click(page.export)
+    start.done(start.work(Stopping()))
+    assert page.status.text() == "Cancelled; nothing was written."
+
+
+def test_a_second_job_is_refused_with_a_sentence(open_page, click):
+    page = open_page(lambda *args: False)
+    click(page.export)
+    assert page.status.text().startswith("Something else is still running")
+    assert page.export.isEnabled()
+
+
+def test_every_control_has_a_name_and_a_tool_tip(page):
+    for widget in (page.choice, page.export, page.cancel, page.show_folder, page.target.browse):
+        assert (widget.accessibleName() or widget.text()) and widget.toolTip()
+    for line in (page.target.folder_line, page.target.name_line):
+        assert line.accessibleName() and line.toolTip()

@@ -1,0 +1,77 @@
+"""Unsaved work survives a window that dies, and is gone after a clean end."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+
+import pytest
+from PySide6.QtCore import QSettings
+from skelgen_gui.preferences import Preferences
+from skelgen_gui.recovery import Autosave, find_remains
+
+CHILD = """
+    import sys, time
+    from pathlib import Path
+    from PySide6.QtCore import QCoreApplication, QSettings
+    from skelgen.simulation import simulate
+    from skelgen.model import Project
+    from skelgen_gui.preferences import Preferences
+    from skelgen_gui.recovery import Autosave
+    from skelgen_gui.session import Session
+
+    app = QCoreApplication([])
+    session = Session()
+    session.open(Project(simulate("rods", n_frames=30).take))
+    autosave = Autosave(session, Preferences(QSettings(sys.argv[2], QSettings.Format.IniFormat)), Path(sys.argv[1]))
+    autosave.save()
+    autosave.wait()
+    print("kept", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def preferences(tmp_path):
+    return Preferences(QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat))
+
+
+def test_work_of_a_killed_window_is_found_and_restored(tmp_path):
+    arguments = [sys.executable, "-c", textwrap.dedent(CHILD), str(tmp_path / "kept"), str(tmp_path / "settings.ini")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=environment) as child:
+        assert child.stdout.readline() == "kept\n"
+        assert find_remains(tmp_path / "kept") == ()  # it is alive
+        child.send_signal(signal.SIGKILL)
+    (remains,) = find_remains(tmp_path / "kept")
+    assert remains.project().take.n_frames == 30
+    remains.forget()
+    assert find_remains(tmp_path / "kept") == ()
+
+
+def test_a_clean_end_leaves_nothing(session, preferences, tmp_path):
+    autosave = Autosave(session, preferences, tmp_path / "kept")
+    autosave.save()
+    autosave.end()
+    assert not any((tmp_path / "kept").rglob("*.skelgen"))
+
+
+def test_what_is_saved_is_not_kept_again(session, preferences, tmp_path):
+    session.saved(tmp_path / "walk.skelgen", session.project)
+    autosave = Autosave(session, preferences, tmp_path / "kept")
+    autosave.save()
+    autosave.wait()
+    assert not (tmp_path / "kept").exists()
+    autosave.end()
+
+
+def test_a_broken_note_is_passed_over(tmp_path):
+    folder = tmp_path / "kept" / "1-2"
+    folder.mkdir(parents=True)
+    for text in ("", "{}", json.dumps({"name": "a", "path": "", "time": "noon", "process": 1})):
+        (folder / "note.json").write_text(text)
+        assert find_remains(tmp_path / "kept") == ()
