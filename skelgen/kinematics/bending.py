@@ -55,7 +55,7 @@ class Bending:
     def slopes(self) -> Floats:
         """How residuals follow the bends by least squares, shape (n_own, 3, n_bends)."""
         inverse = np.linalg.pinv(self.squares, hermitian=True)
-        return np.asarray(self.moments.reshape(len(self.own), 3, -1) @ inverse)
+        return np.asarray(self.moments.reshape(len(self.own), 3, len(self.bends)) @ inverse)
 
     def ways(self) -> tuple[Floats, Floats]:
         """Information and pull of each way to bend with each bend, shape (n_inner, n_bends); see `ways_to_bend`."""
@@ -72,7 +72,7 @@ class Bending:
         chosen = np.flatnonzero(skin.joints[self.bends] == joint)
         spread = np.linalg.pinv(self.squares.mean(axis=0), hermitian=True)[np.ix_(chosen, chosen)]
         values, vectors = np.linalg.eigh(spread)
-        inner = (self.inner @ self.slopes().reshape(-1, len(self.bends)))[:, chosen] @ vectors
+        inner = (self.inner @ self.slopes().reshape(3 * len(self.own), len(self.bends)))[:, chosen] @ vectors
         expected = np.tile(values, (len(inner), 1))
         return (expected * len(chosen)).ravel(), (inner**2 * len(chosen) / noise).ravel()
 
@@ -135,8 +135,8 @@ def see_bending(last: Calibration, skin: Skin, clusters: Clusters) -> SeenBendin
     for limb in range(last.chain.n_limbs):
         one = _bending_of(last, local, bends, clusters, limb, np.flatnonzero(reach[limb]))
         limbs.append(one)
-        explained = bends[:, one.bends] @ one.slopes().reshape(-1, len(one.bends)).T
-        after[:, one.own] -= explained.reshape(len(local), -1, 3) * last.weights[:, one.own, np.newaxis]
+        explained = bends[:, one.bends] @ one.slopes().reshape(3 * len(one.own), len(one.bends)).T
+        after[:, one.own] -= explained.reshape(len(local), len(one.own), 3) * last.weights[:, one.own, np.newaxis]
     kept = float((after**2).sum()) / max(float((local**2).sum()), np.finfo(np.float64).tiny)
     growth = len(after) / effective_frames(after.reshape(len(after), -1))
     noise = kept * last.noise**2 * growth
