@@ -1,14 +1,18 @@
-"""What a widget shows of a project, derived in the background: long takes need more time than a window may wait."""
+"""What a widget shows of a project, derived in the background: long takes need more time than a window may wait.
+
+The threads are Python's: a pool of Qt's would wait for them in its destructor, which runs with the interpreter locked
+when a widget goes, so that neither could go on.
+"""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, TypeVar
 
-from PySide6.QtCore import QObject, QThreadPool, Signal
+from PySide6.QtCore import QObject, Signal
 
 _T = TypeVar("_T")
 
@@ -19,9 +23,7 @@ class _Failure:
 
 
 class Deriver(QObject):
-    """Calls pure functions in a thread, and hands over the last one's result in the window's thread.
-
-    The destructor waits for what is running.
+    """Calls pure functions in a thread, one at a time, and hands over the last one's result in the window's thread.
 
     Signals
     -------
@@ -34,8 +36,9 @@ class Deriver(QObject):
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._pool = QThreadPool(self)
-        self._pool.setMaxThreadCount(1)
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._wished: tuple[int, Callable[[], object]] | None = None
         self._number = 0
         self._then: Callable[[Any], None] | None = None
         self._returned.connect(self._hand_over)
@@ -57,18 +60,37 @@ class Deriver(QObject):
         """
         self.forget()
         self._then = then
-        self._pool.start(partial(self._run, self._number, function))
+        with self._lock:
+            self._wished = (self._number, function)
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._work, name="deriving", daemon=True)
+                self._thread.start()
 
     def forget(self) -> None:
         """Do not hand over what was wished and is not there yet."""
-        self._pool.clear()
+        with self._lock:
+            self._wished = None
         self._number += 1
         self._then = None
 
     def wait(self) -> None:
         """Wait until nothing runs any more."""
-        self._pool.clear()
-        self._pool.waitForDone()
+        with self._lock:
+            self._wished = None
+            thread = self._thread
+        if thread is not None:
+            thread.join()
+
+    def _work(self) -> None:
+        """Do what was wished last, until nothing is."""
+        while True:
+            with self._lock:
+                if self._wished is None:
+                    self._thread = None
+                    return
+                number, function = self._wished
+                self._wished = None
+            self._run(number, function)
 
     def _run(self, number: int, function: Callable[[], object]) -> None:
         result: object

@@ -99,7 +99,7 @@ class FormRow(QObject):
     def help_text(self) -> str:
         """Return what the value means, what is allowed, and its default."""
         declaration = self.declaration
-        help_ = self.translated(declaration.help)
+        help_ = QCoreApplication.translate("Parameters", declaration.help)
         sentences = [help_[:1].upper() + help_[1:].rstrip(".") + "."]
         if declaration.bounds and not declaration.choices:
             bounds = declaration.bounds.replace(" .. inf", self.tr(" or more"))
@@ -113,11 +113,6 @@ class FormRow(QObject):
         if event.type() in {QEvent.Type.FocusIn, QEvent.Type.Enter}:
             self.looked_at.emit()
         return False
-
-    @staticmethod
-    def translated(text: str) -> str:
-        """Return a declared text in the user's language."""
-        return QCoreApplication.translate("Parameters", text)
 
     def _place(self, grid: QGridLayout, line: int) -> None:
         for column, widget in enumerate((self.label, self.editor, self._unit, self.reset_button)):

@@ -81,6 +81,10 @@ class _Thread(QThread):
         except Exception as error:
             self.error = error
 
+    def let_go(self) -> None:
+        """Forget the work: it may hold the last reference to the `Jobs` that own this thread, and so end both twice."""
+        del self._work, self._watcher
+
 
 class Jobs(QObject):
     """Runs one job after the other.
@@ -172,6 +176,7 @@ class Jobs(QObject):
             return
         thread.wait()
         error, result = thread.error, thread.result
+        thread.let_go()
         thread.deleteLater()
         if error is None:
             ending.done(result)

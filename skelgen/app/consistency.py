@@ -64,7 +64,7 @@ def _counts(project: Project) -> Iterator[tuple[str, int, int]]:
         yield "the number of limbs of the skeleton", skeleton.n_limbs, project.topology.n_limbs
         yield "the number of markers of the skeleton", len(skeleton.limb_of_marker), trajectories.n_markers
         yield "the number of frames of the motion", motion.n_frames, trajectories.n_frames
-        yield "the number of limbs of the motion", motion.world_from_limb.shape[1], skeleton.n_limbs
+        yield "the number of limbs of the motion", motion.limb_seen.shape[1], skeleton.n_limbs
         yield "the number of joints of the motion", motion.joint_positions.shape[1], skeleton.n_joints
         yield "the number of markers of the motion", motion.marker_positions.shape[1], trajectories.n_markers
 

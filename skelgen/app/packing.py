@@ -61,7 +61,7 @@ def packed(value: Any, member: str, arrays: dict[str, NDArray[Any]]) -> Any:
     if dataclasses.is_dataclass(value):
         names = [field.name for field in dataclasses.fields(value)]
         fields = {name: packed(getattr(value, name), f"{member}/{name}", arrays) for name in names}
-        return {"type": type(value).__name__, "fields": fields}
+        return {"type": _type_name(value), "fields": fields}
     if isinstance(value, float) and not math.isfinite(value):
         return {"number": str(value)}
     return value
@@ -97,6 +97,11 @@ def unpacked(data: Any, array: Callable[[str], NDArray[Any]]) -> Any:
     if set(data) == {"type", "fields"} and isinstance(data["fields"], dict):
         return _value(data["type"], {key: unpacked(item, array) for key, item in data["fields"].items()})
     raise ValueError(f"an object with the keys {', '.join(sorted(data)) or 'none'} means nothing here")
+
+
+def _type_name(value: Any) -> str:
+    """Name of the declared type that a value is of, be it a kind of it that computes some fields when asked."""
+    return next(cls.__name__ for cls in type(value).__mro__ if "__dataclass_fields__" in vars(cls))
 
 
 def _value(type_name: Any, fields: dict[str, Any]) -> Any:

@@ -167,21 +167,43 @@ class Articulation:
         """Return rotations near to given ones that the joints allow, from the root outward."""
         new = rotations.copy()
         for limb, kind in enumerate(self.kinds):
-            if FREEDOMS[kind] == 3:
-                continue
-            parent = int(parents[limb])
-            relative = rotations[:, parent].swapaxes(1, 2) @ rotations[:, limb]
-            if kind == "rigid":
-                rest = nearest_rotation(relative.mean(axis=0)) if self.rest is None else self.rest[limb]
-                new[:, limb] = new[:, parent] @ rest
-                continue
-            axis, second = self.in_parent[limb], relative @ self.in_child[limb]
-            wanted = self.between[limb] if kind == "universal" else 0.0
-            cross = np.cross(second, axis)
-            angle = np.arctan2(np.linalg.norm(cross, axis=1), second @ axis)
-            turn = matrix_from_vector((angle - wanted)[:, np.newaxis] * _unit(cross))
-            new[:, limb] = new[:, parent] @ turn @ relative
+            if FREEDOMS[kind] < 3:
+                parent = int(parents[limb])
+                turned = new[:, parent] @ rotations[:, parent].swapaxes(1, 2) @ rotations[:, limb]
+                new[:, limb] = self.allowed(limb, new[:, parent], turned)
         return new
+
+    def turned(self, parents: Ints, turn: Floats) -> Articulation:
+        """Return the same joints for limbs whose frames are turned: `turn` brings old axes to new ones."""
+        above = np.maximum(parents, 0)
+        in_parent = np.einsum("lij,lj->li", turn[above], self.in_parent)
+        in_child = np.einsum("lij,lj->li", turn, self.in_child)
+        rest = None if self.rest is None else turn[above] @ self.rest @ turn.swapaxes(1, 2)
+        return replace(self, in_parent=in_parent, in_child=in_child, rest=rest)
+
+    def allowed(self, limb: int, parent: Floats, child: Floats) -> Floats:
+        """Return rotations of a limb near to given ones that its joint allows, shape (n_frames, 3, 3).
+
+        Parameters
+        ----------
+        limb : int
+            Not the root.
+        parent, child : ndarray, shape (n_frames, 3, 3)
+            World from parent, and world from limb.
+        """
+        kind = self.kinds[limb]
+        if FREEDOMS[kind] == 3:
+            return child
+        relative = parent.swapaxes(1, 2) @ child
+        if kind == "rigid":
+            rest = nearest_rotation(relative.mean(axis=0)) if self.rest is None else self.rest[limb]
+            return np.asarray(parent @ rest)
+        axis, second = self.in_parent[limb], relative @ self.in_child[limb]
+        wanted = self.between[limb] if kind == "universal" else 0.0
+        cross = np.cross(second, axis)
+        angle = np.arctan2(np.linalg.norm(cross, axis=1), second @ axis)
+        turn = matrix_from_vector((angle - wanted)[:, np.newaxis] * _unit(cross))
+        return np.asarray(parent @ turn @ relative)
 
     def at_rest(self, parents: Ints, rotations: Floats) -> Articulation:
         """Return rigid joints fixed as they are in the first of some frames."""

@@ -52,11 +52,12 @@ class KindChoice:
             last = list(self.evidence.leftovers.values())[-1]
             hidden = f"noise could hide {np.rad2deg(last.hidden):.2g} deg"
             return f"not enough motion to tell the kind of joint: it {turn}, and {hidden}"
+        values = " ".join(f"{value:.2g}" for value in self.fit.singular_values)
         tried = ", ".join(
             f"{name} leaves {left.ratio:.3g} times the noise (limit {left.limit:.3g})"
             for name, left in self.evidence.leftovers.items()
         )
-        return f"{self.kind}: {turn}" + (f"; {tried}" if tried else "")
+        return f"{self.kind}: {turn}" + (f"; {tried}" if tried else "") + f"; singular values {values}"
 
 
 def choose_kind(

@@ -6,7 +6,7 @@ spanning tree of the weights is the hierarchy, unless it is given (O'Brien, Bode
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -75,7 +75,9 @@ class Hierarchy:
     joints : dict of int to KindChoice
         The joint above each body that is no root.
     loops : tuple of pairs of int
-        Bodies that seem joined although the tree does not join them.
+        Bodies that seem joined, or are stated to be, although the tree does not join them.
+    loop_joints : tuple of KindChoice
+        Their joints, in this order: the first body is the parent.
     """
 
     names: tuple[str, ...]
@@ -83,6 +85,7 @@ class Hierarchy:
     gaps: Floats
     joints: dict[int, KindChoice]
     loops: tuple[tuple[int, int], ...]
+    loop_joints: tuple[KindChoice, ...] = ()
 
     @property
     def lengths(self) -> tuple[Length, ...]:
@@ -91,6 +94,12 @@ class Hierarchy:
 
     def _lengths_of(self, body: int) -> list[Length]:
         places = []
+        for (first, second), joint in zip(self.loops, self.loop_joints, strict=True):
+            fit = joint.fit
+            if body == first:
+                places.append(_Place(second, fit.kind, fit.in_parent, fit.covariance[:3, :3], fit.axis_in_parent))
+            elif body == second:
+                places.append(_Place(first, fit.kind, fit.in_child, fit.covariance[3:, 3:], fit.axis_in_child))
         if body in self.joints:
             fit = self.joints[body].fit
             places.append(
@@ -136,6 +145,7 @@ def find_hierarchy(
     *,
     kinds: Mapping[str, str] | None = None,
     limits: KindLimits | None = None,
+    loops: Sequence[tuple[str, str]] | None = None,
 ) -> Hierarchy:
     """Find the hierarchy of bodies and fit its joints.
 
@@ -153,6 +163,8 @@ def find_hierarchy(
         Kinds of joints that are known, by the child's name.
     limits : KindLimits, optional
         Where one kind ends and the next begins.
+    loops : sequence of pairs of str, optional
+        Bodies that are joined beyond the tree, such as clasped hands; found if left out.
 
     Raises
     ------
@@ -172,7 +184,12 @@ def find_hierarchy(
     children = [int(child) for child in outward_order(tree) if tree[child] >= 0]
     joints = {child: choose(relate(int(tree[child]), child), wanted.get(child), limits) for child in children}
     found = Hierarchy(poses.names, tree, gaps, joints, ())
-    return replace(found, loops=_loops(found, relate))
+    if loops is None:
+        pairs = _loops(found, relate)
+    else:
+        pairs = tuple((body_index(poses, first), body_index(poses, second)) for first, second in loops)
+    joined = tuple(choose(relate(first, second), None, limits) for first, second in pairs)
+    return replace(found, loops=pairs, loop_joints=joined)
 
 
 def without_residual(poses: Poses, hierarchy: Hierarchy) -> Poses:

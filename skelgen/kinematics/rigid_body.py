@@ -14,6 +14,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix, transform_from
 from skelgen.kinematics.shape import fit_shape
+from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, check_floats
 
 POSE_FREEDOMS = 6
@@ -72,6 +73,31 @@ def calibrate_rigid_body(positions: Floats) -> RigidBody:
     seen = ~np.isnan(positions[:, :, 0]) & shape.posed[:, np.newaxis]
     noise = _noise(points, poses, positions, seen)
     return RigidBody(points, noise**2 * _unit_covariance(points, seen), noise, poses)
+
+
+def limb_bodies(trajectories: Trajectories, limbs: Limbs) -> dict[int, RigidBody]:
+    """Calibrate each limb as a rigid body: its markers in the normal form, with covariance, whatever its joints say.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    limbs : Limbs
+        Which marker is on which limb.
+
+    Returns
+    -------
+    dict of int to RigidBody
+        By limb, points in the order of its markers; limbs whose first three markers are on one line, or that have
+        fewer, are not there.
+    """
+    found = {}
+    for limb in range(limbs.n_limbs):
+        try:
+            found[limb] = calibrate_rigid_body(trajectories.positions[:, limbs.markers_of(limb)])
+        except InputError:
+            continue
+    return found
 
 
 def normal_form(points: Floats) -> tuple[Floats, Floats]:

@@ -60,6 +60,12 @@ class Skin:
         """Part that each bend has of the variance of slides with its joint, shape (n_bends,)."""
         return np.asarray(1 / np.bincount(self.joints)[self.joints]) if len(self.joints) else np.zeros(0)
 
+    def turned(self, chain: Chain, turn: Floats) -> Skin:
+        """Return the skin for limbs whose frames are turned: `turn` brings old axes to new ones."""
+        middles = turn[np.maximum(chain.parents, 0)] @ self.middles @ turn.swapaxes(1, 2)
+        gains = np.einsum("bij,bj->bi", turn[self.joints], self.gains)
+        return Skin(self.joints, middles, gains, turn[chain.limb_of_marker] @ self.slopes)
+
     def with_slopes(self, slopes: Floats) -> Skin:
         """Return the skin with other slopes."""
         return replace(self, slopes=slopes)

@@ -255,7 +255,7 @@ class Motion:
     @property
     def n_frames(self) -> int:
         """Number of frames."""
-        return int(self.world_from_limb.shape[0])
+        return len(self.limb_seen)
 
     @property
     def times(self) -> Floats:

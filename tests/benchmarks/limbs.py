@@ -80,6 +80,12 @@ ROWS = {
         9,
         True,
     ),
+    "trees": Row(
+        "tree:30, 1 mm; hinges whose axes meet, markers beside axes",
+        cases(["tree:30"], (9, 21, 37, 61, 73, 75, *range(200, 206)), noise=1.0),
+        12,
+        True,
+    ),
     "small": Row(
         "two-marker hands, feet, head; a rod with one marker",
         cases(["human, small limbs of 2"], range(10)) + cases(["rods, one of 1"], range(10)),
@@ -101,6 +107,8 @@ ROWS = {
     ),
     "mixed": Row("mixed structures, 0 to 3 mm soft tissue", mixed_cases(100), 36, is_exact_wanted=False),
     "mixed again": Row("the same with other seeds", mixed_cases(500), 36, is_exact_wanted=False),
+    "mixed 700": Row("the same with seeds from 700", mixed_cases(700), 36, is_exact_wanted=False),
+    "mixed 900": Row("the same with seeds from 900", mixed_cases(900), 36, is_exact_wanted=False),
     "unseen": Row("20 % unseen, 1 mm soft tissue", cases(MIXED, range(4), dropouts=0.2, soft_tissue=1.0), 18),
     "short": Row("seed-human, 400 frames", cases(["seed-human"], range(10), n_frames=400), 9),
     "unlabelled": Row(
@@ -139,9 +147,9 @@ def judged(case: Case, row: Row) -> tuple[int, bool, bool, float]:
     """Difference in the number of limbs, whether all are right, whether the tree is, seconds for the limbs."""
     simulated = simulate(structure(case), seed=case.seed, **case.options, labelled=not row.unlabelled)
     take, owner = markers_and_limbs(simulated)
-    started = time.perf_counter()
+    started = time.process_time()
     limbs = find_limbs(take)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     known = owner >= 0
     is_exact = same_groups(limbs.limb_of_marker[known], owner[known])
     tree = row.with_tree and is_exact and has_true_tree(take, limbs, simulated)

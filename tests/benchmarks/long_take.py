@@ -10,14 +10,10 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
-import multiprocessing
-import resource
-import sys
 import time
 
 import numpy as np
-from shown import show, show_machine, verdict
+from shown import in_own_process, peak_gigabytes, show, show_machine, verdict
 from threadpoolctl import threadpool_limits
 
 from skelgen.errors import SkelgenError
@@ -35,7 +31,6 @@ HOUR = int(3600 * RATE)
 LENGTHS = (12_000, 48_000, 144_000, HOUR)  # frames
 WANTED_RATE = 1000.0  # frames/s of the whole stage
 WANTED_GIGABYTES = 2.5
-KIBI = 1024 if sys.platform != "darwin" else 1  # getrusage counts in KiB on Linux, in bytes on macOS
 
 
 class Phases(SilentMonitor):
@@ -58,7 +53,7 @@ def main() -> None:
     show_machine()
     rows = []
     for n_frames in given.lengths:
-        facts = in_own_process(n_frames, given.method, given.judged)
+        facts = in_own_process(labelled, n_frames, given.method, given.judged)
         rows.append(row_of(n_frames, facts))
         phases = ", ".join(f"{name} {seconds:.1f} s (until {peak:.2f} GB)" for name, seconds, peak in facts["phases"])
         print(f"{n_frames} frames: {phases}\n", flush=True)
@@ -76,23 +71,8 @@ def row_of(n_frames: int, facts: dict) -> tuple[str, ...]:
     return (str(n_frames), str(facts["n_points"]), *numbers, str(facts["markers"]), verdict(reached))
 
 
-def in_own_process(n_frames: int, method: str, judged: bool) -> dict:
-    """Label a take in a fresh process, because a process never forgets its peak of memory."""
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_label, args=(n_frames, method, judged, sender))
-    process.start()
-    sender.close()
-    try:
-        return json.loads(receiver.recv())
-    except EOFError:
-        process.join()
-        raise SystemExit(f"labelling {n_frames} frames ended with exit code {process.exitcode}") from None
-    finally:
-        process.join()
-
-
-def _label(n_frames: int, method: str, judged: bool, sender) -> None:
+def labelled(n_frames: int, method: str, judged: bool) -> dict:
+    """Label a take, and note time and memory."""
     cloud, parameters = long_cloud(n_frames), LabelParameters(method=method)
     before, phases = peak_gigabytes(), Phases()
     started = time.process_time()
@@ -109,8 +89,7 @@ def _label(n_frames: int, method: str, judged: bool, sender) -> None:
     peaks = [peak for _, _, peak in phases.begun[1:]] + [peak_gigabytes()]
     parts = [(name, end - begun, peak) for (name, begun, _), end, peak in zip(phases.begun, ends, peaks, strict=True)]
     facts = {"seconds": ended - started, "before": before, "peak": peak_gigabytes(), "markers": markers}
-    sender.send(json.dumps(facts | {"n_points": cloud.n_points, "phases": parts}))
-    sender.close()
+    return facts | {"n_points": cloud.n_points, "phases": parts}
 
 
 def long_cloud(n_frames: int, seed: int = 0) -> PointCloud:
@@ -136,11 +115,6 @@ def short_take(seed: int) -> tuple[PointCloud, int]:
     frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)[keep]
     starts = np.concatenate([[0], np.cumsum(np.bincount(frame_of_point, minlength=cloud.n_frames))])
     return PointCloud(cloud.points[keep], starts, cloud.times), N_MARKERS
-
-
-def peak_gigabytes() -> float:
-    """Most memory that this process has held [GB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * KIBI / 1e9
 
 
 if __name__ == "__main__":

@@ -136,6 +136,7 @@ def show_centre(folder: Path) -> None:
     if not (folder / BONE_PINS).exists():
         return
     take = skelgen.read(folder / BONE_PINS)
+    assert isinstance(take, Trajectories)
     others = [index for index, name in enumerate(take.names) if name != CENTRE]
     names = tuple(take.names[index] for index in others)
     project = skelgen.reconstruct(Trajectories(take.positions[:, others], names, take.rate))

@@ -51,7 +51,8 @@ def test_what_is_unknown_is_neither_drawn_nor_bridged():
 def test_scales_hold_curves_bands_and_zero():
     line = np.array([2.0, 4.0])
     curve = Curve("a", Extremes.of(line), Extremes.of(line - 1, line + 1))
-    for panel, wanted in ((Panel("", "", (curve,)), (0.0, 5.0)), (Panel("", "", (curve,), "", False), (1.0, 5.0))):
+    for from_zero, wanted in ((True, (0.0, 5.0)), (False, (1.0, 5.0))):
+        panel = Panel("", "", (curve,), from_zero=from_zero)
         assert panel.scale(panel.columns(0, 2, 2)) == wanted
 
 

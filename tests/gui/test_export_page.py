@@ -10,6 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
 from skelgen_gui.errors import ErrorDialog
 from skelgen_gui.export_page import ExportPage
+from skelgen_gui.jobs import Jobs
 from skelgen_gui.session import Session
 
 import skelgen
@@ -248,6 +249,28 @@ def test_cancelling_by_whoever_runs_the_job_is_told_as_well(open_page, click):
     click(page.export)
     start.done(start.work(Stopping()))
     assert page.status.text() == "Cancelled; nothing was written."
+
+
+def test_an_export_runs_on_another_thread_and_its_end_is_told_on_this_one(open_page, qtbot, click, tmp_path):
+    jobs = Jobs()
+    page = open_page(jobs.start)
+    page.choice.setCurrentText("Skeleton and motion, XML")
+    click(page.export)
+    assert jobs.is_busy
+    qtbot.waitUntil(lambda: not jobs.is_busy)
+    assert page.status.text() == f"Written to {tmp_path / 'out'}: walk.xml"
+    assert names_in(tmp_path / "out") == ["walk.xml"]
+
+
+def test_an_export_on_another_thread_is_cancelled(open_page, qtbot, click, tmp_path):
+    jobs = Jobs()
+    page = open_page(jobs.start)
+    page.choice.setCurrentText("Skeleton and motion, XML")
+    click(page.export)
+    click(page.cancel)
+    qtbot.waitUntil(lambda: not jobs.is_busy)
+    assert page.status.text() == "Cancelled; nothing was written."
+    assert names_in(tmp_path) == []
 
 
 def test_a_second_job_is_refused_with_a_sentence(open_page, click):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import pytest
+from PySide6.QtCore import QCoreApplication, QEvent
 from skelgen_gui.jobs import Jobs
 
 from skelgen.errors import InputError
@@ -81,3 +83,12 @@ def test_a_second_job_is_refused_while_one_runs(jobs, qtbot):
     assert not jobs.start("second", lambda monitor: 1, lambda _: None)
     with qtbot.waitSignal(jobs.ended, timeout=WAIT):
         release.set()
+
+
+def test_jobs_that_nobody_holds_any_more_end_after_their_work(qtbot):
+    for _ in range(5):
+        jobs = Jobs()
+        jobs.start("work", lambda monitor: time.sleep(0.02), lambda _: None)
+        qtbot.waitUntil(lambda jobs=jobs: not jobs.is_busy, timeout=WAIT)
+        del jobs
+        QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)

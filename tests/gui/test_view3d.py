@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtGui import QColor, QContextMenuEvent, QWheelEvent
+from PySide6.QtCore import QEvent, QObject, QPoint, QPointF, Qt
+from PySide6.QtGui import QColor, QContextMenuEvent, QMouseEvent, QWheelEvent
 from PySide6.QtWidgets import QApplication, QToolButton
 from skelgen_gui.palette import doubt_colour
 from skelgen_gui.session import Selection, Session
+from skelgen_gui.shortcuts import COMMANDS
 from skelgen_gui.theme import theme_palette
 from skelgen_gui.view3d import Shown, View3D, frustum
 from skelgen_gui.view3d.colours import Colours
@@ -87,9 +88,6 @@ def drag(qtbot, view, start, end, button=Qt.MouseButton.LeftButton, modifier=Qt.
 
 
 def send_move(view, place, buttons=Qt.MouseButton.NoButton, modifier=Qt.KeyboardModifier.NoModifier):
-    from PySide6.QtCore import QEvent
-    from PySide6.QtGui import QMouseEvent
-
     spot = QPointF(place)
     event = QMouseEvent(
         QEvent.Type.MouseMove, spot, QPointF(view.mapToGlobal(place)), Qt.MouseButton.NoButton, buttons, modifier
@@ -303,6 +301,9 @@ def test_fit_shows_all_of_the_frame_or_what_is_selected(view, session):
 
 @pytest.mark.parametrize("key", ["1", "3", "7", "F"])
 def test_keys_do_what_the_buttons_do(qtbot, view, key):
+    view.activateWindow()
+    view.setFocus()
+    qtbot.waitUntil(view.hasFocus)
     view.fit()
     view._outlook.move(view.viewpoint.orbited(0.3, 0.2))
     before = view.viewpoint
@@ -312,6 +313,23 @@ def test_keys_do_what_the_buttons_do(qtbot, view, key):
     actions = {"1": view.commands.front, "3": view.commands.side, "7": view.commands.top, "F": view.commands.fit}
     actions[key].trigger()
     assert by_key == view.viewpoint
+
+
+def test_keys_of_the_view_are_its_own(view):
+    keys = [action.shortcut().toString() for action in view.actions()]
+    assert "" not in keys
+    assert len(set(keys)) == len(keys)
+    assert set(keys).isdisjoint(command.key for command in COMMANDS)
+
+
+def test_trails_and_names_have_keys(qtbot, view):
+    view.activateWindow()
+    view.setFocus()
+    qtbot.waitUntil(view.hasFocus)
+    for key, part in ((Qt.Key.Key_T, "trails"), (Qt.Key.Key_N, "names")):
+        before = getattr(view.shown, part)
+        qtbot.keyClick(view, key)
+        assert getattr(view.shown, part) != before
 
 
 def test_arrows_turn_and_shift_and_escape_selects_nothing(qtbot, view, session):
@@ -436,6 +454,35 @@ def test_a_view_that_follows_keeps_what_moves_in_its_place(view, session):
     view.show_only(replace(MARKERS, follow=True))
     session.show_frame(250)
     assert np.abs(middle() - stays)[0] < 5  # it goes along on the level; height is seen
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda view, session: session.show_frame(session.frame + 1),
+        lambda view, session: session.select(Selection(joint=3)),
+        lambda view, session: session.compare_with(session.project),
+        lambda view, session: session.change(session.project),
+        lambda view, session: view.show_only(Shown(names=True)),
+        lambda view, session: view.fit(),
+        lambda view, session: view.look_from_top(),
+        lambda view, session: view.show_cameras([]),
+    ],
+)
+def test_every_change_is_painted(qtbot, view, session, change):
+    class Painted(QObject):
+        count = 0
+
+        def eventFilter(self, watched, event):  # noqa: N802 - Qt's name
+            self.count += event.type() == QEvent.Type.Paint
+            return False
+
+    view.repaint()  # what is still to be painted of the first look
+    QApplication.processEvents()
+    painted = Painted()
+    view.installEventFilter(painted)
+    change(view, session)
+    qtbot.waitUntil(lambda: painted.count > 0)
 
 
 def test_the_up_axis_can_be_stated(view):

@@ -128,6 +128,26 @@ def test_a_closed_loop_is_reported_once(parallelogram):
     found = find_hierarchy(parallelogram)
     assert [joint.kind for joint in found.joints.values()] == ["hinge"] * 3
     assert len(found.loops) == 1
+    assert [joint.kind for joint in found.loop_joints] == ["hinge"]
+
+
+def test_lengths_of_a_closed_loop_are_those_of_its_rods(parallelogram):
+    lengths = {length.body: length.length for length in find_hierarchy(parallelogram).lengths}
+    assert lengths == pytest.approx({"base": 200, "left": 300, "top": 200, "right": 300}, abs=0.1)
+
+
+def test_stated_loops_are_obeyed(parallelogram):
+    chain = {"base": None, "left": "base", "top": "left", "right": "top"}
+    assert find_hierarchy(parallelogram, chain, loops=()).loops == ()
+    found = find_hierarchy(parallelogram, chain, loops=[("base", "right")])
+    assert found.loops == ((0, 3),)
+    place = parallelogram.world_from_body[:, [0, 3]]
+    fit = found.loop_joints[0].fit
+    ends = [
+        pose[:, :3, :3] @ at + pose[:, :3, 3]
+        for pose, at in zip(place.swapaxes(0, 1), (fit.in_parent, fit.in_child), strict=True)
+    ]
+    np.testing.assert_allclose(ends[0], ends[1], atol=0.01)
 
 
 def test_a_tree_has_no_loop(sensors):

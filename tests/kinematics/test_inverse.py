@@ -9,6 +9,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.angles import joint_angles
 from skelgen.kinematics.inverse import METHODS, solve
+from skelgen.kinematics.live import LiveSkeleton
 from skelgen.model import Joint, Skeleton
 
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -61,13 +62,20 @@ def test_one_frame_is_a_take_of_one_frame(arm):
     np.testing.assert_allclose(solve(skeleton, positions[3]).angles[1][0], angles[1][3], atol=1e-5)
 
 
-def test_intervals_of_angles_hold_the_truth(arm):
+@pytest.mark.parametrize("method", METHODS)
+def test_intervals_of_angles_and_joints_hold_the_truth(arm, method):
     skeleton, positions, angles = arm
-    noisy = positions + np.random.default_rng(1).normal(size=positions.shape) * NOISE
-    posture = solve(skeleton, noisy)
-    for found, std, true in zip(posture.angles[1:], posture.angle_std[1:], angles[1:], strict=True):
-        held = np.abs(found - true) <= 1.96 * std
-        assert COVERED[0] <= held.mean() <= COVERED[1]
+    exact = solve(skeleton, positions)
+    held = {}
+    for seed in range(3):
+        noisy = positions + np.random.default_rng(seed).normal(size=positions.shape) * NOISE
+        posture = solve(skeleton, noisy, method=method)
+        for joint, (found, std, true) in enumerate(zip(posture.angles, posture.angle_std, angles, strict=True)):
+            held.setdefault(f"angles {joint}", []).append(np.abs(found - true) <= 1.96 * std)
+        gaps = np.abs(posture.joint_positions - exact.joint_positions)[:, [0, 2]]  # a hinge's is told across its axis
+        held.setdefault("joints", []).append(gaps <= 1.96 * posture.joint_std[:, [0, 2]])
+    for what, parts in held.items():
+        assert COVERED[0] <= np.concatenate(parts).mean() <= COVERED[1], what
 
 
 def test_whole_chain_is_nearer_than_root_outward(arm):
@@ -113,3 +121,50 @@ def test_unknown_method_is_refused(arm):
 def test_rigid_joint_has_no_angle():
     joint = Joint(0, 1, np.zeros(3), np.zeros(3), "rigid", None, np.zeros(3))
     assert joint_angles(joint, np.tile(np.eye(3), (5, 1, 1))).shape == (5, 0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_live_frames_are_those_of_the_take(arm, method):
+    skeleton, positions, _ = arm
+    live = LiveSkeleton(skeleton, method=method)
+    whole = solve(skeleton, positions[:20], method=method)
+    for frame in range(20):
+        seen = live.see(positions[frame])
+        np.testing.assert_allclose(seen.world_from_limb[0], whole.world_from_limb[frame], atol=1e-5)
+        np.testing.assert_allclose(seen.angle_std[1][0], whole.angle_std[1][frame], rtol=1e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_hidden_limb_keeps_its_angle_live(arm, method):
+    skeleton, positions, angles = arm
+    live = LiveSkeleton(skeleton, method=method)
+    live.see(positions[0])
+    hidden = positions[1].copy()
+    hidden[12:] = np.nan  # all beyond the universal joint
+    posture = live.see(hidden)
+    np.testing.assert_allclose(posture.angles[2][0], angles[2][0], atol=1e-5)
+    np.testing.assert_allclose(posture.angles[1][0], angles[1][1], atol=1e-4)
+    assert not posture.limb_seen[0, 3]
+    assert (posture.angle_std[2][0] > 0.5).all()
+
+
+def test_frame_without_markers_holds_the_skeleton_still(arm):
+    skeleton, positions, _ = arm
+    live = LiveSkeleton(skeleton)
+    with pytest.raises(InputError, match="first frame shows no marker"):
+        live.see(np.full_like(positions[0], np.nan))
+    before = live.see(positions[0])
+    after = live.see(np.full_like(positions[0], np.nan))
+    np.testing.assert_allclose(after.world_from_limb, before.world_from_limb, atol=1e-9)
+    assert not after.limb_seen.any()
+    assert after.joint_std.min() > 100  # mm
+
+
+def test_root_with_two_markers_is_found_by_the_others(arm):
+    """Live, a root that its markers do not fix starts as it was, and the chain turns it."""
+    skeleton, positions, _ = arm
+    live = LiveSkeleton(skeleton, method="whole-chain")
+    live.see(positions[0])
+    few = positions[1].copy()
+    few[2:4] = np.nan
+    np.testing.assert_allclose(live.see(few).world_from_limb, solve(skeleton, positions[1]).world_from_limb, atol=1e-3)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.kinematics.chain import ChainPoses
 from skelgen.kinematics.skin import skin_at_rest
 
 
@@ -51,3 +53,13 @@ def test_slides_are_slopes_times_bends_in_the_limbs_axes(tree):
         limb = tree.chain.limb_of_marker[marker]
         local = skin.slopes[marker] @ bends[frame]
         np.testing.assert_allclose(slides[frame, marker], tree.poses.rotations[frame, limb] @ local)
+
+
+def test_slides_are_the_same_whatever_the_limbs_frames(tree):
+    chain, poses, random = tree.chain, tree.poses, np.random.default_rng(1)
+    at_rest = skin_at_rest(chain, poses)
+    skin = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
+    turn = matrix_from_vector(random.normal(size=(chain.n_limbs, 3)))
+    turned = ChainPoses(poses.root, poses.rotations @ turn.swapaxes(1, 2))
+    slides = skin.turned(chain, turn).slides(chain, turned)
+    np.testing.assert_allclose(slides, skin.slides(chain, poses), atol=1e-9)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.geometry.orientation import fit_transform
+from skelgen.kinematics import limb_bodies
 from skelgen.kinematics.angles import joint_angles
 from skelgen.kinematics.inverse import posture_of
 
@@ -138,3 +139,17 @@ def test_exact_take_is_all_but_certain(simulated, reconstructed, true_limbs):
     assert skeleton.offset_std.max() < EXACT
     assert skeleton.length_std.max() < EXACT
     assert all(joint.std_in_child.max() < EXACT for joint in skeleton.joints)
+
+
+def test_limbs_calibrated_on_their_own_have_the_shapes_of_the_skeleton(simulated, reconstructed, true_limbs):
+    """Distances of markers on a limb, free of any frame; what the chain knows beyond is little."""
+    case = simulated("tree:8", 1, N_FRAMES, noise=NOISE)
+    skeleton = reconstructed(case.take, given_limbs=true_limbs(case)).skeleton
+    bodies = limb_bodies(case.take, true_limbs(case))
+    assert len(bodies) == skeleton.n_limbs
+    for limb, body in bodies.items():
+        own = skeleton.marker_offsets[skeleton.markers_of(limb)]
+        alone, chained = (np.linalg.norm(points[1] - points[0]) for points in (body.points, own))
+        assert alone == pytest.approx(chained, abs=3 * body.std[1, 0])
+        spread = skeleton.offset_std[skeleton.markers_of(limb)]
+        assert np.sqrt((spread**2).sum()) < 1.2 * np.sqrt((body.std**2).sum())

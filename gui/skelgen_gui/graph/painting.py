@@ -123,7 +123,7 @@ class GraphPainting:
             self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, str(limb))
 
     def legend(self, kinds: list[tuple[str, str]], words: str, place: QRectF) -> None:
-        """Say in a line at the foot of a place what the signs mean.
+        """Say at the foot of a place what the signs mean.
 
         Parameters
         ----------
@@ -143,6 +143,8 @@ class GraphPainting:
             self._painter.setPen(text)
             self._painter.drawText(QPointF(x + _SIGN + 5, y + self._metrics.ascent() / 2 - 1), name)
             x += _SIGN + 5 + self._metrics.horizontalAdvance(name) + 18
+        if x + self._metrics.horizontalAdvance(words) > place.right():  # then in a line of its own
+            x, y = place.left() + 12 - _SIGN, y - 1.3 * self._metrics.height()
         self._painter.drawText(QPointF(x, y + self._metrics.ascent() / 2 - 1), words)
 
     def _ends(self, pair: tuple[int, int]) -> tuple[QPointF, QPointF]:

@@ -124,7 +124,9 @@ class Panel:
     curves : tuple of Curve
         At least one.
     note : str
-        What the band means, or that curves are left away.
+        A few words below the legend.
+    about : str
+        What the curves and bands mean, for who asks.
     from_zero : bool
         Whether the scale begins at 0.
     """
@@ -133,6 +135,7 @@ class Panel:
     unit: str
     curves: tuple[Curve, ...]
     note: str = ""
+    about: str = ""
     from_zero: bool = True
 
     def columns(self, first: float, end: float, n_columns: int) -> list[Columns]:

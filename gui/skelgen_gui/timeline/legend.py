@@ -41,14 +41,14 @@ class Legend(QWidget):
         """Paint the samples as lanes are painted."""
         painter = QPainter(self)
         x, metrics = float(GUTTER), QFontMetricsF(self.font())
+        ratio = self.devicePixelRatioF()
         doubt = rgb_of(doubt_colour(self.palette()))
         for state, words in self._words.items():
-            shares = np.zeros((1, _SAMPLE, len(State)))
+            shares = np.zeros((1, round(_SAMPLE * ratio), len(State)))
             shares[..., state] = 1.0
             colour = colour_of_limb(-1 if state == State.LEFT_OUT else 0, self.palette())
             colours = rgb_of(colour)[np.newaxis]
-            ratio = self.devicePixelRatioF()
-            bar = np.repeat(lane_picture(shares, colours, doubt, round(_BAR * ratio)), round(ratio), axis=1)
+            bar = lane_picture(shares, colours, doubt, round(_BAR * ratio))
             painter.drawPixmap(QPointF(x, 4), pixmap_of(bar, ratio))
             painter.setPen(self.palette().color(QPalette.ColorRole.WindowText))
             painter.drawText(QPointF(x + _SAMPLE + 5, 4 + (_BAR + metrics.ascent() - metrics.descent()) / 2), words)

@@ -15,6 +15,10 @@ from skelgen_gui.timeline.lanes import point_counts
 MOST_CURVES = 6
 """Markers whose residuals are drawn at once: the legend has room for no more."""
 
+_ABOUT_RESIDUALS = "How far markers were measured from where the skeleton has them: the mean, and selected markers."
+_ABOUT_ANGLES = "Angles of the joint, 0 in the reference pose; within the bands with a probability of 95 %."
+_ABOUT_DEVIATION = "Standard deviation of the joint's place, the root of the sum of squares over three axes."
+_ABOUT_POINTS = "Points of each frame that belong to no marker."
 _SURE = 1.96  # standard deviations of 95 %
 
 
@@ -37,7 +41,7 @@ def residual_panel(project: Project, mean: Curve, markers: Iterable[int]) -> Pan
         for number, (marker, limb) in enumerate(zip(markers[:MOST_CURVES], limbs, strict=False))
     )
     note = f"{len(markers) - MOST_CURVES} more are not drawn" if len(markers) > MOST_CURVES else ""
-    return Panel("Residual", "mm", (mean, *shown), note)
+    return Panel("Residual", "mm", (mean, *shown), note, _ABOUT_RESIDUALS)
 
 
 def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
@@ -52,12 +56,12 @@ def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
         curves.append(Curve(name, Extremes.of(angles), band, component=number))
     panels = []
     if curves:
-        note = f"{one.kind} · 95 %" + (f" (every {found.step}th frame)" if found.step > 1 else "")
-        panels.append(Panel(f"Joint {one.parent}–{one.child}", "°", tuple(curves), note, from_zero=False))
+        about = _ABOUT_ANGLES + (f" Bands are those of every {found.step}th frame." if found.step > 1 else "")
+        panels.append(Panel(f"Joint {one.parent}–{one.child}", "°", tuple(curves), one.kind, about, from_zero=False))
     if project.motion.joint_std is not None:
         size = np.linalg.norm(project.motion.joint_std[:, joint], axis=1)
         deviation = Curve("of the place", Extremes.of(size), limb=one.child)
-        panels.append(Panel("Deviation", "mm", (deviation,), "standard, all axes"))
+        panels.append(Panel("Deviation", "mm", (deviation,), about=_ABOUT_DEVIATION))
     return tuple(panels)
 
 
@@ -67,4 +71,4 @@ def count_panel(project: Project) -> Panel | None:
     if counts is None:
         return None
     title = "Points left out" if project.has("labels") else "Points"
-    return Panel(title, "", (Curve("points", Extremes.of(counts.astype(np.float64))),))
+    return Panel(title, "", (Curve("points", Extremes.of(counts.astype(np.float64))),), about=_ABOUT_POINTS)

@@ -82,7 +82,7 @@ class PlotView(QWidget):
         found = (panel for index, panel in enumerate(self._panels) if self._holds(index, place))
         panel = next(found, None)
         if panel is None or place.x() < GUTTER:
-            return self.toolTip() if panel is None else " · ".join(filter(None, (panel.title, panel.note)))
+            return self.toolTip() if panel is None else "\n".join(filter(None, (panel.title, panel.note, panel.about)))
         frame = self._span.frame_at(place.x(), GUTTER, plot_width(self.width()))
         values = [f"{curve.name}: {digits(float(curve.line.low[frame]))} {panel.unit}" for curve in panel.curves]
         return "\n".join([f"{panel.title}, " + self.tr("frame {}").format(frame), *values])

@@ -7,7 +7,6 @@ import math
 from PySide6.QtCore import QObject, Signal
 
 from skelgen.model import Take
-from skelgen.model.arrays import Floats
 from skelgen_gui.session import Session
 
 FEWEST_FRAMES = 8.0
@@ -71,10 +70,6 @@ class VisibleSpan(QObject):
     def pan(self, frames: float) -> None:
         """Show what lies some frames later, or earlier if negative."""
         self.show(self._first + frames, self._end + frames)
-
-    def places(self, frames: Floats, left: float, width: float) -> Floats:
-        """Return where frames lie in a picture [px] that begins at `left` and is `width` wide."""
-        return left + (frames - self._first) * (width / (self._end - self._first))
 
     def place(self, frame: float, left: float, width: float) -> float:
         """Return where a frame begins in a picture [px]; half a frame more is its middle."""

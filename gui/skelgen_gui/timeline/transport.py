@@ -62,6 +62,7 @@ class Transport(QWidget):
         self.frame.setToolTip(self.tr("The frame that is shown, counted from 0"))
         self.frame.valueChanged.connect(self._session.show_frame)
         self._time = QLabel(self)
+        self._time.setContentsMargins(_GAP // 2, 0, 0, 0)
         self._time.setAccessibleName(self.tr("Time"))
         self._time.setToolTip(self.tr("Time of the frame, and of the last one"))
         self.speed = QComboBox(self)

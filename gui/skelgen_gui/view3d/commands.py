@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import QObject
+from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QMenu
 
@@ -15,6 +15,8 @@ from skelgen_gui.view3d.shown import MAGNIFICATIONS, TRAIL_SECONDS, Shown
 
 if TYPE_CHECKING:
     from skelgen_gui.view3d.widget import View3D
+
+_KEYS = {"trails": "T", "names": "N"}  # of switches
 
 
 class Commands(QObject):
@@ -40,7 +42,6 @@ class Commands(QObject):
     def __init__(self, view: View3D) -> None:
         super().__init__(view)
         self._view = view
-        self._keys: dict[str, QAction] = {}
         tr = self.tr
         self.fit = self._do(tr("Fit"), "F", tr("Show all of this frame, or what is selected"), view.fit)
         self.fit_take = self._do(tr("Fit take"), "Shift+F", tr("Show where all of the take happens"), view.fit_take)
@@ -54,12 +55,11 @@ class Commands(QObject):
         view.shown_changed.connect(self._follow)
         self._follow(view.shown)
 
-    def obey(self, key: QKeySequence) -> bool:
-        """Do what a key stands for, and say whether it stands for anything."""
-        action = self._keys.get(key.toString())
-        if action is not None:
-            action.trigger()
-        return action is not None
+    @property
+    def with_keys(self) -> tuple[QAction, ...]:
+        """The actions that have keys, which work while the view has the focus."""
+        switches = (self.switches[name] for name in _KEYS)
+        return (self.fit, self.fit_take, self.front, self.side, self.top, self.rectangle, *switches)
 
     def fill(self, menu: QMenu) -> None:
         """Add all switches and choices to a menu."""
@@ -97,18 +97,22 @@ class Commands(QObject):
         return {"trail_seconds": list(seconds), "magnification": times, "up": list(ups)}
 
     def _do(self, text: str, key: str, explanation: str, act: Callable[[], None] | None = None) -> QAction:
-        """Make an action. Its key is no shortcut of Qt: a window may have one of its own for the same thing."""
-        action = QAction(text, self)
-        action.setToolTip(f"{explanation} ({key})")
-        self._keys[QKeySequence(key).toString()] = action
+        action = self._action(text, key, explanation)
         if act is not None:
             action.triggered.connect(act)
         return action
 
-    def _switch(self, name: str, text: str, explanation: str) -> QAction:
+    def _action(self, text: str, key: str, explanation: str) -> QAction:
         action = QAction(text, self)
+        action.setStatusTip(explanation)
+        action.setToolTip(f"{explanation} ({key})" if key else explanation)
+        action.setShortcut(QKeySequence(key))
+        action.setShortcutContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
+        return action
+
+    def _switch(self, name: str, text: str, explanation: str) -> QAction:
+        action = self._action(text, _KEYS.get(name, ""), explanation)
         action.setCheckable(True)
-        action.setToolTip(explanation)
         action.toggled.connect(partial(self._set, name))
         return action
 

@@ -89,6 +89,7 @@ class View3D(QWidget):
         self._wording = Wording(self)
         self._set_up_widget()
         self.commands = Commands(self)
+        self.addActions(self.commands.with_keys)
         self._buttons = ViewButtons(self.commands, self)
         session.project_changed.connect(self._take_project)
         session.other_changed.connect(self._take_other)
@@ -255,7 +256,7 @@ class View3D(QWidget):
             self.context_requested.emit(self.mapToGlobal(self.rect().center()), self._session.selection)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), and the keys of the commands."""
+        """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), select all or (esc) nothing."""
         modifiers = event.modifiers() & ~Qt.KeyboardModifier.KeypadModifier
         if event.key() in _ARROWS and modifiers in (_CONTROL, _ALT):
             right, down = _ARROWS[Qt.Key(event.key())]
@@ -269,7 +270,7 @@ class View3D(QWidget):
             self._session.select(Selection(frozenset(range(self._outlook.scene.n_markers))))
         elif event.key() == Qt.Key.Key_Escape:
             self._session.select(Selection())
-        elif not self.commands.obey(QKeySequence(event.keyCombination())):
+        else:
             super().keyPressEvent(event)
 
     def _set_up_widget(self) -> None:

@@ -43,7 +43,7 @@ ENOUGH_RATIOS = 8
 """Fewer joints say nothing of how their ratios are spread."""
 
 HINGE_PART = 0.8
-"""Of the cost, for a hinge. Of 12 takes with up to 3 mm of soft tissue all hinges turn across their axes by at most 1.2
+"""Of the cost, for a hinge. Of 7 takes with up to 3 mm of soft tissue all hinges turn across their axes by at most 1.2
 times the noise, no pair of limbs that has no hinge by less than 2.5 times; the factor need only break ties."""
 
 USUAL_PART = 0.25

@@ -14,6 +14,7 @@ from skelgen.kinematics.closing import ClosedCalibration
 from skelgen.kinematics.kind import JointKind, KindLimits
 from skelgen.kinematics.limb_errors import LimbErrors
 from skelgen.kinematics.posing import fit_poses
+from skelgen.kinematics.skin import Skin
 from skelgen.kinematics.sliding import fit_sliding, settle_sliding
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assemble import Body, assemble
@@ -28,10 +29,11 @@ from skelgen.stages.skeleton.joints import (
     with_axes,
     with_noise_of_poses,
 )
-from skelgen.stages.skeleton.outliers import out_of_line, out_of_place, out_of_reach
+from skelgen.stages.skeleton.outliers import out_of_line
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.ringed import FOUND, BodyRings, all_poses, closed_body
+from skelgen.stages.skeleton.trusted import without_outliers
 
 FIRST_ROUNDS = 3
 """Rounds of the fit with free joints: it need only be near enough for the kinds to be told."""
@@ -78,6 +80,8 @@ class FittedBody:
         Standard deviation of a coordinate.
     rings : BodyRings, optional
         Rings that were closed.
+    skin : Skin, optional
+        How markers slide on the limbs, if they do.
     """
 
     body: Body
@@ -94,6 +98,7 @@ class FittedBody:
     growth: float
     noise: float
     rings: BodyRings | None = None
+    skin: Skin | None = None
 
 
 def fit_body(
@@ -115,7 +120,7 @@ def fit_body(
         Limbs that meet beyond the tree, by position in the body; the whole chain is fitted with them closed.
     """
     chain, reference = assemble(body, parameters, rotator, _well_seen_frames(body, parameters.samples))
-    trusted, start, posed = _without_outliers(body, chain, parameters, rotator)
+    trusted, start, posed = without_outliers(body, chain, parameters, rotator)
     frames = _determined_frames(posed, parameters.samples)
     wanted = _wanted_kinds(parameters, body)
     first, kinds = _first_fit(chain, start[frames], trusted[frames], posed[frames], parameters, wanted, are_poses)
@@ -129,7 +134,7 @@ def fit_body(
     closed, poses = found.closed, found.poses
     if parameters.fit == "whole-chain":
         closed = None if closed is None else closed.shifted(found.kinds, shifts)
-        poses = all_poses(chain, closed, poses, found.trusted, found.last)
+        poses = all_poses(chain, closed, poses, found.trusted, found.last.articulation)
     errors = errors_of_limbs(found.last, found.kinds, shifts, freedom, found.growth, parameters.rank_tolerance)
     if closed is not None and isinstance(found.last, ClosedCalibration):
         closed = closed.with_errors(errors, found.last, found.last.noise * np.sqrt(found.growth))
@@ -154,6 +159,7 @@ def fit_body(
         growth=found.growth,
         noise=found.last.noise,
         rings=None if closed is None else closed.turned(turn),
+        skin=None if found.skin is None else found.skin.turned(chain, turn),
     )
 
 
@@ -177,6 +183,8 @@ class _Fit:
         How many of these tell as much as one that is independent.
     closed : BodyRings, optional
         Rings that were closed.
+    skin : Skin, optional
+        The slides.
     """
 
     last: Calibration
@@ -186,6 +194,7 @@ class _Fit:
     used: Ints
     growth: float
     closed: BodyRings | None = None
+    skin: Skin | None = None
 
 
 def _first_fit(
@@ -223,16 +232,16 @@ def _whole_fit(
         kinds, poses = _followed(kinds, last, before), _posed_as(last, poses, used)
         trusted = trusted.copy()
         trusted[used] = last.positions
-    growth = lasting(last, trusted[used])
+    growth, skin = lasting(last, trusted[used]), None
     if parameters.soft_tissue and not are_poses:
         before = poses[used]
-        last, poses, trusted, growth = _without_slides(last, poses, trusted, used, growth)
+        last, poses, trusted, growth, skin = _without_slides(last, poses, trusted, used, growth)
         kinds = _followed(kinds, last, before)
     if rings is None or not len(rings):
-        return _Fit(last, kinds, poses, trusted, used, growth)
+        return _Fit(last, kinds, poses, trusted, used, growth, skin=skin)
     last, poses, closed = closed_body(last, poses, used, rings, parameters.loops.strip() != FOUND)
     kinds = with_axes(kinds, last.articulation)
-    return _Fit(last, kinds, poses, trusted, used, lasting(last, trusted[used]), closed)
+    return _Fit(last, kinds, poses, trusted, used, lasting(last, trusted[used]), closed, skin)
 
 
 def _robust(fit: Calibration, parameters: SkeletonParameters, n_rounds: int | None) -> Calibration:
@@ -271,23 +280,23 @@ def _followed(kinds: list[JointKind], last: Calibration, before: ChainPoses) -> 
 
 def _without_slides(
     last: Calibration, poses: ChainPoses, trusted: Floats, used: Ints, growth: float
-) -> tuple[Calibration, ChainPoses, Floats, float]:
+) -> tuple[Calibration, ChainPoses, Floats, float, Skin | None]:
     """Fit once more to positions without the slides of soft tissue, if there are any; also return these positions.
 
     Slides have unknowns of their own, so they explain the markers better, or their fit has gone astray and is dropped.
     """
     sliding = fit_sliding(last)
     if sliding is None:
-        return last, poses, trusted, growth
+        return last, poses, trusted, growth, None
     before, chain, articulation = poses, sliding.chain, sliding.articulation
     poses = ChainPoses(poses.root, articulation.projected(chain.parents, poses.rotations))
     poses = fit_poses(chain, poses, trusted - sliding.skin.slides(chain, poses), articulation)
     settled = settle_sliding(sliding, poses[used], trusted[used])
     if not _squares(settled.calibration) < _squares(last):
-        return last, before, trusted, growth
+        return last, before, trusted, growth, None
     last = settled.calibration
     poses = ChainPoses(poses.root, last.articulation.projected(chain.parents, poses.rotations))
-    return last, poses, trusted - settled.skin.slides(last.chain, poses), settled.growth
+    return last, poses, trusted - settled.skin.slides(last.chain, poses), settled.growth, settled.skin
 
 
 def _squares(fit: Calibration) -> float:
@@ -307,20 +316,6 @@ def _frames_of_refinement(trusted: Floats, samples: int) -> Ints:
 def _wanted_kinds(parameters: SkeletonParameters, body: Body) -> dict[int, str]:
     """Kinds that the user knows, by position of the limb in the body."""
     return {limb: kind for limb, one in enumerate(body.limbs) if (kind := parameters.wanted_kind(int(one)))}
-
-
-def _without_outliers(
-    body: Body, chain: Chain, parameters: SkeletonParameters, rotator: Rotator
-) -> tuple[Floats, ChainPoses, Bools]:
-    """Positions without those that cannot be right, and the poses from the root outward that rest on the others."""
-    trusted = body.positions
-    poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
-    for find in (out_of_reach, out_of_place):
-        outliers = find(chain, poses, posed, trusted, parameters.outlier_limit)
-        if outliers.any():
-            trusted = np.where(outliers[..., np.newaxis], np.nan, trusted)
-            poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
-    return trusted, poses, posed
 
 
 def _well_seen_frames(body: Body, samples: int) -> Ints:

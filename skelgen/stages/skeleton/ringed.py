@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.errors import InputError
+from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.calibration import Calibration
 from skelgen.kinematics.chain import Chain, ChainPoses, residuals
 from skelgen.kinematics.closing import ClosedCalibration, close_rings
@@ -147,12 +148,12 @@ def _missed(last: Calibration) -> float:
 
 
 def all_poses(
-    chain: Chain, rings: BodyRings | None, start: ChainPoses, positions: Floats, last: Calibration
+    chain: Chain, rings: BodyRings | None, start: ChainPoses, positions: Floats, articulation: Articulation
 ) -> ChainPoses:
     """Pose a chain in all frames, its rings closed."""
     if rings is None or not rings.rings.n_rings:
-        return fit_poses(chain, start, positions, last.articulation)
-    return fit_closed_poses(chain, rings.rings, start, positions, last.articulation)
+        return fit_poses(chain, start, positions, articulation)
+    return fit_closed_poses(chain, rings.rings, start, positions, articulation)
 
 
 def ring_sentences(rings: BodyRings, limbs: Ints) -> Iterator[str]:
