@@ -1,8 +1,8 @@
-r"""Markers that slide on their limb as its joint bends: what soft tissue does besides shaking.
+r"""Markers that slide on their limb as its joints bend: what soft tissue does besides shaking.
 
-Much of the skin's motion follows the angles of the joint (Lucchetti, Cappozzo, Cappello and Della Croce 1998, *Skin
+Much of the skin's motion follows the angles of the joints (Lucchetti, Cappozzo, Cappello and Della Croce 1998, *Skin
 movement artefact assessment and compensation in the estimation of knee-joint kinematics*). Here a marker is displaced,
-in the frame of its limb, in proportion to the bends of the joint above it.
+in the frame of its limb, in proportion to the bends of the joints of this limb: that to its parent, and those beyond.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
 from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.model.arrays import Bools, Floats
+from skelgen.model.arrays import Bools, Floats, Ints
 
 LEAST_BEND = 0.08
 """Of a joint's largest bend: directions that bend less, as the third of a universal joint, carry nothing."""
@@ -28,43 +28,52 @@ class Skin:
 
     Attributes
     ----------
+    joints : ndarray of intp, shape (n_bends,)
+        Limb below the joint of each bend.
     middles : ndarray, shape (n_limbs, 3, 3)
         Mean rotation of each limb against its parent.
-    gains : ndarray, shape (n_limbs, 3, 3), 1 / rad
-        What the rotation vector from there is multiplied with for three bends of mean square 1; zero columns for
-        directions in which the joint hardly bends.
-    slopes : ndarray, shape (n_markers, 3, 3), mm
+    gains : ndarray, shape (n_bends, 3), 1 / rad
+        The rotation vector from there times these is a bend, of mean square 1.
+    slopes : ndarray, shape (n_markers, 3, n_bends), mm
         Displacement in the limb's frame for each bend.
     """
 
+    joints: Ints
     middles: Floats
     gains: Floats
     slopes: Floats
 
-    @property
-    def is_bent(self) -> Bools:
-        """Which bends there are, shape (n_limbs, 3)."""
-        return np.asarray((self.gains != 0).any(axis=1))
-
     def bends(self, chain: Chain, poses: ChainPoses) -> Floats:
-        """Return the bends of the joint above each limb, shape (n_frames, n_limbs, 3)."""
+        """Return the bends in some frames, shape (n_frames, n_bends)."""
         turns = vector_from_matrix(self.middles.swapaxes(1, 2) @ _relative(chain, poses))
-        return np.asarray((turns[:, :, np.newaxis] @ self.gains)[:, :, 0])
+        return np.asarray(np.einsum("fbi,bi->fb", turns[:, self.joints], self.gains))
 
     def slides(self, chain: Chain, poses: ChainPoses) -> Floats:
         """Return the displacement of every marker in the world [mm], shape (n_frames, n_markers, 3)."""
-        limb = chain.limb_of_marker
-        local = self.slopes @ self.bends(chain, poses)[:, limb, :, np.newaxis]
-        return np.asarray((poses.rotations[:, limb] @ local)[..., 0])
+        bends = self.bends(chain, poses)
+        local = bends @ self.slopes.reshape(3 * chain.n_markers, -1).T
+        turned = poses.rotations[:, chain.limb_of_marker] @ local.reshape(len(bends), -1, 3, 1)
+        return np.asarray(turned[..., 0])
+
+    @property
+    def shares(self) -> Floats:
+        """Part that each bend has of the variance of slides with its joint, shape (n_bends,)."""
+        return np.asarray(1 / np.bincount(self.joints)[self.joints]) if len(self.joints) else np.zeros(0)
 
     def turned(self, chain: Chain, turn: Floats) -> Skin:
         """Return the skin for limbs whose frames are turned: `turn` brings old axes to new ones."""
         middles = turn[np.maximum(chain.parents, 0)] @ self.middles @ turn.swapaxes(1, 2)
-        return Skin(middles, turn @ self.gains, turn[chain.limb_of_marker] @ self.slopes)
+        gains = np.einsum("bij,bj->bi", turn[self.joints], self.gains)
+        return Skin(self.joints, middles, gains, turn[chain.limb_of_marker] @ self.slopes)
 
     def with_slopes(self, slopes: Floats) -> Skin:
         """Return the skin with other slopes."""
         return replace(self, slopes=slopes)
+
+    def reach(self, chain: Chain) -> Bools:
+        """Which bends are those of a limb's own joints, shape (n_limbs, n_bends)."""
+        limbs = np.arange(chain.n_limbs)[:, np.newaxis]
+        return np.asarray((self.joints == limbs) | (chain.parents[self.joints] == limbs))
 
 
 def skin_at_rest(chain: Chain, poses: ChainPoses) -> Skin:
@@ -72,13 +81,16 @@ def skin_at_rest(chain: Chain, poses: ChainPoses) -> Skin:
     relative = _relative(chain, poses)
     middles = nearest_rotation(relative.mean(axis=0))
     turns = vector_from_matrix(middles.swapaxes(1, 2) @ relative)
-    gains = np.zeros((chain.n_limbs, 3, 3))
+    joints: list[int] = []
+    gains = [np.zeros((0, 3))]
     for limb in range(1, chain.n_limbs):
         values, vectors = np.linalg.eigh(turns[:, limb].T @ turns[:, limb] / len(turns))
         size = np.sqrt(np.maximum(values, 0.0))
         bent = size > max(LEAST_BEND * size[-1], STILL)
-        gains[limb][:, bent] = vectors[:, bent] / size[bent]
-    return Skin(middles, gains, np.zeros((chain.n_markers, 3, 3)))
+        gains.append((vectors[:, bent] / size[bent]).T)
+        joints += [limb] * int(bent.sum())
+    slopes = np.zeros((chain.n_markers, 3, len(joints)))
+    return Skin(np.array(joints, dtype=np.intp), middles, np.concatenate(gains), slopes)
 
 
 def _relative(chain: Chain, poses: ChainPoses) -> Floats:

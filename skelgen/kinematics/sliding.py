@@ -14,24 +14,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.kinematics.articulation import Articulation
+from skelgen.kinematics.bending import SeenBending, bent_slopes, residuals_in_limbs, see_bending
 from skelgen.kinematics.calibration import Calibration, calibrate
-from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
+from skelgen.kinematics.chain import Chain, ChainPoses
 from skelgen.kinematics.correlated import effective_frames
 from skelgen.kinematics.pose_covariances import LEAST_NOISE
 from skelgen.kinematics.posing import fit_poses
 from skelgen.kinematics.pull import constant_pull
 from skelgen.kinematics.skin import Skin, skin_at_rest
-from skelgen.kinematics.sliding_system import Clusters, SlidingSystem, sliding_system
+from skelgen.kinematics.sliding_system import SlidingSystem, clusters_of, sliding_system
 from skelgen.model.arrays import Floats, Ints
 
 SYSTEM_FRAMES = 100
 """Frames on which slides and their uncertainty rest, evenly spread: soft tissue is slow, more would tell the same."""
 
-VARIANCES = np.geomspace(1e-4, 1e4, 161)
-"""Variances of slides that are tried, in units of the noise's: 12 % apart."""
+ESTIMATES = 4
+"""Rounds in which variances of slides are estimated."""
 
-LEAST_EVIDENCE = 5.0
-"""Nats by which slides must make the take more likely to be believed."""
+WEIGHT_OF_COMMON = 1.0
+"""Numbers that the common variance counts for beside those of a cluster and a joint."""
+
+LEAST_PART = 0.02
+"""Of the largest variance: slides of less are left out."""
 
 MAX_STEPS = 5
 STEP_TOLERANCE = 0.1
@@ -52,17 +56,17 @@ class Sliding:
         Fitted without the slides.
     skin : Skin
         The slides.
-    bending : ndarray, shape (n_markers, 3, 3), mm
+    bending : ndarray, shape (n_markers, 3, n_bends), mm
         The part of the slopes that bends clusters and tells nothing of joints.
-    variance : float, mm^2
-        Of a coordinate's slides.
+    variances : ndarray, shape (n_limbs, n_bends), mm^2
+        Of a coordinate's slides with each bend; 0 where the markers of a limb do not follow it.
     """
 
     chain: Chain
     articulation: Articulation
     skin: Skin
     bending: Floats
-    variance: float
+    variances: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,76 +88,51 @@ class Settled:
     growth: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """What is seen of slides before any is fitted: moments of residuals in the limbs' frames with bends.
-
-    Attributes
-    ----------
-    bends : ndarray, shape (n_markers, 3, 3)
-        Sums of products of bends.
-    moments : ndarray, shape (n_markers, 3, 3), mm
-        Sums of residuals times bends.
-    noise : float, mm^2
-        Variance of a coordinate that follows no bend, times the frames that tell as much as one.
-    """
-
-    bends: Floats
-    moments: Floats
-    noise: float
-
-
-def fit_sliding(last: Calibration, positions: Floats) -> Sliding | None:
+def fit_sliding(last: Calibration) -> Sliding | None:
     """Fit slides of markers, and the chain with them; None if there is no sign of slides.
 
     Parameters
     ----------
     last : Calibration
-        The chain fitted to markers that do not slide.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        What it was fitted to, in the order of time.
+        The chain fitted to markers that do not slide, frames in the order of time.
     """
     if last.noise <= LEAST_NOISE:
         return None
     skin = skin_at_rest(last.chain, last.poses)
-    seen = _seen_slides(last, positions, skin)
-    everywhere = np.diagonal(seen.bends, axis1=1, axis2=2)[:, np.newaxis] * np.ones((1, 3, 1))
-    if _evidence(everywhere.ravel(), seen.moments.ravel(), seen.noise).max() < LEAST_EVIDENCE:
-        return None
-    frames = _system_frames(positions)
-    share = seen_weights(positions).sum() / max(seen_weights(positions[frames]).sum(), 1.0)
-    return _settled(last, positions[frames], frames, skin, seen, float(share))
+    seen = see_bending(last, skin, clusters_of(last.chain))
+    variances = seen.likely_slides(skin)
+    return _fitted(last, skin, seen, variances) if variances.any() else None
 
 
-def _settled(
-    last: Calibration, positions: Floats, frames: Ints, skin: Skin, seen: _Seen, share: float
-) -> Sliding | None:
-    """Gauss-Newton steps of constants and slides on some frames, each of which counts `share` times."""
+def _fitted(last: Calibration, skin: Skin, seen: SeenBending, variances: Floats) -> Sliding:
+    """Gauss-Newton steps of constants and slides on some frames."""
+    frames, share = _system_frames(last)
     chain, articulation, poses = last.chain, last.articulation, last.poses[frames]
-    variance, bent = 0.0, np.zeros_like(skin.slopes)
+    positions, bent = last.positions[frames], np.zeros_like(skin.slopes)
     for step_number in range(MAX_STEPS):
         without = positions - skin.slides(chain, poses)
-        system = sliding_system(chain, articulation, poses, without, skin, last.noise)
+        system = sliding_system(chain, articulation, poses, without, skin, variances > 0, last.noise)
         matrix, pull = share * system.matrix, share * system.pull
         n = system.n_constants
         matrix[np.arange(n), np.arange(n)] += seen.noise / _looseness(system, chain) ** 2
         if step_number == 0:
-            variance, evidence = _likeliest_variance(matrix, pull, system, chain, skin, seen)
-            if evidence < LEAST_EVIDENCE:
-                return None
-            bent = _bent_slopes(system.clusters, skin, chain, seen, variance)
-        prior = system.n_bends * seen.noise / variance
+            variances = _estimated(matrix, pull, system, skin, seen, variances)
+            bent = bent_slopes(chain, seen, variances)
+            kept = np.append(np.ones(n, dtype=bool), variances[system.limbs, system.bend] > 0)
+            system = system.without(~kept[n:])
+            matrix, pull = matrix[np.ix_(kept, kept)], pull[kept]
+        prior = seen.noise / variances[system.limbs, system.bend]
         slides = system.slides(skin.slopes - bent)
         pull[n:] -= prior * slides
         matrix[np.arange(n, len(matrix)), np.arange(n, len(matrix))] += prior
         step: Floats = np.asarray(np.linalg.solve(matrix, pull))
         chain, articulation, poses = _stepped(chain, articulation, poses, system, step)
-        skin = skin.with_slopes(system.slopes(slides + step[n:]) + bent)
+        skin = skin.with_slopes(system.slopes(slides + step[n:], len(skin.joints)) + bent)
         for _ in range(2):  # bends follow the poses, and poses the slides
             poses = fit_poses(chain, poses, positions - skin.slides(chain, poses), articulation, None, POSE_STEPS)
         if np.abs(step[: system.n_joints]).max(initial=0.0) < STEP_TOLERANCE:
             break
-    return Sliding(chain, articulation, skin, bent, variance)
+    return Sliding(chain, articulation, skin, bent, variances)
 
 
 def settle_sliding(sliding: Sliding, poses: ChainPoses, positions: Floats) -> Settled:
@@ -171,22 +150,21 @@ def settle_sliding(sliding: Sliding, poses: ChainPoses, positions: Floats) -> Se
     chain, articulation = sliding.chain, sliding.articulation
     still = positions - sliding.skin.slides(chain, poses)
     last = calibrate(chain, poses, still, 0, articulation)
-    growth = len(still) / effective_frames(_in_limbs(last, still).reshape(len(still), -1))
-    variance = growth * last.noise**2
-    frames = _system_frames(still)
-    share = last.weights.sum() / max(last.weights[frames].sum(), 1.0)
-    system = sliding_system(chain, articulation, last.poses[frames], still[frames], sliding.skin, last.noise)
-    n, prior = system.n_constants, system.n_bends * variance / sliding.variance
+    growth = len(still) / effective_frames(residuals_in_limbs(last, still).reshape(len(still), -1))
+    variance, (frames, share) = growth * last.noise**2, _system_frames(last)
+    some, skin = last.poses[frames], sliding.skin
+    system = sliding_system(chain, articulation, some, still[frames], skin, sliding.variances > 0, last.noise)
+    n, prior = system.n_constants, variance / sliding.variances[system.limbs, system.bend]
     matrix = share * system.matrix
     matrix[np.arange(n, len(matrix)), np.arange(n, len(matrix))] += prior
     known = matrix[:n, :n] - matrix[:n, n:] @ np.linalg.solve(matrix[n:, n:], matrix[n:, :n])
-    pull = _pull_of_all(last, still, system, sliding.skin)
-    slides = system.slides(sliding.skin.slopes - sliding.bending)
+    pull = _pull_of_all(last, still, system, skin)
+    slides = system.slides(skin.slopes - sliding.bending)
     pull[n:] -= prior * slides
     held = matrix + np.diag(np.concatenate([variance / _looseness(system, chain) ** 2, np.zeros(len(prior))]))
     step: Floats = np.asarray(np.linalg.solve(held, pull))
     chain, articulation, settled = _stepped(chain, articulation, last.poses, system, step)
-    skin = sliding.skin.with_slopes(system.slopes(slides + step[n:]) + sliding.bending)
+    skin = skin.with_slopes(system.slopes(slides + step[n:], len(skin.joints)) + sliding.bending)
     still = positions - skin.slides(chain, settled)
     settled = fit_poses(chain, settled, still, articulation, None, POSE_STEPS)
     information = _of_offsets(known, system, last.weights.sum(axis=0))
@@ -199,10 +177,9 @@ def _pull_of_all(last: Calibration, positions: Floats, system: SlidingSystem, sk
     chain, clusters = last.chain, system.clusters
     pull = constant_pull(chain, last.articulation, last.poses, positions, last.weights)
     n_places = 3 * chain.n_markers
-    rigid = pull[:n_places] @ clusters.basis.reshape(n_places, -1)
-    bends = skin.bends(chain, last.poses)[:, chain.limb_of_marker]
-    moments = np.einsum("fmi,fma->mia", _in_limbs(last, positions), bends, optimize=True)
-    return np.concatenate([pull[n_places:], rigid, system.slides(moments)])
+    rigid = clusters.of_markers(pull[:n_places, np.newaxis])[:, 0]
+    flat = residuals_in_limbs(last, positions).reshape(len(positions), -1)
+    return np.concatenate([pull[n_places:], rigid, system.slides(flat.T @ skin.bends(chain, last.poses))])
 
 
 def _of_offsets(known: Floats, system: SlidingSystem, sights: Floats) -> Floats:
@@ -225,68 +202,52 @@ def _of_offsets(known: Floats, system: SlidingSystem, sights: Floats) -> Floats:
     return np.asarray((information + information.T) / 2)
 
 
-def _system_frames(positions: Floats) -> Ints:
-    shown = np.flatnonzero((~np.isnan(positions[:, :, 0])).any(axis=1))
-    return np.asarray(shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), SYSTEM_FRAMES)).astype(np.intp))])
+def _system_frames(last: Calibration) -> tuple[Ints, float]:
+    """Evenly spread frames among those that show anything, and how many of all frames each stands for."""
+    shown = np.flatnonzero((last.weights > 0).any(axis=1))
+    frames = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), SYSTEM_FRAMES)).astype(np.intp))]
+    return frames, float(last.weights.sum() / max(last.weights[frames].sum(), 1.0))
 
 
-def _seen_slides(last: Calibration, positions: Floats, skin: Skin) -> _Seen:
-    chain, poses, weights = last.chain, last.poses, seen_weights(positions)
-    limb = chain.limb_of_marker
-    local = _in_limbs(last, positions).transpose(1, 2, 0)
-    bends = skin.bends(chain, poses).transpose(1, 0, 2)[limb] * weights.T[:, :, np.newaxis]
-    squares, moments = bends.swapaxes(1, 2) @ bends, local @ bends
-    slopes = moments @ np.linalg.pinv(squares, hermitian=True)
-    after = local - slopes @ bends.swapaxes(1, 2)
-    kept = float((after**2).sum()) / max(float((local**2).sum()), np.finfo(np.float64).tiny)
-    growth = len(weights) / effective_frames(after.reshape(-1, len(weights)).T)
-    return _Seen(squares, moments, kept * last.noise**2 * growth)
+def _estimated(
+    matrix: Floats, pull: Floats, system: SlidingSystem, skin: Skin, seen: SeenBending, variances: Floats
+) -> Floats:
+    """Variances of the slides of each limb with each of its joints, from how clusters bend and joints fail to meet.
 
-
-def _evidence(information: Floats, pull: Floats, noise: float) -> Floats:
-    """Nats that each of `VARIANCES` gains over none, for unknowns with independent normal equations."""
-    spread = VARIANCES[:, np.newaxis] * information
-    gain = VARIANCES[:, np.newaxis] * pull**2 / (1 + spread)
-    return np.asarray((gain / noise - np.log1p(spread)).sum(axis=1) / 2)
-
-
-def _likeliest_variance(
-    matrix: Floats, pull: Floats, system: SlidingSystem, chain: Chain, skin: Skin, seen: _Seen
-) -> tuple[float, float]:
-    """Variance [mm^2] of a coordinate's slides, and the evidence for it [nats]."""
+    MacKay's updates (1992, *Bayesian interpolation*): a variance is the sum of squares over the numbers that data tell.
+    """
     n = system.n_constants
     across = np.linalg.solve(matrix[:n, :n], np.column_stack([matrix[:n, n:], pull[:n]]))
-    reduced = matrix[n:, n:] - matrix[n:, :n] @ across[:, :-1]
-    scale = 1 / np.sqrt(system.n_bends)
-    values, vectors = np.linalg.eigh(reduced * np.outer(scale, scale))
-    found = _evidence(
-        np.maximum(values, 0.0), vectors.T @ (scale * (pull[n:] - matrix[n:, :n] @ across[:, -1])), seen.noise
-    )
-    found += _evidence(*_bending(system.clusters, chain, skin, seen), seen.noise)
-    best = int(found.argmax())
-    return float(VARIANCES[best] * seen.noise), float(found[best])
+    reduced = (matrix[n:, n:] - matrix[n:, :n] @ across[:, :-1]) / seen.noise
+    left = (pull[n:] - matrix[n:, :n] @ across[:, -1]) / seen.noise
+    found, limbs, bend = variances.copy(), system.limbs, system.bend
+    for _ in range(ESTIMATES):
+        prior = found[limbs, bend]
+        spread = np.linalg.inv(reduced + np.diag(1 / prior))
+        squares, told = np.zeros_like(found), np.zeros_like(found)
+        np.add.at(squares, (limbs, bend), (spread @ left) ** 2)
+        np.add.at(told, (limbs, bend), 1 - np.diag(spread) / prior)
+        _add_bending(seen, found, squares, told)
+        found = _shared_by_joint(skin, variances, squares, told)
+    return np.asarray(np.where(found > LEAST_PART * found.max(), found, 0.0))
 
 
-def _bending(clusters: Clusters, chain: Chain, skin: Skin, seen: _Seen) -> tuple[Floats, Floats]:
-    """Information and pull of what bends clusters as their joint bends, poses have no part in it."""
-    information, pulls = [np.zeros(0)], [np.zeros(0)]
-    for limb in range(1, chain.n_limbs):
-        own, bent = np.flatnonzero(chain.limb_of_marker == limb), np.flatnonzero(skin.is_bent[limb])
-        rigid = clusters.basis[own][:, :, clusters.limbs == limb]
-        rigid = rigid.reshape(3 * len(own), rigid.shape[2])
-        inner = np.linalg.svd(rigid, full_matrices=True)[0][:, rigid.shape[1] :].T
-        squares = np.repeat(seen.bends[own], 3, axis=0)[:, bent, bent]
-        information.append(((inner**2) @ squares).ravel() / max(len(bent), 1))
-        pulls.append((inner @ seen.moments[own].reshape(-1, 3)[:, bent]).ravel() / np.sqrt(max(len(bent), 1)))
-    return np.concatenate(information), np.concatenate(pulls)
+def _add_bending(seen: SeenBending, variances: Floats, squares: Floats, told: Floats) -> None:
+    for limb, one in enumerate(seen.limbs):
+        kept = variances[limb, one.bends] > 0
+        information, pull = (ways[:, kept] / seen.noise for ways in one.ways())
+        prior = variances[limb, one.bends[kept]]
+        spread = 1 / (information + 1 / prior)
+        squares[limb, one.bends[kept]] += ((spread * pull) ** 2).sum(axis=0)
+        told[limb, one.bends[kept]] += (1 - spread / prior).sum(axis=0)
 
 
-def _bent_slopes(clusters: Clusters, skin: Skin, chain: Chain, seen: _Seen, variance: float) -> Floats:
-    """Slopes of what bends clusters, shape (n_markers, 3, 3)."""
-    n_bends = skin.is_bent.sum(axis=1)[chain.limb_of_marker]
-    prior = np.maximum(n_bends, 1) * seen.noise / variance
-    held = seen.bends + prior[:, np.newaxis, np.newaxis] * np.eye(3)
-    return np.asarray(clusters.without_rigid(seen.moments) @ np.linalg.inv(held))
+def _shared_by_joint(skin: Skin, common: Floats, squares: Floats, told: Floats) -> Floats:
+    """One variance for all bends of a joint, drawn to the common one."""
+    of_joint = skin.joints[:, np.newaxis] == skin.joints
+    squares, told = squares @ of_joint, told @ of_joint
+    variance = (WEIGHT_OF_COMMON * common + squares) / (WEIGHT_OF_COMMON + told)
+    return np.asarray(np.where(common > 0, variance, 0.0))
 
 
 def _looseness(system: SlidingSystem, chain: Chain) -> Floats:
@@ -307,10 +268,3 @@ def _stepped(
     tilts: Floats = np.asarray(step[system.n_joints : system.n_constants - n_rigid])
     changed, rotations = articulation.tilted(chain.parents, poses.rotations, tilts)
     return chain.moved(joints, offsets), changed, ChainPoses(poses.root, rotations)
-
-
-def _in_limbs(last: Calibration, positions: Floats) -> Floats:
-    """Residuals in the limbs' frames, where soft tissue lasts [mm], shape (n_frames, n_markers, 3)."""
-    limbs = last.poses.rotations[:, last.chain.limb_of_marker]
-    error = residuals(last.chain, last.poses, positions)
-    return np.asarray((limbs.swapaxes(2, 3) @ error[..., np.newaxis])[..., 0])

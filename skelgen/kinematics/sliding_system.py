@@ -11,7 +11,7 @@ follow
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights, world_arms
 from skelgen.kinematics.skin import Skin
 from skelgen.kinematics.uncertainty import weak_prior
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 
 DEGENERATE = 1e-6
 """Of the largest: rigid displacements that move the markers less, as the turn about a line of markers, are none."""
@@ -46,8 +46,12 @@ class Clusters:
 
     def without_rigid(self, displacements: Floats) -> Floats:
         """Return what is no rigid displacement of a limb's markers, shape (n_markers, 3, n)."""
-        rigid = np.einsum("mie,min->en", self.basis, displacements)
-        return np.asarray(displacements - np.einsum("mie,en->min", self.basis, rigid))
+        return np.asarray(displacements - self.basis @ self.of_markers(displacements))
+
+    def of_markers(self, displacements: Floats) -> Floats:
+        """Return the rigid displacements that are in displacements of markers, shape (n_rigid, n)."""
+        flat = self.basis.reshape(-1, len(self.limbs))
+        return np.asarray(flat.T @ displacements.reshape(len(flat), -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,42 +63,47 @@ class SlidingSystem:
     matrix : ndarray, shape (n, n)
     pull : ndarray, shape (n,)
         How residuals pull at the columns, poses eliminated.
-    follow : ndarray, shape (n_frames, n_freedoms, n)
-        How poses follow the columns.
-    turns, tilts : ndarray
-        Of `Articulation.bases`.
     clusters : Clusters
         Rigid displacements.
     n_joints, n_constants : int
         Where tilts and slides begin; rigid displacements are the last of the constants.
     slide, bend : ndarray of intp, shape (n_slides,)
         Rigid displacement and bend of each slide.
-    n_bends : ndarray, shape (n_slides,)
-        Number of bends of its joint, which share the variance of the markers' slides.
     """
 
     matrix: Floats
     pull: Floats
-    follow: Floats
-    turns: Floats
-    tilts: Floats
     clusters: Clusters
     n_joints: int
     n_constants: int
     slide: Ints
     bend: Ints
-    n_bends: Floats
 
-    def slopes(self, slides: Floats) -> Floats:
-        """Slopes of the markers from the slides, shape (n_markers, 3, 3), mm."""
-        table = np.zeros((self.clusters.basis.shape[2], 3))
+    @property
+    def limbs(self) -> Ints:
+        """Limb of each slide."""
+        return self.clusters.limbs[self.slide]
+
+    def without(self, left_out: Bools) -> SlidingSystem:
+        """The system without some slides."""
+        kept = np.append(np.ones(self.n_constants, dtype=bool), ~left_out)
+        return replace(
+            self,
+            matrix=self.matrix[np.ix_(kept, kept)],
+            pull=self.pull[kept],
+            slide=self.slide[~left_out],
+            bend=self.bend[~left_out],
+        )
+
+    def slopes(self, slides: Floats, n_bends: int) -> Floats:
+        """Slopes of the markers from the slides, shape (n_markers, 3, n_bends), mm."""
+        table = np.zeros((len(self.clusters.limbs), n_bends))
         table[self.slide, self.bend] = slides
         return np.asarray(self.clusters.basis @ table)
 
     def slides(self, slopes: Floats) -> Floats:
         """The slides that are in slopes of the markers, shape (n_slides,)."""
-        table = np.einsum("mie,mia->ea", self.clusters.basis, slopes)
-        return np.asarray(table[self.slide, self.bend])
+        return np.asarray(self.clusters.of_markers(slopes)[self.slide, self.bend])
 
 
 def clusters_of(chain: Chain) -> Clusters:
@@ -117,7 +126,13 @@ def clusters_of(chain: Chain) -> Clusters:
 
 
 def sliding_system(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, skin: Skin, noise: float
+    chain: Chain,
+    articulation: Articulation,
+    poses: ChainPoses,
+    positions: Floats,
+    skin: Skin,
+    follows: Bools,
+    noise: float,
 ) -> SlidingSystem:
     """Return the normal equations for some frames.
 
@@ -128,7 +143,9 @@ def sliding_system(
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers without the slides that are known, NaN where unseen.
     skin : Skin
-        Which bends there are.
+        What bends.
+    follows : ndarray of bool, shape (n_limbs, n_bends)
+        Which bends the markers of each limb follow.
     noise : float, mm
         Standard deviation of a coordinate.
     """
@@ -145,34 +162,24 @@ def sliding_system(
     joints, by_tilt, by_pose = seen_by_limbs(_joint_slopes(chain, poses)), by_pose @ tilts, by_pose @ turns
     rigid = np.broadcast_to(np.eye(n_rigid), (n_frames, n_rigid, n_rigid))
     constants = np.concatenate([joints, by_tilt, rigid], axis=2)
-    slide, bend = np.nonzero(skin.is_bent[clusters.limbs])
-    bends = skin.bends(chain, poses)[:, clusters.limbs[slide], bend][:, np.newaxis]
-
-    def with_slides(columns: Floats) -> Floats:
-        return np.concatenate([columns, columns[:, :, columns.shape[2] - n_rigid + slide] * bends], axis=2)
-
     root = _root_of_weights(clusters, weights)
     heard, own = root @ constants, root @ by_pose
-    normal = own.swapaxes(1, 2) @ own + weak_prior(articulation, noise)
-    follow = np.linalg.solve(normal, own.swapaxes(1, 2) @ heard)
-    flat = with_slides(heard - own @ follow).reshape(n_frames * n_rigid, -1)
+    follow = np.linalg.solve(own.swapaxes(1, 2) @ own + weak_prior(articulation, noise), own.swapaxes(1, 2) @ heard)
+    left = heard - own @ follow
     error = residuals(chain, poses, positions) * weights[:, :, np.newaxis]
-    local = (against @ error[..., np.newaxis]).reshape(n_frames, -1) @ basis.T
-    left = local[:, np.newaxis]
-    follow = with_slides(follow)
-    pull = left @ with_slides(constants) - left @ by_pose @ follow
+    local = seen_by_limbs(error[..., np.newaxis]).swapaxes(1, 2)
+    pull = (local @ constants - local @ by_pose @ follow)[:, 0]
+    slide, bend = np.nonzero(follows[clusters.limbs])
+    bends, column = skin.bends(chain, poses)[:, bend], constants.shape[2] - n_rigid + slide
+    flat = np.concatenate([left, left[:, :, column] * bends[:, np.newaxis]], axis=2).reshape(n_frames * n_rigid, -1)
     return SlidingSystem(
         matrix=flat.T @ flat,
-        pull=pull.sum(axis=(0, 1)),
-        follow=follow,
-        turns=turns,
-        tilts=tilts,
+        pull=np.concatenate([pull.sum(axis=0), (pull[:, column] * bends).sum(axis=0)]),
         clusters=clusters,
         n_joints=joints.shape[2],
         n_constants=constants.shape[2],
         slide=slide,
         bend=bend,
-        n_bends=skin.is_bent.sum(axis=1)[clusters.limbs[slide]].astype(np.float64),
     )
 
 

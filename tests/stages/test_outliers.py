@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from skelgen.evaluation import evaluate
 from skelgen.model import Trajectories
 from skelgen.stages.joints import find_joints
 from skelgen.stages.limbs import find_limbs
-from skelgen.stages.skeleton import fit_skeleton
+from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
 
 ERROR = 800.0  # mm: another marker of a human body
 ROUNDING = 1e-3  # mm: what the fit of the other markers may lose
@@ -44,3 +47,23 @@ def test_takes_without_gross_errors_lose_nothing(simulated, fit, faults):
     case = simulated("human", n_frames=300, **faults)
     _, _, left_out = fit(case, case.take.positions)
     assert left_out == []
+
+
+@pytest.mark.parametrize("name", ["rods", "tree:8"])
+def test_a_hundredth_of_wrong_positions_hardly_moves_joints(simulated, reconstructed, true_limbs, name):
+    """Positions of 1 % are displaced by 20 to 50 mm, which is less than the limits for single limbs catch."""
+    case = simulated(name, 0, 400, noise=0.5)
+    random = np.random.default_rng(0)
+    positions = case.take.positions.copy()
+    wrong = random.random(positions.shape[:2]) < 0.01
+    way = random.normal(size=(wrong.sum(), 3))
+    positions[wrong] += way / np.linalg.norm(way, axis=1, keepdims=True) * random.uniform(20, 50, (wrong.sum(), 1))
+    dirty = dataclasses.replace(case.take, positions=positions)
+    clean, robust, plain = (
+        evaluate(
+            reconstructed(take, given_limbs=true_limbs(case), skeleton=SkeletonParameters(robust=limit)), case.truth
+        ).mean_joint_error
+        for take, limit in ((case.take, 6.0), (dirty, 6.0), (dirty, 1e6))
+    )
+    assert robust < 1.25 * clean  # a frame without a marker of three knows less
+    assert plain > 1.5 * clean

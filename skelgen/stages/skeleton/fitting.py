@@ -29,6 +29,7 @@ from skelgen.stages.skeleton.joints import (
     with_axes,
     with_noise_of_poses,
 )
+from skelgen.stages.skeleton.outliers import out_of_line
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.ringed import FOUND, BodyRings, all_poses, closed_body
@@ -120,7 +121,6 @@ def fit_body(
     """
     chain, reference = assemble(body, parameters, rotator, _well_seen_frames(body, parameters.samples))
     trusted, start, posed = without_outliers(body, chain, parameters, rotator)
-    outliers = np.isnan(trusted[:, :, 0]) & ~np.isnan(body.positions[:, :, 0])
     frames = _determined_frames(posed, parameters.samples)
     wanted = _wanted_kinds(parameters, body)
     first, kinds = _first_fit(chain, start[frames], trusted[frames], posed[frames], parameters, wanted, are_poses)
@@ -149,7 +149,7 @@ def fit_body(
         chain=chain,
         poses=poses,
         seen=seen,
-        outliers=outliers,
+        outliers=np.isnan(found.trusted[:, :, 0]) & ~np.isnan(body.positions[:, :, 0]),
         kinds=_in_other_frames(found.kinds, chain.parents, turn),
         errors=errors,
         turn=turn,
@@ -207,7 +207,11 @@ def _first_fit(
     are_poses: bool,
 ) -> tuple[Calibration, list[JointKind]]:
     """Fit some frames with free joints, and tell the kinds."""
-    first = calibrate(chain, start, trusted, n_rounds=FIRST_ROUNDS if parameters.fit == "whole-chain" else 0)
+    whole = parameters.fit == "whole-chain"
+    first = calibrate(chain, start, trusted, n_rounds=FIRST_ROUNDS if whole else 0)
+    if whole and not are_poses:
+        first = _robust(first, parameters, FIRST_ROUNDS)
+        trusted = first.positions
     if are_poses:
         first = with_noise_of_poses(first, trusted)
     limits = KindLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
@@ -220,9 +224,14 @@ def _whole_fit(
     """Fit as many frames as count, joints held to their kinds, soft tissue and rings heeded."""
     trusted = first.trusted
     last, poses, kinds = _refined(first.last, first.poses, trusted, first.kinds, known, parameters.refine_samples)
+    used = _frames_of_refinement(trusted, parameters.refine_samples)
     if are_poses:
         last = with_noise_of_poses(last, trusted)
-    used = _frames_of_refinement(trusted, parameters.refine_samples)
+    else:
+        before, last = last.poses, _robust(last, parameters, None)
+        kinds, poses = _followed(kinds, last, before), _posed_as(last, poses, used)
+        trusted = trusted.copy()
+        trusted[used] = last.positions
     growth, skin = lasting(last, trusted[used]), None
     if parameters.soft_tissue and not are_poses:
         before = poses[used]
@@ -235,6 +244,15 @@ def _whole_fit(
     return _Fit(last, kinds, poses, trusted, used, lasting(last, trusted[used]), closed, skin)
 
 
+def _robust(fit: Calibration, parameters: SkeletonParameters, n_rounds: int | None) -> Calibration:
+    """The fit without outliers; itself if there are none."""
+    outliers = out_of_line(fit.chain, fit.articulation, fit.poses, fit.positions, parameters.robust)
+    if not outliers.any():
+        return fit
+    positions = np.where(outliers[..., np.newaxis], np.nan, fit.positions)
+    return calibrate(fit.chain, fit.poses, positions, n_rounds, fit.articulation)
+
+
 def _refined(
     first: Calibration, start: ChainPoses, trusted: Floats, kinds: list[JointKind], known: set[int], samples: int
 ) -> tuple[Calibration, ChainPoses, list[JointKind]]:
@@ -243,10 +261,15 @@ def _refined(
     frames = _frames_of_refinement(trusted, samples)
     weights = seen_weights(trusted[frames])
     last = calibrate(first.chain, start[frames], trusted[frames], None, articulation, weights)
-    rotations = last.articulation.projected(last.chain.parents, start.rotations)
-    root = start.root.copy()
+    return last, _posed_as(last, start, frames), _followed(kinds, last, start[frames])
+
+
+def _posed_as(last: Calibration, poses: ChainPoses, frames: Ints) -> ChainPoses:
+    """Poses of all frames that obey the joints of a fit to some; in these they are its own."""
+    rotations = last.articulation.projected(last.chain.parents, poses.rotations)
+    root = poses.root.copy()
     root[frames], rotations[frames] = last.poses.root, last.poses.rotations
-    return last, ChainPoses(root, rotations), _followed(kinds, last, start[frames])
+    return ChainPoses(root, rotations)
 
 
 def _followed(kinds: list[JointKind], last: Calibration, before: ChainPoses) -> list[JointKind]:
@@ -262,7 +285,7 @@ def _without_slides(
 
     Slides have unknowns of their own, so they explain the markers better, or their fit has gone astray and is dropped.
     """
-    sliding = fit_sliding(last, trusted[used])
+    sliding = fit_sliding(last)
     if sliding is None:
         return last, poses, trusted, growth, None
     before, chain, articulation = poses, sliding.chain, sliding.articulation

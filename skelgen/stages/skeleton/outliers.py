@@ -11,11 +11,73 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
-from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.articulation import Articulation
+from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
+from skelgen.kinematics.posing import fit_poses
 from skelgen.model.arrays import Bools, Floats
 
 LEAST_PART = 0.02
 """Of the markers' typical distance from the joint: less than this is no gross error, however exact the take."""
+
+SQUARE_OF_MEDIAN = 2.366
+"""Median of the squared length of a normal vector of deviation 1 along three axes."""
+
+GENTLE = 2.0
+"""Deviations at which Cauchy's weights are a half: noise keeps most of its weight."""
+
+REWEIGHTINGS = 6
+STEPS_BETWEEN = 2
+"""Steps of the poses after each new weights: enough to follow."""
+
+
+def out_of_line(chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, factor: float) -> Bools:
+    """Tell which positions a fit of the whole chain does not explain.
+
+    One wrong position pulls its limb off the others. So the frames in question are fitted again with Cauchy's weights,
+    under which what is far off hardly pulls, and judged then (Huber and Ronchetti 2009, *Robust Statistics*, 7).
+
+    Parameters
+    ----------
+    chain, articulation, poses
+        A fitted chain.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        What it was fitted to, NaN where unseen.
+    factor : float
+        Standard deviations of a coordinate beyond which a position is an outlier.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_frames, n_markers)
+    """
+    size = _sizes(chain, poses, positions)
+    typical = _typical(size, positions)
+    limit = np.maximum(factor * typical, LEAST_PART * float(np.sqrt((chain.offsets**2).sum(axis=1).mean())))
+    far = size > limit
+    frames = np.flatnonzero(far.any(axis=1))
+    if not len(frames):
+        return far
+    some, measured = poses[frames], positions[frames]
+    for _ in range(REWEIGHTINGS):
+        ratio = _sizes(chain, some, measured) / np.maximum(GENTLE * typical, np.finfo(np.float64).tiny)
+        weights = seen_weights(measured, 1 / (1 + ratio**2))
+        some = fit_poses(chain, some, measured, articulation, weights, STEPS_BETWEEN)
+    far[frames] = _sizes(chain, some, measured) > limit
+    return far
+
+
+def _sizes(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(residuals(chain, poses, positions), axis=2))
+
+
+def _typical(size: Floats, positions: Floats) -> Floats:
+    """Deviation of a coordinate of each marker, of all markers where that is larger, shape (n_markers,), mm."""
+    known = np.where(np.isnan(positions[:, :, 0]), np.nan, size)
+    heard = ~np.isnan(known).all(axis=0)
+    typical = np.zeros(size.shape[1])
+    if heard.any():
+        typical[heard] = np.nanmedian(known[:, heard], axis=0) / np.sqrt(SQUARE_OF_MEDIAN)
+        typical = np.maximum(typical, np.median(typical[heard]))
+    return typical
 
 
 def out_of_reach(chain: Chain, poses: ChainPoses, posed: Bools, positions: Floats, factor: float) -> Bools:

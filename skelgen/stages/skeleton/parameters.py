@@ -45,6 +45,13 @@ class SkeletonParameters(StageParameters):
         high=1e6,
         basic=True,
     )
+    robust: float = declare(
+        6.0,
+        "positions off the fitted chain by more than this many standard deviations of the noise are left out, judged "
+        "by a fit in which they hardly pull",
+        low=3.0,
+        high=1e6,
+    )
     joints_for_poses: bool = declare(
         False,
         "line limbs up by their joints as well, not only where they have too few markers",
