@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
@@ -12,10 +13,21 @@ pytest.importorskip("PySide6.QtWidgets", reason="PySide6 is not installed: pip i
 if not os.environ.get("DISPLAY"):
     os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
+from PySide6.QtCore import QCoreApplication, QEvent
 from PySide6.QtGui import QImage
 from skelgen_gui.session import Session
 
 import skelgen
+
+
+@pytest.fixture(autouse=True)
+def collected():
+    """Python ends widgets that refer to each other between tests, and not amid their events, in any order."""
+    gc.disable()
+    yield
+    QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    gc.collect()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
