@@ -1,0 +1,212 @@
+"""Two cameras that look at the same balls, the rigid targets that carry the balls, and the joints between targets.
+
+A camera is a pinhole with the distortion of Brown (1966) in OpenCV's order. Pixel (0, 0) has its centre at (0.0, 0.0);
+x points right and y down in the image; a camera looks along its own +z. The world is the left camera's frame unless a
+rig says otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model.arrays import Floats, check_floats, check_names
+
+N_DISTORTION = 5
+SEED_NOISE = 0.1
+"""Standard deviation [px] of a ball's centre along one axis, calibration included (Gaschler 2011, chapter 6.1)."""
+JOINT_KINDS = ("ball", "hinge")
+
+_ROTATION_TOLERANCE = 1e-6  # of R R^T = 1: a file with 7 digits gives 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """One calibrated camera.
+
+    Attributes
+    ----------
+    width, height : int, px
+        Size of its images.
+    matrix : ndarray, shape (3, 3), px
+        Focal lengths and principal point, last row 0 0 1.
+    distortion : ndarray, shape (5,)
+        k1, k2, p1, p2, k3; zeros for a lens without distortion.
+    camera_from_world : ndarray, shape (4, 4), translation in mm
+        Where the camera stands.
+    name : str
+        For people: ``left``, a serial number.
+    """
+
+    width: int
+    height: int
+    matrix: Floats
+    distortion: Floats = field(default_factory=lambda: np.zeros(N_DISTORTION))
+    camera_from_world: Floats = field(default_factory=lambda: np.eye(4))
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        what = f"camera {self.name}".strip()
+        if self.width < 1 or self.height < 1:
+            raise InputError(f"{what} has images of {self.width} x {self.height} pixels; both must be at least 1")
+        matrix = check_floats(self.matrix, (3, 3), f"matrix of {what}", finite=True)
+        if min(matrix[0, 0], matrix[1, 1]) <= 0 or (matrix[2] != (0, 0, 1)).any():
+            raise InputError(f"the matrix of {what} needs focal lengths above 0 and 0 0 1 as its last row")
+        distortion = check_floats(self.distortion, (N_DISTORTION,), f"distortion of {what}", finite=True)
+        pose = check_pose(self.camera_from_world, f"camera_from_world of {what}")
+        object.__setattr__(self, "matrix", matrix)
+        object.__setattr__(self, "distortion", distortion)
+        object.__setattr__(self, "camera_from_world", pose)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px]."""
+        return self.width, self.height
+
+
+@dataclass(frozen=True, eq=False)
+class StereoRig:
+    """Two cameras calibrated together.
+
+    Attributes
+    ----------
+    left, right : Camera
+        Both placed in one world.
+    noise : float, px
+        Standard deviation of a ball's centre along one axis of an image, calibration included.
+    """
+
+    left: Camera
+    right: Camera
+    noise: float = SEED_NOISE
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.noise) or self.noise <= 0:
+            raise InputError(f"the noise of the rig is {self.noise:g} px; it must be above 0")
+        if self.baseline == 0.0:
+            raise InputError("both cameras stand at one place, so that no depth can be seen; calibrate the rig again")
+
+    @property
+    def right_from_left(self) -> Floats:
+        """Pose of the left camera's frame in the right one's, shape (4, 4)."""
+        return np.asarray(self.right.camera_from_world @ np.linalg.inv(self.left.camera_from_world))
+
+    @property
+    def baseline(self) -> float:
+        """Distance [mm] between the cameras."""
+        return float(np.linalg.norm(self.right_from_left[:3, 3]))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyTarget:
+    """A rigid body of balls that the capture looks for.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in the output.
+    points : ndarray, shape (n_points, 3), mm
+        Balls in the body's own frame.
+    std : ndarray, shape (n_points, 3), mm
+        Standard deviations of `points`, from the calibration; zeros where they are taken as exact.
+    """
+
+    name: str
+    points: Floats
+    std: Floats | None = None
+
+    def __post_init__(self) -> None:
+        check_names([self.name], 1, "target")
+        points = check_floats(self.points, (None, 3), f"points of body {self.name!r}", finite=True)
+        std = np.zeros_like(points) if self.std is None else self.std
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "std", check_floats(std, points.shape, f"std of body {self.name!r}", finite=True))
+
+
+@dataclass(frozen=True, eq=False)
+class JointModel:
+    """A joint between two targets; a hinge turns about the z axis of the joint's frames.
+
+    Attributes
+    ----------
+    name : str
+        What it is called in the output.
+    kind : str
+        ``ball`` or ``hinge``.
+    parent, child : str
+        Names of the two bodies.
+    parent_from_joint, child_from_joint : ndarray, shape (4, 4), translations in mm
+        The joint's frame in both bodies; they coincide in the world when all angles are zero.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    parent_from_joint: Floats
+    child_from_joint: Floats
+
+    def __post_init__(self) -> None:
+        check_names([self.name], 1, "joint")
+        if self.kind not in JOINT_KINDS:
+            raise InputError(
+                f"joint {self.name!r} is of kind {self.kind!r}; it must be one of {', '.join(JOINT_KINDS)}"
+            )
+        if self.parent == self.child:
+            raise InputError(f"joint {self.name!r} connects body {self.parent!r} with itself")
+        for attribute in ("parent_from_joint", "child_from_joint"):
+            pose = check_pose(getattr(self, attribute), f"{attribute} of joint {self.name!r}")
+            object.__setattr__(self, attribute, pose)
+
+
+@dataclass(frozen=True, eq=False)
+class CaptureSettings:
+    """All that a stereo capture is told, as one settings file holds it.
+
+    Attributes
+    ----------
+    rig : StereoRig
+        The cameras.
+    bodies : tuple of BodyTarget
+        Bodies to look for; their names differ.
+    joints : tuple of JointModel
+        Joints between those bodies; their names differ.
+    source : str
+        Where frames come from, e.g. ``firewire:``; empty if it is told elsewhere.
+    detection : mapping of str to float
+        Parameters of the detection that differ from their defaults.
+    """
+
+    rig: StereoRig
+    bodies: Sequence[BodyTarget] = ()
+    joints: Sequence[JointModel] = ()
+    source: str = ""
+    detection: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        names = check_names([body.name for body in self.bodies], len(self.bodies), "target")
+        check_names([joint.name for joint in self.joints], len(self.joints), "joint")
+        for joint in self.joints:
+            for body in (joint.parent, joint.child):
+                if body not in names:
+                    known = ", ".join(names) or "none"
+                    raise InputError(
+                        f"joint {joint.name!r} names body {body!r}, which is not there (there are: {known})"
+                    )
+        object.__setattr__(self, "bodies", tuple(self.bodies))
+        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "detection", MappingProxyType(dict(self.detection)))
+
+
+def check_pose(pose: Floats, what: str) -> Floats:
+    """Return a read-only rigid transform of shape (4, 4), or raise `InputError`."""
+    clean = check_floats(pose, (4, 4), what, finite=True)
+    turn = clean[:3, :3]
+    wrong = np.abs(turn @ turn.T - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(turn) < 0
+    if wrong or (clean[3] != (0, 0, 0, 1)).any():
+        raise InputError(f"{what} is not a rotation with a translation")
+    return clean
