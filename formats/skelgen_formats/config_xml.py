@@ -7,7 +7,6 @@ Truth values are 0 or 1; a choice that the seed codes as a number is written as 
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,16 +14,15 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from skelgen.errors import FormatError, ParameterError, WriteError
-from skelgen.files import replacing
+from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, StageParameters
+from skelgen_formats.xml_files import closest_first, read_root, write_lines
 
 ROOT = "Parameters"
 
 _TYPES: Mapping[type, str] = {float: "double", int: "int", bool: "int", str: "string"}
 _INDENT = "  "
 _LARGEST_FILE = 1 << 20  # bytes; all parameters with their comments take some 20 kB
-_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
 
 AnyStage = type[StageParameters] | StageParameters
 
@@ -56,13 +54,7 @@ def write_config(path: Path | str, stages: Sequence[AnyStage]) -> None:
     WriteError
         If a text holds a character that XML forbids, or the file cannot be written.
     """
-    path = Path(path)
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', f"<{ROOT}>", *_group_lines(_tree(stages), _INDENT), f"</{ROOT}>"]
-    text = "\n".join(lines) + "\n"
-    if (found := _NOT_XML.search(text)) is not None:
-        raise WriteError(f"{path}: a value holds the character {found[0]!r}, which XML forbids")
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_lines(Path(path), [f"<{ROOT}>", *_group_lines(_tree(stages), _INDENT), f"</{ROOT}>"])
 
 
 def read_config(path: Path | str, stages: Sequence[type[StageParameters]]) -> dict[str, StageParameters]:
@@ -89,7 +81,9 @@ def read_config(path: Path | str, stages: Sequence[type[StageParameters]]) -> di
     """
     path, tree = Path(path), _tree(stages)
     values: dict[str, dict[str, Any]] = {cls.stage: {} for cls in stages}
-    for where, stage, declaration, value in _read_group(path, _parse(path), tree, ""):
+    for where, stage, declaration, value in _read_group(
+        path, read_root(path, ROOT, "config.xml", _LARGEST_FILE), tree, ""
+    ):
         if declaration.name in values[stage.stage]:
             raise ParameterError(f"{where} is given twice; leave one")
         values[stage.stage][declaration.name] = value
@@ -144,25 +138,6 @@ def _written(declaration: Declaration, value: Any) -> tuple[str, str]:
     return _TYPES[declaration.kind], repr(value) if declaration.kind is float else str(value)
 
 
-def _parse(path: Path) -> Any:
-    from lxml import etree  # noqa: PLC0415 - costs 50 ms, and most runs have no config.xml
-
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
-    try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise FormatError(path, "", f"the file is larger than {_LARGEST_FILE} bytes; no config.xml is")
-        root = etree.fromstring(path.read_bytes(), parser)
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
-    except etree.XMLSyntaxError as error:
-        raise FormatError(path, error.lineno or "", f"broken XML: {error.msg}") from error
-    if root.getroottree().docinfo.internalDTD is not None:
-        raise FormatError(path, 1, "a document type is declared; config.xml has none")
-    if root.tag != ROOT:
-        raise FormatError(path, root.sourceline or 1, f"the root element is <{root.tag}> where <{ROOT}> belongs")
-    return root
-
-
 def _read_group(path: Path, element: Any, group: _Group, at: str) -> Iterator[tuple[str, AnyStage, Declaration, Any]]:
     for child in element:
         name = f"{at}/{child.tag}" if at else str(child.tag)
@@ -176,16 +151,9 @@ def _read_group(path: Path, element: Any, group: _Group, at: str) -> Iterator[tu
             held = ", ".join(group.groups[child.tag].names)
             raise ParameterError(f"{where} is a group of parameters and has no value; it holds {held}")
         else:
-            raise ParameterError(f"{where} is unknown; {at or ROOT} has {', '.join(_closest_first(child.tag, group))}")
-
-
-def _closest_first(name: str, group: _Group) -> list[str]:
-    """Names of a group, those that are most alike first."""
-
-    def likeness(known: str) -> float:
-        return difflib.SequenceMatcher(None, str(name).lower(), known.lower()).ratio()
-
-    return sorted(group.names, key=likeness, reverse=True)
+            raise ParameterError(
+                f"{where} is unknown; {at or ROOT} has {', '.join(closest_first(child.tag, group.names))}"
+            )
 
 
 def _value(where: str, element: Any, declaration: Declaration) -> Any:

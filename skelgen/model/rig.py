@@ -141,6 +141,10 @@ class JointModel:
         Names of the two bodies.
     parent_from_joint, child_from_joint : ndarray, shape (4, 4), translations in mm
         The joint's frame in both bodies; they coincide in the world when all angles are zero.
+    std : ndarray, shape (2, 3), mm
+        Standard deviations of the joint's place in the parent, then in the child; zeros where taken as exact.
+    axis_std : ndarray, shape (2,), rad
+        Standard deviation of a tilt of a hinge's axis in the parent, then in the child; zeros for a ball.
     """
 
     name: str
@@ -149,6 +153,8 @@ class JointModel:
     child: str
     parent_from_joint: Floats
     child_from_joint: Floats
+    std: Floats = field(default_factory=lambda: np.zeros((2, 3)))
+    axis_std: Floats = field(default_factory=lambda: np.zeros(2))
 
     def __post_init__(self) -> None:
         check_names([self.name], 1, "joint")
@@ -161,6 +167,9 @@ class JointModel:
         for attribute in ("parent_from_joint", "child_from_joint"):
             pose = check_pose(getattr(self, attribute), f"{attribute} of joint {self.name!r}")
             object.__setattr__(self, attribute, pose)
+        for attribute, shape in (("std", (2, 3)), ("axis_std", (2,))):
+            std = check_floats(getattr(self, attribute), shape, f"{attribute} of joint {self.name!r}", finite=True)
+            object.__setattr__(self, attribute, std)
 
 
 @dataclass(frozen=True, eq=False)

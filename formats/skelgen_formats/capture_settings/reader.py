@@ -1,0 +1,231 @@
+"""Read settings: first every name against the layout, then the values, each error with its line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from skelgen.errors import FormatError, InputError, ParameterError
+from skelgen.model.arrays import Floats
+from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, JointModel, StereoRig
+from skelgen.parameters import Declaration, StageParameters
+from skelgen_formats.capture_settings.layout import (
+    ANY,
+    FILE_NAME,
+    LARGEST_FILE,
+    LAYOUT,
+    LEFT,
+    ONE,
+    RIGHT,
+    ROOT,
+    UNIT,
+    VERSION,
+    Element,
+)
+from skelgen_formats.xml_files import closest_first, read_root
+
+_Value = TypeVar("_Value")
+
+
+def read_settings(path: Path | str, detection: type[StageParameters] | None = None) -> CaptureSettings:
+    """Read the settings of a stereo capture.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file.
+    detection : StageParameters class, optional
+        What the detection declares; its parameters are then checked with their lines. Without it any name that has a
+        number is taken.
+
+    Returns
+    -------
+    CaptureSettings
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read, is no well-formed XML, holds an unknown name, lacks one that must be there, or a
+        value is not what it must be; the sentence says file, line and what is allowed.
+    """
+    path = Path(path)
+    root = read_root(path, ROOT, FILE_NAME, LARGEST_FILE)
+    _check_names(path, root)
+    _check_root(path, root)
+    rig = _rig(path, root.find("rig"))
+    bodies = [_body(path, element) for element in _distinct(path, root.iterfind("body"))]
+    names = [body.name for body in bodies]
+    joints = [_joint(path, element, names) for element in _distinct(path, root.iterfind("joint"))]
+    source = (root.findtext("source") or "").strip()
+    return CaptureSettings(rig, bodies, joints, source, _detection(path, root, detection))
+
+
+def _check_names(path: Path, element: Any) -> None:
+    """Refuse attributes, elements and text that the layout does not know, and miss those that it demands."""
+    known = LAYOUT[element.tag]
+    allowed = (*known.required, *known.optional)
+    for name in element.attrib:
+        if name not in allowed:
+            raise _error(path, element, f"<{element.tag}> has no attribute {name!r}; {_has(name, allowed)}")
+    for name in known.required:
+        if not element.get(name, "").strip():
+            raise _error(path, element, f"<{element.tag}> lacks the attribute {name!r}; {_has(name, allowed)}")
+    for child in element:
+        if child.tag not in known.children:
+            raise _error(path, child, f"<{child.tag}> is unknown in <{element.tag}>; {_holds(child.tag, known)}")
+        _check_names(path, child)
+    _check_counts(path, element, known)
+
+
+def _check_counts(path: Path, element: Any, known: Element) -> None:
+    texts = [element.text, *(child.tail for child in element)]
+    if known.children and any(text and text.strip() for text in texts):
+        raise _error(path, element, f"<{element.tag}> holds text between its elements; {_holds('', known)}")
+    for name, count in known.children.items():
+        found = element.findall(name)
+        if count == ONE and not found:
+            raise _error(path, element, f"<{element.tag}> lacks <{name}>; {_holds(name, known)}")
+        if count != ANY and len(found) > 1:
+            line = found[0].sourceline
+            raise _error(path, found[1], f"a second <{name}> in <{element.tag}>, the first is in line {line}; keep one")
+
+
+def _check_root(path: Path, root: Any) -> None:
+    for name, wanted in (("version", VERSION), ("unit", UNIT)):
+        if root.get(name) != wanted:
+            raise _error(path, root, f"{name} is {root.get(name)!r}; only {wanted!r} can be read")
+
+
+def _rig(path: Path, element: Any) -> StereoRig:
+    left, right = (_camera(path, element.find(side)) for side in (LEFT, RIGHT))
+    noise = _number(path, element, "noise")
+    return _built(path, element, lambda: StereoRig(left, right, noise))
+
+
+def _camera(path: Path, element: Any) -> Camera:
+    values = (_whole(path, element, "width"), _whole(path, element, "height"))
+    matrix = _numbers(path, element.find("matrix")).reshape(3, 3)
+    distortion = _numbers(path, element.find("distortion"))
+    pose = _numbers(path, element.find("camera_from_world")).reshape(4, 4)
+    return _built(path, element, lambda: Camera(*values, matrix, distortion, pose, element.get("name", "")))
+
+
+def _body(path: Path, element: Any) -> BodyTarget:
+    points = [_numbers(path, point) for point in element]
+    std = [_attribute_numbers(path, point, "std", 3) for point in element]
+    if not points:
+        raise _error(path, element, f"body {element.get('name')!r} has no <point>; a body has some, 4 or more")
+    return _built(path, element, lambda: BodyTarget(element.get("name"), np.array(points), np.array(std)))
+
+
+def _joint(path: Path, element: Any, bodies: list[str]) -> JointModel:
+    name, kind, parent, child = (element.get(key) for key in LAYOUT["joint"].required)
+    for role, body in (("parent", parent), ("child", child)):
+        if body not in bodies:
+            known = ", ".join(closest_first(body, bodies)) or "none"
+            raise _error(path, element, f"the {role} of joint {name!r} is body {body!r}, which is not there: {known}")
+    places = [element.find(tag) for tag in ("parent_from_joint", "child_from_joint")]
+    poses = [_numbers(path, place).reshape(4, 4) for place in places]
+    std = np.array([_attribute_numbers(path, place, "std", 3) for place in places])
+    axis_std = np.array([_attribute_numbers(path, place, "axis_std", 1)[0] for place in places])
+    return _built(path, element, lambda: JointModel(name, kind, parent, child, poses[0], poses[1], std, axis_std))
+
+
+def _detection(path: Path, root: Any, declared: type[StageParameters] | None) -> dict[str, float]:
+    element = root.find("detection")
+    if element is None:
+        return {}
+    known = None if declared is None else {entry.name: entry for entry in declared.declarations()}
+    return {child.get("name"): _detection_value(path, child, known) for child in _distinct(path, element.iterfind("*"))}
+
+
+def _detection_value(path: Path, element: Any, known: dict[str, Declaration] | None) -> float:
+    name = element.get("name")
+    if known is None:
+        return _number(path, element, "value")
+    if name not in known:
+        names = ", ".join(closest_first(name, list(known)))
+        raise _error(path, element, f"the detection has no parameter {name!r}; it has {names}")
+    try:
+        return float(known[name].check(element.get("value")))
+    except ParameterError as error:
+        raise _error(path, element, str(error)) from error
+
+
+def _distinct(path: Path, elements: Iterable[Any]) -> list[Any]:
+    """The elements, unless two bear one name."""
+    seen: dict[str, Any] = {}
+    for element in elements:
+        name = element.get("name")
+        if name in seen:
+            line = seen[name].sourceline
+            raise _error(path, element, f"a second {element.tag} is called {name!r}, the first is in line {line}")
+        seen[name] = element
+    return list(seen.values())
+
+
+def _numbers(path: Path, element: Any) -> Floats:
+    return _parsed(path, element, f"<{element.tag}>", element.text or "", LAYOUT[element.tag].numbers)
+
+
+def _attribute_numbers(path: Path, element: Any, name: str, count: int) -> Floats:
+    """Numbers of an attribute, not below 0; zeros where it is not given."""
+    if element.get(name) is None:
+        return np.zeros(count)
+    values = _parsed(path, element, f"{name} of <{element.tag}>", element.get(name), count)
+    if (values < 0).any():
+        raise _error(path, element, f"{name} of <{element.tag}> is below 0; a standard deviation is 0 or more")
+    return values
+
+
+def _number(path: Path, element: Any, name: str) -> float:
+    return float(_parsed(path, element, f"{name} of <{element.tag}>", element.get(name), 1)[0])
+
+
+def _whole(path: Path, element: Any, name: str) -> int:
+    value = _number(path, element, name)
+    if value != int(value):
+        raise _error(path, element, f"{name} of <{element.tag}> is {value:g}; a whole number belongs there")
+    return int(value)
+
+
+def _parsed(path: Path, element: Any, what: str, text: str, count: int) -> Floats:
+    words = text.split()
+    if len(words) != count:
+        wanted = "a number belongs" if count == 1 else f"{count} numbers belong"
+        raise _error(path, element, f"{what} holds {len(words)} where {wanted}")
+    values = np.empty(count)
+    for place, word in enumerate(words):
+        try:
+            values[place] = float(word)
+        except ValueError as error:
+            raise _error(path, element, f"{what} holds {word[:40]!r} where a number belongs") from error
+        if not math.isfinite(values[place]):
+            raise _error(path, element, f"{what} holds {word[:40]!r}; numbers must be finite")
+    return values
+
+
+def _built(path: Path, element: Any, build: Callable[[], _Value]) -> _Value:
+    """Construct a value; what it refuses gets file and line."""
+    try:
+        return build()
+    except InputError as error:
+        raise _error(path, element, str(error)) from error
+
+
+def _has(name: str, allowed: Iterable[str]) -> str:
+    names = closest_first(name, list(allowed))
+    return f"it has {', '.join(names)}" if names else "it has none"
+
+
+def _holds(name: str, known: Element) -> str:
+    names = [f"<{child}>" for child in closest_first(name, list(known.children))]
+    return f"it holds {', '.join(names)}" if names else "it holds no elements"
+
+
+def _error(path: Path, element: Any, what: str) -> FormatError:
+    return FormatError(path, element.sourceline or "", what)
