@@ -96,7 +96,7 @@ class Deriver(QObject):
         result: object
         try:
             result = function()
-        except Exception as error:  # whatever it is, it is raised where the window hears of it
+        except Exception as error:  # all: a bug must reach the window's error dialog
             result = _Failure(error)
         with suppress(RuntimeError):  # the widget that wished it may be gone by now
             self._returned.emit(number, result)

@@ -221,6 +221,26 @@ def test_the_project_reopens_as_it_was_left(qtbot, window, rods, tmp_path):
     assert window.pages.current.key == "joints"
 
 
+def test_forms_hold_what_the_project_keeps_and_defaults_for_another_recording(qtbot, window, rods, tmp_path):
+    opened(qtbot, window, rods)
+    row = window.pages.page("limbs").form.rows["sampling"]
+    default = row.value()
+    row.show_value(default * 2)
+    window.care._write(tmp_path / "rods.skelgen", None)
+    qtbot.waitUntil(lambda: is_idle(window), timeout=WAIT)
+    opened(qtbot, window, rods)
+    assert row.value() == default
+    opened(qtbot, window, tmp_path / "rods.skelgen")
+    assert row.value() == default * 2
+
+
+def test_a_file_that_is_opened_is_told_to_the_views_once(qtbot, window, rods):
+    told = []
+    window.session.project_changed.connect(lambda: told.append(window.session.project))
+    opened(qtbot, window, rods)
+    assert len(told) == 1
+
+
 def test_a_take_of_one_frame_is_shown(qtbot, window, tmp_path):
     path = tmp_path / "one.c3d"
     skelgen.write(simulate("rods", n_frames=3).take, path)

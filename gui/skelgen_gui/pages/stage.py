@@ -65,6 +65,7 @@ class StagePage(QWidget):
         self._describe()
         self._lay_out()
         self._connect()
+        self._follow_values()
         self._follow_project()
 
     def _made_number(self) -> FoundOrGiven | None:
@@ -126,6 +127,7 @@ class StagePage(QWidget):
     def _connect(self) -> None:
         session, jobs = self._context.session, self._context.jobs
         session.project_changed.connect(self._follow_project)
+        self._context.runner.values_changed.connect(self._follow_values)
         jobs.begun.connect(self._follow_jobs)
         jobs.ended.connect(self._follow_jobs)
         self.runs.toggled.connect(self._follow_jobs)
@@ -194,11 +196,15 @@ class StagePage(QWidget):
         for widget in (self.path, self._browse):
             widget.setEnabled(self.uses_saved.isChecked())
 
+    def _follow_values(self) -> None:
+        """Show the values of the next run, and the defaults of those that it does not say."""
+        self.form.blockSignals(True)
+        self.form.set_values({**self.form.defaults, **self._context.runner.values(self._stage)})
+        self.form.blockSignals(False)
+        self._follow_jobs()
+
     def _follow_project(self) -> None:
         project = self._context.session.project
-        self.form.blockSignals(True)
-        self.form.set_values(self._context.runner.values(self._stage))
-        self.form.blockSignals(False)
         if self.number is not None:
             kind = _NUMBERS[self._stage]
             self.number.set_value(None if project is None else number_of(project, kind))
@@ -209,6 +215,8 @@ class StagePage(QWidget):
         for pointer in () if project is None else stage_pointers(project, self._stage):
             item = QListWidgetItem(pointer.sentence, self.warnings)
             item.setData(_POINTER, pointer)
+        if not (self._context.runner.holds(self._stage) or self.form.problem()):
+            self._follow_values()  # those that the stage ran with; what somebody is entering stays
         self._follow_jobs()
 
     def _look(self, item: QListWidgetItem) -> None:
