@@ -190,12 +190,7 @@ def _joints(project: Project) -> list[dict[str, Any]]:
             "position_in_child": joint.position_in_child,
             "position_mean": motion.joint_positions[:, index].mean(axis=0) if motion.n_frames else None,
             "angles": [dataclasses.asdict(angle) for angle in ranges[index]],
-            "range_of_motion": [
-                {"direction": direction, "range": turn}
-                for direction, turn in zip(
-                    observed[index].motion.directions, observed[index].motion.ranges, strict=True
-                )
-            ],
+            "range_of_motion": _turns(observed[index].motion),
             "not_determined": observed[index].sentence or None,
         }
         for index, (name, joint) in enumerate(zip(joint_names(skeleton), skeleton.joints, strict=True))

@@ -40,13 +40,10 @@ class FrameCovariances:
         Of the joint above each limb in the world; of the root, its origin.
     constant_share : ndarray, shape (n_frames, n_limbs, 3, 3), mm^2
         The part of it that is an error of the skeleton and the same in all frames.
-    freedoms : ndarray, shape (n_frames, n_freedoms)
-        Variances of the freedoms of the joints, in rad^2; the root's place in mm^2 first.
     """
 
     joints: Floats
     constant_share: Floats
-    freedoms: Floats
 
 
 def inverse_root(information: Floats, tolerance: float = RANK_TOLERANCE) -> Floats:
@@ -66,7 +63,7 @@ def frame_covariances(
     noise: float,
     weights: Floats | None = None,
 ) -> FrameCovariances:
-    """Return the covariances of joints and freedoms in every frame.
+    """Return the covariances of the joints in every frame.
 
     Parameters
     ----------
@@ -91,7 +88,6 @@ def frame_covariances(
     return FrameCovariances(
         joints=np.concatenate([part.joints for part in parts]),
         constant_share=np.concatenate([part.constant_share for part in parts]),
-        freedoms=np.concatenate([part.freedoms for part in parts]),
     )
 
 
@@ -116,9 +112,7 @@ def _covariances(
     own = noise**2 * _diagonal_blocks(spread, by_pose)
     change = noise * (by_constants - spread @ block.border) @ root
     constant = _diagonal_blocks(change, change)
-    follow = noise * (inverse @ (block.border @ root))
-    freedoms = noise**2 * np.einsum("fqq->fq", inverse) + (follow**2).sum(axis=2)
-    return FrameCovariances(own + constant, constant, freedoms)
+    return FrameCovariances(own + constant, constant)
 
 
 def weak_prior(articulation: Articulation, noise: float) -> Floats:

@@ -10,6 +10,7 @@ import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, QSettings, Qt, QUrl
 from PySide6.QtGui import QDropEvent
 from PySide6.QtWidgets import QMessageBox
+from skelgen_gui.derived import Deriver
 from skelgen_gui.preferences import Preferences
 from skelgen_gui.session import Selection
 from skelgen_gui.window import Window
@@ -56,7 +57,7 @@ def rods(tmp_path):
 
 
 def is_idle(window):
-    return not window.jobs.is_busy
+    return not window.jobs.is_busy and not any(deriver.is_busy for deriver in window.findChildren(Deriver))
 
 
 def opened(qtbot, window, path):
@@ -101,8 +102,10 @@ def test_an_unlabelled_take_is_labelled_and_every_page_tells_what_came_out(qtbot
     opened(qtbot, window, path)
     run_all(qtbot, window)
     for stage in ("labels", "limbs", "joints", "skeleton"):
-        assert window.pages.page(stage).result.text() != ""
-        assert "has not run" not in window.pages.page(stage).result.text()
+        page = window.pages.page(stage)
+        qtbot.waitUntil(lambda: is_idle(window))
+        assert page.result.text() != ""
+        assert "has not run" not in page.result.text()
 
 
 def test_limbs_are_seen_in_their_colours(qtbot, window, rods):
@@ -204,7 +207,7 @@ def test_closing_cancels_what_runs_and_waits(qtbot, window, tmp_path, answers):
     assert window.jobs.is_busy
     answers(QMessageBox.StandardButton.Yes)
     window.close()
-    qtbot.waitUntil(lambda: not window.isVisible() and is_idle(window), timeout=WAIT)
+    qtbot.waitUntil(lambda: not window.isVisible() and not window.jobs.is_busy, timeout=WAIT)
 
 
 def test_the_project_reopens_as_it_was_left(qtbot, window, rods, tmp_path):
@@ -219,6 +222,26 @@ def test_the_project_reopens_as_it_was_left(qtbot, window, rods, tmp_path):
     opened(qtbot, window, tmp_path / "rods.skelgen")
     assert window.session.frame == 77
     assert window.pages.current.key == "joints"
+
+
+def test_forms_hold_what_the_project_keeps_and_defaults_for_another_recording(qtbot, window, rods, tmp_path):
+    opened(qtbot, window, rods)
+    row = window.pages.page("limbs").form.rows["sampling"]
+    default = row.value()
+    row.show_value(default * 2)
+    window.care._write(tmp_path / "rods.skelgen", None)
+    qtbot.waitUntil(lambda: is_idle(window), timeout=WAIT)
+    opened(qtbot, window, rods)
+    assert row.value() == default
+    opened(qtbot, window, tmp_path / "rods.skelgen")
+    assert row.value() == default * 2
+
+
+def test_a_file_that_is_opened_is_told_to_the_views_once(qtbot, window, rods):
+    told = []
+    window.session.project_changed.connect(lambda: told.append(window.session.project))
+    opened(qtbot, window, rods)
+    assert len(told) == 1
 
 
 def test_a_take_of_one_frame_is_shown(qtbot, window, tmp_path):

@@ -13,6 +13,9 @@ from skelgen.model.arrays import Bools, Floats, Ints
 BLOCK_FRAMES = 2000
 """Frames that are labelled at once; bounds the memory."""
 
+LONG_BLOCK_FRAMES = 20_000
+"""Frames that are looked at together, where one number a point is enough."""
+
 BLOCK_POINTS = 100_000
 """Points that are looked at together, where frames do not matter."""
 

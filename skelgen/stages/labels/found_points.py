@@ -7,9 +7,7 @@ from numpy.typing import NDArray
 
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Floats, Ints
-
-CHUNK_FRAMES = 20_000
-"""Frames that are looked at together: bounds the memory for long takes."""
+from skelgen.stages.labels.blocks import LONG_BLOCK_FRAMES, blocks_of
 
 _MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
 """Odd numbers that scatter the bits of coordinates over a key."""
@@ -35,14 +33,12 @@ def find_points(cloud: PointCloud, positions: Floats) -> Ints:
         -1 for points that are no marker's.
     """
     marker_of_point = np.full(cloud.n_points, -1, dtype=np.intp)
-    for first in range(0, cloud.n_frames, CHUNK_FRAMES):
-        frames = slice(first, min(first + CHUNK_FRAMES, cloud.n_frames))
-        points = slice(int(cloud.frame_starts[frames.start]), int(cloud.frame_starts[frames.stop]))
-        frame_of_point = np.repeat(np.arange(frames.start, frames.stop), cloud.points_per_frame[frames])
-        frame, marker = np.nonzero(~np.isnan(positions[frames, :, 0]))
-        wanted = _keys(frame + first, positions[frames][frame, marker])
-        found = _places(_keys(frame_of_point, cloud.points[points]), wanted)
-        marker_of_point[points][found[found >= 0]] = marker[found >= 0]
+    for block in blocks_of(cloud, LONG_BLOCK_FRAMES):
+        theirs = positions[block.first : block.first + block.n_frames]
+        frame, marker = np.nonzero(~np.isnan(theirs[:, :, 0]))
+        wanted = _keys(frame, theirs[frame, marker])
+        found = _places(_keys(block.frames, cloud.points[block.points]), wanted)
+        marker_of_point[block.points][found[found >= 0]] = marker[found >= 0]
     return marker_of_point
 
 

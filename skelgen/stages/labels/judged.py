@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,14 +10,12 @@ import numpy as np
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Ints
 from skelgen.model.labelling import Agreement, Finding, Labelling, Tracklets
+from skelgen.stages.labels.blocks import LONG_BLOCK_FRAMES, Block, blocks_of
 from skelgen.stages.labels.confidence import LABELS_FOUND, identity_confidence
 from skelgen.stages.labels.doubts import doubtful_spans, repaired_spans
 
 SEED_METHOD = "sets"
 """The method of the labels stage that is the seed's own."""
-
-CHUNK_FRAMES = 20_000
-"""Frames that are looked at together: bounds the memory for long takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,16 +41,6 @@ class Origin:
     marker_of_point: Ints
     by_sets: Ints | None = None
     stated: Bools | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class _Portion:
-    """Some frames of a take: points with their markers."""
-
-    points: slice
-    frames: slice
-    frame_of_point: Ints
-    marker_of_point: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +74,15 @@ def history_of(origin: Origin, n_markers: int) -> History:
     stated = None if origin.stated is None else np.zeros_like(changes)
     left_out = np.zeros(origin.cloud.n_frames, dtype=np.intp)
     parts = []
-    for portion in _portions(origin):
-        changes[portion.frames] = _track_changes(origin, portion, n_markers)
+    for block in blocks_of(origin.cloud, LONG_BLOCK_FRAMES):
+        frames = slice(block.first, block.first + block.n_frames)
+        marker = origin.marker_of_point[block.points]
+        owner = origin.owner[block.points]
+        changes[frames] = _track_changes(block, marker, owner, n_markers)
         if origin.stated is not None and stated is not None:
-            stated[portion.frames] = _stated(origin.stated, portion, n_markers)
-        free = portion.frame_of_point[portion.marker_of_point < 0] - portion.frames.start
-        left_out[portion.frames] = np.bincount(free, minlength=portion.frames.stop - portion.frames.start)
-        parts.append(_parts(origin.owner[portion.points], portion.marker_of_point, portion.frame_of_point))
+            stated[frames] = _stated(block, marker, origin.stated[block.points], n_markers)
+        left_out[frames] = np.bincount(block.frames[marker < 0], minlength=block.n_frames)
+        parts.append(_parts(owner, marker, block.frames + block.first))
     agreement = None if origin.by_sets is None else _agreement(origin.by_sets, origin.marker_of_point, n_markers)
     return History(changes, stated, left_out, _joined(parts), agreement)
 
@@ -137,33 +127,23 @@ def labelling_of_markers(trajectories: Trajectories, file: Trajectories, finding
     return Labelling(certainty.confidence, ordered, certainty.twins, nothing, findings=tuple(findings))
 
 
-def _portions(origin: Origin) -> Iterator[_Portion]:
-    cloud = origin.cloud
-    for first in range(0, cloud.n_frames, CHUNK_FRAMES):
-        frames = slice(first, min(first + CHUNK_FRAMES, cloud.n_frames))
-        points = slice(int(cloud.frame_starts[frames.start]), int(cloud.frame_starts[frames.stop]))
-        frame_of_point = np.repeat(np.arange(frames.start, frames.stop), cloud.points_per_frame[frames])
-        yield _Portion(points, frames, frame_of_point, origin.marker_of_point[points])
-
-
-def _track_changes(origin: Origin, portion: _Portion, n_markers: int) -> Bools:
+def _track_changes(block: Block, marker: Ints, owner: Ints, n_markers: int) -> Bools:
     """Frames in which a marker's point is of another track than in the frame before, shape (n_frames, n_markers)."""
-    track = np.full((portion.frames.stop - portion.frames.start, n_markers), -1, dtype=np.intp)
-    used = portion.marker_of_point >= 0
-    rows = portion.frame_of_point[used] - portion.frames.start
-    track[rows, portion.marker_of_point[used]] = origin.owner[portion.points][used]
+    track = np.full((block.n_frames, n_markers), -1, dtype=np.intp)
+    used = marker >= 0
+    track[block.frames[used], marker[used]] = owner[used]
     seen = np.zeros(track.shape, dtype=np.bool_)
-    seen[rows, portion.marker_of_point[used]] = True
-    changes = np.zeros(track.shape, dtype=np.bool_)  # nothing is said where two portions meet
+    seen[block.frames[used], marker[used]] = True
+    changes = np.zeros(track.shape, dtype=np.bool_)  # nothing is said where two blocks meet
     changes[1:] = seen[1:] & ((track[1:] != track[:-1]) | (track[1:] < 0))
     return changes
 
 
-def _stated(stated: Bools, portion: _Portion, n_markers: int) -> Bools:
+def _stated(block: Block, marker: Ints, stated: Bools, n_markers: int) -> Bools:
     """Frames in which the user says that the marker is the one that it is called."""
-    result = np.zeros((portion.frames.stop - portion.frames.start, n_markers), dtype=np.bool_)
-    told = stated[portion.points] & (portion.marker_of_point >= 0)
-    result[portion.frame_of_point[told] - portion.frames.start, portion.marker_of_point[told]] = True
+    result = np.zeros((block.n_frames, n_markers), dtype=np.bool_)
+    told = stated & (marker >= 0)
+    result[block.frames[told], marker[told]] = True
     return result
 
 

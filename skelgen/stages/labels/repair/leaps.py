@@ -12,7 +12,7 @@ from skelgen.model.arrays import Floats
 from skelgen.stages.labels.repair.steps import LINE_FRAMES
 
 COMMON = 99.9
-"""Percentile of the steps over the take, which a leap must exceed."""
+"""Percentile of a measure over the take, which a slip must exceed."""
 
 ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 2.5, 1.3
 """How many times the step between lines, and that of the single frame, must exceed that."""

@@ -20,7 +20,7 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Finding
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.repair.jumps import neighbours_of
-from skelgen.stages.labels.repair.leaps import leaps
+from skelgen.stages.labels.repair.leaps import COMMON, leaps
 from skelgen.stages.labels.repair.steps import LINE_FRAMES, changes, jumps
 
 N_MATES = 5
@@ -59,11 +59,8 @@ MEDIAN_LENGTH = 1.538
 LARGEST = 0.5
 """Of the typical distance to the mates: what jumps farther is a wrong label, not a slip."""
 
-COMMON = 99.9
-"""Percentile of a measure over the take, which a slip must exceed."""
-
 ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 1.7, 1.3
-"""How many times lines, and single frames, must exceed that."""
+"""How many times lines, and single frames, must exceed what is `COMMON`."""
 
 LEAST_DEVIATION = 0.05
 """mm: what distances on exact limbs are taken to vary."""

@@ -1,0 +1,1 @@
+"""From pixels to points in space and back: lens, epipolar geometry, optimal triangulation with its covariance."""

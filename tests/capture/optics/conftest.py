@@ -1,0 +1,9 @@
+"""Seeded random numbers for the tests of optics."""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(6)
