@@ -167,5 +167,5 @@ FORMAT = Format(
     keeps=("joints", "motion"),
     remarks=_remarks,
     options=(AXES, UNIT, RATE),
-    note="One file; several roots hang on one that stays still; `skelgen simulate --motion` reads BVH of any program.",
+    note="One file; several roots hang on one that stays still.",
 )

@@ -90,7 +90,7 @@ class _Data:
         view = {"buffer": 0, "byteOffset": len(self.content), "byteLength": array.nbytes}
         self.views.append(view | {"target": _VERTICES} if vertices else view)
         self.content += array.tobytes()  # of two-byte numbers there are four to an element: all stays aligned to four
-        accessor = {"bufferView": len(self.views) - 1, "componentType": kind, "count": len(array)}
+        accessor: dict[str, Any] = {"bufferView": len(self.views) - 1, "componentType": kind, "count": len(array)}
         accessor["type"] = _TYPES[array.shape[1:]]
         if bounds:
             low, high = np.atleast_1d(array.min(axis=0)), np.atleast_1d(array.max(axis=0))
@@ -102,7 +102,7 @@ class _Data:
 def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, Any]:
     skeleton = project.skeleton
     rest = _scaled(skeleton.reference_pose, scale)
-    nodes = [{"name": "skeleton", "children": [_node(root) for root in skeleton.roots.tolist()]}]
+    nodes: list[dict[str, Any]] = [{"name": "skeleton", "children": [_node(root) for root in skeleton.roots.tolist()]}]
     nodes += [_bone(skeleton, rest, limb) for limb in range(skeleton.n_limbs)]
     shown = [_SKELETON_NODE]
     document: dict[str, Any] = {"asset": {"version": "2.0", "generator": "skelgen"}, "scene": 0, "nodes": nodes}
