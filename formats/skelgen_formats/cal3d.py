@@ -23,7 +23,7 @@ from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.finished import finished_project
 from skelgen_formats.registry import Format
-from skelgen_formats.world import AXES, UNIT, per_mm
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"
 
@@ -141,6 +141,6 @@ FORMAT = Format(
     files=lambda path, options: _files(path),
     keeps=("joints", "motion"),
     remarks=_remarks,
-    options=(AXES, UNIT),
+    options=(AXES, UNIT, RATE),
     note="Two files are written, .xsf and .xaf.",
 )

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
 
-from skelgen.app.files import open_input
+from skelgen.app.files import file_filter, open_input
 from skelgen.app.store import SUFFIX, is_project_file, save_project
 from skelgen.model import Project
 from skelgen_gui.document import Document
@@ -64,29 +65,32 @@ class FileCare(QObject):
         """Open a recording or a project, after asking what becomes of unsaved changes."""
         if self._jobs.is_busy:
             return
-        self._after_saving(lambda: self._read(path))
+        self._after_saving(lambda: self._begin(path))
+
+    def choose(self) -> None:
+        """Ask for a recording or a project, and open it."""
+        path = self._asked(self.tr("Open"))
+        if path is not None:
+            self.open(path)
+
+    def choose_other(self) -> None:
+        """Ask for a second result, and overlay it."""
+        path = self._asked(self.tr("Compare with"))
+        if path is not None:
+            self.compare(path)
 
     def compare(self, path: Path) -> None:
         """Overlay the result of another project."""
-
-        def work(monitor: Any) -> Project:
-            monitor.begin("reading")
-            return open_input(path)
-
-        self._jobs.start(self._reading(path), work, self._document.session.compare_with, self._tell_error)
+        self._read(path, partial(open_input, path), self._document.session.compare_with)
 
     def restore(self, remains: Remains) -> None:
         """Open what a window that died left behind; it stays unsaved until the user saves it."""
-
-        def work(monitor: Any) -> Project:
-            monitor.begin("reading")
-            return remains.project()
 
         def done(project: Project) -> None:
             self._document.open(project)
             self.opened.emit(project)
 
-        self._jobs.start(self._reading(remains.folder), work, done, self._tell_error)
+        self._read(remains.folder, remains.project, done)
 
     def save(self, then: Callable[[], None] | None = None) -> None:
         """Save in the project's file; ask for one if there is none."""
@@ -135,17 +139,24 @@ class FileCare(QObject):
         project = self._document.session.project
         return project is not None and bool(project.reports or project.corrections or project.identities)
 
-    def _read(self, path: Path) -> None:
-        def work(monitor: Any) -> Project:
-            monitor.begin("reading")
-            return open_input(path)
+    def _asked(self, title: str) -> Path | None:
+        name, _ = QFileDialog.getOpenFileName(self._window, title, "", file_filter())
+        return Path(name) if name else None
 
+    def _begin(self, path: Path) -> None:
         def done(project: Project) -> None:
             self._document.open(project, path if is_project_file(path) else None)
             self._preferences.remember(path)
             self.opened.emit(project)
 
-        self._jobs.start(self._reading(path), work, done, self._tell_error)
+        self._read(path, partial(open_input, path), done)
+
+    def _read(self, path: Path, read: Callable[[], Project], done: Callable[[Project], None]) -> None:
+        def work(monitor: Any) -> Project:
+            monitor.begin("reading")
+            return read()
+
+        self._jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._tell_error)
 
     def _write(self, path: Path, then: Callable[[], None] | None) -> None:
         project = self._document.session.project
@@ -165,6 +176,3 @@ class FileCare(QObject):
                 then()
 
         self._jobs.start(self.tr("Saving {0}").format(path.name), work, done, self._tell_error)
-
-    def _reading(self, path: Path) -> str:
-        return self.tr("Reading {0}").format(path.name)

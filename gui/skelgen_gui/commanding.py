@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject
-from PySide6.QtWidgets import QDockWidget, QFileDialog, QMenu, QMessageBox, QToolBar
+from PySide6.QtWidgets import QDockWidget, QMenu, QMessageBox, QToolBar
 
-from skelgen.app.files import file_filter
 from skelgen_gui.error_text import versions
 from skelgen_gui.pages.stage import StagePage
 from skelgen_gui.preferences_dialog import PreferencesDialog
@@ -80,8 +78,8 @@ class Commanding(QObject):
         """What the commands of the table do, by their ids."""
         window = self._window
         return {
-            "open": self._choose_file,
-            "compare": self._choose_other,
+            "open": window.care.choose,
+            "compare": window.care.choose_other,
             "save": self._save,
             "save_as": self._save_as,
             "export": lambda: window.pages.page("export"),
@@ -117,16 +115,6 @@ class Commanding(QObject):
         page = self._window.pages.page(entry.key)
         if isinstance(page, StagePage):
             page.start()
-
-    def _choose_file(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self._window, self.tr("Open"), "", file_filter())
-        if name:
-            self._window.open(Path(name))
-
-    def _choose_other(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self._window, self.tr("Compare with"), "", file_filter())
-        if name:
-            self._window.care.compare(Path(name))
 
     def _select_all(self) -> None:
         project = self._window.session.project

@@ -6,6 +6,7 @@ Projects are immutable, so that a step only has to remember the one before it an
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import QObject
@@ -105,11 +106,4 @@ class Document(QObject):
             return correction
         frame = self.session.frame
         places = tuple(place_of(project.trajectories, names.index(name), frame) for name in correction.names)
-        return Correction(
-            correction.kind,
-            correction.names,
-            correction.first_frame,
-            correction.last_frame,
-            correction.value,
-            places,
-        )
+        return replace(correction, places=places)

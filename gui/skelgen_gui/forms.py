@@ -84,9 +84,14 @@ class ParameterForm(QWidget):
         """Return the first sentence on what is wrong, empty if all is well."""
         return next((row.problem for row in self.rows.values() if row.problem), "")
 
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """The default of every name."""
+        return {name: row.declaration.default for name, row in self.rows.items()}
+
     def reset(self) -> None:
         """Return to all defaults."""
-        self.set_values({name: row.declaration.default for name, row in self.rows.items()})
+        self.set_values(self.defaults)
 
     def _measure(self, declarations: Iterable[Declaration]) -> None:
         """Find the widths that names and units have in both parts of the form."""

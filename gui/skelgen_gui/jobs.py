@@ -75,10 +75,10 @@ class _Thread(QThread):
         self.error: Exception | None = None
 
     def run(self) -> None:
-        """Do the job; whatever it raises is kept for the window's thread, which must hear of bugs too."""
+        """Do the job; whatever it raises is kept for the window's thread."""
         try:
             self.result = self._work(self._watcher)
-        except Exception as error:
+        except Exception as error:  # all: a bug must reach the window's error dialog, and not end the thread unheard
             self.error = error
 
     def let_go(self) -> None:

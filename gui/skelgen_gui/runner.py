@@ -34,9 +34,12 @@ class Runner(QObject):
     -------
     finished(str)
         The last stage that was asked for has run.
+    values_changed()
+        Forms have to show other values: another project is open.
     """
 
     finished = Signal(str)
+    values_changed = Signal()
 
     def __init__(
         self, document: Document, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QObject | None = None
@@ -50,6 +53,10 @@ class Runner(QObject):
         """Note the parameters of a stage for its next run."""
         self._values[stage] = dict(values)
 
+    def holds(self, stage: str) -> bool:
+        """Return whether parameters of a stage were entered, other than those that it ran with."""
+        return stage in self._values
+
     def values(self, stage: str) -> Mapping[str, Any]:
         """Return the parameters of a stage's next run: those of its form, or those that it ran with."""
         project = self._document.session.project
@@ -57,9 +64,10 @@ class Runner(QObject):
             return project.reports[stage].parameters
         return self._values.get(stage, {})
 
-    def forget(self) -> None:
-        """Forget what the forms held: another project is open."""
-        self._values.clear()
+    def begin_with(self, view: Mapping[str, Mapping[str, Any]]) -> None:
+        """Forget what the forms held, and take over what another project keeps of its own, as `as_view` gave it."""
+        self._values = {stage: dict(values) for stage, values in view.items()}
+        self.values_changed.emit()
 
     def as_view(self) -> dict[str, Any]:
         """Return what the forms hold, for the project file."""

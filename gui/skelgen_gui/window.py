@@ -68,7 +68,8 @@ class Window(QMainWindow):
         self._make_views()
         self.pages = PageStack(entries, self._context())
         self._make_docks()
-        self.setStatusBar(StatusLine(self.jobs, self))
+        self.status = StatusLine(self.jobs, self)
+        self.setStatusBar(self.status)
         self.commanding = Commanding(self)
         self.warming = Warming(self.pages, self)
         self._connect()
@@ -103,7 +104,7 @@ class Window(QMainWindow):
 
     def _context(self) -> Context:
         return Context(
-            self.session, self.document, self.jobs, self.runner, self.preferences, self.errors.report, self.open
+            self.session, self.document, self.jobs, self.runner, self.preferences, self.errors.report, self.care
         )
 
     def _make_views(self) -> None:
@@ -140,6 +141,7 @@ class Window(QMainWindow):
         self.session.state_changed.connect(self._follow_state)
         self.care.opened.connect(self._show_opened)
         self.runner.finished.connect(self._show_finished)
+        self.autosave.failed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
 
     def _follow_state(self) -> None:
@@ -150,14 +152,11 @@ class Window(QMainWindow):
 
     def _show_opened(self, project: Project) -> None:
         """Show an opened project as it was left."""
-        self.runner.forget()
-        for stage, values in dict(project.view.get("forms", {})).items():
-            self.runner.set_values(stage, values)
+        self.runner.begin_with(project.view.get("forms", {}))
         keys = [entry.key for entry in self.pages.entries]
         page = str(project.view.get("page", ""))
         self.pages.page(page if page in keys else keys[min(1, len(keys) - 1)])
         self.tabs.setCurrentIndex(int(project.view.get("tab", 0)))
-        self.session.project_changed.emit()
         self.session.show_frame(int(project.view.get("frame", 0)))
         self.view3d.fit_take()
 

@@ -21,7 +21,7 @@ from skelgen.simulation.limbs import markers_around
 from skelgen.simulation.structures import find_structure
 from skelgen.stages.joints import find_joints
 from skelgen.stages.labels import LabelParameters, label_markers
-from skelgen.stages.limbs import find_limbs
+from skelgen.stages.limbs import LimbParameters, find_limbs
 
 MIXED = ("human", "seed-human", "quadruped", "tree:8", "tree:15")
 NOISE = 0.5  # mm
@@ -116,12 +116,31 @@ ROWS = {
     ),
 }
 
+METHODS = {
+    "rigid bodies (default)": LimbParameters(),
+    "distances": LimbParameters(method="distances"),
+    "spectral, count by rigidity": LimbParameters(method="spectral", count="rigidity"),
+    "spectral, count by rotation": LimbParameters(method="spectral", count="rotation"),
+    "spectral, count by eigengap": LimbParameters(method="spectral", count="eigengap"),
+    "spectral, count rising": LimbParameters(method="spectral", count="rising"),
+}
+METHODS_KEY = "methods"  # the word that asks for the comparison, beside the rows
+
 
 def main() -> None:
-    """Print one line per row, then every take that is not right."""
+    """Print one line per row, then every take that is not right, then the methods beside each other."""
     show_machine()
+    wanted = sys.argv[1:] or [*ROWS, METHODS_KEY]
+    if rows := [key for key in wanted if key != METHODS_KEY]:
+        show_rows(rows)
+    if METHODS_KEY in wanted:
+        show_methods(ROWS["mixed"])
+
+
+def show_rows(keys: Iterable[str]) -> None:
+    """Print one line per row, then every take that is not right."""
     rows, failures = [], []
-    for key in sys.argv[1:] or ROWS:
+    for key in keys:
         row = ROWS[key]
         outcomes = [(case, *judged(case, row)) for case in row.cases]
         right = sum(is_exact for _, _, is_exact, _, _ in outcomes)
@@ -143,12 +162,25 @@ def main() -> None:
     show("Not right", ("structure", "seed", "options", "limbs off by", "tree"), failures or [("none", *[""] * 4)])
 
 
-def judged(case: Case, row: Row) -> tuple[int, bool, bool, float]:
+def show_methods(row: Row) -> None:
+    """Print how often each way to the limbs and their number is right on the same takes."""
+    rows = []
+    for title, parameters in METHODS.items():
+        outcomes = [judged(case, row, parameters) for case in row.cases]
+        differences = np.array([difference for difference, *_ in outcomes])
+        right = f"{sum(is_exact for _, is_exact, *_ in outcomes)}/{len(outcomes)}"
+        counted, near = (f"{(abs(differences) <= off).sum()}/{len(outcomes)}" for off in (0, 1))
+        seconds = np.mean([seconds for *_, seconds in outcomes])
+        rows.append((title, right, counted, near, f"{1000 * seconds:.0f}"))
+    show(f"Methods: {row.title}", ("method", "limbs exact", "number right", "off by at most 1", "ms"), rows)
+
+
+def judged(case: Case, row: Row, parameters: LimbParameters | None = None) -> tuple[int, bool, bool, float]:
     """Difference in the number of limbs, whether all are right, whether the tree is, seconds for the limbs."""
     simulated = simulate(structure(case), seed=case.seed, **case.options, labelled=not row.unlabelled)
     take, owner = markers_and_limbs(simulated)
     started = time.process_time()
-    limbs = find_limbs(take)
+    limbs = find_limbs(take, parameters or LimbParameters())
     seconds = time.process_time() - started
     known = owner >= 0
     is_exact = same_groups(limbs.limb_of_marker[known], owner[known])

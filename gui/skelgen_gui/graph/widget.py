@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPalette, QWheelEvent
+from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from skelgen.app.report.wording import counted, shortened
@@ -17,15 +17,14 @@ from skelgen_gui.graph.facts import GraphFacts, JointFact, find_graph
 from skelgen_gui.graph.layout import body_places, tree_places
 from skelgen_gui.graph.nearest import nearest_line, nearest_point
 from skelgen_gui.graph.painting import NODE, GraphPainting
+from skelgen_gui.pictures import ZOOM, notches, paint_words
 from skelgen_gui.session import Selection, Session
 from skelgen_gui.tips import tell
 
 _MARGIN = 40.0  # px about the graph
 _NEAR_JOINT, _NEAR_PAIR = 9.0, 4.0  # px within which a line is caught
-_ZOOM, _NOTCH = 1.25, 120.0
 _ZOOMS = (0.5, 20.0)
 _NAMES_ROOM = 60  # characters of markers' names
-_Role = QPalette.ColorRole
 _STEPS = {Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1), Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0)}
 """Directions of the arrow keys: right, down."""
 
@@ -144,7 +143,7 @@ class GraphView(QWidget):
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the pointer."""
         before = self._zoom
-        self._zoom = min(max(before * _ZOOM ** (event.angleDelta().y() / _NOTCH), _ZOOMS[0]), _ZOOMS[1])
+        self._zoom = min(max(before * ZOOM ** notches(event)[1], _ZOOMS[0]), _ZOOMS[1])
         from_middle = event.position() - QPointF(self.width() / 2, self.height() / 2)
         self._shift = from_middle - (from_middle - self._shift) * (self._zoom / before)
         self.update()
@@ -168,9 +167,8 @@ class GraphView(QWidget):
         """Paint the graph, and what is selected."""
         painter = QPainter(self)
         if self._facts is None:
-            painter.setPen(self.palette().color(_Role.PlaceholderText))
             words = self.tr("Run the step Joints to see what the tree was chosen from")
-            painter.drawText(QRectF(self.rect()), Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap, words)
+            paint_words(painter, QRectF(self.rect()), words, self.palette())
         else:
             painting = GraphPainting(painter, self._facts, self.places, self.palette())
             painting.pairs()

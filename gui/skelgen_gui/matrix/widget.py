@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPalette, QWheelEvent
+from PySide6.QtGui import QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
 from skelgen_gui.matrix.facts import Matrix, find_matrix
 from skelgen_gui.matrix.painting import MatrixPainting, place_matrix
 from skelgen_gui.matrix.region import Placed, Region
+from skelgen_gui.pictures import ZOOM, notches, paint_words
 from skelgen_gui.pixels import image_of
 from skelgen_gui.session import Selection, Session
 from skelgen_gui.tips import tell
 
 _CLICK = 4.0  # px, that the pointer may move in a click
-_ZOOM = 1.25
-_NOTCH = 120.0
 _STEPS = {Qt.Key.Key_Up: (-1, 0), Qt.Key.Key_Down: (1, 0), Qt.Key.Key_Left: (0, -1), Qt.Key.Key_Right: (0, 1)}
-_Role = QPalette.ColorRole
 
 
 class MatrixView(QWidget):
@@ -104,8 +102,7 @@ class MatrixView(QWidget):
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the pointer."""
-        factor = _ZOOM ** (event.angleDelta().y() / _NOTCH)
-        self._show(self._region.zoomed(factor, *self._placed.index_at(event.position())))
+        self._show(self._region.zoomed(ZOOM ** notches(event)[1], *self._placed.index_at(event.position())))
         event.accept()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
@@ -117,7 +114,7 @@ class MatrixView(QWidget):
             self._select(event.modifiers())
         elif key in {Qt.Key.Key_Plus, Qt.Key.Key_Equal, Qt.Key.Key_Minus}:
             row, column = self._cell or (self._n // 2, self._n // 2)
-            self._show(self._region.zoomed(_ZOOM ** (-2 if key == Qt.Key.Key_Minus else 2), row + 0.5, column + 0.5))
+            self._show(self._region.zoomed(ZOOM ** (-2 if key == Qt.Key.Key_Minus else 2), row + 0.5, column + 0.5))
         elif key in {Qt.Key.Key_0, Qt.Key.Key_Escape}:
             self._show(Region.whole(self._n))
         else:
@@ -127,9 +124,8 @@ class MatrixView(QWidget):
         """Paint cells, limbs, names, the bar of colours, and what is marked."""
         painter = QPainter(self)
         if self._matrix is None:
-            painter.setPen(self.palette().color(_Role.PlaceholderText))
             words = self.tr("Run the step Limbs to see how much distances between markers vary")
-            painter.drawText(QRectF(self.rect()), Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap, words)
+            paint_words(painter, QRectF(self.rect()), words, self.palette())
         else:
             painting = MatrixPainting(painter, self._matrix, self._placed, self.palette())
             painting.cells(self._image)

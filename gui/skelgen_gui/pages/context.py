@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from PySide6.QtWidgets import QWidget
 
+from skelgen_gui.care import FileCare
 from skelgen_gui.document import Document
 from skelgen_gui.jobs import Jobs
 from skelgen_gui.preferences import Preferences
@@ -33,8 +33,8 @@ class Context:
         What is kept between runs.
     tell_error : callable (error)
         Shows what went wrong.
-    open_file : callable (path)
-        Opens a recording or a project.
+    files : FileCare
+        Opens recordings and projects.
     """
 
     session: Session
@@ -43,7 +43,7 @@ class Context:
     runner: Runner
     preferences: Preferences
     tell_error: Callable[[Exception], None]
-    open_file: Callable[[Path], None]
+    files: FileCare
 
 
 @dataclass(frozen=True)

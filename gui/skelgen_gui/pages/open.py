@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen.app.files import file_filter, given_identities
+from skelgen.app.files import given_identities
 from skelgen.app.told import take_sentences
 from skelgen.errors import SkelgenError
 from skelgen_gui.pages.context import Context
@@ -47,17 +47,11 @@ class OpenPage(QWidget):
         self._lay_out()
         context.session.project_changed.connect(self._follow)
         context.preferences.recent_changed.connect(self._follow_recent)
-        self.browse.clicked.connect(self.choose)
+        self.browse.clicked.connect(context.files.choose)
         self.identities.clicked.connect(self._choose_identities)
         self.recent.itemActivated.connect(self._open_recent)
         self._follow()
         self._follow_recent()
-
-    def choose(self) -> None:
-        """Ask for a file, and open it."""
-        name, _ = QFileDialog.getOpenFileName(self, self.tr("Open"), "", file_filter())
-        if name:
-            self._context.open_file(Path(name))
 
     def _describe(self) -> None:
         self.take.setWordWrap(True)
@@ -117,4 +111,4 @@ class OpenPage(QWidget):
                 item.setFlags(item.flags() & ~Qt.ItemFlag.ItemIsEnabled)
 
     def _open_recent(self, item: QListWidgetItem) -> None:
-        self._context.open_file(item.data(_PATH))
+        self._context.files.open(item.data(_PATH))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from skelgen.app.stages import find_stage
 from skelgen.app.store import SUFFIX, find_result, open_project
 from skelgen.app.told import Pointer, stage_pointers, stage_sentences
 from skelgen.model import Project
+from skelgen_gui.derived import Deriver
 from skelgen_gui.forms import stage_form
 from skelgen_gui.found_or_given import FoundOrGiven
 from skelgen_gui.pages.context import Context
@@ -38,6 +40,7 @@ _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
 """Stages whose number the user may know, and the correction that says so."""
 
 _POINTER = Qt.ItemDataRole.UserRole
+_Told = tuple[tuple[str, ...], tuple[Pointer, ...]]
 
 
 class StagePage(QWidget):
@@ -62,9 +65,11 @@ class StagePage(QWidget):
         self.go = QPushButton(self)
         self.result = QLabel(self)
         self.warnings = QListWidget(self)
+        self.deriver = Deriver(self)
         self._describe()
         self._lay_out()
         self._connect()
+        self._follow_values()
         self._follow_project()
 
     def _made_number(self) -> FoundOrGiven | None:
@@ -126,6 +131,7 @@ class StagePage(QWidget):
     def _connect(self) -> None:
         session, jobs = self._context.session, self._context.jobs
         session.project_changed.connect(self._follow_project)
+        self._context.runner.values_changed.connect(self._follow_values)
         jobs.begun.connect(self._follow_jobs)
         jobs.ended.connect(self._follow_jobs)
         self.runs.toggled.connect(self._follow_jobs)
@@ -194,22 +200,39 @@ class StagePage(QWidget):
         for widget in (self.path, self._browse):
             widget.setEnabled(self.uses_saved.isChecked())
 
+    def _follow_values(self) -> None:
+        """Show the values of the next run, and the defaults of those that it does not say."""
+        self.form.blockSignals(True)
+        self.form.set_values({**self.form.defaults, **self._context.runner.values(self._stage)})
+        self.form.blockSignals(False)
+        self._follow_jobs()
+
     def _follow_project(self) -> None:
         project = self._context.session.project
-        self.form.blockSignals(True)
-        self.form.set_values(self._context.runner.values(self._stage))
-        self.form.blockSignals(False)
         if self.number is not None:
             kind = _NUMBERS[self._stage]
             self.number.set_value(None if project is None else number_of(project, kind))
             self.number.show_found(_found(project, kind))
-        sentences = () if project is None else stage_sentences(project, self._stage)
-        self.result.setText(" ".join(sentences) or self.tr("This step has not run yet."))
+        self._follow_result(project)
+        if not (self._context.runner.holds(self._stage) or self.form.problem()):
+            self._follow_values()  # those that the stage ran with; what somebody is entering stays
+        self._follow_jobs()
+
+    def _follow_result(self, project: Project | None) -> None:
+        """Tell what came out; until that is known, what came out before stays."""
+        self.deriver.forget()
+        if project is None or not project.has(self._stage):
+            self._show_result(((self.tr("This step has not run yet."),), ()))
+        else:
+            self.deriver.derive(partial(_told, project, self._stage), self._show_result)
+
+    def _show_result(self, told: _Told) -> None:
+        sentences, pointers = told
+        self.result.setText(" ".join(sentences))
         self.warnings.clear()
-        for pointer in () if project is None else stage_pointers(project, self._stage):
+        for pointer in pointers:
             item = QListWidgetItem(pointer.sentence, self.warnings)
             item.setData(_POINTER, pointer)
-        self._follow_jobs()
 
     def _look(self, item: QListWidgetItem) -> None:
         pointer: Pointer = item.data(_POINTER)
@@ -218,6 +241,10 @@ class StagePage(QWidget):
             session.show_frame(pointer.frame)
         if pointer.markers:
             session.select(Selection(frozenset(pointer.markers)))
+
+
+def _told(project: Project, stage: str) -> _Told:
+    return stage_sentences(project, stage), stage_pointers(project, stage)
 
 
 def _found(project: Project | None, kind: str) -> int | None:

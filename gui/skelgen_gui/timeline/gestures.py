@@ -5,11 +5,10 @@ from __future__ import annotations
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QKeyEvent, QWheelEvent
 
+from skelgen_gui.pictures import ZOOM, notches
 from skelgen_gui.timeline.scale import GUTTER
 from skelgen_gui.timeline.span import VisibleSpan
 
-_NOTCH = 120.0  # eighths of a degree that most wheels turn by
-_ZOOM = 1.25  # per notch
 _PAN = 0.1  # of what is in sight, per notch
 
 
@@ -25,15 +24,15 @@ def zoom_or_pan(event: QWheelEvent, span: VisibleSpan, width: float) -> None:
     width : float, px
         Of the part of the picture that shows frames.
     """
-    down, across = event.angleDelta().y() / _NOTCH, event.angleDelta().x() / _NOTCH
+    across, away = notches(event)
     length = span.end - span.first
     if across:
         span.pan(-across * _PAN * length)
     elif event.modifiers() & Qt.KeyboardModifier.ShiftModifier:
-        span.pan(-down * _PAN * length)
+        span.pan(-away * _PAN * length)
     else:
         about = span.first + (event.position().x() - GUTTER) * length / width
-        span.zoom(_ZOOM**down, min(max(about, span.first), span.end))
+        span.zoom(ZOOM**away, min(max(about, span.first), span.end))
     event.accept()
 
 
@@ -43,9 +42,9 @@ def zoomed_by_key(event: QKeyEvent, span: VisibleSpan, frame: int) -> bool:
         return False
     key = event.key()
     if key in {Qt.Key.Key_Plus, Qt.Key.Key_Equal}:
-        span.zoom(_ZOOM**2, frame + 0.5)
+        span.zoom(ZOOM**2, frame + 0.5)
     elif key == Qt.Key.Key_Minus:
-        span.zoom(_ZOOM**-2, frame + 0.5)
+        span.zoom(ZOOM**-2, frame + 0.5)
     elif key == Qt.Key.Key_0:
         span.show_all()
     else:

@@ -24,6 +24,7 @@ from skelgen.model import Project
 from skelgen.model.arrays import Ints
 from skelgen_gui.derived import Deriver
 from skelgen_gui.palette import blended, colour_of_limb, cursor_colour, doubt_colour, rgb_of
+from skelgen_gui.pictures import paint_words
 from skelgen_gui.pixels import pixmap_of
 from skelgen_gui.session import NO_MARKERS, Selection, Session
 from skelgen_gui.timeline.gestures import zoom_or_pan, zoomed_by_key
@@ -266,11 +267,10 @@ class LaneView(QWidget):
 
     def _paint_nothing(self, painter: QPainter) -> None:
         painter.fillRect(self.rect(), self.palette().color(_Role.Base))
-        painter.setPen(self.palette().color(_Role.PlaceholderText))
         if self.deriver.is_busy:
             words = self.tr("Looking through the take …")
         elif self._session.project is None:
             words = self.tr("Open a take to see its markers here")
         else:
             words = self.tr("Run the step Labels to see a lane for each marker")
-        painter.drawText(QRectF(self.rect()), Qt.AlignmentFlag.AlignCenter, words)
+        paint_words(painter, QRectF(self.rect()), words, self.palette())

@@ -8,7 +8,6 @@ from PySide6.QtGui import (
     QMouseEvent,
     QPainter,
     QPaintEvent,
-    QPalette,
     QPen,
     QPixmap,
     QWheelEvent,
@@ -18,6 +17,7 @@ from PySide6.QtWidgets import QWidget
 from skelgen.app.report.wording import digits
 from skelgen.model import Take
 from skelgen_gui.palette import cursor_colour
+from skelgen_gui.pictures import paint_words
 from skelgen_gui.session import Session
 from skelgen_gui.timeline.curve import Panel
 from skelgen_gui.timeline.gestures import zoom_or_pan, zoomed_by_key
@@ -27,7 +27,6 @@ from skelgen_gui.timeline.span import VisibleSpan
 from skelgen_gui.tips import tell
 
 _GAP = 6.0  # px between panels
-_Role = QPalette.ColorRole
 
 
 class PlotView(QWidget):
@@ -118,9 +117,8 @@ class PlotView(QWidget):
             painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
             painter.drawLine(x, 0, x, round(self.panel_rect(len(self._panels) - 1).bottom()))
         if self._hint:
-            painter.setPen(self.palette().color(_Role.PlaceholderText))
             room = self.panel_rect(len(self._panels)) if self._panels else QRectF(self.rect())
-            painter.drawText(room, Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap, self._hint)
+            paint_words(painter, room, self._hint, self.palette())
         painter.end()
 
     def _forget_other_take(self) -> None:

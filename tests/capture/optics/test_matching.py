@@ -1,0 +1,144 @@
+"""Pairs of balls to points: exact, with noise, ambiguous, and none."""
+
+import numpy as np
+import pytest
+
+from skelgen.capture.blobs import Balls
+from skelgen.capture.optics.epipolar import essential_matrix, fundamental_matrix, homogeneous
+from skelgen.capture.optics.matching import match_and_triangulate
+from skelgen.capture.optics.projection import in_image, pixels_from_normalised, project, undistort
+from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.optics.triangulation import triangulate
+from skelgen.geometry.rotations import matrix_from_vector, transform_from
+from skelgen.model.rig import Camera, StereoRig
+
+ROUNDING_MM = 1e-8
+"""Of a point a metre away, through the undistortion and back."""
+
+
+def balls(centres: np.ndarray, std: float = 0.02) -> Balls:
+    n = len(centres)
+    return Balls(centres, np.full(n, 20.0), np.full(n, 10.0), np.full(n, std), np.zeros(n, dtype=bool))
+
+
+def visible_points(rig: StereoRig, rng: np.random.Generator, n: int) -> np.ndarray:
+    """Points half a metre to two metres away that both cameras see."""
+    points = rng.uniform([-300.0, -400.0, 700.0], [700.0, 400.0, 2000.0], (20 * n, 3))
+    seen = in_image(rig.left, project(rig.left, points)) & in_image(rig.right, project(rig.right, points))
+    return points[seen][:n]
+
+
+def test_exact_projections_give_their_points(rng):
+    rig = seed_rig()
+    points = visible_points(rig, rng, 200)
+    found = triangulate(rig, project(rig.left, points), project(rig.right, points))
+    assert np.abs(found.points - points).max() < ROUNDING_MM
+
+
+def test_fundamental_matrix_holds_for_undistorted_pixels(rng):
+    rig = seed_rig()
+    points = visible_points(rig, rng, 50)
+    left, right = (pixels_from_normalised(eye, undistort(eye, project(eye, points))) for eye in (rig.left, rig.right))
+    residuals = (homogeneous(right) * (homogeneous(left) @ fundamental_matrix(rig).T)).sum(axis=1)
+    assert np.abs(residuals).max() < 1e-9  # of terms of 1: pixels of 500 times lines of norm 1e-3
+
+
+def test_scatter_of_noisy_points_is_the_predicted_covariance(rng):
+    rig = seed_rig()
+    points = visible_points(rig, rng, 2000)
+    noise = rig.noise * rng.normal(size=(2, len(points), 2))
+    found = triangulate(rig, project(rig.left, points) + noise[0], project(rig.right, points) + noise[1])
+    error = found.points - points
+    squares = np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error)
+    assert squares.mean() == pytest.approx(3.0, rel=4 * np.sqrt(2 / 3 / len(points)))  # chi-square, 3 of them
+
+
+def test_corrected_rays_meet_and_no_other_pair_of_rays_that_meet_is_nearer(rng):
+    rig = seed_rig()
+    points = visible_points(rig, rng, 100)
+    noise = 2.0 * rng.normal(size=(2, len(points), 2))
+    found = triangulate(rig, project(rig.left, points) + noise[0], project(rig.right, points) + noise[1])
+    rays = found.corrected
+    meets = (homogeneous(rays.right) * (homogeneous(rays.left) @ essential_matrix(rig).T)).sum(axis=1)
+    assert np.abs(meets).max() < 1e-9 * rig.baseline
+    cost = rays.left_shift**2 + rays.right_shift**2
+    for move in 0.3 * rng.normal(size=(20, 1, 3)):  # rays of points near by meet as well
+        near = found.points + move
+        other = [project(rig.left, near) - project(rig.left, points) - noise[0]]
+        other += [project(rig.right, near) - project(rig.right, points) - noise[1]]
+        squares = (np.concatenate(other, axis=1) ** 2).sum(axis=1) / rig.noise**2
+        assert (squares > 0.99 * cost).all()  # the lens bends a shift of 2 px by less than a hundredth of it
+
+
+def test_optimum_next_to_the_epipole_is_the_best_of_all_lines_through_it(rng):
+    """One camera behind the other: both epipoles are in the middle of the image."""
+    matrix = np.array([[800.0, 0, 320], [0, 800, 240], [0, 0, 1]])
+    behind = Camera(640, 480, matrix, camera_from_world=transform_from(np.eye(3), np.array([3.0, 2.0, 500.0])))
+    rig = StereoRig(Camera(640, 480, matrix), behind, noise=1.0)
+    points = np.column_stack([rng.uniform(-30, 30, (200, 2)), np.full(200, 1500.0)])
+    left, right = (project(side, points) + rng.normal(size=(200, 2)) for side in (rig.left, rig.right))
+    found = triangulate(rig, left, right).corrected
+    angles = np.linspace(0, np.pi, 5000)
+    across = np.stack([-np.sin(angles), np.cos(angles)])
+    epipole = np.array([320.0, 240.0]) + 800.0 * np.array([3.0, 2.0]) / 500.0  # of both: they look the same way
+    every = ((left - epipole) @ across) ** 2 + ((right - epipole) @ across) ** 2
+    assert np.allclose(found.left_shift**2 + found.right_shift**2, every.min(axis=1), atol=1e-3)  # of 5000 lines
+
+
+def test_forty_balls_all_find_their_partner_and_ambiguous_pairs_are_told(rng):
+    rig = seed_rig()
+    points = visible_points(rig, rng, 40)
+    order = rng.permutation(40)
+    noise = rig.noise * rng.normal(size=(2, 40, 2))
+    left, right = project(rig.left, points) + noise[0], (project(rig.right, points) + noise[1])[order]
+    found = match_and_triangulate(balls(left), balls(right), rig)
+    is_true = order[found.right] == found.left
+    assert is_true.sum() == 40
+    counts = np.bincount(found.left, minlength=40)[found.left], np.bincount(found.right, minlength=40)[found.right]
+    assert (found.ambiguous == (np.maximum(*counts) > 1)).all()
+    assert np.abs(found.points[is_true] - points[found.left[is_true]]).max() < 10.0  # 10 sigma of depth at 2 m
+
+
+def test_epipolar_distance_is_the_shift_in_pixels():
+    rig = seed_rig()
+    point = np.array([[230.0, 0.0, 1000.0]])
+    left, right = project(rig.left, point), project(rig.right, point)
+    found = match_and_triangulate(balls(left + np.array([0.0, 0.2])), balls(right - np.array([0.0, 0.2])), rig)
+    assert found.epipolar_distance[0] == pytest.approx(0.4 / np.sqrt(2), rel=0.02)  # lines here are nearly level
+
+
+def test_a_ball_that_is_known_better_moves_less():
+    rig = seed_rig()
+    point = np.array([[230.0, 0.0, 1000.0]])
+    left, right = project(rig.left, point), project(rig.right, point)
+    found = match_and_triangulate(balls(left + np.array([0.0, 1.0]), std=1.0), balls(right), rig)
+    seen = project(rig.right, found.points)
+    assert np.abs(seen - right).max() < 0.05
+    assert np.abs(project(rig.left, found.points) - left - [0.0, 1.0]).max() > 0.9
+
+
+def test_points_behind_the_cameras_are_no_candidates():
+    rig = seed_rig()
+    point = np.array([[230.0, 0.0, 1000.0]])
+    swapped = match_and_triangulate(balls(project(rig.right, point)), balls(project(rig.left, point)), rig, gate=1e6)
+    assert len(swapped) == 0
+
+
+def test_no_balls_give_no_points():
+    empty = balls(np.empty((0, 2)))
+    assert len(match_and_triangulate(empty, balls(np.array([[10.0, 10.0]])), seed_rig())) == 0
+    assert match_and_triangulate(empty, empty, seed_rig()).covariance.shape == (0, 3, 3)
+
+
+def test_points_turn_with_the_world(rng):
+    rig = seed_rig()
+    world = transform_from(matrix_from_vector(np.array([0.3, 1.0, -0.4])), np.array([100.0, 900.0, -300.0]))
+    moved = StereoRig(
+        *(Camera(e.width, e.height, e.matrix, e.distortion, e.camera_from_world @ world) for e in (rig.left, rig.right))
+    )
+    points = visible_points(rig, rng, 10)
+    pixels = project(rig.left, points), project(rig.right, points)
+    before, after = triangulate(rig, *pixels), triangulate(moved, *pixels)
+    back = np.linalg.inv(world)
+    assert np.abs(before.points @ back[:3, :3].T + back[:3, 3] - after.points).max() < ROUNDING_MM
+    assert np.allclose(back[:3, :3] @ before.covariance @ back[:3, :3].T, after.covariance, rtol=1e-8)
