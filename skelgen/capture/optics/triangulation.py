@@ -67,7 +67,7 @@ def _meeting(turn: Floats, shift: Floats, corrected: Corrected) -> Floats:
     points = from_left * depth[:, np.newaxis]
     is_before_both = (depth > 0) & (points @ turn[2] + shift[2] > 0)
     points[~is_before_both] = np.nan
-    return points
+    return np.asarray(points)
 
 
 def _covariance(turn: Floats, in_left: Floats, in_right: Floats, left: Rays, right: Rays) -> Floats:
@@ -81,4 +81,4 @@ def _slope(points: Floats, rays: Rays) -> Floats:
     slope = np.zeros((len(points), 2, 3))
     slope[:, 0, 0] = slope[:, 1, 1] = 1.0
     slope[:, :, 2] = -points[:, :2] / points[:, 2:]
-    return np.linalg.solve(rays.spread, slope / points[:, 2:, np.newaxis])
+    return np.asarray(np.linalg.solve(rays.spread, slope / points[:, 2:, np.newaxis]))
