@@ -1,9 +1,11 @@
 """File formats: one module each, and the table of all of them."""
 
 from skelgen_formats.angles_csv import FORMAT as ANGLES_CSV
+from skelgen_formats.bvh import FORMAT as BVH
 from skelgen_formats.c3d import FORMAT as C3D
 from skelgen_formats.cal3d import FORMAT as CAL3D
 from skelgen_formats.csm import FORMAT as CSM
+from skelgen_formats.gltf import FORMAT as GLTF
 from skelgen_formats.joints_csv import FORMAT as JOINTS_CSV
 from skelgen_formats.mfml import FORMAT as MFML
 from skelgen_formats.motive import FORMAT as MOTIVE
@@ -25,6 +27,8 @@ FORMATS: tuple[Format, ...] = (
     POSES_CSV,
     SEED_XML,
     CAL3D,
+    BVH,
+    GLTF,
     SUMMARY_JSON,
     MFML,
 )
