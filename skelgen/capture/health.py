@@ -1,4 +1,4 @@
-"""What goes wrong while capturing, in words: lost pairs, dark or glaring images, cameras that do not fit the settings."""
+"""What goes wrong while capturing, in words: lost pairs, dark or glaring images, cameras unlike the settings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FEWEST_BALLS = 3
 """Balls in both images that make a frame tell anything."""
 
 LEAST_MATCHED = 0.3
-"""Part of the balls that has a partner in the other image; strays have some by chance, balls seen by both nearly all."""
+"""Part of the balls that has a partner in the other image: some by chance, nearly all if both images fit."""
 
 
 class RigWatch:
