@@ -121,14 +121,24 @@ def write_frames(
     n_frames = 0
     with replacing(path) as temporary, temporary.open("wb") as stream:
         for time, markers in frames:
-            stamp = _stamp(path, time, timestamp_unit)
-            chunk += (_HEADER.pack(len(markers), stamp), markers.astype(dtype, copy=False).tobytes())
+            chunk.append(frame_bytes(path, time, markers.astype(dtype, copy=False), timestamp_unit))
             n_frames += 1
             if n_frames % _CHUNK_FRAMES == 0:
                 stream.write(b"".join(chunk))
                 chunk.clear()
         stream.write(b"".join(chunk))
     return n_frames
+
+
+def frame_bytes(path: Path, time: float, markers: Markers, timestamp_unit: str = "us") -> bytes:
+    """Return one frame as it stands in a file: its header, then its markers, which have the file's layout.
+
+    Raises
+    ------
+    WriteError
+        If the time stamp [s] is negative or does not fit; tells of `path`.
+    """
+    return _HEADER.pack(len(markers), _stamp(path, time, timestamp_unit)) + markers.tobytes()
 
 
 class Content:

@@ -30,12 +30,8 @@ class Captured:
 
     Attributes
     ----------
-    index : int
-        Number of the pair.
-    time : float, s
-        Of the pair.
-    dropped : int
-        Pairs lost between the pair before and this one.
+    pair : FramePair
+        The images, with their time and number.
     left, right : Balls
         Balls in both images.
     points : StereoPoints
@@ -50,9 +46,7 @@ class Captured:
         From the pair to the angles.
     """
 
-    index: int
-    time: float
-    dropped: int
+    pair: FramePair
     left: Balls
     right: Balls
     points: StereoPoints
@@ -190,4 +184,4 @@ class MotionCapture:
         self.n_frames += 1
         self.n_dropped += pair.dropped
         latency = perf_counter() - start
-        return Captured(pair.index, pair.time, pair.dropped, left, right, points, bodies, told, notices, latency)
+        return Captured(pair, left, right, points, bodies, told, notices, latency)

@@ -62,7 +62,7 @@ def test_pairs_before_a_break_are_delivered(source, pairs):
 
     seen = []
     with MotionCapture(source.settings) as capture, pytest.raises(SkelgenError, match="unplugged"):
-        seen.extend(captured.index for captured in capture.run(breaking()))
+        seen.extend(captured.pair.index for captured in capture.run(breaking()))
     assert seen == [0]
 
 

@@ -7,6 +7,7 @@ from skelgen.capture.bodies.design import Confusion, check_targets, find_confusi
 from skelgen.capture.bodies.finder import BodyFinder, ExpectedPose, find_bodies
 from skelgen.capture.bodies.parameters import BodyParameters
 from skelgen.capture.bodies.propose import propose_targets
+from skelgen.capture.bodies.resolving import resolved_points
 
 __all__ = [
     "BodyFinder",
@@ -17,4 +18,5 @@ __all__ = [
     "find_bodies",
     "find_confusions",
     "propose_targets",
+    "resolved_points",
 ]

@@ -1,0 +1,203 @@
+"""A stereo capture from settings and a source: run live, recorded while it runs, and used to calibrate.
+
+What was recorded stays, whatever ends the capture: the source, an error, or the user.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from skelgen_formats.recording import C3dRecorder, MfmlRecorder
+
+from skelgen.capture.blobs import FoundBody, StereoPoints
+from skelgen.capture.bodies import BodyFinder, BodyParameters, resolved_points
+from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
+from skelgen.capture.calibration.joints import JointCalibration, JointWish, calibrate_joints
+from skelgen.capture.frames import FrameSource
+from skelgen.capture.live import Captured, MotionCapture, PointFinder
+from skelgen.capture.prediction import PredictionParameters
+from skelgen.errors import InputError
+from skelgen.model.arrays import Floats
+from skelgen.model.rig import BodyTarget, CaptureSettings, JointModel
+from skelgen.progress import SILENT, Monitor, told
+
+RECORDINGS = (".mfml", ".c3d")
+"""Suffixes of recordings: all points without names, and the balls of the targets with theirs."""
+
+
+def read_capture_settings(path: Path) -> CaptureSettings:
+    """Read settings, the parameters of the detection checked with their lines; errors as `read_settings`."""
+    from skelgen_formats.capture_settings import read_settings  # noqa: PLC0415 - lxml costs 50 ms
+
+    from skelgen.capture.detection import DetectionParameters  # noqa: PLC0415 - with what it needs, a second
+
+    return read_settings(path, DetectionParameters)
+
+
+def source_of(settings: CaptureSettings, text: str | None = None) -> FrameSource:
+    """Return the source that a text names, or else the one of the settings.
+
+    Raises
+    ------
+    InputError
+        If neither names one, or it is none.
+    """
+    from skelgen.capture.sources import open_source  # noqa: PLC0415 - drivers of cameras only where there are any
+
+    text = text or settings.source
+    if not text:
+        raise InputError("the settings name no source of images; add <source> to them, or give one with --source")
+    return open_source(text)
+
+
+def capture(
+    settings: CaptureSettings,
+    source: FrameSource,
+    record: Sequence[Path] = (),
+    prediction: PredictionParameters | None = None,
+    bodies: BodyParameters | None = None,
+    n_frames: int | None = None,
+) -> Generator[Captured, None, None]:
+    """Run a capture; closing the iterator ends it cleanly.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        Cameras, targets, joints.
+    source : FrameSource
+        Not yet entered.
+    record : sequence of Path
+        Files that are recorded while it runs, with the suffixes of `RECORDINGS`.
+    prediction : PredictionParameters, optional
+        Predict and smooth poses.
+    bodies : BodyParameters, optional
+        Limits of the search for bodies.
+    n_frames : int, optional
+        Pairs at most.
+
+    Raises
+    ------
+    SkelgenError
+        If settings or source are not what they must be, the source breaks off, or a recording cannot be written; what
+        was recorded until then is kept.
+    """
+    with ExitStack() as stack:
+        recordings = [_Recording(path, settings, source.rate) for path in _checked(record)]
+        live = stack.enter_context(MotionCapture(settings, bodies, prediction))
+        pairs = stack.enter_context(source)
+        for recording in recordings:
+            stack.enter_context(recording.open())
+        for captured in live.run(islice(pairs, n_frames)):
+            for recording in recordings:
+                recording.add(captured)
+            yield captured
+
+
+def calibrate_body_of(
+    settings: CaptureSettings,
+    source: FrameSource,
+    name: str,
+    n_balls: int | None = None,
+    n_frames: int | None = None,
+    monitor: Monitor = SILENT,
+) -> tuple[CaptureSettings, BodyCalibration]:
+    """Calibrate a target from a source; return the settings with it, in place of one of the same name."""
+    frames = _points_of(settings, source, n_frames, monitor)
+    others = [body for body in settings.bodies if body.name != name]
+    done = calibrate_body(frames, name, n_balls, others, monitor=monitor)
+    names = [body.name for body in settings.bodies]
+    bodies: list[BodyTarget] = [done.target if body.name == name else body for body in settings.bodies]
+    return replace(settings, bodies=bodies if name in names else [*bodies, done.target]), done
+
+
+def calibrate_joints_of(
+    settings: CaptureSettings,
+    source: FrameSource,
+    wishes: Sequence[JointWish] = (),
+    n_frames: int | None = None,
+    monitor: Monitor = SILENT,
+) -> tuple[CaptureSettings, JointCalibration]:
+    """Calibrate joints from a source; return the settings with them, in place of those of the same names."""
+    if len(settings.bodies) < 2:
+        raise InputError("joints are between two targets; calibrate them first: skelgen calibrate body")
+    frames = _points_of(settings, source, n_frames, monitor)
+    finder = BodyFinder(settings.bodies)
+    monitor.begin("bodies")
+    found: list[list[FoundBody]] = [finder.find(points) for points in told(frames, len(frames), monitor)]
+    done = calibrate_joints(found, [body.name for body in settings.bodies], wishes, source.rate)
+    names = {joint.name for joint in done.joints}
+    joints: list[JointModel] = [*(joint for joint in settings.joints if joint.name not in names), *done.joints]
+    return replace(settings, joints=joints), done
+
+
+def _points_of(
+    settings: CaptureSettings, source: FrameSource, n_frames: int | None, monitor: Monitor
+) -> list[StereoPoints]:
+    """Points of every pair of a source."""
+    monitor.begin("images")
+    finder = PointFinder(settings)
+    with source as pairs:
+        total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
+        return [finder.find(pair)[2] for pair in told(islice(pairs, n_frames), total, monitor)]
+
+
+def _checked(paths: Sequence[Path]) -> Sequence[Path]:
+    for path in paths:
+        if path.suffix.lower() not in RECORDINGS:
+            raise InputError(f"{path} cannot be recorded: its suffix must be one of {', '.join(RECORDINGS)}")
+    return paths
+
+
+class _Recording:
+    """What of a capture goes into one file."""
+
+    def __init__(self, path: Path, settings: CaptureSettings, rate: float | None) -> None:
+        self._path, self._settings, self._rate = path, settings, rate
+        if path.suffix.lower() == ".c3d" and not settings.bodies:
+            raise InputError(
+                f"{path}: there are no targets whose balls could be named; record .mfml, or calibrate them"
+            )
+
+    def open(self) -> MfmlRecorder | C3dRecorder:
+        """Open the file."""
+        self._recorder: MfmlRecorder | C3dRecorder
+        if self._path.suffix.lower() == ".mfml":
+            self._recorder = MfmlRecorder(self._path)
+        else:
+            self._recorder = C3dRecorder(self._path, ball_names(self._settings.bodies), self._rate)
+        return self._recorder
+
+    def add(self, captured: Captured) -> None:
+        """Append what one pair told."""
+        if isinstance(self._recorder, C3dRecorder):
+            positions = ball_positions(self._settings.bodies, captured)
+            self._recorder.add(captured.pair.time, positions, captured.pair.dropped)
+            return
+        kept = resolved_points(captured.points, captured.bodies.values())
+        places = captured.points.points[kept]
+        left = self._settings.rig.left
+        depths = places @ left.camera_from_world[2, :3] + left.camera_from_world[2, 3]
+        errors = captured.points.epipolar_distance[kept] * depths / left.matrix[0, 0]  # px to mm where the point is
+        self._recorder.add(captured.pair.time, places, errors)
+
+
+def ball_names(bodies: Sequence[BodyTarget]) -> list[str]:
+    """Return the names of all balls of all targets: ``upper:1``, ``upper:2`` and so on."""
+    return [f"{body.name}:{ball + 1}" for body in bodies for ball in range(len(body.points))]
+
+
+def ball_positions(bodies: Sequence[BodyTarget], captured: Captured) -> Floats:
+    """Return where all balls of all targets were seen [mm], shape (n_balls, 3); NaN where one was not."""
+    parts = []
+    for body in bodies:
+        places = np.full(body.points.shape, np.nan)
+        if body.name in captured.bodies:
+            matched = captured.bodies[body.name].points
+            places[matched >= 0] = captured.points.points[matched[matched >= 0]]
+        parts.append(places)
+    return np.concatenate(parts) if parts else np.zeros((0, 3))

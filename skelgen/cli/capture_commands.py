@@ -1,0 +1,234 @@
+"""`motion-capture`, and the calibrations that use its settings: `calibrate body`, `calibrate joints`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from skelgen.cli.options import AsJson, Quiet
+from skelgen.cli.screen import Screen
+from skelgen.errors import InputError
+
+if TYPE_CHECKING:
+    from skelgen.capture.calibration.joints import JointCalibration, JointWish
+    from skelgen.capture.live import Captured
+    from skelgen.cli.capture_output import Columns
+
+SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
+Source = Annotated[
+    str | None,
+    typer.Option("--source", metavar="TEXT", help="Where images come from.", show_default="that of the settings"),
+]
+Frames = Annotated[int | None, typer.Option("--frames", min=1, help="Pairs at most.", show_default="all")]
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="Settings to write.", show_default="those that were read"),
+]
+
+
+def motion_capture(
+    settings: SettingsFile,
+    interactive: Annotated[bool, typer.Option("-i", help="Write a line only when a key is hit.")] = False,
+    silent: Annotated[bool, typer.Option("-s", help="Write no residuals to the error output.")] = False,
+    no_graphics: Annotated[bool, typer.Option("-n", help="Show no pictures.")] = False,
+    no_labels: Annotated[bool, typer.Option("-l", help="Write no labels into the first line.")] = False,
+    no_poses: Annotated[bool, typer.Option("-r", help="Write no poses of rigid bodies.")] = False,
+    no_angles: Annotated[bool, typer.Option("-a", help="Write no joint angles.")] = False,
+    errors: Annotated[bool, typer.Option("--errors", help="Write standard deviations behind all values.")] = False,
+    predict: Annotated[bool, typer.Option("--predict", help="Predict and smooth poses (Kalman filter).")] = False,
+    record: Annotated[
+        list[Path] | None,
+        typer.Option("--record", metavar="FILE", help="Record into a new .mfml or .c3d file; may be repeated."),
+    ] = None,
+    source: Source = None,
+    frames: Frames = None,
+) -> None:
+    """Capture live: write poses and joint angles of every pair of images, tab-separated."""
+    from skelgen.app.capture import capture, read_capture_settings, source_of
+    from skelgen.capture.prediction import PredictionParameters
+    from skelgen.capture.show import Pictures
+    from skelgen.cli.capture_output import Columns
+    from skelgen.cli.keys import watched_keys
+
+    told = read_capture_settings(settings)
+    columns = Columns(told, poses=not no_poses, angles=not no_angles, errors=errors)
+    prediction = PredictionParameters() if predict else None
+    stream = capture(told, source_of(told, source), record or (), prediction, n_frames=frames)
+    if not no_labels:
+        _write(columns.labels())
+    counts = _Counts(record or [])
+    try:
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(contextlib.closing(stream))
+            pictures = None if no_graphics else stack.enter_context(Pictures())
+            keys = stack.enter_context(watched_keys()) if interactive else None
+            if pictures is not None and pictures.notice:
+                print(f"note: {pictures.notice}", file=sys.stderr)
+            for captured in stream:
+                counts.add(captured)
+                _tell(captured, columns, silent)
+                if pictures is not None:
+                    pictures.show(captured)
+                if keys is None or keys.was_hit():
+                    _write(columns.line(captured))
+    except (KeyboardInterrupt, BrokenPipeError):  # the usual end of a live capture: what was recorded is closed
+        pass
+    finally:
+        counts.say(silent)
+
+
+def calibrate_body(
+    settings: SettingsFile,
+    name: Annotated[str, typer.Option("--name", help="What the target is called.")],
+    balls: Annotated[
+        int | None, typer.Option("--balls", min=4, help="Its number of balls.", show_default="found")
+    ] = None,
+    source: Source = None,
+    frames: Frames = None,
+    output: Output = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate a target: turn it before the cameras, alone in at least one picture."""
+    from skelgen_formats.capture_settings import write_settings
+
+    from skelgen.app.capture import calibrate_body_of, read_capture_settings, source_of
+
+    screen = Screen(quiet, as_json)
+    told = read_capture_settings(settings)
+    with screen.watching() as monitor:
+        new, done = calibrate_body_of(told, source_of(told, source), name, balls, frames, monitor)
+    write_settings(new, output or settings)
+    points, std = done.target.points.tolist(), np.asarray(done.target.std).tolist()
+    rows = [
+        {"ball": ball + 1} | {f"{axis} [mm]": _with_std(*pair) for axis, *pair in zip("xyz", *both, strict=True)}
+        for ball, both in enumerate(zip(points, std, strict=True))
+    ]
+    screen.note(done.notices)
+    screen.table(f"Target {name}", rows)
+    screen.say(f"{done.n_frames} frames used, {done.n_left_out} without the target left out")
+    screen.say(f"residuals: {done.noise:.2f} times the stated noise; written: {output or settings}")
+    screen.json(
+        {
+            "file": str(output or settings),
+            "name": name,
+            "points_mm": points,
+            "std_mm": std,
+            "noise": done.noise,
+            "n_frames": done.n_frames,
+            "n_left_out": done.n_left_out,
+            "notices": list(done.notices),
+        }
+    )
+
+
+def calibrate_joints(
+    settings: SettingsFile,
+    joints: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--joint",
+            metavar="NAME=PARENT:CHILD[:KIND]",
+            help="A joint between two targets, a ball or a hinge; may be repeated.",
+            show_default="joints and kinds are found",
+        ),
+    ] = None,
+    source: Source = None,
+    frames: Frames = None,
+    output: Output = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate joints: move all of them before the cameras, as far as they go."""
+    from skelgen_formats.capture_settings import write_settings
+
+    from skelgen.app.capture import calibrate_joints_of, read_capture_settings, source_of
+
+    screen = Screen(quiet, as_json)
+    told = read_capture_settings(settings)
+    wishes = [_wish(text) for text in joints or ()]
+    with screen.watching() as monitor:
+        new, done = calibrate_joints_of(told, source_of(told, source), wishes, frames, monitor)
+    if not done.joints:
+        raise InputError(f"no joint was found: {'; '.join(done.notices) or 'the targets move as one'}")
+    write_settings(new, output or settings)
+    screen.note(done.notices)
+    screen.table("Joints", _joint_rows(done))
+    screen.say(f"written: {output or settings}")
+    screen.json({"file": str(output or settings), "joints": _joint_rows(done), "notices": list(done.notices)})
+
+
+def _wish(text: str) -> JointWish:
+    from skelgen.capture.calibration.joints import JointWish
+
+    name, _, bodies = text.partition("=")
+    parts = bodies.split(":")
+    if not name or len(parts) not in (2, 3) or not all(parts[:2]):
+        raise InputError(f"--joint {text!r} is not understood; it must be NAME=PARENT:CHILD or NAME=PARENT:CHILD:KIND")
+    return JointWish(name, *parts)
+
+
+def _joint_rows(done: JointCalibration) -> list[dict[str, Any]]:
+    rows = []
+    for joint, fit in zip(done.joints, done.fits, strict=True):
+        places = joint.parent_from_joint[:3, 3], joint.child_from_joint[:3, 3]
+        texts = [
+            " ".join(_with_std(*pair) for pair in zip(place, std, strict=True))
+            for place, std in zip(places, joint.std, strict=True)
+        ]
+        rows.append(
+            {
+                "joint": joint.name,
+                "kind": joint.kind,
+                "parent": joint.parent,
+                "child": joint.child,
+                "in parent [mm]": texts[0],
+                "in child [mm]": texts[1],
+                "gap [mm]": round(fit.gap, 2),
+                "frames": len(fit.frames),
+            }
+        )
+    return rows
+
+
+def _with_std(value: float, std: float) -> str:
+    return f"{value:.2f} ± {std:.2f}" if std > 0 else f"{value:.2f}"
+
+
+class _Counts:
+    """How much was captured, for the last line."""
+
+    def __init__(self, record: list[Path]) -> None:
+        self._record, self._n_pairs, self._n_lost = record, 0, 0
+
+    def add(self, captured: Captured) -> None:
+        self._n_pairs += 1
+        self._n_lost += captured.pair.dropped
+
+    def say(self, silent: bool) -> None:
+        kept = [str(path) for path in self._record if self._n_pairs and path.exists()]
+        if not silent or self._n_lost:
+            written = f"; recorded: {', '.join(kept)}" if kept else ""
+            print(f"{self._n_pairs} pairs captured, {self._n_lost} lost{written}", file=sys.stderr)
+
+
+def _tell(captured: Captured, columns: Columns, silent: bool) -> None:
+    for notice in captured.notices:
+        print(f"note: {notice}", file=sys.stderr)
+    if not silent:
+        print(columns.residuals(captured), file=sys.stderr)
+
+
+def _write(line: str) -> None:
+    """Print a line at once; a reader that is gone ends the capture."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that Python's last flush finds somebody
+        raise

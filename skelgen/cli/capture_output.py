@@ -1,0 +1,93 @@
+"""The table that a running capture prints: tab-separated, one line per pair (Gaschler 2011, 7.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.capture.angles import angle_names
+from skelgen.capture.live import Captured
+from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.kinematics.angles import angle_deviations
+from skelgen.model import Joint
+from skelgen.model.arrays import Floats
+from skelgen.model.rig import CaptureSettings, JointModel
+
+_PLACE = ("x", "y", "z")
+_TURN = ("rx", "ry", "rz")
+_FREE = Joint(0, 1, np.zeros(3), np.zeros(3), "ball", None, np.zeros(3))  # whose angles are a rotation vector
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What is printed.
+
+    Attributes
+    ----------
+    settings : CaptureSettings
+        Targets and joints, in the order of the columns.
+    poses, angles, errors : bool
+        Whether poses of targets, angles of joints, and standard deviations behind each of them are wanted.
+    """
+
+    settings: CaptureSettings
+    poses: bool = True
+    angles: bool = True
+    errors: bool = False
+
+    def labels(self) -> str:
+        """The first line: what each column holds, and its unit."""
+        labels = ["frame", "time [s]"]
+        for body in self.settings.bodies if self.poses else ():
+            names = [f"{body.name}.{axis} [mm]" for axis in _PLACE] + [f"{body.name}.{axis} [rad]" for axis in _TURN]
+            labels += self._with_errors(names)
+        for joint in self.settings.joints if self.angles else ():
+            labels += self._with_errors([f"{name} [rad]" for name in angle_names(joint)])
+        return "\t".join(labels)
+
+    def line(self, captured: Captured) -> str:
+        """The line of one pair; what was not found is nan."""
+        values: list[float] = []
+        for body in self.settings.bodies if self.poses else ():
+            values += self._pose(captured, body.name)
+        for joint in self.settings.joints if self.angles else ():
+            values += self._angles(captured, joint)
+        cells = [f"{value:.6g}" for value in values]
+        return "\t".join([str(captured.pair.index), f"{captured.pair.time:.6f}", *cells])
+
+    def residuals(self, captured: Captured) -> str:
+        """Residuals of one pair in words: of targets the distance of the balls, of joints that of its frames."""
+        told = []
+        for body in self.settings.bodies if self.poses else ():
+            found = captured.bodies.get(body.name)
+            told.append(f"{body.name} not found" if found is None else f"{body.name} {found.rms:.2f} mm")
+        for joint in self.settings.joints if self.angles else ():
+            angle = captured.angles.get(joint.name)
+            told.append(f"{joint.name} (joint) " + ("unknown" if angle is None else f"{angle.residual:.2f} mm"))
+        return f"{captured.pair.index}: " + ", ".join(told)
+
+    def _with_errors(self, names: list[str]) -> list[str]:
+        return [*names, *(f"{name} std" for name in names)] if self.errors else names
+
+    def _pose(self, captured: Captured, name: str) -> list[float]:
+        found = captured.bodies.get(name)
+        if found is None:
+            return [np.nan] * (12 if self.errors else 6)
+        turn = found.world_from_body[:3, :3]
+        values = [*found.world_from_body[:3, 3].tolist(), *vector_from_matrix(turn).tolist()]
+        if self.errors:
+            values += np.sqrt(np.diag(found.covariance)[3:]).tolist()
+            values += _vector_std(turn, found.covariance[:3, :3]).tolist()
+        return values
+
+    def _angles(self, captured: Captured, joint: JointModel) -> list[float]:
+        angle = captured.angles.get(joint.name)
+        if angle is None:
+            return [np.nan] * (len(angle_names(joint)) * (2 if self.errors else 1))
+        return [*angle.angles.tolist(), *(angle.std.tolist() if self.errors else ())]
+
+
+def _vector_std(turn: Floats, covariance: Floats) -> Floats:
+    """Standard deviations of a rotation vector [rad], from the covariance of small turns about the world's axes."""
+    return angle_deviations(_FREE, turn[np.newaxis], covariance[np.newaxis])[0]
