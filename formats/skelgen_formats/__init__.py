@@ -1,9 +1,11 @@
 """File formats: one module each, and the table of all of them."""
 
 from skelgen_formats.angles_csv import FORMAT as ANGLES_CSV
+from skelgen_formats.bvh import FORMAT as BVH
 from skelgen_formats.c3d import FORMAT as C3D
 from skelgen_formats.cal3d import FORMAT as CAL3D
 from skelgen_formats.csm import FORMAT as CSM
+from skelgen_formats.gltf import FORMAT as GLTF
 from skelgen_formats.joints_csv import FORMAT as JOINTS_CSV
 from skelgen_formats.mfml import FORMAT as MFML
 from skelgen_formats.mjcf import FORMAT as MJCF
@@ -16,6 +18,7 @@ from skelgen_formats.seed_xml import FORMAT as SEED_XML
 from skelgen_formats.summary_json import FORMAT as SUMMARY_JSON
 from skelgen_formats.trc import FORMAT as TRC
 from skelgen_formats.urdf import FORMAT as URDF
+from skelgen_formats.usd import FORMAT as USD
 
 FORMATS: tuple[Format, ...] = (
     C3D,
@@ -31,6 +34,9 @@ FORMATS: tuple[Format, ...] = (
     OPENSIM,
     URDF,
     MJCF,
+    BVH,
+    GLTF,
+    USD,
     SUMMARY_JSON,
     MFML,
 )
