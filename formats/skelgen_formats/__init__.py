@@ -15,6 +15,7 @@ from skelgen_formats.registry import Format
 from skelgen_formats.seed_xml import FORMAT as SEED_XML
 from skelgen_formats.summary_json import FORMAT as SUMMARY_JSON
 from skelgen_formats.trc import FORMAT as TRC
+from skelgen_formats.usd import FORMAT as USD
 
 FORMATS: tuple[Format, ...] = (
     C3D,
@@ -29,6 +30,7 @@ FORMATS: tuple[Format, ...] = (
     CAL3D,
     BVH,
     GLTF,
+    USD,
     SUMMARY_JSON,
     MFML,
 )
