@@ -31,6 +31,17 @@ class VideoOptions(StageParameters):
 
 
 @dataclass(frozen=True)
+class SimulatedOptions(StageParameters):
+    """The simulated rig."""
+
+    stage: ClassVar[str] = "simulated"
+    rate: float = declare(60.0, "pairs a second", unit="Hz", low=0.1, high=1e4)
+    frames: int = declare(600, "pairs that are rendered", low=1, high=_LONGEST_TAKE)
+    seed: int = declare(0, "of motion and noise", low=0, high=2**31 - 1)
+    paced: bool = declare(False, "yes lets pairs come by the clock, as from cameras, and be lost by who is slow")
+
+
+@dataclass(frozen=True)
 class CameraOptions(StageParameters):
     """What all cameras that run live have in common."""
 
@@ -73,4 +84,4 @@ class GenicamOptions(CameraOptions):
     trigger: str = declare("", "the line that triggers both cameras, as in Line1; empty lets them run freely")
 
 
-__all__ = ["CameraOptions", "FileOptions", "FireWireOptions", "GenicamOptions", "VideoOptions"]
+__all__ = ["CameraOptions", "FileOptions", "FireWireOptions", "GenicamOptions", "SimulatedOptions", "VideoOptions"]

@@ -7,7 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skelgen.capture.frames import FrameSource
-from skelgen.capture.sources.options import FileOptions, FireWireOptions, GenicamOptions, VideoOptions
+from skelgen.capture.sources.options import (
+    FileOptions,
+    FireWireOptions,
+    GenicamOptions,
+    SimulatedOptions,
+    VideoOptions,
+)
 from skelgen.capture.sources.text import SourceText, parse_source
 from skelgen.errors import InputError
 from skelgen.parameters import StageParameters
@@ -25,8 +31,8 @@ class SourceKind:
         A text as a user would write it.
     help : str
         What it is, in a few words.
-    options : type of StageParameters or None
-        What may stand behind the question mark; None leaves it to the source.
+    options : type of StageParameters
+        What may stand behind the question mark.
     open : callable
         Makes the source from its text; cameras are opened when the source is entered.
     """
@@ -34,7 +40,7 @@ class SourceKind:
     name: str
     example: str
     help: str
-    options: type[StageParameters] | None
+    options: type[StageParameters]
     open: Callable[[SourceText], FrameSource]
 
 
@@ -79,6 +85,13 @@ def _open_gentl(text: SourceText) -> FrameSource:
     return gentl_pairs(text.places, GenicamOptions.from_mapping(text.options, str(text)))
 
 
+def _open_simulated(text: SourceText) -> FrameSource:
+    from skelgen.capture.rig import simulated_rig  # noqa: PLC0415
+
+    options = SimulatedOptions.from_mapping(text.options, str(text)).as_mapping()
+    return simulated_rig(text.place or "arm", n_frames=options.pop("frames"), **options)
+
+
 SOURCES = (
     SourceKind("folder", "folder:images", "a folder with left and right images", FileOptions, _open_folder),
     SourceKind("list", "list:pairs.txt", "a list of left and right images, with times", FileOptions, _open_list),
@@ -86,6 +99,7 @@ SOURCES = (
     SourceKind("firewire", "firewire:GUID1,GUID2", "cameras on an IEEE 1394 bus", FireWireOptions, _open_firewire),
     SourceKind("gige", "gige:10.0.0.2,10.0.0.3", "GigE Vision cameras", GenicamOptions, _open_gige),
     SourceKind("gentl", "gentl:producer.cti", "cameras of a GenTL producer", GenicamOptions, _open_gentl),
+    SourceKind("simulated", "simulated:arm", "the simulated rig", SimulatedOptions, _open_simulated),
 )
 """All kinds of frame sources."""
 

@@ -39,7 +39,7 @@ def test_a_text_is_kind_place_and_options(text, place, options):
     assert parse_source(str(parsed)) == parsed
 
 
-@pytest.mark.parametrize("kind", [kind for kind in SOURCES if kind.options is not None], ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", SOURCES, ids=lambda kind: kind.name)
 def test_an_unknown_option_is_told_which_there_are(kind):
     with pytest.raises(ParameterError, match=r"no parameter 'colour'; it has rate, "):
         open_source(f"{kind.example}?colour=red")
@@ -66,6 +66,12 @@ def test_without_opencv_the_way_to_it_is_said(tmp_path, save, monkeypatch):
 
 def test_the_page_of_the_sources_names_every_kind_and_option():
     page = (Path(__file__).parents[3] / "docs" / "capture" / "sources.md").read_text(encoding="utf-8")
-    options = {entry.name for kind in SOURCES if kind.options for entry in kind.options.declarations()}
+    options = {entry.name for kind in SOURCES for entry in kind.options.declarations()}
     assert [kind.name for kind in SOURCES if f"| `{kind.name}:" not in page] == []
     assert sorted(name for name in options if f"`{name}`" not in page) == []
+
+
+def test_the_simulated_rig_is_a_source_like_others(marks):
+    source = open_source("simulated:?frames=2&rate=30&seed=1")
+    assert (source.n_frames, source.rate) == (2, 30.0)
+    assert [index for index, *_ in marks(source)] == [0, 1]
