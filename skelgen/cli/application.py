@@ -18,7 +18,7 @@ import typer
 
 import skelgen
 from skelgen.app.stages import PIPELINE, Stage
-from skelgen.cli import calibrate_commands, file_commands, stage_commands, window_command
+from skelgen.cli import calibrate_commands, capture_commands, file_commands, stage_commands, window_command
 from skelgen.cli.options import generated, parameter_options, reader_options, writer_options
 from skelgen.errors import SkelgenError
 
@@ -85,8 +85,9 @@ def build_app(called: str = "") -> typer.Typer:
 
 def _calibrate() -> typer.Typer:
     group = typer.Typer(help="Calibrate what the stereo capture must know beforehand.", no_args_is_help=True)
-    group.callback()(lambda: None)  # else typer takes a group of one command for that command
     group.command("stereo")(calibrate_commands.stereo)
+    group.command("body")(capture_commands.calibrate_body)
+    group.command("joints")(capture_commands.calibrate_joints)
     return group
 
 
@@ -119,6 +120,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("config", file_commands.config, tuple),
         ("report", file_commands.report, tuple),
         ("fill", file_commands.fill, tuple),
+        ("motion-capture", capture_commands.motion_capture, tuple),
         ("gui", window_command.gui, tuple),
     ]
 
