@@ -43,6 +43,10 @@ class ParameterError(SkelgenError):
     """A parameter is unknown, of the wrong type or out of its bounds."""
 
 
+class CaptureError(SkelgenError):
+    """A camera is missing, cannot be set as asked, or breaks off; pairs before that stay good."""
+
+
 class MissingResultError(SkelgenError):
     """A stage was asked for before the one that it builds on has run."""
 

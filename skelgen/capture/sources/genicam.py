@@ -1,0 +1,101 @@
+"""What GigE Vision and GenTL cameras have in common: a clock of their own, a count of frames, formats of pixels."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.capture.frames import Image
+from skelgen.errors import CaptureError
+
+_WINDOW = 300  # frames: long enough for one that came without delay, short enough to follow clocks that drift apart
+_BLOCKS = 65535  # GigE Vision 1 numbers frames 1 .. 65535 and begins again at 1
+WARM_UP = 10
+"""Images after which a camera's clock is known to a part of a millisecond."""
+
+
+class SharedClock:
+    """Brings a camera's clock to the computer's, which both cameras then share.
+
+    No image arrives before it was taken, and some arrive without delay: the smallest difference between arrival and
+    the camera's time is the offset of the clocks, up to the delay that all images have.
+    """
+
+    def __init__(self) -> None:
+        self._offsets: deque[float] = deque(maxlen=_WINDOW)
+
+    def time(self, taken: float | None, arrived: float) -> float:
+        """Return when an image was taken, by the computer's clock.
+
+        Parameters
+        ----------
+        taken : float or None, s
+            By the camera's clock; None if it has none, then the arrival counts.
+        arrived : float, s
+            By the computer's clock.
+        """
+        if taken is None:
+            return arrived
+        self._offsets.append(arrived - taken)
+        return taken + min(self._offsets)
+
+
+class FrameNumber:
+    """Goes on counting where a camera begins again."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._rounds = 0
+
+    def of(self, number: int) -> int:
+        """Return a number that always grows."""
+        if self._last is not None and number < self._last:
+            self._rounds += 1
+        self._last = number
+        return number + self._rounds * _BLOCKS
+
+
+def grey(values: NDArray[np.uint8] | NDArray[np.uint16], pixel_format: str, camera: str) -> Image:
+    """Return a grey image of 8 bits, the highest ones of those that the camera sends.
+
+    Parameters
+    ----------
+    values : ndarray, shape (height, width)
+        As sent.
+    pixel_format : str
+        Its name, as ``Mono8`` or ``Mono12Packed``.
+    camera : str
+        For the sentence of an error.
+
+    Raises
+    ------
+    CaptureError
+        If the format is not grey.
+    """
+    bits = "".join(letter for letter in pixel_format.removeprefix("Mono")[:2] if letter.isdigit())
+    if not pixel_format.startswith("Mono") or not bits or values.ndim != 2:
+        raise CaptureError(f"{camera} sends {pixel_format} where grey is needed; set its PixelFormat to Mono8")
+    if values.dtype == np.uint8:
+        return np.array(values, np.uint8)
+    return (values >> (int(bits) - 8)).astype(np.uint8)
+
+
+def common_rate(rates: tuple[float | None, float | None], names: tuple[str, str]) -> float | None:
+    """Return the rate [Hz] of both cameras; None if nobody knows it.
+
+    Raises
+    ------
+    CaptureError
+        If they differ by more than a hundredth.
+    """
+    left, right = rates
+    if left is None or right is None:
+        return None
+    if abs(left - right) > 0.01 * max(left, right):
+        raise CaptureError(f"{names[0]} runs at {left:.4g} Hz and {names[1]} at {right:.4g}; set both by ?rate=...")
+    return left
+
+
+__all__ = ["WARM_UP", "FrameNumber", "SharedClock", "common_rate", "grey"]

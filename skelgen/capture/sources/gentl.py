@@ -1,0 +1,235 @@
+"""Cameras of a GenTL producer (a maker's .cti file: GigE, USB3, CoaXPress), by harvesters."""
+
+from __future__ import annotations
+
+import contextlib
+import time as clock
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from skelgen.capture.opencv import extra_module
+from skelgen.capture.sources.genicam import WARM_UP, FrameNumber, SharedClock, common_rate, grey
+from skelgen.capture.sources.live import LivePairs, OpenPair
+from skelgen.capture.sources.options import GenicamOptions
+from skelgen.capture.sources.pairs import Shot
+from skelgen.capture.sources.text import check_two_cameras
+from skelgen.errors import CaptureError, ParameterError
+
+_EXAMPLE = "gentl:producer.cti,LEFT,RIGHT"
+_NANOSECONDS = 1e-9
+_BUFFERS = 8  # images that wait: a late program loses none within an eighth of a second at 60 Hz
+_LEAST_WAIT = 0.001  # s; with zero, harvesters would wait for ever
+_RATE, _EXPOSURE = ("AcquisitionFrameRate", "AcquisitionFrameRateAbs"), ("ExposureTime", "ExposureTimeAbs")
+_GAIN = ("Gain", "GainRaw")
+
+
+def gentl_pairs(places: tuple[str, ...], options: GenicamOptions) -> LivePairs:
+    """Return the frame source of two cameras of a producer.
+
+    Parameters
+    ----------
+    places : tuple of str
+        The producer's file, then the identifiers or serial numbers of the left and the right camera; without them the
+        only two there are, in the producer's order.
+    options : GenicamOptions
+        Rate, exposure, trigger and the like.
+
+    Raises
+    ------
+    ParameterError
+        If `places` are not the file, or the file and two cameras.
+    CaptureError
+        If there is no such file.
+    """
+    if not places:
+        raise ParameterError(f"gentl: names no producer's .cti file, as in {_EXAMPLE}")
+    check_two_cameras("gentl", places[1:], _EXAMPLE)
+    producer = Path(places[0])
+    if not producer.is_file():
+        raise CaptureError(f"{producer}: no such GenTL producer; the camera's maker installs it, often below /opt")
+    name = "gentl:" + ",".join(places)
+    return LivePairs(name, lambda stack: _open_pair(stack, producer, places[1:], options), options)
+
+
+class GentlCamera:
+    """A camera that streams until the stack closes it.
+
+    Parameters
+    ----------
+    harvester : harvesters.core.Harvester
+        With the producer loaded.
+    device : harvesters device information
+        One of its list.
+    options : GenicamOptions
+        How it is to run.
+    stack : ExitStack
+        Told how the camera is closed.
+    """
+
+    capacity: int | None = _BUFFERS
+
+    def __init__(self, harvester: Any, device: Any, options: GenicamOptions, stack: ExitStack) -> None:
+        self.name = f"camera {device.id_} ({device.vendor} {device.model})"
+        self._clock, self._number = SharedClock(), FrameNumber()
+        with _told(self.name):
+            self._camera = harvester.create({"id_": device.id_})
+            stack.callback(_quietly, self._camera.destroy)
+            self._camera.num_buffers = max(_BUFFERS, self._camera.min_num_buffers)
+            self.capacity = self._camera.num_buffers
+            self.rate = _set_up(self._camera.remote_device.node_map, options)
+            self._camera.start()
+            stack.callback(_quietly, self._camera.stop)
+        self.size = self._first_size(options)
+
+    def take(self, timeout: float) -> Shot | None:
+        """Return the next image, or None if none comes in time.
+
+        Raises
+        ------
+        CaptureError
+            If the producer fails, or sends no grey images.
+        """
+        with _told(self.name):
+            buffer = self._camera.try_fetch(timeout=max(timeout, _LEAST_WAIT))
+            if buffer is None:
+                return None
+            arrived = clock.time()
+            with buffer:
+                return self._shot(buffer, arrived)
+
+    def _shot(self, buffer: Any, arrived: float) -> Shot:
+        image = buffer.payload.components[0]
+        values = image.data
+        if values.size == image.height * image.width:
+            values = values.reshape(image.height, image.width)
+        taken = self._clock.time(_device_time(buffer), arrived)
+        return Shot(grey(values, image.data_format, self.name), taken, self._number.of(buffer.frame_id))
+
+    def _first_size(self, options: GenicamOptions) -> tuple[int, int]:
+        size = (0, 0)
+        for _ in range(1 if options.trigger else WARM_UP):
+            shot = self.take(options.timeout)
+            if shot is None:
+                raise CaptureError(f"{self.name} sends no image within {options.timeout:g} s; check its trigger")
+            size = (shot.image.shape[1], shot.image.shape[0])
+        return size
+
+
+def _open_pair(stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions) -> OpenPair:
+    with _told(str(producer)):
+        harvester = _harvesters().Harvester()
+        stack.callback(_quietly, harvester.reset)
+        harvester.add_file(str(producer))
+        harvester.update()
+    found = list(harvester.device_info_list)
+    chosen = _named(found, names, producer) if names else _only_two(found, producer)
+    left, right = (GentlCamera(harvester, device, options, stack) for device in chosen)
+    return OpenPair(left, right, common_rate((left.rate, right.rate), (left.name, right.name)))
+
+
+def _set_up(nodes: Any, options: GenicamOptions) -> float | None:
+    """Set what was asked for, and return the rate [Hz] if the camera runs at one of its own."""
+    if nodes.has_node("PixelFormat") and "Mono8" in nodes.PixelFormat.symbolics:
+        nodes.PixelFormat.value = "Mono8"
+    if options.exposure:
+        _set(nodes, _EXPOSURE, options.exposure)
+    if options.gain >= 0:
+        _set(nodes, _GAIN, options.gain)
+    if options.trigger:
+        for name, value in (
+            ("TriggerSelector", "FrameStart"),
+            ("TriggerSource", options.trigger),
+            ("TriggerMode", "On"),
+        ):
+            _feature(nodes, (name,)).value = value
+        return options.rate or None
+    if options.rate:
+        if nodes.has_node("AcquisitionFrameRateEnable"):
+            nodes.AcquisitionFrameRateEnable.value = True
+        _set(nodes, _RATE, options.rate)
+    there = [name for name in _RATE if nodes.has_node(name)]
+    return float(nodes.get_node(there[0]).value) if there else None
+
+
+def _set(nodes: Any, names: tuple[str, ...], value: float) -> None:
+    """Set a number, within its boundaries."""
+    node = _feature(nodes, names)
+    if not node.min <= value <= node.max:
+        raise ParameterError(f"{names[0]} is {value:g}; the camera takes {node.min:g} .. {node.max:g}")
+    node.value = type(node.value)(value)
+
+
+def _feature(nodes: Any, names: tuple[str, ...]) -> Any:
+    """Return the first feature of these names that the camera has."""
+    there = [name for name in names if nodes.has_node(name)]
+    if not there:
+        raise CaptureError(f"the camera has no {names[0]} that could be set")
+    return nodes.get_node(there[0])
+
+
+def _device_time(buffer: Any) -> float | None:
+    """Return when the image was taken by the camera's clock [s]; None if the producer does not say."""
+    with contextlib.suppress(*_genicam_error()):
+        nanoseconds = buffer.timestamp_ns
+        return nanoseconds * _NANOSECONDS if nanoseconds else None
+    return None
+
+
+def _named(found: list[Any], names: tuple[str, ...], producer: Path) -> list[Any]:
+    chosen = []
+    for name in names:
+        fitting = [device for device in found if name in (device.id_, _serial(device))]
+        if not fitting:
+            raise CaptureError(f"{producer} has no camera {name}; {_listed(found)}")
+        chosen.append(fitting[0])
+    return chosen
+
+
+def _only_two(found: list[Any], producer: Path) -> list[Any]:
+    if len(found) == 1:
+        raise CaptureError(f"one camera is missing: {producer} {_listed(found)}, and a pair needs two")
+    if len(found) != 2:
+        raise CaptureError(f"{producer} {_listed(found)}; name left and right, as {_EXAMPLE}")
+    return found
+
+
+def _listed(found: list[Any]) -> str:
+    return "found " + (", ".join(device.id_ for device in found) or "no camera; check cables and power")
+
+
+def _serial(device: Any) -> str:
+    with contextlib.suppress(*_genicam_error()):
+        return str(device.serial_number)
+    return ""
+
+
+def _quietly(act: Any) -> None:
+    """Close something that may be gone already."""
+    with contextlib.suppress(*_genicam_error()):
+        act()
+
+
+@contextlib.contextmanager
+def _told(who: str) -> Iterator[None]:
+    errors: tuple[type[Exception], ...] = (*_genicam_error(), OSError, ValueError)
+    try:
+        yield
+    except errors as error:
+        raise CaptureError(f"{who}: {str(error).strip() or type(error).__name__}") from error
+
+
+def _genicam_error() -> tuple[type[Exception], ...]:
+    _harvesters()
+    from genicam import genapi, gentl  # noqa: PLC0415 - an extra that comes with harvesters
+
+    return (gentl.GenericException, genapi.GenericException)
+
+
+def _harvesters() -> ModuleType:
+    return extra_module("harvesters.core", "harvesters for GenTL cameras", "gentl")
+
+
+__all__ = ["GentlCamera", "gentl_pairs"]

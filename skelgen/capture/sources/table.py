@@ -1,0 +1,142 @@
+"""The one table of frame sources: what a text may name, and who opens it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from skelgen.capture.frames import FrameSource
+from skelgen.capture.sources.options import (
+    FileOptions,
+    FireWireOptions,
+    GenicamOptions,
+    SimulatedOptions,
+    VideoOptions,
+)
+from skelgen.capture.sources.text import SourceText, parse_source
+from skelgen.errors import InputError
+from skelgen.parameters import StageParameters
+
+
+@dataclass(frozen=True)
+class SourceKind:
+    """A row of the table.
+
+    Attributes
+    ----------
+    name : str
+        What stands before the colon.
+    example : str
+        A text as a user would write it.
+    help : str
+        What it is, in a few words.
+    options : type of StageParameters
+        What may stand behind the question mark.
+    open : callable
+        Makes the source from its text; cameras are opened when the source is entered.
+    """
+
+    name: str
+    example: str
+    help: str
+    options: type[StageParameters]
+    open: Callable[[SourceText], FrameSource]
+
+
+def _open_folder(text: SourceText) -> FrameSource:
+    from skelgen.capture.sources.images import ImagePairs  # noqa: PLC0415 - each source as it is needed
+    from skelgen.capture.sources.names import folder_pairs  # noqa: PLC0415
+
+    options = FileOptions.from_mapping(text.options, str(text))
+    return ImagePairs(text.place, folder_pairs(Path(text.place), options), options)
+
+
+def _open_list(text: SourceText) -> FrameSource:
+    from skelgen.capture.sources.images import ImagePairs  # noqa: PLC0415
+    from skelgen.capture.sources.names import listed_pairs  # noqa: PLC0415
+
+    options = FileOptions.from_mapping(text.options, str(text))
+    return ImagePairs(text.place, listed_pairs(Path(text.place)), options)
+
+
+def _open_video(text: SourceText) -> FrameSource:
+    from skelgen.capture.sources.video import VideoPairs  # noqa: PLC0415
+
+    left, right = text.two_places("video:left.avi,right.avi")
+    return VideoPairs(Path(left), Path(right), VideoOptions.from_mapping(text.options, str(text)))
+
+
+def _open_firewire(text: SourceText) -> FrameSource:
+    from skelgen.capture.sources.firewire import firewire_pairs  # noqa: PLC0415
+
+    return firewire_pairs(text.places, FireWireOptions.from_mapping(text.options, str(text)))
+
+
+def _open_gige(text: SourceText) -> FrameSource:
+    from skelgen.capture.sources.gige import gige_pairs  # noqa: PLC0415
+
+    return gige_pairs(text.places, GenicamOptions.from_mapping(text.options, str(text)))
+
+
+def _open_gentl(text: SourceText) -> FrameSource:
+    from skelgen.capture.sources.gentl import gentl_pairs  # noqa: PLC0415
+
+    return gentl_pairs(text.places, GenicamOptions.from_mapping(text.options, str(text)))
+
+
+def _open_simulated(text: SourceText) -> FrameSource:
+    from skelgen.capture.rig import simulated_rig  # noqa: PLC0415
+
+    options = SimulatedOptions.from_mapping(text.options, str(text)).as_mapping()
+    return simulated_rig(text.place or "arm", n_frames=options.pop("frames"), **options)
+
+
+SOURCES = (
+    SourceKind("folder", "folder:images", "a folder with left and right images", FileOptions, _open_folder),
+    SourceKind("list", "list:pairs.txt", "a list of left and right images, with times", FileOptions, _open_list),
+    SourceKind("video", "video:left.avi,right.avi", "two video files", VideoOptions, _open_video),
+    SourceKind("firewire", "firewire:GUID1,GUID2", "cameras on an IEEE 1394 bus", FireWireOptions, _open_firewire),
+    SourceKind("gige", "gige:10.0.0.2,10.0.0.3", "GigE Vision cameras", GenicamOptions, _open_gige),
+    SourceKind("gentl", "gentl:producer.cti", "cameras of a GenTL producer", GenicamOptions, _open_gentl),
+    SourceKind("simulated", "simulated:arm", "the simulated rig", SimulatedOptions, _open_simulated),
+)
+"""All kinds of frame sources."""
+
+
+def open_source(text: str) -> FrameSource:
+    """Return the frame source that a text names.
+
+    Files are looked at at once, cameras when the source is entered.
+
+    Parameters
+    ----------
+    text : str
+        One of the forms of `SOURCES`, e.g. ``folder:images?rate=60`` or ``firewire:``; or the path of a folder.
+
+    Raises
+    ------
+    InputError
+        If no kind of source is meant; the sentence lists all.
+    ParameterError
+        If an option is unknown or out of its bounds.
+    CaptureError, FormatError
+        If the files are not there or cannot be read.
+
+    Examples
+    --------
+    >>> with open_source("video:left.avi,right.avi") as source:  # doctest: +SKIP
+    ...     for pair in source:
+    ...         print(pair.time, pair.left.mean())
+    """
+    parsed = parse_source(text)
+    kind = next((kind for kind in SOURCES if parsed is not None and kind.name == parsed.kind), None)
+    if parsed is not None and kind is not None:
+        return kind.open(parsed)
+    if text.strip() and Path(text).is_dir():
+        return _open_folder(SourceText("folder", text))
+    known = ", ".join(kind.example for kind in SOURCES)
+    raise InputError(f"{text!r} is no source of images; known are {known}, or a folder")
+
+
+__all__ = ["SOURCES", "SourceKind", "open_source"]
