@@ -77,6 +77,6 @@ def find_angles(joint: JointModel, bodies: Mapping[str, FoundBody]) -> JointAngl
 
 def _kinematic(joint: JointModel) -> Joint:
     """The joint as `skelgen.kinematics` knows it, in its own frame."""
-    origin = [0.0, 0.0, 0.0]
+    origin = np.zeros(3)
     axis = _Z if joint.kind == "hinge" else None
-    return Joint(0, 1, origin, origin, joint.kind, axis, np.zeros(3))
+    return Joint(0, 1, origin, origin, joint.kind, axis, origin)
