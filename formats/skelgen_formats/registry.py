@@ -97,6 +97,8 @@ class Format:
         What reader and writer can be told.
     note : str
         One sentence for the docs table.
+    states_axes : bool
+        Whether the writer is told the option ``axes``, obeyed already, since the file states which axis is up.
     """
 
     name: str
@@ -112,6 +114,7 @@ class Format:
     files: Callable[[Path, Mapping[str, Any]], tuple[Path, ...]] = lambda path, options: (path,)
     keeps: tuple[str, ...] = ()
     remarks: Callable[[Project, Mapping[str, Any]], tuple[str, ...]] = lambda project, options: ()
+    states_axes: bool = False
 
 
 def known_formats() -> tuple[Format, ...]:
@@ -228,7 +231,10 @@ def write_as(
     clean = checked_options(entry, options)
     monitor.begin(f"writing {path.name}")
     timed = with_rate(value, clean.pop(RATE_NAME, AS_RECORDED_RATE))
-    turned = with_up_axis(timed, clean.pop(AXES_NAME, AS_RECORDED))
+    axes = clean.pop(AXES_NAME, AS_RECORDED)
+    turned = with_up_axis(timed, axes)
+    if entry.states_axes:
+        clean[AXES_NAME] = axes
     return entry.write(turned, path, monitor=monitor, **clean)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from skelgen.capture.optics.correction import Corrected, correct
 from skelgen.capture.optics.epipolar import Rays, essential_matrix, homogeneous, rays_of
+from skelgen.capture.optics.matrices import inverse_symmetric
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import StereoRig
 
@@ -73,7 +74,7 @@ def _meeting(turn: Floats, shift: Floats, corrected: Corrected) -> Floats:
 def _covariance(turn: Floats, in_left: Floats, in_right: Floats, left: Rays, right: Rays) -> Floats:
     """Covariance in the left camera's frame, shape (n, 3, 3): (J^T J)^-1 with J of the four whitened coordinates."""
     slope = np.concatenate([_slope(in_left, left), _slope(in_right, right) @ turn], axis=1)
-    return np.asarray(np.linalg.inv(np.swapaxes(slope, 1, 2) @ slope))
+    return inverse_symmetric(np.swapaxes(slope, 1, 2) @ slope)
 
 
 def _slope(points: Floats, rays: Rays) -> Floats:
