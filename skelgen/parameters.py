@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, ClassVar, Self, get_type_hints
 
 from skelgen.errors import ParameterError
@@ -159,6 +160,7 @@ class StageParameters:
             object.__setattr__(self, declaration.name, declaration.check(getattr(self, declaration.name), self.stage))
 
     @classmethod
+    @cache
     def declarations(cls) -> tuple[Declaration, ...]:
         """Return what is declared, in order."""
         kinds = get_type_hints(cls)

@@ -1,9 +1,11 @@
 """File formats: one module each, and the table of all of them."""
 
 from skelgen_formats.angles_csv import FORMAT as ANGLES_CSV
+from skelgen_formats.bvh import FORMAT as BVH
 from skelgen_formats.c3d import FORMAT as C3D
 from skelgen_formats.cal3d import FORMAT as CAL3D
 from skelgen_formats.csm import FORMAT as CSM
+from skelgen_formats.gltf import FORMAT as GLTF
 from skelgen_formats.joints_csv import FORMAT as JOINTS_CSV
 from skelgen_formats.mfml import FORMAT as MFML
 from skelgen_formats.motive import FORMAT as MOTIVE
@@ -13,6 +15,7 @@ from skelgen_formats.registry import Format
 from skelgen_formats.seed_xml import FORMAT as SEED_XML
 from skelgen_formats.summary_json import FORMAT as SUMMARY_JSON
 from skelgen_formats.trc import FORMAT as TRC
+from skelgen_formats.usd import FORMAT as USD
 
 FORMATS: tuple[Format, ...] = (
     C3D,
@@ -25,6 +28,9 @@ FORMATS: tuple[Format, ...] = (
     POSES_CSV,
     SEED_XML,
     CAL3D,
+    BVH,
+    GLTF,
+    USD,
     SUMMARY_JSON,
     MFML,
 )

@@ -19,6 +19,7 @@ from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.finished import finished_project
 from skelgen_formats.joints_csv import joint_names
 from skelgen_formats.registry import Format
+from skelgen_formats.world import RATE
 
 _TITLE = "Joint angles, CSV"
 _CHUNK_FRAMES = 2000
@@ -70,5 +71,6 @@ FORMAT = Format(
     write=write_angles_csv,
     check=lambda value, options: finished_project(value, _TITLE),
     keeps=("angles",),
+    options=(RATE,),
     note="One row per frame; every angle of every joint with its standard deviation, in degrees.",
 )

@@ -42,7 +42,7 @@ from skelgen_formats.markers import (
     zeros_unseen,
 )
 from skelgen_formats.registry import Format
-from skelgen_formats.world import AXES, UNIT, per_mm
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _TITLE = "C3D"
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
@@ -245,6 +245,6 @@ FORMAT = Format(
     files=marker_files,
     keeps=("markers", "names"),
     remarks=_remarks,
-    options=(AXES, UNIT, FILLED),
+    options=(AXES, UNIT, RATE, FILLED),
     note="Units from the file; residual below 0 and all zeros are unseen; any number of labels and frames; f32 in mm.",
 )

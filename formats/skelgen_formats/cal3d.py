@@ -15,21 +15,20 @@ from typing import Any
 
 import numpy as np
 
-from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.animations import animated_project, bone_name, check_single_precision
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
-from skelgen_formats.finished import finished_project
 from skelgen_formats.registry import Format
-from skelgen_formats.world import AXES, UNIT, per_mm
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
+_TITLE = "Cal3D"
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"
 
 _VERSION = 910  # of the 0.9 era: also the later forks accept it
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
-_LARGEST = float(np.finfo(np.float32).max)  # the loaders read floats; a number beyond silently zeroes all that follow
 
 
 def write_cal3d(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
@@ -42,8 +41,8 @@ def write_cal3d(value: Project | Take, path: Path, unit: str = "mm", monitor: Mo
     MissingResultError
         If the project has no skeleton yet.
     """
-    project = finished_project(value, "Cal3D")
-    _check_values(project, path)
+    project = animated_project(value, _TITLE)
+    check_single_precision(project, _TITLE)  # the loaders silently zero all that follows a number beyond
     skeleton_path, animation_path = files = _files(path)
     with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
         _write(skeleton_file, _skeleton(project.skeleton, unit))
@@ -53,14 +52,6 @@ def write_cal3d(value: Project | Take, path: Path, unit: str = "mm", monitor: Mo
 
 def _files(path: Path) -> tuple[Path, Path]:
     return path.with_suffix(SKELETON_SUFFIX), path.with_suffix(ANIMATION_SUFFIX)
-
-
-def _check_values(project: Project, path: Path) -> None:
-    if project.motion.n_frames == 0 or project.skeleton.n_limbs == 0:
-        raise WriteError(f"{path}: Cal3D needs at least one bone and one frame")
-    poses = (project.motion.world_from_limb, project.skeleton.reference_pose)
-    if not all(float(np.abs(pose).max()) < _LARGEST for pose in poses):
-        raise WriteError(f"{path}: a coordinate is beyond what Cal3D's single precision can hold")
 
 
 def _write(path: Path, lines: Iterator[str]) -> None:
@@ -76,7 +67,7 @@ def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
     for bone, limb in enumerate(order):
         parent = int(skeleton.parents[limb])
         children = [bone_of_limb[child] for child in order if skeleton.parents[child] == limb]
-        yield f'<BONE ID="{bone}" NAME="limb{limb}" NUMCHILDS="{len(children)}">\n'
+        yield f'<BONE ID="{bone}" NAME="{bone_name(limb)}" NUMCHILDS="{len(children)}">\n'
         yield from _transforms(reference_pose, parent, limb)
         yield f"<PARENTID>{bone_of_limb[parent]}</PARENTID>\n"
         yield from (f"<CHILDID>{child}</CHILDID>\n" for child in children)
@@ -137,10 +128,10 @@ FORMAT = Format(
     suffixes=(SKELETON_SUFFIX, ANIMATION_SUFFIX),
     holds="skeleton",
     write=write_cal3d,
-    check=lambda value, options: finished_project(value, "Cal3D"),
+    check=lambda value, options: animated_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("joints", "motion"),
     remarks=_remarks,
-    options=(AXES, UNIT),
+    options=(AXES, UNIT, RATE),
     note="Two files are written, .xsf and .xaf.",
 )

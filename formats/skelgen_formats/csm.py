@@ -53,7 +53,7 @@ from skelgen_formats.markers import (
 )
 from skelgen_formats.registry import Format, Option
 from skelgen_formats.text import count_in, decoded_head, number_in, rate_in, read_lines
-from skelgen_formats.world import AXES, UNIT, per_mm
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _TITLE = "CSM"
 _DROPOUT = "DROPOUT"
@@ -266,6 +266,6 @@ FORMAT = Format(
     files=marker_files,
     keeps=("markers", "names"),
     remarks=_remarks,
-    options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")), AXES, UNIT, FILLED),
+    options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")), AXES, UNIT, RATE, FILLED),
     note="No unit in the file: mm; dropouts as the word DROPOUT or as zeros; blanks in names become underscores.",
 )

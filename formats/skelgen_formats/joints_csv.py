@@ -16,7 +16,7 @@ from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.finished import finished_project
 from skelgen_formats.markers import MM_PER_UNIT
 from skelgen_formats.registry import Format
-from skelgen_formats.world import AXES, UNIT, per_mm
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _DECIMALS_OF_MM = 6
 _TITLE = "Joint positions, CSV"
@@ -63,6 +63,6 @@ FORMAT = Format(
     write=write_joints_csv,
     check=lambda value, options: finished_project(value, _TITLE),
     keeps=("joints",),
-    options=(AXES, UNIT),
+    options=(AXES, UNIT, RATE),
     note="One row per frame, three columns per joint.",
 )

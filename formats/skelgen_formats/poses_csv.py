@@ -32,7 +32,7 @@ from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
 from skelgen_formats.registry import Format
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
-from skelgen_formats.world import AXES, UNIT, per_mm
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _MAGIC = "skelgen-poses"
 _VERSION = "1"
@@ -170,6 +170,6 @@ FORMAT = Format(
     write=write_poses,
     check=lambda value, options: _poses_of(value),
     keeps=("bodies",),
-    options=(AXES, UNIT),
+    options=(AXES, UNIT, RATE),
     note="Position and unit quaternion (scalar first) of each body per frame; empty cells are unseen.",
 )

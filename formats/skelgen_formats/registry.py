@@ -12,14 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from skelgen.errors import FormatError, WriteError
+from skelgen.geometry.frame_rate import AS_RECORDED_RATE, with_rate
 from skelgen.geometry.up_axis import AS_RECORDED, with_up_axis
 from skelgen.model import Project, Take
 from skelgen.model.filled import Filled
 from skelgen.parameters import Declaration
 from skelgen.progress import SILENT, Monitor
 
-AXES_NAME = "axes"
-"""The option that the registry obeys itself, for every format that declares it."""
+AXES_NAME, RATE_NAME = "axes", "rate"
+"""The options that the registry obeys itself, for every format that declares them."""
 
 SNIFF_BYTES = 4096
 """How much of a file's beginning the sniffers are shown."""
@@ -41,6 +42,10 @@ class Option:
         Allowed values, empty for any.
     reading : bool
         Whether the reader takes it too, not only the writer.
+    unit : str
+        Unit of a number.
+    low, high : float or None
+        Bounds of a number.
     """
 
     name: str
@@ -48,12 +53,16 @@ class Option:
     help: str
     choices: tuple[str, ...] = ()
     reading: bool = True
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
 
     @property
     def declaration(self) -> Declaration:
         """The option as parameters are declared: for forms, and to check values."""
         kind = str if self.default is None else type(self.default)
-        return Declaration(self.name, kind, self.default, self.help, choices=self.choices)
+        bounds: dict[str, Any] = {"unit": self.unit, "low": self.low, "high": self.high}
+        return Declaration(self.name, kind, self.default, self.help, choices=self.choices, **bounds)
 
 
 @dataclass(frozen=True)
@@ -88,6 +97,8 @@ class Format:
         What reader and writer can be told.
     note : str
         One sentence for the docs table.
+    states_axes : bool
+        Whether the writer is told the option ``axes``, obeyed already, since the file states which axis is up.
     """
 
     name: str
@@ -103,6 +114,7 @@ class Format:
     files: Callable[[Path, Mapping[str, Any]], tuple[Path, ...]] = lambda path, options: (path,)
     keeps: tuple[str, ...] = ()
     remarks: Callable[[Project, Mapping[str, Any]], tuple[str, ...]] = lambda project, options: ()
+    states_axes: bool = False
 
 
 def known_formats() -> tuple[Format, ...]:
@@ -218,7 +230,11 @@ def write_as(
         raise WriteError(f"the format {entry.name} can only be read")
     clean = checked_options(entry, options)
     monitor.begin(f"writing {path.name}")
-    turned = with_up_axis(value, clean.pop(AXES_NAME, AS_RECORDED))
+    timed = with_rate(value, clean.pop(RATE_NAME, AS_RECORDED_RATE))
+    axes = clean.pop(AXES_NAME, AS_RECORDED)
+    turned = with_up_axis(timed, axes)
+    if entry.states_axes:
+        clean[AXES_NAME] = axes
     return entry.write(turned, path, monitor=monitor, **clean)
 
 

@@ -51,7 +51,7 @@ from skelgen_formats.text import (
     read_lines,
     without_trailing_empty,
 )
-from skelgen_formats.world import AXES, UNIT, per_mm
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
@@ -194,6 +194,6 @@ FORMAT = Format(
     check=lambda value, options: check_markers(value, _TITLE, bool(options.get(FILLED.name))),
     files=marker_files,
     keeps=("markers", "names"),
-    options=(AXES, UNIT, FILLED),
+    options=(AXES, UNIT, RATE, FILLED),
     note="Units mm, cm, m from the header; empty cells and three zeros are unseen; written with full precision.",
 )

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, Qt, Signal
 
 _T = TypeVar("_T")
 
@@ -32,6 +32,7 @@ class Deriver(QObject):
     """
 
     settled = Signal()
+    _wanted = Signal()
     _returned = Signal(int, object)
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -41,6 +42,7 @@ class Deriver(QObject):
         self._wished: tuple[int, Callable[[], object]] | None = None
         self._number = 0
         self._then: Callable[[Any], None] | None = None
+        self._wanted.connect(self._begin, Qt.ConnectionType.QueuedConnection)
         self._returned.connect(self._hand_over)
 
     @property
@@ -62,9 +64,7 @@ class Deriver(QObject):
         self._then = then
         with self._lock:
             self._wished = (self._number, function)
-            if self._thread is None:
-                self._thread = threading.Thread(target=self._work, name="deriving", daemon=True)
-                self._thread.start()
+        self._wanted.emit()
 
     def forget(self) -> None:
         """Do not hand over what was wished and is not there yet."""
@@ -80,6 +80,13 @@ class Deriver(QObject):
             thread = self._thread
         if thread is not None:
             thread.join()
+
+    def _begin(self) -> None:
+        """Start a thread for what is wished; not before all that follow a signal have heard of it: it slows them."""
+        with self._lock:
+            if self._thread is None and self._wished is not None:
+                self._thread = threading.Thread(target=self._work, name="deriving", daemon=True)
+                self._thread.start()
 
     def _work(self) -> None:
         """Do what was wished last, until nothing is."""

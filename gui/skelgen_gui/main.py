@@ -9,6 +9,7 @@ from pathlib import Path
 from PySide6.QtCore import QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 
+from skelgen_gui.interpreter import Collector, give_way_soon
 from skelgen_gui.preferences import Preferences
 from skelgen_gui.recovery import find_remains
 from skelgen_gui.theme import Theme, prepare_high_dpi
@@ -32,6 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     files = list(sys.argv[1:] if arguments is None else arguments)
     prepare_high_dpi()
+    give_way_soon()
     app = QApplication([APPLICATION])
     app.setOrganizationName(ORGANISATION)
     app.setApplicationName(APPLICATION)
@@ -40,10 +42,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     theme.apply()
     window = Window(preferences)
     window.errors.install()
+    collector = Collector(window)
+    window.warming.ended.connect(collector.spare_what_is_there)
     window.show()
     window.warming.begin()
     QTimer.singleShot(0, lambda: _begin(window, files))
-    return int(app.exec())
+    code = int(app.exec())
+    collector.end()
+    return code
 
 
 def _begin(window: Window, files: Sequence[str]) -> None:

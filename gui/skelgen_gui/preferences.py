@@ -125,8 +125,7 @@ class Preferences(QObject):
         self._settings.sync()
 
     def _keep_recent(self, paths: list[Path]) -> None:
-        self._settings.setValue(_RECENT, [str(path) for path in paths])
-        self._settings.sync()
+        self._settings.setValue(_RECENT, [str(path) for path in paths])  # reaches the disk when the window is idle
         self.recent_changed.emit()
 
     def _bytes(self, name: str) -> QByteArray:

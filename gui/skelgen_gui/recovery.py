@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from PySide6.QtCore import QObject, QStandardPaths, QTimer
+from PySide6.QtCore import QObject, QStandardPaths, QTimer, Signal
 
 from skelgen.app.store import open_project, save_project
 from skelgen.errors import SkelgenError
@@ -92,7 +92,15 @@ class Autosave(QObject):
         Where all windows keep theirs.
     parent : QObject, optional
         Owner.
+
+    Signals
+    -------
+    failed(str)
+        The project cannot be kept, and why; told once, until it can be kept again.
     """
+
+    failed = Signal(str)
+    _tried = Signal(object, str)
 
     def __init__(
         self,
@@ -105,10 +113,12 @@ class Autosave(QObject):
         self._session = session
         self._folder = (folder or recovery_folder()) / f"{os.getpid()}-{id(self):x}"
         self._kept: Project | None = None
+        self._problem = ""
         self._thread: threading.Thread | None = None
         self._preferences = preferences
         self._timer = QTimer(self)
         self._timer.timeout.connect(self.save)
+        self._tried.connect(self._note)
         preferences.changed.connect(self._follow)
         self._follow()
 
@@ -119,8 +129,7 @@ class Autosave(QObject):
             return
         if project is None or not self._session.is_dirty or project is self._kept:
             return
-        self._kept = project
-        self._thread = threading.Thread(target=_keep, args=(project, self._session.path, self._folder))
+        self._thread = threading.Thread(target=self._keep, args=(project, self._session.path))
         self._thread.start()
 
     def _follow(self) -> None:
@@ -129,6 +138,22 @@ class Autosave(QObject):
             self._timer.start(1000 * seconds)
         else:
             self._timer.stop()
+
+    def _keep(self, project: Project, path: Path | None) -> None:
+        try:
+            _write(project, path, self._folder)
+        except (OSError, SkelgenError) as error:
+            self._tried.emit(project, str(error))
+        else:
+            self._tried.emit(project, "")
+
+    def _note(self, project: Project, problem: str) -> None:
+        """Note whether a project is kept; a full disk does not stop the work, and is tried again."""
+        if problem and not self._problem:
+            self.failed.emit(self.tr("Unsaved work cannot be kept: {0}").format(problem))
+        self._problem = problem
+        if not problem:
+            self._kept = project
 
     def wait(self) -> None:
         """Wait for what is being written."""
@@ -142,20 +167,17 @@ class Autosave(QObject):
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def _keep(project: Project, path: Path | None, folder: Path) -> None:
+def _write(project: Project, path: Path | None, folder: Path) -> None:
     note = {
         "name": project.name,
         "path": str(path) if path else "",
         "time": datetime.now().isoformat(),
         "process": os.getpid(),
     }
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        save_project(project, folder / _PROJECT)
-        with replacing(folder / _NOTE) as temporary:
-            temporary.write_text(json.dumps(note), encoding="utf-8")
-    except (OSError, SkelgenError):
-        return  # a full disk must not stop the work; saving by hand says what is wrong
+    folder.mkdir(parents=True, exist_ok=True)
+    save_project(project, folder / _PROJECT)
+    with replacing(folder / _NOTE) as temporary:
+        temporary.write_text(json.dumps(note), encoding="utf-8")
 
 
 def _is_alive(process: int) -> bool:

@@ -35,7 +35,7 @@ class StatusLine(QStatusBar):
         self.cancel.clicked.connect(jobs.cancel)
         jobs.begun.connect(self._begin)
         jobs.progressed.connect(self._advance)
-        jobs.noticed.connect(self._notice)
+        jobs.noticed.connect(self.notice)
         jobs.ended.connect(self._end)
 
     def _begin(self, title: str) -> None:
@@ -48,7 +48,8 @@ class StatusLine(QStatusBar):
         self.progress.setValue(round(_PERCENT * share))
         self.showMessage(name)
 
-    def _notice(self, sentence: str) -> None:
+    def notice(self, sentence: str) -> None:
+        """Show a sentence for a while."""
         self.showMessage(sentence, _NOTICE_MS)
 
     def _end(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from PySide6.QtCore import QObject, QTimer
+from PySide6.QtCore import QObject, QTimer, Signal
 
 from skelgen.app.configuration import parameters_class
 from skelgen.app.stages import stage_names
@@ -23,7 +23,14 @@ class Warming(QObject):
         Whose pages are built.
     parent : QObject, optional
         Owner.
+
+    Signals
+    -------
+    ended()
+        All is loaded and built.
     """
+
+    ended = Signal()
 
     def __init__(self, pages: PageStack, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -31,6 +38,11 @@ class Warming(QObject):
         self._thread = threading.Thread(target=_load, name="warming", daemon=True)
         self._timer = QTimer(self, interval=INTERVAL)
         self._timer.timeout.connect(self._go_on)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is still to be loaded or built."""
+        return self._timer.isActive()
 
     def begin(self) -> None:
         """Begin to load."""
@@ -46,6 +58,7 @@ class Warming(QObject):
     def _go_on(self) -> None:
         if not self._thread.is_alive() and not self._pages.prepare():
             self._timer.stop()
+            self.ended.emit()
 
 
 def _load() -> None:

@@ -68,7 +68,8 @@ class Window(QMainWindow):
         self._make_views()
         self.pages = PageStack(entries, self._context())
         self._make_docks()
-        self.setStatusBar(StatusLine(self.jobs, self))
+        self.status = StatusLine(self.jobs, self)
+        self.setStatusBar(self.status)
         self.commanding = Commanding(self)
         self.warming = Warming(self.pages, self)
         self._connect()
@@ -140,6 +141,7 @@ class Window(QMainWindow):
         self.session.state_changed.connect(self._follow_state)
         self.care.opened.connect(self._show_opened)
         self.runner.finished.connect(self._show_finished)
+        self.autosave.failed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
 
     def _follow_state(self) -> None:

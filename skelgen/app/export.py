@@ -10,11 +10,12 @@ from typing import Any
 from skelgen_formats.filled_markers import FILLED, marking_sentence
 from skelgen_formats.markers import trajectories_of
 from skelgen_formats.parts import PARTS, parts_in
-from skelgen_formats.registry import Format, checked_options, known_formats, write_as
+from skelgen_formats.registry import RATE_NAME, Format, checked_options, known_formats, write_as
 
 from skelgen.app.report.wording import counted, listed
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
+from skelgen.geometry.frame_rate import AS_RECORDED_RATE, n_frames_at
 from skelgen.model import PointCloud, Poses, Project, Take
 from skelgen.progress import SILENT, Monitor
 
@@ -122,7 +123,8 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
     files = tuple(Planned(file, file.exists()) for file in entry.files(path, options))
     marking = (marking_sentence(entry, path) + ".",) if options.get(FILLED.name) else ()
     remarks = (*_lost(project, entry), *entry.remarks(project, options), *marking)
-    return Preview(files, _contents(project, entry), remarks)
+    rate = float(checked_options(entry, options).get(RATE_NAME, AS_RECORDED_RATE))
+    return Preview(files, _contents(project, entry, rate), remarks)
 
 
 def export_project(
@@ -163,7 +165,7 @@ def _lost(project: Project, entry: Format) -> tuple[str, ...]:
     return (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
 
 
-def _contents(project: Project, entry: Format) -> str:
+def _contents(project: Project, entry: Format, rate: float) -> str:
     kept = [part for part in parts_in(project) if part.name in entry.keeps]
     names = {part.name for part in kept}
     take = project.take
@@ -178,5 +180,6 @@ def _contents(project: Project, entry: Format) -> str:
         counts.append(counted(project.limbs.n_limbs, "limb"))
     if names & {"joints", "angles", "kinds"}:
         counts.append(counted(project.skeleton.n_joints, "joint"))
-    frames = f" in {counted(take.n_frames, 'frame')} at {take.rate:g} Hz"
+    n_frames = n_frames_at(take.n_frames, take.rate, rate)
+    frames = f" in {counted(n_frames, 'frame')} at {rate or take.rate:g} Hz"
     return listed(counts) + (frames if any(part.in_every_frame for part in kept) else "")

@@ -38,6 +38,7 @@ _ARRAYS = "arrays/"
 _FORMAT = "skelgen project"
 _MAGIC = b"PK\x03\x04"
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold: the same bytes at any time of day
+_PIECE = 2**20  # bytes written at once
 _FILE_RIGHTS = 0o644 << 16  # what unzip gives the members; fixed, because the default depends on the platform
 _DTYPES = {"<f8", "<i8", "|b1"}
 _RESULTS = ("trajectories", "labelling", "limbs", "topology", "skeleton", "motion")
@@ -76,7 +77,7 @@ def save_project(project: Project, path: Path | str, *, embed: bool = True) -> P
     members = {_STRUCTURE: _as_json(_structure(project, arrays, embed)), _RUN: _as_json(_run_facts(project))}
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
         for name in sorted(arrays):
-            _store(archive, f"{_ARRAYS}{name}.npy", _as_npy(arrays[name]))
+            _store(archive, f"{_ARRAYS}{name}.npy", *_as_npy(arrays[name]))
         for name, content in sorted(members.items()):
             _store(archive, name, content)
     return path
@@ -247,11 +248,12 @@ def _as_json(data: Mapping[str, Any]) -> bytes:
     return json.dumps(data, indent=1, allow_nan=False).encode("ascii")
 
 
-def _as_npy(array: NDArray[Any]) -> bytes:
-    little = array.astype({"f": "<f8", "i": "<i8", "b": "|b1"}[array.dtype.kind])
+def _as_npy(array: NDArray[Any]) -> tuple[bytes, memoryview]:
+    """Header and body of a .npy file; the body is not copied."""
+    little = np.ascontiguousarray(array, {"f": "<f8", "i": "<i8", "b": "|b1"}[array.dtype.kind])
     stream = io.BytesIO()
-    npy.write_array(stream, np.ascontiguousarray(little), version=(1, 0), allow_pickle=False)
-    return stream.getvalue()
+    npy.write_array_header_1_0(stream, npy.header_data_from_array_1_0(little))
+    return stream.getvalue(), little.reshape(-1).view(np.uint8).data
 
 
 def _from_npy(content: bytes) -> NDArray[Any]:
@@ -261,12 +263,16 @@ def _from_npy(content: bytes) -> NDArray[Any]:
     shape, fortran_order, dtype = npy.read_array_header_1_0(stream)
     if dtype.str not in _DTYPES or fortran_order:
         raise ValueError(f"numbers of type {dtype.str}; only {', '.join(sorted(_DTYPES))} belong here")
-    body = content[stream.tell() :]
-    return np.frombuffer(body, dtype).reshape(shape)
+    return np.frombuffer(content, dtype, offset=stream.tell()).reshape(shape)
 
 
-def _store(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+def _store(archive: zipfile.ZipFile, name: str, *parts: bytes | memoryview) -> None:
+    """Write a member piece by piece: other threads, such as that of a window, go on in between."""
     info = zipfile.ZipInfo(name, _EPOCH)
     info.create_system = 3  # Unix, on every platform
     info.external_attr = _FILE_RIGHTS
-    archive.writestr(info, content)
+    info.file_size = sum(map(len, parts))  # tells whether offsets need 64 bits
+    with archive.open(info, "w") as member:
+        for part in parts:
+            for start in range(0, len(part), _PIECE):
+                member.write(part[start : start + _PIECE])

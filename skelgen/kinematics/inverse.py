@@ -36,9 +36,9 @@ class Posture:
         Pose of every limb's frame.
     joint_positions : ndarray, shape (n_frames, n_joints, 3), mm
         World positions in the order of the skeleton's joints.
-    joint_std : ndarray, shape (n_frames, n_joints, 3), mm
-        Their standard deviations along the world's axes, of hinges across their axes; at most some `UNKNOWN_SHIFT`
-        where no marker tells.
+    joint_covariances : ndarray, shape (n_frames, n_joints, 3, 3), mm^2
+        Of these along the world's axes, of hinges across their axes; at most some `UNKNOWN_SHIFT` squared where no
+        marker tells.
     angles : tuple of ndarray, shape (n_frames, n_angles), rad
         Of each joint, 0 in the reference pose. Hinge: the angle about its axis. Universal: the angle about the axis in
         the parent, then that about the axis in the child. Ball and undetermined: the rotation vector of the child
@@ -54,10 +54,15 @@ class Posture:
 
     world_from_limb: Floats
     joint_positions: Floats
-    joint_std: Floats
+    joint_covariances: Floats
     angles: tuple[Floats, ...]
     angle_std: tuple[Floats, ...]
     limb_seen: Bools
+
+    @property
+    def joint_std(self) -> Floats:
+        """Standard deviations of the joints along the world's axes [mm], shape (n_frames, n_joints, 3)."""
+        return np.asarray(np.sqrt(np.maximum(np.einsum("fjii->fji", self.joint_covariances), 0.0)))
 
 
 def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain", noise: float | None = None) -> Posture:
@@ -170,7 +175,7 @@ def posture(skeleton: Skeleton, trees: list[KnownTree], found: list[Outward]) ->
     return Posture(
         world_from_limb=world,
         joint_positions=world[:, :, :3, 3][:, children],
-        joint_std=np.sqrt(np.maximum(np.einsum("fjii->fji", places[:, children]), 0.0)),
+        joint_covariances=places[:, children],
         angles=tuple(joint_angles(one, turn) for one, turn in turned),
         angle_std=tuple(angle_deviations(one, turn, turns[:, one.child]) for one, turn in turned),
         limb_seen=seen,

@@ -58,14 +58,25 @@ def seen_by_cameras(structure: Structure, world_from_limb: Floats, positions: Fl
     -------
     ndarray of bool, shape (n_frames, n_markers)
     """
-    n_seeing = np.zeros(positions.shape[:2], dtype=np.intp)
-    ends = [_world_segment(world_from_limb[:, index], limb.segment) for index, limb in enumerate(structure.limbs)]
-    for camera in cameras:  # one camera and one limb at a time keeps the memory at the size of the markers
-        blocked = np.zeros(positions.shape[:2], dtype=np.bool_)
-        for limb, (start, tip) in zip(structure.limbs, ends, strict=True):
-            blocked |= _squared_distances(camera, positions, start, tip) < limb.radius**2
-        n_seeing += ~blocked
-    return np.asarray(n_seeing >= CAMERAS_NEEDED)
+    blocked = [blocked_by_limbs(structure, world_from_limb, positions, camera) for camera in cameras]
+    return np.asarray((~np.array(blocked)).sum(axis=0) >= CAMERAS_NEEDED)
+
+
+def blocked_by_limbs(structure: Structure, world_from_limb: Floats, positions: Floats, camera: Floats) -> Bools:
+    """Return which markers limbs hide from one camera, shape (n_frames, n_markers).
+
+    Parameters
+    ----------
+    structure, world_from_limb, positions
+        As in `seen_by_cameras`.
+    camera : ndarray, shape (3,), mm
+        Its place.
+    """
+    blocked = np.zeros(positions.shape[:2], dtype=np.bool_)
+    for index, limb in enumerate(structure.limbs):  # one limb at a time keeps the memory at the size of the markers
+        start, tip = _world_segment(world_from_limb[:, index], limb.segment)
+        blocked |= _squared_distances(camera, positions, start, tip) < limb.radius**2
+    return blocked
 
 
 def _world_segment(world_from_limb: Floats, segment: Floats) -> tuple[Floats, Floats]:

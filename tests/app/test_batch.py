@@ -144,7 +144,9 @@ class TestOutcome:
 
     @pytest.mark.parametrize(("arguments", "code"), [(["in"], 3), (["in/wave2b.c3d"], 2), (["in/wave0.csm"], 0)])
     def test_exit_codes_tell_how_it_went(self, waves, arguments, code, monkeypatch, capsys):
-        monkeypatch.setattr("skelgen.app.batch.workers.in_processes", lambda job, entries, n_workers: here(job, entries))
+        monkeypatch.setattr(
+            "skelgen.app.batch.workers.in_processes", lambda job, entries, n_workers: here(job, entries)
+        )
         assert main(["batch", *arguments, "-o", "out", "-q"]) == code
         assert ("wave2b" in capsys.readouterr().out) == (code != 0)
 

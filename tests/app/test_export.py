@@ -102,6 +102,15 @@ def test_contents_of_takes_are_counted(projects, tmp_path, kind, name, contents)
     assert preview_export(projects[kind], entry, export_path(tmp_path, "x", entry), {}).contents == contents
 
 
+def test_frames_are_counted_at_the_rate_wished(small_project, tmp_path):
+    entry = entry_of("joints-csv")
+    path = export_path(tmp_path, "x", entry)
+    foretold = preview_export(small_project, entry, path, {"rate": 30.0}).contents
+    assert foretold == "2 joints in 4 frames at 30 Hz"
+    export_project(small_project, entry, path, {"rate": 30.0})
+    assert len(path.read_text().splitlines()) == 1 + 4
+
+
 def test_what_is_lost_is_said(small_project, tmp_path):
     def remarks(name, **options):
         entry = entry_of(name)

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -23,6 +23,8 @@ import skelgen
 from skelgen.app.batch.cluster import on_cluster
 from skelgen.app.batch.job import Job
 from skelgen.app.batch.run import Pool, run_batch
+from skelgen.app.batch.takes import Entry
+from skelgen.app.batch.work import Outcome
 from skelgen.app.batch.workers import in_processes
 from skelgen.simulation import Structure, find_structure, simulate
 
@@ -44,9 +46,12 @@ def main() -> None:
         here = timed(folder, "processes", partial(in_processes, n_workers=N_WORKERS))
         with cluster(folder) as address:
             pool = partial(on_cluster, address=address, shared=folder / "dask/manifest.json")
-            timed(folder, "dask-first", partial(on_cluster, address=address, shared=folder / "dask-first/manifest.json"))
+            timed(
+                folder, "dask-first", partial(on_cluster, address=address, shared=folder / "dask-first/manifest.json")
+            )
             there = timed(folder, "dask", pool)
-    slower = here["rate"] / there["rate"]
+    each, whole = (here[name] / there[name] for name in ("sustained", "rate"))
+    most = f"<= {WANTED_SLOWER}"
     rows = [
         ("--jobs 2", "takes/s, workers starting included", f"{here['rate']:.2f}", f">= {WANTED_RATE:g}", ""),
         ("--jobs 2", "takes/s, sustained", f"{here['sustained']:.2f}", f">= {WANTED_RATE:g}",
@@ -54,10 +59,9 @@ def main() -> None:
         ("--jobs 2", "most memory of a worker [MB]", f"{here['peak'] / 1e6:.0f}", "< 600",
          verdict(here["peak"] < WANTED_BYTES)),
         ("--jobs 2", "the same after the first ten takes [MB]", f"{here['early'] / 1e6:.0f}", "flat", ""),
-        ("dask", "takes/s, workers warm", f"{there['rate']:.2f}", "", ""),
-        ("dask", "sustained time against --jobs 2", f"{here['sustained'] / there['sustained']:.2f}", f"<= {WANTED_SLOWER}",
-         verdict(here["sustained"] / there["sustained"] <= WANTED_SLOWER)),
-        ("dask", "whole time against --jobs 2", f"{slower:.2f}", f"<= {WANTED_SLOWER}", verdict(slower <= WANTED_SLOWER)),
+        ("dask", "takes/s, first takes of the workers included", f"{there['rate']:.2f}", "", ""),
+        ("dask", "time of a take against --jobs 2", f"{each:.2f}", most, verdict(each <= WANTED_SLOWER)),
+        ("dask", "whole time against --jobs 2", f"{whole:.2f}", most, verdict(whole <= WANTED_SLOWER)),
     ]  # fmt: skip
     show(f"{n_takes} takes of {N_FRAMES} frames x 30 markers", ("where", "what", "reached", "wanted", ""), rows)
 
@@ -75,7 +79,7 @@ def timed(folder: Path, name: str, pool: Pool) -> dict[str, float]:
     ends: list[float] = []
     peaks: list[int] = []
 
-    def watched(job: Job, entries):  # noqa: ANN001, ANN202 - as a Pool
+    def watched(job: Job, entries: Sequence[Entry]) -> Generator[Outcome, None, None]:
         for outcome in pool(job, entries):
             ends.append(time.monotonic())
             peaks.append(outcome.peak)

@@ -1,4 +1,4 @@
-"""Kill a batch at random moments, resume it, compare with an undisturbed one: ``python tests/benchmarks/batch_kills.py``.
+"""Kill a batch at random moments and resume it: ``python tests/benchmarks/batch_kills.py``.
 
 Each trial starts a batch of small takes anew, kills it once at a moment that the seed chooses, and resumes it; the
 results must be the same byte for byte, but for what records hold under ``run``.

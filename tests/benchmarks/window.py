@@ -21,6 +21,7 @@ from shown import show, show_machine, verdict
 from skelgen_gui.session import Session
 from skelgen_gui.view3d import Shown, View3D
 from skelgen_gui.view3d.scene import Scene
+from window_pauses import pause_rows
 from window_timeline import timeline_rows
 
 import skelgen
@@ -136,6 +137,7 @@ def memory() -> float:
 PARTS: dict[str, Callable[[QApplication, skelgen.Project, float], Iterator[Row]]] = {
     "3-D view": view3d_rows,
     "Timeline and curves": timeline_rows,
+    "The whole window": pause_rows,
 }
 
 if __name__ == "__main__":

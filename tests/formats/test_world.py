@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from skelgen_formats.registry import known_formats, read_take, write_file
 
+from skelgen.errors import ParameterError
+
 READ_BACK = ("c3d", "trc", "csm")
 F32_MM = 2000 * 2.0**-24  # rounding of coordinates within two metres to f32, in any unit
 F64_MM = 1e-9  # two roundings of metres in mm
@@ -20,7 +22,8 @@ def offering(name):
 
 
 def test_every_format_with_positions_for_other_programs_offers_axes():
-    assert set(offering("axes")) == {"c3d", "trc", "csm", "joints-csv", "poses-csv", "seed-xml", "cal3d"}
+    markers, skeletons = {"c3d", "trc", "csm"}, {"seed-xml", "cal3d", "bvh", "gltf", "usd"}
+    assert set(offering("axes")) == markers | skeletons | {"joints-csv", "poses-csv"}
 
 
 @pytest.mark.parametrize("name", READ_BACK)
@@ -80,3 +83,27 @@ def test_filled_markers_are_turned_with_the_rest(small_project, tmp_path):
     # Filling works on turned data as on the others, up to rounding in its least squares.
     back = read_take(tmp_path / "b.trc").positions
     assert np.allclose(back, np.stack([x, z, -y], axis=-1), rtol=0, atol=1e-6, equal_nan=True)
+
+
+def test_every_format_with_an_axes_option_offers_the_rate():
+    assert set(offering("rate")) == set(offering("axes")) | {"angles-csv"}
+
+
+@pytest.mark.parametrize("name", READ_BACK)
+def test_markers_are_written_at_another_rate_with_gaps_kept(walk, tmp_path, name):
+    write_file(walk, tmp_path / f"walk.{name}", rate=60.0)
+    back = read_take(tmp_path / f"walk.{name}")
+    assert back.rate == 60.0
+    assert np.allclose(back.positions, walk.positions[::2], rtol=0, atol=F32_MM, equal_nan=True)
+
+
+def test_joints_and_angles_are_written_at_another_rate(small_project, tmp_path):
+    for name in ("j.joints.csv", "j.angles.csv"):
+        write_file(small_project, tmp_path / name, rate=50.0)
+        lines = (tmp_path / name).read_text().splitlines()[1:]
+        assert [float(line.split(",")[1]) for line in lines] == [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]
+
+
+def test_bad_rate_is_refused_with_its_bounds(walk, tmp_path):
+    with pytest.raises(ParameterError, match=r"rate is -5; it must lie in 0 .. 100000 Hz"):
+        write_file(walk, tmp_path / "walk.trc", rate=-5)

@@ -18,7 +18,9 @@ def test_the_result_is_handed_over_in_the_window_s_thread(qtbot):
 
 def test_only_the_last_wish_is_handed_over(qtbot):
     deriver, told, gate = Deriver(), [], threading.Event()
-    deriver.derive(gate.wait, told.append)
+    began = threading.Event()
+    deriver.derive(lambda: (began.set(), gate.wait()), told.append)
+    qtbot.waitUntil(began.is_set)
     deriver.derive(lambda: "second", told.append)
     with qtbot.waitSignal(deriver.settled):
         deriver.derive(lambda: "third", told.append)
@@ -26,6 +28,13 @@ def test_only_the_last_wish_is_handed_over(qtbot):
     deriver.wait()
     qtbot.wait(10)
     assert told == ["third"]
+
+
+def test_nothing_begins_before_the_window_has_done_what_it_is_at(qtbot):
+    deriver, began = Deriver(), threading.Event()
+    deriver.derive(began.set, lambda _: None)
+    assert not began.wait(0.05)
+    qtbot.waitUntil(began.is_set)
 
 
 def test_what_is_forgotten_is_not_handed_over(qtbot):
@@ -47,7 +56,7 @@ def test_a_deriver_that_is_deleted_does_not_wait_and_hands_over_nothing(qtbot):
         return gate.wait()
 
     deriver.derive(slow, told.append)
-    started.wait()
+    qtbot.waitUntil(started.is_set)
     Shiboken.delete(deriver)
     assert not gate.is_set()
     gate.set()

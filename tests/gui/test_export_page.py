@@ -79,7 +79,7 @@ def test_a_project_is_exported_as_the_page_says(page, click, tmp_path):
 
 def test_options_of_the_format_are_a_form_and_are_obeyed(page, click, tmp_path, session):
     page.choice.setCurrentText("Character Studio marker file")
-    assert set(page.form.rows) == {"dropout", "axes", "unit", "filled"}
+    assert set(page.form.rows) == {"dropout", "axes", "unit", "rate", "filled"}
     page.form.rows["dropout"].editor.setCurrentText("zero")
     click(page.export)
     back = skelgen.read(tmp_path / "out" / "walk.csm", dropout="zero")

@@ -38,7 +38,7 @@ from skelgen_formats.finished import finished_project
 from skelgen_formats.registry import Format
 from skelgen_formats.seed_xml.values import JointStats, MarkerDistance, SeedXml
 from skelgen_formats.seed_xml.writer import ROOT, TITLE, write_seed_xml
-from skelgen_formats.world import AXES
+from skelgen_formats.world import AXES, RATE
 
 
 def read_seed_xml(path: Path | str) -> SeedXml:
@@ -71,7 +71,7 @@ FORMAT = Format(
     read=_read_take,
     write=write_seed_xml,
     check=lambda value, options: finished_project(value, TITLE),
-    options=(AXES,),
+    options=(AXES, RATE),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     note="Everything about a finished project; as a take it gives back the tracked markers.",
 )

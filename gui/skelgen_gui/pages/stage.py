@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from skelgen.app.stages import find_stage
 from skelgen.app.store import SUFFIX, find_result, open_project
 from skelgen.app.told import Pointer, stage_pointers, stage_sentences
 from skelgen.model import Project
+from skelgen_gui.derived import Deriver
 from skelgen_gui.forms import stage_form
 from skelgen_gui.found_or_given import FoundOrGiven
 from skelgen_gui.pages.context import Context
@@ -38,6 +40,7 @@ _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
 """Stages whose number the user may know, and the correction that says so."""
 
 _POINTER = Qt.ItemDataRole.UserRole
+_Told = tuple[tuple[str, ...], tuple[Pointer, ...]]
 
 
 class StagePage(QWidget):
@@ -62,6 +65,7 @@ class StagePage(QWidget):
         self.go = QPushButton(self)
         self.result = QLabel(self)
         self.warnings = QListWidget(self)
+        self.deriver = Deriver(self)
         self._describe()
         self._lay_out()
         self._connect()
@@ -209,15 +213,26 @@ class StagePage(QWidget):
             kind = _NUMBERS[self._stage]
             self.number.set_value(None if project is None else number_of(project, kind))
             self.number.show_found(_found(project, kind))
-        sentences = () if project is None else stage_sentences(project, self._stage)
-        self.result.setText(" ".join(sentences) or self.tr("This step has not run yet."))
-        self.warnings.clear()
-        for pointer in () if project is None else stage_pointers(project, self._stage):
-            item = QListWidgetItem(pointer.sentence, self.warnings)
-            item.setData(_POINTER, pointer)
+        self._follow_result(project)
         if not (self._context.runner.holds(self._stage) or self.form.problem()):
             self._follow_values()  # those that the stage ran with; what somebody is entering stays
         self._follow_jobs()
+
+    def _follow_result(self, project: Project | None) -> None:
+        """Tell what came out; until that is known, what came out before stays."""
+        self.deriver.forget()
+        if project is None or not project.has(self._stage):
+            self._show_result(((self.tr("This step has not run yet."),), ()))
+        else:
+            self.deriver.derive(partial(_told, project, self._stage), self._show_result)
+
+    def _show_result(self, told: _Told) -> None:
+        sentences, pointers = told
+        self.result.setText(" ".join(sentences))
+        self.warnings.clear()
+        for pointer in pointers:
+            item = QListWidgetItem(pointer.sentence, self.warnings)
+            item.setData(_POINTER, pointer)
 
     def _look(self, item: QListWidgetItem) -> None:
         pointer: Pointer = item.data(_POINTER)
@@ -226,6 +241,10 @@ class StagePage(QWidget):
             session.show_frame(pointer.frame)
         if pointer.markers:
             session.select(Selection(frozenset(pointer.markers)))
+
+
+def _told(project: Project, stage: str) -> _Told:
+    return stage_sentences(project, stage), stage_pointers(project, stage)
 
 
 def _found(project: Project | None, kind: str) -> int | None:

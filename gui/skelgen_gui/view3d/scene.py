@@ -14,7 +14,7 @@ from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen_gui.view3d.bones import Bones, find_bones
 from skelgen_gui.view3d.shown import MAGNIFICATIONS
-from skelgen_gui.view3d.uncertainty import joint_covariances
+from skelgen_gui.view3d.uncertainty import JointCovariances, joint_covariances
 
 SURE = 0.9
 """Confidence below which a marker counts as doubtful."""
@@ -99,6 +99,7 @@ class Scene:
         self.n_frames = project.take.n_frames
         self.names = self.trajectories.names if self.trajectories is not None else ()
         self.n_markers = len(self.names)
+        self._covariances = JointCovariances(project)
 
     @cached_property
     def limb_of_marker(self) -> Ints:
@@ -164,8 +165,7 @@ class Scene:
     def magnification(self) -> int:
         """How many standard deviations the half axes of ellipsoids should be, for most of them to be of a good size."""
         frames = np.unique(np.linspace(0, self.n_frames - 1, min(_UNCERTAIN_SAMPLES, self.n_frames)).astype(np.intp))
-        covariances = [joint_covariances(self.project, int(frame)) for frame in frames]
-        variances = np.concatenate([np.linalg.eigvalsh(each)[:, -1] for each in covariances] or [np.zeros(0)])
+        variances = np.linalg.eigvalsh(joint_covariances(self.project, frames))[..., -1].ravel()
         if not len(variances):
             return MAGNIFICATIONS[0]
         most = _ELLIPSOID * self.size / max(float(np.sqrt(np.median(variances))), 1e-9)
@@ -194,7 +194,7 @@ class Scene:
             state,
             _NO_POINTS if is_labelled else self._points(frame),
             joints,
-            joint_covariances(self.project, frame),
+            self._covariances.at(frame),
             self.bones.place(joints, markers),
             self._axes(frame),
             take.world_from_body[frame] if isinstance(take, Poses) else _NO_BODIES,

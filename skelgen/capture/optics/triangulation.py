@@ -8,6 +8,7 @@ import numpy as np
 
 from skelgen.capture.optics.correction import Corrected, correct
 from skelgen.capture.optics.epipolar import Rays, essential_matrix, homogeneous, rays_of
+from skelgen.capture.optics.matrices import inverse_symmetric
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import StereoRig
 
@@ -67,13 +68,13 @@ def _meeting(turn: Floats, shift: Floats, corrected: Corrected) -> Floats:
     points = from_left * depth[:, np.newaxis]
     is_before_both = (depth > 0) & (points @ turn[2] + shift[2] > 0)
     points[~is_before_both] = np.nan
-    return points
+    return np.asarray(points)
 
 
 def _covariance(turn: Floats, in_left: Floats, in_right: Floats, left: Rays, right: Rays) -> Floats:
     """Covariance in the left camera's frame, shape (n, 3, 3): (J^T J)^-1 with J of the four whitened coordinates."""
     slope = np.concatenate([_slope(in_left, left), _slope(in_right, right) @ turn], axis=1)
-    return np.asarray(np.linalg.inv(np.swapaxes(slope, 1, 2) @ slope))
+    return inverse_symmetric(np.swapaxes(slope, 1, 2) @ slope)
 
 
 def _slope(points: Floats, rays: Rays) -> Floats:
@@ -81,4 +82,4 @@ def _slope(points: Floats, rays: Rays) -> Floats:
     slope = np.zeros((len(points), 2, 3))
     slope[:, 0, 0] = slope[:, 1, 1] = 1.0
     slope[:, :, 2] = -points[:, :2] / points[:, 2:]
-    return np.linalg.solve(rays.spread, slope / points[:, 2:, np.newaxis])
+    return np.asarray(np.linalg.solve(rays.spread, slope / points[:, 2:, np.newaxis]))

@@ -32,7 +32,8 @@ from skelgen.stages.skeleton.joints import (
 from skelgen.stages.skeleton.outliers import out_of_line
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
-from skelgen.stages.skeleton.ringed import FOUND, BodyRings, all_poses, closed_body
+from skelgen.stages.skeleton.ringed import FOUND, BodyRings, closed_body
+from skelgen.stages.skeleton.second_look import posed_with_care
 from skelgen.stages.skeleton.trusted import without_outliers
 
 FIRST_ROUNDS = 3
@@ -134,7 +135,7 @@ def fit_body(
     closed, poses = found.closed, found.poses
     if parameters.fit == "whole-chain":
         closed = None if closed is None else closed.shifted(found.kinds, shifts)
-        poses = all_poses(chain, closed, poses, found.trusted, found.last.articulation)
+        poses = posed_with_care(chain, closed, poses, found.trusted, found.last.articulation, seen)
     errors = errors_of_limbs(found.last, found.kinds, shifts, freedom, found.growth, parameters.rank_tolerance)
     if closed is not None and isinstance(found.last, ClosedCalibration):
         closed = closed.with_errors(errors, found.last, found.last.noise * np.sqrt(found.growth))

@@ -27,6 +27,7 @@ from skelgen.stages.skeleton.assemble import Body, cut_out
 from skelgen.stages.skeleton.fitting import FittedBody
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.ringed import all_poses
+from skelgen.stages.skeleton.second_look import posed_with_care
 from skelgen.stages.skeleton.trusted import without_outliers
 
 LONGEST_AT_ONCE = 16_384
@@ -161,7 +162,7 @@ def _pose_block(
     if parameters.fit == "whole-chain":
         articulation = one.errors.articulation.turned(chain.parents, one.turn)
         start = ChainPoses(poses.root, articulation.projected(chain.parents, poses.rotations))
-        poses = all_poses(chain, one.rings, start, trusted, articulation)
+        poses = posed_with_care(chain, one.rings, start, trusted, articulation, posed)
         if one.skin is not None:
             for _ in range(SETTLING):
                 still = trusted - one.skin.slides(chain, poses)

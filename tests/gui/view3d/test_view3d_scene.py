@@ -13,7 +13,7 @@ from skelgen_gui.view3d.picture import Canvas, take_picture
 from skelgen_gui.view3d.scene import Scene, State
 from skelgen_gui.view3d.shown import Shown
 from skelgen_gui.view3d.trails import N_AGES, trail_lines
-from skelgen_gui.view3d.uncertainty import joint_covariances
+from skelgen_gui.view3d.uncertainty import JointCovariances, joint_covariances
 from skelgen_gui.view3d.viewpoint import Viewpoint
 
 from skelgen.model import PointCloud, Poses, Project, Trajectories
@@ -74,13 +74,32 @@ def test_before_the_first_stage_points_are_loose_and_markers_have_no_limb(walked
     assert bodies.at(0).loose.shape == (2, 3)
 
 
-def test_covariances_are_those_of_the_motion_or_else_turn_with_the_parents(walked):
-    project = walked[0]
-    std = project.motion.joint_std[7]
-    assert joint_covariances(project, 7)[3] == pytest.approx(np.diag(std[3] ** 2))
+def test_variances_are_those_of_the_motion_or_else_turn_with_the_parents(walked):
+    project, frames = walked[0], np.array([7, 300])
+    variances = np.einsum("fjii->fji", joint_covariances(project, frames))
+    assert variances == pytest.approx(project.motion.joint_std[frames] ** 2)
     without = replace(project, _motion=replace(project.motion, joint_std=None))
-    traces = np.trace(joint_covariances(without, 7), axis1=1, axis2=2)
-    assert traces == pytest.approx([float((joint.std**2).sum()) for joint in project.skeleton.joints])
+    traces = np.trace(joint_covariances(without, frames), axis1=2, axis2=3)
+    assert traces == pytest.approx(np.tile([float((joint.std**2).sum()) for joint in project.skeleton.joints], (2, 1)))
+
+
+def test_ellipsoids_of_joints_hold_their_true_places_as_often_as_they_claim(walked):
+    project, truth = walked
+    frames = np.arange(0, 400, 10)
+    nearest = np.linalg.norm(
+        project.motion.joint_positions[0, :, np.newaxis] - truth.joint_positions[0, np.newaxis], axis=2
+    ).argmin(axis=1)
+    balls = [index for index, joint in enumerate(project.skeleton.joints) if joint.kind == "ball"]
+    error = (project.motion.joint_positions[frames] - truth.joint_positions[frames][:, nearest])[:, balls]
+    covariances = joint_covariances(project, frames)[:, balls]
+    squares = np.einsum("fji,fji->fj", error, np.linalg.solve(covariances, error[..., np.newaxis])[..., 0])
+    assert 0.85 < (squares < 7.815).mean() <= 1.0  # the 95 % point of chi-squared with three degrees of freedom
+
+
+def test_the_covariances_of_a_frame_are_those_of_its_block(walked):
+    kept = JointCovariances(walked[0])
+    for frame in (399, 0, 63, 64, 130, 200, 260, 0):
+        assert kept.at(frame) == pytest.approx(joint_covariances(walked[0], np.array([frame]))[0])
 
 
 def test_axes_of_hinges_are_those_of_the_simulation(scene, walked):

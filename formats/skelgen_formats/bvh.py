@@ -1,0 +1,171 @@
+"""BVH: a tree of bones with their angles in every frame, as Biovision wrote it and most programs read it.
+
+Layout, text::
+
+    HIERARCHY
+    ROOT limb0                                    the root's place and turn are its six channels
+    {
+      OFFSET 0 0 0
+      CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+      JOINT limb1
+      {
+        OFFSET 0 0 350                            the joint in the parent's frame, which at rest has the world's axes
+        CHANNELS 3 Zrotation Xrotation Yrotation  degrees; the turn against the parent is Rz Rx Ry
+        End Site                                  where a bone ends that carries no other
+        {
+          OFFSET 0 0 300
+        }
+      }
+    }
+    MOTION
+    Frames: 2
+    Frame Time: 0.01
+    ...                                           one line per frame, the channels in the order of the hierarchy
+
+Programs disagree on whether the position channels of a bone are added to its OFFSET or replace it: bones that have
+them are written with an OFFSET of zero, where both are the same. Several roots hang on one that stays still, called
+``world``, since many programs read the first root only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelgen.files import replacing
+from skelgen.geometry.euler import zxy_from_matrix
+from skelgen.model import Project, Skeleton, Take
+from skelgen.model.arrays import Floats
+from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.animations import animated_project, bone_name, bone_tip, lost_in_animations
+from skelgen_formats.bones import bone_transforms
+from skelgen_formats.markers import MM_PER_UNIT
+from skelgen_formats.registry import Format
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
+
+_TITLE = "BVH"
+_WORLD = "world"
+_WORLD_LIMB = -1
+_TURNS = "Zrotation Xrotation Yrotation"
+_PLACES = "Xposition Yposition Zposition"
+_DECIMALS_OF_MM = 6
+_DECIMALS_OF_DEGREES = 7  # 2e-9 rad: on a chain of a hundred metres less than a thousandth of a millimetre
+
+
+def write_bvh(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+    """Write skeleton and motion of a finished project, every root with its place, every joint with three angles.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project or has no frames, or the file cannot be written.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    project = animated_project(value, _TITLE)
+    rows = told(_rows(project, unit), project.motion.n_frames, monitor)
+    with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
+        stream.writelines(f"{line}\n" for line in _hierarchy(project.skeleton, unit))
+        stream.write(f"MOTION\nFrames: {project.motion.n_frames}\nFrame Time: {1 / project.motion.rate:.12g}\n")
+        stream.writelines(rows)
+    return [path]
+
+
+def _hierarchy(skeleton: Skeleton, unit: str) -> Iterator[str]:
+    yield "HIERARCHY"
+    offsets = _offsets(skeleton) * per_mm(unit)
+    if len(skeleton.roots) > 1:
+        yield from (f"ROOT {_WORLD}", "{", f"  OFFSET 0 0 0\n  CHANNELS 6 {_PLACES} {_TURNS}")
+    for root in skeleton.roots.tolist():
+        word = "ROOT" if len(skeleton.roots) == 1 else "JOINT"
+        yield from _bone(skeleton, offsets, root, word, "" if word == "ROOT" else "  ", unit)
+    if len(skeleton.roots) > 1:
+        yield "}"
+
+
+def _bone(skeleton: Skeleton, offsets: Floats, limb: int, word: str, margin: str, unit: str) -> Iterator[str]:
+    channels = f"6 {_PLACES} {_TURNS}" if skeleton.parents[limb] < 0 else f"3 {_TURNS}"
+    yield from (f"{margin}{word} {bone_name(limb)}", margin + "{", f"{margin}  OFFSET {_place(offsets[limb], unit)}")
+    yield f"{margin}  CHANNELS {channels}"
+    children = np.flatnonzero(skeleton.parents == limb).tolist()
+    for child in children:
+        yield from _bone(skeleton, offsets, child, "JOINT", margin + "  ", unit)
+    if not children:
+        tip = skeleton.reference_pose[limb, :3, :3] @ bone_tip(skeleton, limb) * per_mm(unit)
+        yield from (f"{margin}  End Site", f"{margin}  {{", f"{margin}    OFFSET {_place(tip, unit)}", f"{margin}  }}")
+    yield margin + "}"
+
+
+def _offsets(skeleton: Skeleton) -> Floats:
+    """Each joint in its parent's bone [mm], shape (n_limbs, 3): in the axes of the world at rest; zero for roots."""
+    offsets = np.zeros((skeleton.n_limbs, 3))
+    for joint in skeleton.joints:
+        offsets[joint.child] = skeleton.reference_pose[joint.parent, :3, :3] @ joint.position_in_parent
+    return offsets
+
+
+def _rows(project: Project, unit: str) -> Iterator[str]:
+    skeleton, motion = project.skeleton, project.motion
+    world_from_bone = motion.world_from_limb.copy()
+    world_from_bone[..., :3, :3] = motion.rotations @ skeleton.reference_pose[:, :3, :3].swapaxes(-1, -2)
+    columns, template = [], []
+    for limb in _downward(skeleton):
+        if limb == _WORLD_LIMB:
+            columns.append(np.zeros((motion.n_frames, 6)))
+            template.append(" ".join(["%g"] * 6))
+            continue
+        place, turn = bone_transforms(world_from_bone, int(skeleton.parents[limb]), limb)
+        if skeleton.parents[limb] < 0:
+            columns.append(place * per_mm(unit))
+            template.append(_template(unit))
+        columns.append(np.rad2deg(zxy_from_matrix(turn)))
+        template.append(" ".join([f"%.{_DECIMALS_OF_DEGREES}f"] * 3))
+    row = " ".join(template) + "\n"
+    for numbers in np.concatenate(columns, axis=1):
+        yield row % tuple(numbers.tolist())
+
+
+def _downward(skeleton: Skeleton) -> Iterator[int]:
+    """Limbs in the order of the hierarchy's lines; the world first where it is written."""
+    if len(skeleton.roots) > 1:
+        yield _WORLD_LIMB
+    waiting = skeleton.roots.tolist()[::-1]
+    while waiting:
+        limb = waiting.pop()
+        yield limb
+        waiting.extend(np.flatnonzero(skeleton.parents == limb).tolist()[::-1])
+
+
+def _place(place: Floats, unit: str) -> str:
+    return _template(unit) % tuple(place.tolist())
+
+
+def _template(unit: str) -> str:
+    decimals = _DECIMALS_OF_MM + round(math.log10(MM_PER_UNIT[unit]))
+    return " ".join([f"%.{decimals}f"] * 3)
+
+
+def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+    unit = options.get(UNIT.name, UNIT.default)
+    said = [f"BVH files name neither unit nor axes: lengths are in {unit}; most programs take y to be up."]
+    if len(project.skeleton.roots) > 1:
+        said.append(f"{len(project.skeleton.roots)} bodies hang on one root, {_WORLD!r}, that stays still.")
+    return (*said, *lost_in_animations(project, _TITLE))
+
+
+FORMAT = Format(
+    name="bvh",
+    title="BVH",
+    suffixes=(".bvh",),
+    holds="skeleton",
+    write=write_bvh,
+    check=lambda value, options: animated_project(value, _TITLE),
+    keeps=("joints", "motion"),
+    remarks=_remarks,
+    options=(AXES, UNIT, RATE),
+    note="One file; several roots hang on one that stays still.",
+)

@@ -1,0 +1,217 @@
+"""glTF 2.0 as one binary file (.glb): a skin of bones that an animation moves, with the markers as points on it.
+
+Every limb is a node, below its parent's; all roots hang on the node ``skeleton``. At rest nodes stand as in the
+skeleton's reference pose. The animation has a rotation for every limb and a translation for every root, linear between
+keys. Each marker is a point that its limb carries with weight 1: it lies where the skeleton has it, not where it was
+measured. What glTF has no field for stands in ``extras``: of a node the kind, axis and deviation of its joint, of the
+mesh the names of the markers.
+
+Numbers are single precision, little endian; quaternions are x y z w; matrices are stored column by column.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.errors import WriteError
+from skelgen.files import replacing
+from skelgen.geometry.rotations import transform_from
+from skelgen.model import Joint, Project, Skeleton, Take
+from skelgen.model.arrays import Floats
+from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.animations import animated_project, bone_name, check_single_precision, lost_in_animations
+from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
+from skelgen_formats.registry import Format, Option
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
+
+_TITLE = "glTF"
+_METRES = Option(UNIT.name, "m", "Unit of the lengths in the file.", UNIT.choices, reading=False)
+
+_MAGIC, _VERSION = b"glTF", 2
+_JSON_CHUNK, _BINARY_CHUNK = b"JSON", b"BIN\0"
+_LARGEST = 2**32 - 1  # bytes of a file: its length is stored in 32 bits
+_FLOAT, _USHORT = 5126, 5123
+_TYPES = {(): "SCALAR", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
+_VERTICES = 34962  # of a buffer view that holds attributes of a mesh
+_POINTS = 0
+_SKELETON_NODE = 0
+
+
+def write_gltf(value: Project | Take, path: Path, unit: str = "m", monitor: Monitor = SILENT) -> list[Path]:
+    """Write skeleton, motion and markers of a finished project.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project or has no frames, a number is beyond single precision, or the file would be too
+        large or cannot be written.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    project = animated_project(value, _TITLE)
+    check_single_precision(project, _TITLE)
+    data = _Data()
+    document = _document(project, per_mm(unit), data, monitor)
+    document |= {"bufferViews": data.views, "accessors": data.accessors, "buffers": [{"byteLength": len(data.content)}]}
+    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
+    chunks = _chunk(_JSON_CHUNK, text, b" ") + _chunk(_BINARY_CHUNK, bytes(data.content), b"\0")
+    length = 12 + len(chunks)
+    if length > _LARGEST:
+        raise WriteError(f"{path}: a glTF file holds at most 4 GB; choose a lower frame rate")
+    with replacing(path) as temporary:
+        temporary.write_bytes(_MAGIC + struct.pack("<II", _VERSION, length) + chunks)
+    return [path]
+
+
+def _chunk(kind: bytes, content: bytes, padding: bytes) -> bytes:
+    padded = content + padding * (-len(content) % 4)
+    return struct.pack("<I", len(padded)) + kind + padded
+
+
+class _Data:
+    """The binary part while it grows, with the views and accessors that tell what is where."""
+
+    def __init__(self) -> None:
+        self.content = bytearray()
+        self.views: list[dict[str, Any]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def add(self, values: NDArray[Any], *, vertices: bool = False, bounds: bool = False) -> int:
+        """Append an array, one element per row, and return the index of its accessor."""
+        kind = _USHORT if values.dtype.kind in "iu" else _FLOAT
+        array = values.astype("<u2" if kind == _USHORT else "<f4")
+        view = {"buffer": 0, "byteOffset": len(self.content), "byteLength": array.nbytes}
+        self.views.append(view | {"target": _VERTICES} if vertices else view)
+        self.content += array.tobytes()  # of two-byte numbers there are four to an element: all stays aligned to four
+        accessor: dict[str, Any] = {"bufferView": len(self.views) - 1, "componentType": kind, "count": len(array)}
+        accessor["type"] = _TYPES[array.shape[1:]]
+        if bounds:
+            low, high = np.atleast_1d(array.min(axis=0)), np.atleast_1d(array.max(axis=0))
+            accessor |= {"min": low.astype(float).tolist(), "max": high.astype(float).tolist()}
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+
+def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, Any]:
+    skeleton = project.skeleton
+    rest = _scaled(skeleton.reference_pose, scale)
+    nodes: list[dict[str, Any]] = [{"name": "skeleton", "children": [_node(root) for root in skeleton.roots.tolist()]}]
+    nodes += [_bone(skeleton, rest, limb) for limb in range(skeleton.n_limbs)]
+    shown = [_SKELETON_NODE]
+    document: dict[str, Any] = {"asset": {"version": "2.0", "generator": "skelgen"}, "scene": 0, "nodes": nodes}
+    joints = [_node(limb) for limb in range(skeleton.n_limbs)]
+    matrices = data.add(_inverse(rest).swapaxes(-1, -2))
+    document["skins"] = [{"joints": joints, "skeleton": _SKELETON_NODE, "inverseBindMatrices": matrices}]
+    if (skeleton.limb_of_marker >= 0).any():
+        document["meshes"] = [_markers(project, rest, scale, data)]
+        nodes.append({"name": "markers", "mesh": 0, "skin": 0})
+        shown.append(len(nodes) - 1)
+    document["animations"] = [_animation(project, scale, data, monitor)]
+    return document | {"scenes": [{"nodes": shown}]}
+
+
+def _node(limb: int) -> int:
+    return limb + 1
+
+
+def _bone(skeleton: Skeleton, rest: Floats, limb: int) -> dict[str, Any]:
+    translation, rotation = bone_transforms(rest, int(skeleton.parents[limb]), limb)
+    node: dict[str, Any] = {"name": bone_name(limb), "translation": translation.tolist()}
+    node["rotation"] = xyzw_from_matrix(rotation).tolist()
+    children = [_node(int(child)) for child in np.flatnonzero(skeleton.parents == limb)]
+    if children:
+        node["children"] = children
+    for joint in skeleton.joints:
+        if joint.child == limb:
+            node["extras"] = _facts(joint)
+    return node
+
+
+def _facts(joint: Joint) -> dict[str, Any]:
+    facts: dict[str, Any] = {"kind": joint.kind, "std_mm": joint.std.tolist()}
+    axes = {"axis_in_parent": joint.axis, "second_axis_in_child": joint.second_axis}
+    return facts | {name: axis.tolist() for name, axis in axes.items() if axis is not None}
+
+
+def _markers(project: Project, rest: Floats, scale: float, data: _Data) -> dict[str, Any]:
+    skeleton = project.skeleton
+    carried = np.flatnonzero(skeleton.limb_of_marker >= 0)
+    limbs = skeleton.limb_of_marker[carried]
+    offsets = skeleton.marker_offsets[carried] * scale
+    places = (rest[limbs, :3, :3] @ offsets[..., np.newaxis])[..., 0] + rest[limbs, :3, 3]
+    bones, weights = np.zeros((len(carried), 4), dtype=np.intp), np.zeros((len(carried), 4))
+    bones[:, 0], weights[:, 0] = limbs, 1.0
+    attributes = {
+        "POSITION": data.add(places, vertices=True, bounds=True),
+        "JOINTS_0": data.add(bones, vertices=True),
+        "WEIGHTS_0": data.add(weights, vertices=True),
+    }
+    names = [project.trajectories.names[marker] for marker in carried.tolist()]
+    primitive = {"attributes": attributes, "mode": _POINTS}
+    return {"name": "markers", "primitives": [primitive], "extras": {"marker_names": names}}
+
+
+def _animation(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, Any]:
+    skeleton, poses = project.skeleton, project.motion.world_from_limb
+    keys = data.add(project.motion.times, bounds=True)
+    samplers: list[dict[str, Any]] = []
+    channels: list[dict[str, Any]] = []
+
+    def move(limb: int, what: str, values: Floats) -> None:
+        samplers.append({"input": keys, "output": data.add(values), "interpolation": "LINEAR"})
+        channels.append({"sampler": len(samplers) - 1, "target": {"node": _node(limb), "path": what}})
+
+    for limb in told(skeleton.outward.tolist(), skeleton.n_limbs, monitor, every=1):
+        parent = int(skeleton.parents[limb])
+        translation, rotation = bone_transforms(poses, parent, limb)
+        if parent < 0:
+            move(limb, "translation", translation * scale)
+        move(limb, "rotation", continuous(xyzw_from_matrix(rotation)))
+    return {"name": "motion", "samplers": samplers, "channels": channels}
+
+
+def continuous(quaternions: Floats) -> Floats:
+    """Return the quaternions, shape (n_frames, 4), with signs such that each is the nearer one to that before."""
+    flips = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0, -1.0, 1.0)
+    return np.asarray(quaternions * np.cumprod(np.concatenate([[1.0], flips]))[:, np.newaxis])
+
+
+def _scaled(poses: Floats, scale: float) -> Floats:
+    scaled = poses.copy()
+    scaled[..., :3, 3] *= scale
+    return scaled
+
+
+def _inverse(poses: Floats) -> Floats:
+    back = poses[..., :3, :3].swapaxes(-1, -2)
+    return transform_from(back, -(back @ poses[..., :3, 3, np.newaxis])[..., 0])
+
+
+def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+    said = ["glTF takes y to be up: where z is up in the recording, choose axes z-to-y."]
+    unit = options.get(_METRES.name, _METRES.default)
+    if unit != _METRES.default:
+        said.append(f"glTF demands metres: other programs will take the {unit} in the file for metres.")
+    said.append("Markers ride on their limbs, where the skeleton has them; measured positions and gaps are not held.")
+    return (*said, *lost_in_animations(project, _TITLE))
+
+
+FORMAT = Format(
+    name="gltf",
+    title="glTF 2.0, binary",
+    suffixes=(".glb",),
+    holds="skeleton",
+    write=write_gltf,
+    check=lambda value, options: animated_project(value, _TITLE),
+    keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
+    remarks=_remarks,
+    options=(AXES, _METRES, RATE),
+    note="Skin, joints, animation, and markers as points that ride on their limbs; metres unless told otherwise.",
+)

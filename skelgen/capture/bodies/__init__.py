@@ -1,0 +1,20 @@
+"""Rigid bodies among unlabelled points (Gaschler 2011, 3.3): matched by distances, posed with their covariance.
+
+Pairs of balls are matched to pairs of points by their distance, and the best pair is extended depth-first; see `plain`.
+"""
+
+from skelgen.capture.bodies.design import Confusion, check_targets, find_confusions
+from skelgen.capture.bodies.finder import BodyFinder, ExpectedPose, find_bodies
+from skelgen.capture.bodies.parameters import BodyParameters
+from skelgen.capture.bodies.propose import propose_targets
+
+__all__ = [
+    "BodyFinder",
+    "BodyParameters",
+    "Confusion",
+    "ExpectedPose",
+    "check_targets",
+    "find_bodies",
+    "find_confusions",
+    "propose_targets",
+]

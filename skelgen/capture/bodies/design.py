@@ -1,0 +1,174 @@
+"""Whether targets can be told apart: a target whose balls fit on others, or on its own in another order, is refused.
+
+Two distances that are nearly equal are harmless alone. A target is ambiguous if four of its balls, which is all that
+may be seen, can be laid on four balls of another target, or on its own in another order: then all six distances between
+them are near equal, and the pose that is found may be wrong. Mirror images count as different, flat ones excepted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from skelgen.capture.bodies.parameters import BodyParameters
+from skelgen.capture.bodies.plain import squares_of
+from skelgen.errors import InputError
+from skelgen.model.arrays import Floats
+from skelgen.model.rig import BodyTarget
+
+CLEAR = 0.1
+"""Of the distance that is needed: confusions below are not made worse by looking for still better ones."""
+
+TOLD = 3
+"""Pairs of distances in a sentence, at most."""
+
+LEAST_WIDTH = 5.0
+"""mm; root mean square distance from a line that the seen balls of a target need at least to fix its turn about it."""
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Balls of a target that can be taken for others.
+
+    Attributes
+    ----------
+    first, second : str
+        Names of the targets; the same if a target is ambiguous by itself.
+    balls, others : tuple of int
+        Balls of the first, and those of the second that they can be taken for; counted from 0.
+    distance : float, mm
+        Root mean square distance between them when laid on each other.
+    sentence : str
+        The same in words, with the distances that are near equal.
+    """
+
+    first: str
+    second: str
+    balls: tuple[int, ...]
+    others: tuple[int, ...]
+    distance: float
+    sentence: str
+
+
+def check_targets(targets: Sequence[BodyTarget], parameters: BodyParameters | None = None) -> None:
+    """Refuse targets that cannot be found for sure.
+
+    Parameters
+    ----------
+    targets : sequence of BodyTarget
+        All that are looked for together.
+    parameters : BodyParameters, optional
+        How many balls must be seen, and how different targets must be (`distinct`).
+
+    Raises
+    ------
+    InputError
+        If a target has too few balls or balls on one line, or can be taken for another one or for itself.
+    """
+    parameters = parameters or BodyParameters()
+    for number, target in enumerate(targets):
+        check_target(target, targets[:number], parameters)
+
+
+def check_target(target: BodyTarget, beside: Sequence[BodyTarget], parameters: BodyParameters) -> None:
+    """Refuse a target that cannot be found for sure beside others, which are good; see `check_targets`."""
+    _check_shape(target, parameters)
+    for confusion in find_confusions(target, beside, parameters):
+        raise InputError(confusion.sentence)
+
+
+def find_confusions(
+    target: BodyTarget, beside: Sequence[BodyTarget] = (), parameters: BodyParameters | None = None
+) -> Iterator[Confusion]:
+    """Yield the worst confusion of a target with itself and with each of some others, where there is any."""
+    for other in (target, *beside):
+        found = _Matcher(target, other, parameters or BodyParameters()).worst()
+        if found is not None:
+            yield found
+
+
+def _check_shape(target: BodyTarget, parameters: BodyParameters) -> None:
+    n_balls, needed = len(target.points), parameters.min_points
+    if n_balls < needed:
+        raise InputError(f"body {target.name!r} has {n_balls} balls; {needed} must be seen, so that it needs as many")
+    for balls in combinations(range(n_balls), needed):
+        spread = target.points[list(balls)] - target.points[list(balls)].mean(axis=0)
+        width = float(np.linalg.svd(spread, compute_uv=False)[1]) / np.sqrt(needed)
+        if width < LEAST_WIDTH:
+            raise InputError(
+                f"the balls {_listed(balls)} of body {target.name!r} lie on one line (within {width:.1f} mm), so that "
+                f"they do not fix its turn; move one of them away by more than {LEAST_WIDTH:g} mm"
+            )
+
+
+class _Matcher:
+    """Depth-first through the ways to lay some balls of one target on balls of another."""
+
+    def __init__(self, first: BodyTarget, second: BodyTarget, parameters: BodyParameters) -> None:
+        self.first, self.second = first, second
+        self.n_matched, self.distinct = parameters.min_points, parameters.distinct
+        self.is_same = first is second
+        self.best: tuple[float, dict[int, int]] = (self.n_matched * self.distinct**2, {})
+        self.lengths = [_lengths(target.points) for target in (first, second)]
+        self.tolerance = np.sqrt(2 * self.n_matched) * self.distinct
+
+    def worst(self) -> Confusion | None:
+        """The confusion with the smallest distance, or one that is near enough to nothing."""
+        self._extend({}, 0)
+        squares, matched = self.best
+        if not matched:
+            return None
+        distance = float(np.sqrt(squares / self.n_matched))
+        balls, others = tuple(matched), tuple(matched.values())
+        sentence = self._sentence(balls, others, distance)
+        return Confusion(self.first.name, self.second.name, balls, others, distance, sentence)
+
+    def _extend(self, matched: dict[int, int], ball: int) -> None:
+        if len(matched) == self.n_matched:
+            if not (self.is_same and all(one == other for one, other in matched.items())):
+                self.best = (squares_of(self.first.points, self.second.points, matched), matched)
+            return
+        if len(matched) + len(self.first.points) - ball < self.n_matched or self._is_clear():
+            return
+        for other in range(len(self.second.points)):
+            if other in matched.values() or not self._agrees(matched, ball, other):
+                continue
+            more = matched | {ball: other}
+            if len(more) < 3 or squares_of(self.first.points, self.second.points, more) < self.best[0]:
+                self._extend(more, ball + 1)
+        self._extend(matched, ball + 1)
+
+    def _is_clear(self) -> bool:
+        return bool(self.best[1]) and self.best[0] < self.n_matched * (CLEAR * self.distinct) ** 2
+
+    def _agrees(self, matched: dict[int, int], ball: int, other: int) -> bool:
+        one, two = self.lengths
+        return all(abs(one[ball, known] - two[other, taken]) <= self.tolerance for known, taken in matched.items())
+
+    def _sentence(self, balls: tuple[int, ...], others: tuple[int, ...], distance: float) -> str:
+        one, two = self.lengths
+        pairs = [
+            f"{a + 1}-{b + 1} ({one[a, b]:.1f} mm) and {c + 1}-{d + 1} ({two[c, d]:.1f} mm)"
+            for (a, c), (b, d) in combinations(zip(balls, others, strict=True), 2)
+            if not self.is_same or (a, b) < (min(c, d), max(c, d))  # of two that change places, one is told
+        ]
+        name, listed = self.first.name, _listed(balls)
+        if self.is_same:
+            what = f"body {name!r} is ambiguous: its balls {listed} can be taken for its balls"
+        else:
+            what = f"body {name!r} can be taken for {self.second.name!r}: its balls {listed} for the balls"
+        return (
+            f"{what} {_listed(others)}, {distance:.2f} mm apart where {self.distinct:g} mm are needed, because "
+            f"distances are near equal: {', '.join(pairs[:TOLD])}; move a ball (propose_targets says where to)"
+        )
+
+
+def _lengths(points: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(points[:, np.newaxis] - points, axis=2))
+
+
+def _listed(balls: Sequence[int]) -> str:
+    return " ".join(str(ball + 1) for ball in balls)

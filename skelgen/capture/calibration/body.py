@@ -1,0 +1,214 @@
+"""Rigid bodies measured by the rig itself: the balls of a target, with deviations (Gaschler 2011, 4.2).
+
+A frame that shows the target alone gives the order of the balls and a first shape. The search for bodies then finds it
+in all other frames, among whatever else they hold; their points, put in order, give the shape by maximum likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from skelgen.capture.blobs import FoundBody, StereoPoints
+from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets
+from skelgen.capture.calibration.weighted_shape import WeightedShape, fit_weighted_shape
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.kinematics import calibrate_rigid_body
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.rig import BodyTarget
+from skelgen.progress import SILENT, Monitor, told
+
+FEWEST_FRAMES = 3
+ENOUGH_FRAMES = 10
+"""Frames that the seed takes at least; fewer calibrate a target, but not well."""
+
+MOST_FRAMES = 300
+"""Frames that are used, evenly spread: neighbours of these show the same."""
+
+FIRST_FRAMES = 5
+"""Frames that are tried as the one that shows the target alone."""
+
+LEAST_TURN = 20.0
+"""Degrees; a target that turns less is seen from one side, and its depth is known worse than its width."""
+
+DOUBTFUL_NOISE = 2.0
+"""Residuals in stated deviations above which the rig's noise or the target's stiffness is doubted."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCalibration:
+    """A calibrated target.
+
+    Attributes
+    ----------
+    target : BodyTarget
+        Balls in the normal form, with standard deviations: the first at the origin, the second on x, the third in the
+        xy plane.
+    noise : float
+        Root mean square residual in stated standard deviations.
+    n_frames : int
+        Frames that the shape rests on.
+    n_left_out : int
+        Frames in which the target was not found.
+    notices : tuple of str
+        What the user should know.
+    """
+
+    target: BodyTarget
+    noise: float
+    n_frames: int
+    n_left_out: int
+    notices: tuple[str, ...]
+
+
+def calibrate_body(
+    frames: Sequence[StereoPoints],
+    name: str,
+    n_balls: int | None = None,
+    beside: Sequence[BodyTarget] = (),
+    parameters: BodyParameters | None = None,
+    monitor: Monitor = SILENT,
+) -> BodyCalibration:
+    """Calibrate a target that is moved in front of the cameras.
+
+    Parameters
+    ----------
+    frames : sequence of StereoPoints
+        At least one of them shows the target alone, all its balls and nothing else.
+    name : str
+        What the target is called.
+    n_balls : int, optional
+        Its number of balls; by default the most frequent number of points in a frame.
+    beside : sequence of BodyTarget
+        Other targets, which it must not be taken for.
+    parameters : BodyParameters, optional
+        Limits of the search.
+    monitor : Monitor
+        Hears of progress, and may cancel.
+
+    Raises
+    ------
+    InputError
+        If no frame shows the target alone, too few show it at all, or its design is ambiguous.
+    """
+    parameters = parameters or BodyParameters()
+    chosen = [frames[index] for index in _spread(np.arange(len(frames)), MOST_FRAMES)]
+    n_balls = n_balls or _usual_number(chosen, parameters.min_points)
+    target = _first_target(chosen, name, n_balls, parameters)
+    monitor.begin("body")
+    found = _find_everywhere(chosen, target, parameters, monitor)
+    shape = _shape(*_ordered(chosen, found, n_balls), name)
+    target = _target(name, shape)
+    check_targets([*beside, target], parameters)
+    n_frames = len(shape.world_from_body)
+    notices = tuple(_notices(name, shape))
+    return BodyCalibration(target, shape.noise, n_frames, len(chosen) - n_frames, notices)
+
+
+def _usual_number(frames: Sequence[StereoPoints], fewest: int) -> int:
+    counts = np.array([len(_sure(frame)) for frame in frames if len(_sure(frame)) >= fewest])
+    if not len(counts):
+        raise InputError(f"no frame shows {fewest} points or more, so that there is no body to calibrate")
+    return int(np.bincount(counts).argmax())
+
+
+def _sure(frame: StereoPoints) -> Ints:
+    """Points that share no ball with another candidate."""
+    return np.flatnonzero(~frame.ambiguous)
+
+
+def _first_target(frames: Sequence[StereoPoints], name: str, n_balls: int, parameters: BodyParameters) -> BodyTarget:
+    """A target from one frame that shows nothing else: of some such frames, that which agrees with most others."""
+    alone = [index for index, frame in enumerate(frames) if len(_sure(frame)) == n_balls == len(frame)]
+    if not alone:
+        most = max((len(frame) for frame in frames), default=0)
+        raise InputError(
+            f"no frame shows exactly {n_balls} points, the balls of body {name!r} and nothing else (the fullest shows "
+            f"{most}); cover what else reflects, or state the number of balls"
+        )
+    trials = [_target_in(frames[index], name) for index in _spread(np.array(alone), FIRST_FRAMES)]
+    samples = [frames[index] for index in _spread(np.arange(len(frames)), 10 * FIRST_FRAMES)]
+    agreeing = [sum(map(bool, _find_everywhere(samples, trial, parameters, SILENT))) for trial in trials]
+    return trials[int(np.argmax(agreeing))]
+
+
+def _target_in(frame: StereoPoints, name: str) -> BodyTarget:
+    order = _spanning_order(frame.points)
+    std = np.sqrt(np.einsum("nii->ni", frame.covariance))
+    return BodyTarget(name, frame.points[order] - frame.points[order[0]], std[order])
+
+
+def _spanning_order(points: Floats) -> Ints:
+    """An order in which the first three points span the largest triangle."""
+
+    def area(three: tuple[int, ...]) -> float:
+        a, b, c = points[list(three)]
+        return float(np.linalg.norm(np.cross(b - a, c - a)))
+
+    first = max(combinations(range(len(points)), 3), key=area)
+    return np.array([*first, *(index for index in range(len(points)) if index not in first)])
+
+
+def _find_everywhere(
+    frames: Sequence[StereoPoints], target: BodyTarget, parameters: BodyParameters, monitor: Monitor
+) -> list[list[FoundBody]]:
+    finder = BodyFinder([target], parameters)
+    return [finder.find(frame) for frame in told(frames, len(frames), monitor)]
+
+
+def _ordered(frames: Sequence[StereoPoints], found: Sequence[list[FoundBody]], n_balls: int) -> tuple[Floats, Floats]:
+    """Positions and covariances of the balls in the frames that show the target."""
+    shown = [(frame, bodies[0]) for frame, bodies in zip(frames, found, strict=True) if bodies]
+    positions = np.full((len(shown), n_balls, 3), np.nan)
+    covariances = np.full((len(shown), n_balls, 3, 3), np.nan)
+    for index, (frame, body) in enumerate(shown):
+        seen = body.points >= 0
+        positions[index, seen] = frame.points[body.points[seen]]
+        covariances[index, seen] = frame.covariance[body.points[seen]]
+    return positions, covariances
+
+
+def _shape(positions: Floats, covariances: Floats, name: str) -> WeightedShape:
+    if len(positions) < FEWEST_FRAMES:
+        raise InputError(
+            f"body {name!r} was found in {len(positions)} frames; {FEWEST_FRAMES} are the least, "
+            f"{ENOUGH_FRAMES} or more from many sides are better"
+        )
+    start = calibrate_rigid_body(positions)
+    return fit_weighted_shape(start.points, start.world_from_body, positions, covariances)
+
+
+def _target(name: str, shape: WeightedShape) -> BodyTarget:
+    std = np.sqrt(np.maximum(np.diag(shape.covariance), 0.0)).reshape(shape.points.shape)
+    return BodyTarget(name, shape.points, std)
+
+
+def _notices(name: str, shape: WeightedShape) -> list[str]:
+    notices = []
+    if len(shape.world_from_body) < ENOUGH_FRAMES:
+        notices.append(
+            f"body {name!r} rests on {len(shape.world_from_body)} frames; {ENOUGH_FRAMES} or more are better"
+        )
+    turns = shape.world_from_body[:, :3, :3] @ shape.world_from_body[0, :3, :3].T
+    most = float(np.rad2deg(np.linalg.norm(vector_from_matrix(turns), axis=1).max()))
+    if most < LEAST_TURN:
+        notices.append(
+            f"body {name!r} turned by {most:.0f} degrees only; turn it further, so that depth is seen from many sides"
+        )
+    if shape.noise > DOUBTFUL_NOISE:
+        notices.append(
+            f"the points of body {name!r} are off by {shape.noise:.1f} times what the rig's noise says; the target "
+            "bends, or the cameras have moved since their calibration"
+        )
+    return notices
+
+
+def _spread(indices: Ints, most: int) -> Ints:
+    """At most so many of the indices, evenly spread."""
+    if len(indices) <= most:
+        return indices
+    return np.asarray(indices[np.linspace(0, len(indices) - 1, most).round().astype(np.intp)])

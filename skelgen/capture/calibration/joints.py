@@ -1,0 +1,222 @@
+"""Joints between targets, measured from their motion: each by itself, then the whole chain together (Gaschler 2011, 5).
+
+Balls and hinges are fitted to the relative poses of two targets, weighed with the covariance of every pose; then all
+joints of a tree together. Which targets are joined, and how, is found if the user does not say so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.capture.blobs import FoundBody
+from skelgen.capture.calibration.whole_chain import fit_whole_chain
+from skelgen.errors import InputError
+from skelgen.kinematics import JointFit, KindChoice, choose_kind, find_hierarchy
+from skelgen.model import Poses
+from skelgen.model.arrays import Floats
+from skelgen.model.rig import JOINT_KINDS, JointModel
+
+FEWEST_FRAMES = 20
+"""Frames that show all targets of a chain at once, below which its joints are not fitted together."""
+
+MOST_FRAMES = 400
+"""Frames that a chain is fitted to, evenly spread."""
+
+ANY_RATE = 30.0
+"""Hz, where nobody knows: fits with covariances do not depend on it."""
+
+
+@dataclass(frozen=True)
+class JointWish:
+    """A joint that the user names.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    parent, child : str
+        Names of two targets.
+    kind : str
+        ``ball`` or ``hinge``; empty if it is to be found.
+    """
+
+    name: str
+    parent: str
+    child: str
+    kind: str = ""
+
+    def __post_init__(self) -> None:
+        if self.kind not in (*JOINT_KINDS, ""):
+            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; kinds are {', '.join(JOINT_KINDS)}")
+
+
+@dataclass(frozen=True, eq=False)
+class JointCalibration:
+    """Calibrated joints.
+
+    Attributes
+    ----------
+    joints : tuple of JointModel
+        With standard deviations of place and axis.
+    fits : tuple of JointFit
+        Each joint by itself, in the same order.
+    noise : float
+        Root mean square residual of the whole chain in stated standard deviations; NaN if it was not fitted together.
+    notices : tuple of str
+        What the user should know.
+    """
+
+    joints: tuple[JointModel, ...]
+    fits: tuple[JointFit, ...]
+    noise: float
+    notices: tuple[str, ...]
+
+
+def calibrate_joints(
+    frames: Sequence[Sequence[FoundBody]],
+    bodies: Sequence[str],
+    wishes: Sequence[JointWish] = (),
+    rate: float | None = None,
+) -> JointCalibration:
+    """Calibrate the joints between targets.
+
+    Parameters
+    ----------
+    frames : sequence of sequence of FoundBody
+        The targets that were found in each frame, while all joints were moved as far as they go.
+    bodies : sequence of str
+        Names of all targets.
+    wishes : sequence of JointWish
+        The joints; found if there are none.
+    rate : float, Hz, optional
+        Frames a second.
+
+    Raises
+    ------
+    InputError
+        If a wish names a target that is not there, two targets are not seen together, or their motion does not tell
+        the kind of a joint that a wish leaves open.
+    """
+    world, own = _tables(frames, bodies)
+    poses = Poses(world, tuple(bodies), rate or ANY_RATE, "capture")
+    notices: list[str] = []
+    named = [(wish, _chosen(poses, own, wish)) for wish in wishes]
+    found = named or list(_found(poses, own, notices))
+    models = [_model(wish, choice.fit) for wish, choice in found]
+    fits = tuple(choice.fit for _, choice in found)
+    fitted, noise = _together(models, fits, frames, notices)
+    return JointCalibration(tuple(fitted), fits, noise, tuple(notices))
+
+
+def _tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -> tuple[Floats, Floats]:
+    """Poses, shape (n_frames, n_bodies, 4, 4), and covariances of shift and turn in the bodies' own frames."""
+    world = np.full((len(frames), len(bodies), 4, 4), np.nan)
+    own = np.full((len(frames), len(bodies), 6, 6), np.nan)
+    for number, frame in enumerate(frames):
+        for body in frame:
+            place = number, list(bodies).index(body.name)
+            world[place] = body.world_from_body
+            turn = np.zeros((6, 6))  # takes (turn, shift) in the world to (shift, turn) in the body
+            turn[:3, 3:] = turn[3:, :3] = body.world_from_body[:3, :3].T
+            own[place] = turn @ body.covariance @ turn.T
+    return world, own
+
+
+def _chosen(poses: Poses, own: Floats, wish: JointWish) -> KindChoice:
+    choice = choose_kind(poses, wish.parent, wish.child, own, wanted=wish.kind or None)
+    if wish.kind:
+        return choice
+    if choice.kind == "universal":
+        return choose_kind(poses, wish.parent, wish.child, own, wanted="ball")
+    if choice.kind not in JOINT_KINDS:
+        raise InputError(f"joint {wish.name!r} is {choice.sentence}; move it further, or state its kind")
+    return choice
+
+
+def _found(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointWish, KindChoice]]:
+    """Joints of the hierarchy that the motion shows, named after their targets, each after that of its parent."""
+    hierarchy = find_hierarchy(poses, covariances=own)
+    order = [int(body) for body in np.flatnonzero(hierarchy.parents < 0)]
+    for body in order:
+        order += [int(child) for child in np.flatnonzero(hierarchy.parents == body)]
+    for child in order:
+        if child not in hierarchy.joints:
+            continue
+        parent = poses.names[hierarchy.parents[child]]
+        wish = JointWish(f"{parent}-{poses.names[child]}", parent, poses.names[child])
+        try:
+            yield wish, _chosen(poses, own, wish)
+        except InputError as error:
+            notices.append(f"left out: {error}")
+
+
+def _model(wish: JointWish, fit: JointFit) -> JointModel:
+    tilts = [np.sqrt(max(np.trace(fit.axis_covariance[at : at + 3, at : at + 3]) / 2, 0.0)) for at in (0, 3)]
+    frames = fit.parent_from_joint, fit.child_from_joint
+    return JointModel(wish.name, fit.kind, wish.parent, wish.child, *frames, fit.std, np.array(tilts))
+
+
+def _together(
+    models: Sequence[JointModel],
+    fits: Sequence[JointFit],
+    frames: Sequence[Sequence[FoundBody]],
+    notices: list[str],
+) -> tuple[list[JointModel], float]:
+    """The joints of each tree fitted together where there are several, and the noise of the last."""
+    fitted, noise = list(models), float("nan")
+    for tree in _trees(models):
+        if len(tree) < 2:
+            continue
+        joints = [models[index] for index in tree]
+        names = list(dict.fromkeys(name for joint in joints for name in (joint.parent, joint.child)))
+        poses, covariances = _complete(frames, names)
+        if len(poses[names[0]]) < FEWEST_FRAMES:
+            notices.append(
+                f"{', '.join(names)} are seen together in {len(poses[names[0]])} frames; below {FEWEST_FRAMES} their "
+                "joints are fitted one by one"
+            )
+            continue
+        chain = fit_whole_chain(joints, poses, covariances)
+        noise = chain.noise
+        for index, joint in zip(tree, chain.joints, strict=True):
+            lasting = np.sqrt(len(fits[index].frames) / fits[index].n_effective)
+            fitted[index] = replace(joint, std=lasting * joint.std, axis_std=lasting * joint.axis_std)
+    return fitted, noise
+
+
+def _trees(models: Sequence[JointModel]) -> list[list[int]]:
+    """Joints that hang together, each after the joint above it; joints that close a loop are left alone."""
+    left, trees = list(range(len(models))), []
+    children = {model.child for model in models}
+    while left:
+        first = next((index for index in left if models[index].parent not in children), left[0])
+        tree, known = [], {models[first].parent}
+        grown = True
+        while grown:
+            grown = False
+            for index in left:
+                if models[index].parent in known and models[index].child not in known:
+                    tree.append(index)
+                    known.add(models[index].child)
+                    grown = True
+            left = [index for index in left if index not in tree]
+        if not tree:
+            left = left[1:]
+        trees.append(tree)
+    return trees
+
+
+def _complete(
+    frames: Sequence[Sequence[FoundBody]], names: Sequence[str]
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Poses and covariances of some targets in frames that show them all."""
+    by_name = [{body.name: body for body in frame} for frame in frames]
+    shown = [frame for frame in by_name if all(name in frame for name in names)]
+    if len(shown) > MOST_FRAMES:
+        shown = [shown[index] for index in np.linspace(0, len(shown) - 1, MOST_FRAMES).round().astype(int)]
+    poses = {name: np.array([frame[name].world_from_body for frame in shown]).reshape(-1, 4, 4) for name in names}
+    covariances = {name: np.array([frame[name].covariance for frame in shown]).reshape(-1, 6, 6) for name in names}
+    return poses, covariances

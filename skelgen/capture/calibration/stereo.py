@@ -1,0 +1,230 @@
+"""Calibration of two cameras from pairs of images of a chessboard (Bouguet; Gaschler 2011, chapter 4.1).
+
+Each camera is guessed alone, the second is placed by the pair that most others agree with, and then everything is
+adjusted together: lenses, the cameras' places, the poses of the board.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.capture.calibration.adjustment import N_INTRINSIC, Adjusted, Bundle
+from skelgen.capture.calibration.board import Board, BoardView, board_that_is_there, find_board, read_grey
+from skelgen.capture.calibration.outliers import LEAST_VIEWS
+from skelgen.capture.calibration.pairing import pair_cameras
+from skelgen.capture.calibration.single import AUTO, adjust_lens, guess_camera
+from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
+from skelgen.capture.frames import Image
+from skelgen.errors import InputError
+from skelgen.model.arrays import Bools, Floats
+from skelgen.model.rig import SEED_NOISE, StereoRig
+from skelgen.progress import SILENT, Monitor, told
+
+Picture = Image | Path | str
+"""An image, or the file that holds it."""
+
+DISAGREEMENT = 10.0
+"""A pair is not begun with whose corners are so many times as far from where the guess expects them as the median's."""
+
+_TRIED = 1  # images of each camera in which another board is looked for when the right one is in none
+
+
+@dataclass(frozen=True, eq=False)
+class StereoCalibration:
+    """Two calibrated cameras, how sure they are, and what they rest on.
+
+    Attributes
+    ----------
+    rig : StereoRig
+        The world is the left camera's frame. Its noise is that of the corners along one axis, at least the seed's.
+    rms : float, px
+        Root mean square distance of the corners from where they are expected, over both images of all used pairs.
+    left_std, right_std : ndarray, shape (9,)
+        Standard deviations of fx, fy, cx, cy [px], k1, k2, p1, p2, k3; zero where a number was held at zero.
+    rotation_std : ndarray, shape (3,), rad
+        Of the right camera's turn, about its axes.
+    translation_std : ndarray, shape (3,), mm
+        Of right_from_left's translation.
+    baseline_std : float, mm
+        Of the distance between the cameras.
+    pairs : tuple of PairSeen
+        All pairs of images, the used and the others, with the reason.
+    verdict : Verdict
+        Whether it is good, and what would make it better, in words.
+    """
+
+    rig: StereoRig
+    rms: float
+    left_std: Floats
+    right_std: Floats
+    rotation_std: Floats
+    translation_std: Floats
+    baseline_std: float
+    pairs: tuple[PairSeen, ...]
+    verdict: Verdict
+
+
+def calibrate_stereo(
+    left_images: Sequence[Picture],
+    right_images: Sequence[Picture],
+    board: tuple[int, int] = (9, 6),
+    square: float = 25.0,
+    lens: str = AUTO,
+    monitor: Monitor = SILENT,
+) -> StereoCalibration:
+    """Return the rig that took pairs of images of a chessboard.
+
+    Parameters
+    ----------
+    left_images, right_images : sequence of ndarray of uint8 or path
+        The n-th of both were taken at one moment.
+    board : tuple of int
+        Inner corners in a row and in a column.
+    square : float, mm
+        Side of a square.
+    lens : str
+        ``auto``, ``radial``, ``tangential`` or ``full``; see `skelgen.capture.calibration.single`.
+    monitor : Monitor
+        Told of each pair.
+
+    Raises
+    ------
+    InputError
+        If images are missing, differ in size, show no board, or if no rig explains them.
+    """
+    what = Board(board[0], board[1], square)
+    n_left, n_right = len(left_images), len(right_images)
+    if n_left != n_right:
+        raise InputError(f"{n_left} left and {n_right} right images; each left one needs the right one of its moment")
+    if not n_left:
+        raise InputError("no images; give the left and the right ones of 10 to 20 poses of a chessboard")
+    size = _common_size(left_images, right_images)
+    monitor.begin("boards")
+    views = [
+        (find_board(_grey(left), what), find_board(_grey(right), what))
+        for left, right in told(zip(left_images, right_images, strict=True), n_left, monitor, every=1)
+    ]
+    names = [_name(picture, index) for index, picture in enumerate(left_images)]
+    if not any(view is not None for pair in views for view in pair):
+        examples = [_grey(picture) for picture in (*left_images[:_TRIED], *right_images[:_TRIED])]
+        raise InputError(_absence(examples, what))
+    return calibrate_views(names, views, what, size, lens)
+
+
+def calibrate_views(
+    names: Sequence[str],
+    views: Sequence[tuple[BoardView | None, BoardView | None]],
+    board: Board,
+    size: tuple[int, int],
+    lens: str = AUTO,
+) -> StereoCalibration:
+    """Return the rig that saw boards that were found already; arguments and errors as `calibrate_stereo`.
+
+    Parameters
+    ----------
+    names : sequence of str
+        What the pairs are called in messages.
+    views : sequence of tuple of BoardView or None
+        What both images of each pair show.
+    board : Board
+        What was looked for.
+    size : tuple of int, px
+        Width and height of all images.
+    lens : str
+        Model of the lens.
+    """
+    pairs = [(left, right) for left, right in views if left is not None and right is not None]
+    if len(pairs) < LEAST_VIEWS:
+        raise InputError(_too_few(views, len(pairs)))
+    corners = np.stack([np.stack([pair[side].corners for pair in pairs]) for side in (0, 1)])
+    found = adjust_lens(*_guessed(corners, board, size), lens)
+    both = np.array([left is not None and right is not None for left, right in views])
+    kept, errors = np.zeros(len(views), dtype=np.bool_), np.full((2, len(views)), np.nan)
+    kept[both], errors[:, both] = found.kept, found.view_rms
+    seen = tuple(
+        PairSeen(name, left, right, float(left_rms), float(right_rms), bool(is_used))
+        for name, (left, right), left_rms, right_rms, is_used in zip(names, views, *errors, kept, strict=True)
+    )
+    return _told(found.adjusted, seen)
+
+
+def _guessed(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Bundle, Bools]:
+    """Both cameras alone, the right one placed by the pairs that agree, its corners numbered as the left one's.
+
+    The pairs that agree are the second value.
+    """
+    (left, left_poses), (right, right_poses) = (guess_camera(side, board, size) for side in corners)
+    pairing = pair_cameras(right, left_poses, right_poses, corners[1], board)
+    ordered = np.take_along_axis(corners[1], pairing.orders[..., np.newaxis], axis=1)
+    right = replace(right, camera_from_world=pairing.right_from_left)
+    agrees = pairing.error <= DISAGREEMENT * np.median(pairing.error)
+    return Bundle((left, right), left_poses, board.points, np.stack([corners[0], ordered])), agrees
+
+
+def _told(adjusted: Adjusted, seen: tuple[PairSeen, ...]) -> StereoCalibration:
+    """The calibration with its standard deviations and the verdict."""
+    left, right = (
+        replace(eye, name=name) for eye, name in zip(adjusted.bundle.cameras, ("left", "right"), strict=True)
+    )
+    rig = StereoRig(left, right, max(SEED_NOISE, adjusted.noise))
+    std = np.sqrt(np.diag(adjusted.covariance))
+    along = rig.right_from_left[:3, 3] / rig.baseline
+    baseline_std = float(np.sqrt(along @ adjusted.covariance[-3:, -3:] @ along))
+    return StereoCalibration(
+        rig,
+        adjusted.rms,
+        std[:N_INTRINSIC],
+        std[N_INTRINSIC : 2 * N_INTRINSIC],
+        std[-6:-3],
+        std[-3:],
+        baseline_std,
+        seen,
+        judge(rig, adjusted, baseline_std, seen),
+    )
+
+
+def _grey(picture: Picture) -> Image:
+    return picture if isinstance(picture, np.ndarray) else read_grey(picture)
+
+
+def _name(picture: Picture, index: int) -> str:
+    return str(index + 1) if isinstance(picture, np.ndarray) else Path(picture).name
+
+
+def _common_size(left: Sequence[Picture], right: Sequence[Picture]) -> tuple[int, int]:
+    """Width and height of all images, or an error that names two that differ."""
+    sizes: dict[tuple[int, int], str] = {}
+    for side, pictures in (("left", left), ("right", right)):
+        for index, picture in enumerate(pictures):
+            height, width = _grey(picture).shape
+            sizes.setdefault((width, height), f"{side} image {_name(picture, index)}")
+    if len(sizes) > 1:
+        (size, where), (other, elsewhere) = list(sizes.items())[:2]
+        raise InputError(
+            f"{where} has {size[0]} x {size[1]} pixels and {elsewhere} {other[0]} x {other[1]}; set both cameras "
+            "to one size and take all images again"
+        )
+    return next(iter(sizes))
+
+
+def _absence(images: Sequence[Image], board: Board) -> str:
+    what = f"no image shows a whole board of {board.columns}x{board.rows} inner corners"
+    other = board_that_is_there(images, board)
+    if other is not None:
+        return f"{what}, but one of {other.columns}x{other.rows} is there: count the corners where four squares meet"
+    return (
+        f"{what}; count the corners where four squares meet, light the board evenly without reflections, and keep it "
+        "whole, with its white border, in both images"
+    )
+
+
+def _too_few(views: Sequence[tuple[BoardView | None, BoardView | None]], n_pairs: int) -> str:
+    left, right = (sum(pair[side] is not None for pair in views) for side in (0, 1))
+    return (
+        f"the board was found in both images of {n_pairs} pairs ({left} left, {right} right images of {len(views)}); "
+        f"at least {LEAST_VIEWS} pairs are needed, 10 to 20 are better: keep the whole board in both images"
+    )

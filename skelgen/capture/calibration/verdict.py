@@ -1,0 +1,196 @@
+"""What a calibration is worth, in plain words: good, usable or to be repeated, and what would make it better."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.capture.calibration.adjustment import Adjusted
+from skelgen.capture.calibration.board import BoardView
+from skelgen.capture.calibration.coverage import uncovered
+from skelgen.model.arrays import Floats
+from skelgen.model.rig import StereoRig
+
+GOOD, USABLE, REPEAT = "good", "usable", "repeat"
+"""Grades, best first."""
+
+GOOD_RMS, USABLE_RMS = 0.3, 1.0
+"""Root mean square distances [px]: sharp images of a flat board reach 0.1 to 0.3; a whole pixel is a mistake."""
+
+GOOD_SCALE, USABLE_SCALE = 0.003, 0.01
+"""Relative standard deviations of focal lengths and of the baseline: 3 mm at 1 m are what the seed's targets bear."""
+
+ENOUGH_PAIRS = 10
+"""Pairs from which on Bouguet and the seed call a calibration complete."""
+
+LEAST_LEAN = 15.0
+"""Largest angle [degrees] between two poses of the board below which focal length and distance are hardly told
+apart."""
+
+BLUR_RATIO, SHARP_EDGE = 1.5, 4.0
+"""An image is blurred if its edges are so many times as wide as in the median image, and wider than so many pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairSeen:
+    """One pair of images of the board.
+
+    Attributes
+    ----------
+    name : str
+        What the user knows it by.
+    left, right : BoardView or None
+        What was found; None if no whole board is seen.
+    left_rms, right_rms : float, px
+        Root mean square distance of the corners from where they are expected; NaN where no pair was found.
+    is_used : bool
+        Whether the calibration rests on it.
+    """
+
+    name: str
+    left: BoardView | None
+    right: BoardView | None
+    left_rms: float
+    right_rms: float
+    is_used: bool
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A judgement in words.
+
+    Attributes
+    ----------
+    grade : str
+        ``good``, ``usable`` or ``repeat``.
+    sentences : tuple of str
+        The judgement, and then what would make it better, the most important first.
+    """
+
+    grade: str
+    sentences: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return " ".join(self.sentences)
+
+
+def judge(rig: StereoRig, adjusted: Adjusted, baseline_std: float, pairs: Sequence[PairSeen]) -> Verdict:
+    """Return the verdict of a calibration.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The result.
+    adjusted : Adjusted
+        Its adjustment.
+    baseline_std : float, mm
+        Standard deviation of the distance between the cameras.
+    pairs : sequence of PairSeen
+        All pairs of images.
+    """
+    std = np.sqrt(np.diag(adjusted.covariance))
+    focal = np.array([rig.left.matrix[0, 0], rig.left.matrix[1, 1], rig.right.matrix[0, 0], rig.right.matrix[1, 1]])
+    scale = max(float((std[[0, 1, 9, 10]] / focal).max()), baseline_std / rig.baseline)
+    swapped = _swapped(rig)
+    used = [pair for pair in pairs if pair.is_used]
+    grade = REPEAT if swapped else _grade(adjusted.rms, scale, len(used))
+    first = (
+        f"{grade.capitalize()}: corners lie {adjusted.rms:.2f} px from where they are expected, in {len(used)} of "
+        f"{len(pairs)} pairs; lengths are known to {100 * scale:.2g} %."
+    )
+    advice = [*swapped, *_errors(adjusted.rms), *_missing(pairs), *_blurred(pairs), *_odd(pairs), *_few(len(used))]
+    advice += [*_lean(adjusted.bundle.first_from_board), *_gaps(rig, used)]
+    return Verdict(grade, (first, *advice))
+
+
+def _grade(rms: float, scale: float, n_used: int) -> str:
+    if rms <= GOOD_RMS and scale <= GOOD_SCALE and n_used >= ENOUGH_PAIRS:
+        return GOOD
+    return USABLE if rms <= USABLE_RMS and scale <= USABLE_SCALE else REPEAT
+
+
+def _swapped(rig: StereoRig) -> list[str]:
+    """Whether the left camera stands on the right."""
+    place = -rig.right_from_left[:3, :3].T @ rig.right_from_left[:3, 3]
+    if place[0] >= 0 or abs(place[0]) < np.abs(place[1:]).max():
+        return []
+    return [
+        "The right images were taken to the left of the left ones: exchange the cameras, unless they hang upside down."
+    ]
+
+
+def _errors(rms: float) -> list[str]:
+    if rms <= USABLE_RMS:
+        return []
+    return ["Errors of more than a pixel are no noise: see that the board is flat, still, and counted right."]
+
+
+def _missing(pairs: Sequence[PairSeen]) -> list[str]:
+    names = [pair.name for pair in pairs if pair.left is None or pair.right is None]
+    return _said(names, "does not show the whole board in both images.", "do not show the whole board in both images.")
+
+
+def _blurred(pairs: Sequence[PairSeen]) -> list[str]:
+    names = [pair.name for pair, is_blurred in zip(pairs, _are_blurred(pairs), strict=True) if is_blurred]
+    return _said(names, "is blurred: hold the board still.", "are blurred: hold the board still.")
+
+
+def _odd(pairs: Sequence[PairSeen]) -> list[str]:
+    names = [
+        pair.name
+        for pair, is_blurred in zip(pairs, _are_blurred(pairs), strict=True)
+        if not (pair.is_used or is_blurred or pair.left is None or pair.right is None)
+    ]
+    why = (
+        "is left out: its images do not show one board at one moment.",
+        "are left out: none shows one board at one moment.",
+    )
+    return _said(names, *why)
+
+
+def _are_blurred(pairs: Sequence[PairSeen]) -> list[bool]:
+    sides = [[pair.left for pair in pairs], [pair.right for pair in pairs]]
+    limits = [_blur_limit(views) for views in sides]
+    return [
+        any(view is not None and view.edge > limit for view, limit in zip(views, limits, strict=True))
+        for views in zip(*sides, strict=True)
+    ]
+
+
+def _blur_limit(views: Sequence[BoardView | None]) -> float:
+    edges = [view.edge for view in views if view is not None]
+    return max(SHARP_EDGE, BLUR_RATIO * float(np.median(edges))) if edges else np.inf
+
+
+def _few(n_used: int) -> list[str]:
+    return [] if n_used >= ENOUGH_PAIRS else [f"{n_used} pairs are few: take {ENOUGH_PAIRS} to 20."]
+
+
+def _lean(poses: Floats) -> list[str]:
+    normals = poses[:, :3, 2]
+    lean = np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0)))
+    if lean >= LEAST_LEAN:
+        return []
+    return [f"The board leans by {lean:.0f} degrees at most: turn it about different axes by 20 to 45."]
+
+
+def _gaps(rig: StereoRig, used: Sequence[PairSeen]) -> list[str]:
+    advice = []
+    for side, size in (("left", rig.left.size), ("right", rig.right.size)):
+        views = [view.corners for pair in used if (view := pair.left if side == "left" else pair.right) is not None]
+        gaps = uncovered(views, size)
+        if gaps:
+            advice.append(f"No view covers the {_joined(gaps)} of the {side} image.")
+    return advice
+
+
+def _said(names: Sequence[str], of_one: str, of_more: str) -> list[str]:
+    if not names:
+        return []
+    return [f"Pair {names[0]} {of_one}" if len(names) == 1 else f"Pairs {_joined(names)} {of_more}"]
+
+
+def _joined(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,215 @@
+"""The compiled pass over an image that finds runs of bright pixels, sums their moments and joins them to spots.
+
+Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.capture.detection.discs import PER_DISC, TINY
+from skelgen.capture.detection.spots import (
+    AREA,
+    BOTTOM,
+    EDGE,
+    EDGE_X,
+    EDGE_XX,
+    EDGE_Y,
+    EDGE_YY,
+    FULL,
+    LEFT,
+    M00,
+    M01,
+    M02,
+    M10,
+    M11,
+    M20,
+    MOST_RUNS,
+    N_COLUMNS,
+    N_SUMS,
+    RIGHT,
+    TOP,
+)
+from skelgen.capture.frames import Image
+from skelgen.model.arrays import Floats
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_Table = NDArray[np.int64]
+
+_NOBODY = -1  # parent of a root: the seed's null pointer
+
+
+def compile_function(function: _Function) -> _Function:
+    """Return the function compiled; kept on disk for the next time, and free of the interpreter's lock."""
+    return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+@compile_function
+def histogram(image: Image, row_step: int) -> _Table:
+    """Count the grey levels of every `row_step`-th row, shape (256,)."""
+    counts = np.zeros((4, 256), dtype=np.int64)  # four in turn: a count need not wait for the one before
+    for y in range(0, image.shape[0], row_step):
+        for x in range(image.shape[1]):
+            counts[x & 3, image[y, x]] += 1
+    total: _Table = counts[0]
+    for part in range(1, 4):
+        total += counts[part]
+    return total
+
+
+@compile_function
+def _root(parents: _Table, run: int) -> int:
+    """Root of a run's tree; the path to it is halved."""
+    while parents[run] != _NOBODY:
+        above = parents[run]
+        if parents[above] == _NOBODY:
+            return int(above)
+        parents[run] = parents[above]
+        run = int(above)
+    return run
+
+
+@compile_function
+def _join(parents: _Table, ranks: _Table, one: int, other: int) -> None:
+    """Join two trees by rank."""
+    one, other = _root(parents, one), _root(parents, other)
+    if one == other:
+        return
+    if ranks[one] < ranks[other]:
+        one, other = other, one
+    parents[other] = one
+    if ranks[one] == ranks[other]:
+        ranks[one] += 1
+
+
+@compile_function
+def _sum_run(image: Image, y: int, start: int, low: int, weights: _Table, run: _Table) -> int:
+    """Fill the sums of the run that starts at `start`; returns where it stops."""
+    run[:] = 0
+    x = start
+    while x < image.shape[1] and image[y, x] > low:
+        weight = weights[image[y, x]]
+        run[M00] += weight
+        run[M10] += weight * x
+        run[M20] += weight * x * x
+        if weight < FULL:
+            run[EDGE] += 1
+            run[EDGE_X] += x
+            run[EDGE_XX] += x * x
+        x += 1
+    run[AREA] = x - start
+    run[M01], run[M11], run[M02] = y * run[M00], y * run[M10], y * y * run[M00]
+    run[EDGE_Y], run[EDGE_YY] = y * run[EDGE], y * y * run[EDGE]
+    run[LEFT], run[RIGHT], run[TOP], run[BOTTOM] = start, x - 1, y, y
+    return x
+
+
+@compile_function
+def _add(spot: _Table, run: _Table) -> None:
+    """Add a run's sums and extent to its spot's."""
+    for column in range(N_SUMS):
+        spot[column] += run[column]
+    spot[LEFT], spot[RIGHT] = min(spot[LEFT], run[LEFT]), max(spot[RIGHT], run[RIGHT])
+    spot[TOP], spot[BOTTOM] = min(spot[TOP], run[TOP]), max(spot[BOTTOM], run[BOTTOM])
+
+
+@compile_function
+def find_spots(image: Image, low: int, weights: _Table, min_area: int) -> tuple[_Table, bool]:
+    """Label and measure the spots of an image; arguments and results as `plain.find_spots`."""
+    runs = np.empty((MOST_RUNS, N_COLUMNS), dtype=np.int64)
+    parents, ranks = np.empty(MOST_RUNS, dtype=np.int64), np.empty(MOST_RUNS, dtype=np.int64)
+    n_runs, above, row = 0, 0, 0  # runs so far; first run of the row above that may still touch; first of this row
+    for y in range(image.shape[0]):
+        above, row, x = row, n_runs, 0
+        end = row
+        while x < image.shape[1]:
+            if image[y, x] <= low:
+                x += 1
+                continue
+            if n_runs == MOST_RUNS:
+                return runs[:0], True
+            parents[n_runs], ranks[n_runs] = _NOBODY, 0  # as runs come: nothing else is ever touched
+            x = _sum_run(image, y, x, low, weights, runs[n_runs])
+            while above < end and runs[above, RIGHT] < runs[n_runs, LEFT]:
+                above += 1
+            other = above
+            while other < end and runs[other, LEFT] <= runs[n_runs, RIGHT]:
+                _join(parents, ranks, n_runs, other)
+                other += 1
+            n_runs += 1
+    return _gathered(runs[:n_runs], parents, min_area), False
+
+
+@compile_function
+def _gathered(runs: _Table, parents: _Table, min_area: int) -> _Table:
+    """Sums of each spot that is large enough, in the order of their first runs."""
+    for run in range(len(runs)):
+        root = _root(parents, run)
+        if root != run:
+            _add(runs[root], runs[run])
+    n_spots = 0
+    for run in range(len(runs)):
+        if parents[run] == _NOBODY and runs[run, AREA] >= min_area:
+            n_spots += 1
+    spots = np.empty((n_spots, N_COLUMNS), dtype=np.int64)
+    place = 0
+    for run in range(len(runs)):
+        if parents[run] == _NOBODY and runs[run, AREA] >= min_area:
+            spots[place] = runs[run]
+            place += 1
+    return spots
+
+
+@compile_function
+def normal_equations(window: Floats, unknowns: Floats) -> tuple[Floats, Floats, float, int]:
+    """Return the sums of a fit of discs; arguments and results as `discs.normal_equations`."""
+    n_unknowns = len(unknowns)
+    normal, slope, row = np.zeros((n_unknowns, n_unknowns)), np.zeros(n_unknowns), np.empty(n_unknowns)
+    cost, n_pixels = 0.0, 0
+    for y in range(window.shape[0]):
+        for x in range(window.shape[1]):
+            if math.isnan(window[y, x]):
+                continue
+            n_pixels += 1
+            residual = _derivatives(unknowns, x, y, row) - window[y, x]
+            cost += residual * residual
+            for i in range(n_unknowns):
+                slope[i] += row[i] * residual
+                for j in range(i + 1):
+                    normal[i, j] += row[i] * row[j]
+    for i in range(n_unknowns):
+        for j in range(i):
+            normal[j, i] = normal[i, j]
+    return normal, slope, cost, n_pixels
+
+
+@compile_function
+def _derivatives(unknowns: Floats, x: int, y: int, row: Floats) -> float:
+    """Fill the derivatives of a pixel's brightness by all unknowns; returns the brightness."""
+    width, last = unknowns[-1], len(unknowns) - 1
+    free, total, light = 1.0, 0.0, 0.0
+    for first in range(0, last, PER_DISC):
+        distance = max(math.hypot(x - unknowns[first], y - unknowns[first + 1]), TINY)
+        depth = (unknowns[first + 2] - distance) / width
+        part = max(0.5 * math.erfc(-depth * math.sqrt(0.5)), TINY)
+        row[first], row[first + 1], row[first + 2], row[first + 3] = distance, depth, part, max(1.0 - part, TINY)
+        free *= row[first + 3]
+        total += part
+        light += part * unknowns[first + 3]
+    covered, mean = 1.0 - free, light / total
+    row[last] = 0.0
+    for first in range(0, last, PER_DISC):
+        distance, depth, part = row[first], row[first + 1], row[first + 2]
+        by_part = free / row[first + 3] * mean + covered * (unknowns[first + 3] - mean) / total
+        rise = by_part * math.exp(-depth * depth / 2.0) / math.sqrt(2.0 * math.pi) / width
+        row[first] = rise * (x - unknowns[first]) / distance
+        row[first + 1] = rise * (y - unknowns[first + 1]) / distance
+        row[first + 2], row[first + 3] = rise, covered * part / total
+        row[last] -= rise * depth
+    return covered * mean

@@ -1,0 +1,180 @@
+"""The simulated rig as a source of frames: a scene rendered pair by pair, with its truth beside."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Any, Self
+
+from skelgen.capture.frames import FramePair
+from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.rig.parameters import RenderParameters
+from skelgen.capture.rig.render import PairTruth, render_pair
+from skelgen.capture.rig.scene import Scene, scene_of_structure
+from skelgen.errors import InputError
+from skelgen.model.rig import CaptureSettings, StereoRig
+
+
+class SimulatedRig:
+    """Two cameras that need no hardware; a `FrameSource`.
+
+    Parameters
+    ----------
+    scene : Scene
+        What moves.
+    rig : StereoRig, optional
+        The cameras; by default the seed's.
+    parameters : RenderParameters, optional
+        Balls, light and sensors; by default the seed's conditions.
+    seed : int
+        Of the sensors' noise and of where dull metal is.
+    paced : bool
+        Whether pairs come at the scene's rate by the clock, as from cameras: who is slow loses pairs, which are
+        counted. Otherwise they come as fast as they are asked for, and none is lost.
+
+    Examples
+    --------
+    >>> with simulated_rig("arm", n_frames=2) as source:
+    ...     [pair.left.shape for pair in source]
+    [(480, 640), (480, 640)]
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        rig: StereoRig | None = None,
+        parameters: RenderParameters | None = None,
+        *,
+        seed: int = 0,
+        paced: bool = False,
+    ) -> None:
+        self.scene = scene
+        self.rig = rig or seed_rig()
+        self.parameters = parameters or RenderParameters()
+        self._seed = seed
+        self._paced = paced
+        self._n_dropped = 0
+        if self.rig.left.size != self.rig.right.size:
+            left, right = ("{} x {}".format(*camera.size) for camera in (self.rig.left, self.rig.right))
+            raise InputError(f"the left camera takes {left} pixels and the right one {right}; a pair has one size")
+
+    @property
+    def name(self) -> str:
+        """What it is, for messages and files."""
+        return f"simulated {self.scene.name}"
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px] of both images."""
+        return self.rig.left.size
+
+    @property
+    def rate(self) -> float | None:
+        """Pairs a second [Hz]."""
+        return self.scene.rate
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of pairs."""
+        return self.scene.n_frames
+
+    @property
+    def n_dropped(self) -> int:
+        """Pairs lost so far."""
+        return self._n_dropped
+
+    @property
+    def settings(self) -> CaptureSettings:
+        """The settings that a perfect calibration would find: rig, bodies and joints."""
+        return CaptureSettings(self.rig, self.scene.bodies, self.scene.joints)
+
+    def __enter__(self) -> Self:
+        """Return itself: there is nothing to open."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Do nothing: there is nothing to close."""
+
+    def __iter__(self) -> Iterator[FramePair]:
+        """Deliver the pairs of the scene in order."""
+        begin, index = time.monotonic(), 0
+        while index < self.scene.n_frames:
+            dropped = 0
+            if self._paced:
+                now = self._wait_for(index, begin)
+                dropped, index = now - index, now
+                self._n_dropped += dropped
+            pair, _ = self.render(index, dropped)
+            yield pair
+            index += 1
+
+    def _wait_for(self, index: int, begin: float) -> int:
+        """Sleep until a pair is due; returns the newest that is."""
+        ahead = begin + index / self.scene.rate - time.monotonic()
+        if ahead > 0:
+            time.sleep(ahead)
+            return index
+        return min(index + int(-ahead * self.scene.rate), self.scene.n_frames - 1)
+
+    def render(self, index: int, dropped: int = 0) -> tuple[FramePair, PairTruth]:
+        """Return any pair of the scene with its truth; the same index gives the same pair.
+
+        Parameters
+        ----------
+        index : int
+            Which, from 0.
+        dropped : int
+            What the pair says about pairs lost before it.
+
+        Raises
+        ------
+        InputError
+            If the scene has no such frame.
+        """
+        if not 0 <= index < self.scene.n_frames:
+            raise InputError(f"frame {index} is asked for; the scene has frames 0 to {self.scene.n_frames - 1}")
+        pair, truth = render_pair(
+            self.rig,
+            self.scene.points[index],
+            self.parameters,
+            hidden=self.scene.hidden[index],
+            seed=self._seed,
+            index=index,
+            time=index / self.scene.rate,
+        )
+        return (FramePair(pair.left, pair.right, pair.time, index, dropped) if dropped else pair), truth
+
+
+def simulated_rig(
+    structure: str = "arm",
+    *,
+    rig: StereoRig | None = None,
+    parameters: RenderParameters | None = None,
+    seed: int = 0,
+    paced: bool = False,
+    **options: Any,
+) -> SimulatedRig:
+    """Return the simulated rig with a structure before it.
+
+    Parameters
+    ----------
+    structure : str
+        ``arm``, the seed's test rig, or what `skelgen.simulation.find_structure` knows.
+    rig, parameters, paced
+        As in `SimulatedRig`.
+    seed : int
+        Of motion and noise.
+    **options
+        Of `scene_of_structure`: ``n_frames``, ``rate``, ``distance``, ``hide``, ...
+
+    Raises
+    ------
+    ParameterError
+        If there is no such structure or option.
+    """
+    cameras = rig or seed_rig()
+    scene = scene_of_structure(structure, cameras, seed=seed, **options)
+    return SimulatedRig(scene, cameras, parameters, seed=seed, paced=paced)

@@ -1,0 +1,161 @@
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skelgen.capture.blobs import StereoPoints
+from skelgen.capture.bodies import BodyFinder, BodyParameters, ExpectedPose, find_bodies
+from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.model.rig import BodyTarget
+
+SHIFT, TURN = 1.5, 0.03  # mm and rad: five standard deviations of a pose from four balls of these targets
+
+
+def seen_balls(scene, number):
+    return [ball for owner, ball in scene.owner if owner == number]
+
+
+def distance(pose, truth):
+    """Shift [mm] and turn [rad] between two poses."""
+    turn = vector_from_matrix(pose[:3, :3] @ truth[:3, :3].T)
+    return np.linalg.norm(pose[:3, 3] - truth[:3, 3]), np.linalg.norm(turn)
+
+
+def check_found(found, scene, targets):
+    """Every target with four balls or more is where it is, all its balls matched; no other is found."""
+    by_name = {body.name: body for body in found}
+    for number, target in enumerate(targets):
+        balls = seen_balls(scene, number)
+        assert (target.name in by_name) == (len(balls) >= 4)
+        if target.name in by_name:
+            body = by_name[target.name]
+            shift, turn = distance(body.world_from_body, scene.poses[number])
+            assert shift < SHIFT
+            assert turn < TURN
+            matched = {scene.owner[point] for point in body.points if point >= 0}
+            assert matched == {(number, ball) for ball in balls}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_bodies_are_found_among_strays_with_balls_hidden(seed, targets, make_scene):
+    scene = make_scene(seed, targets)
+    check_found(find_bodies(scene.points, targets), scene, targets)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_ninety_percent_of_the_points_may_be_strays(seed, targets, make_scene):
+    scene = make_scene(seed, targets[:1], n_points=50, hidden=0.0)
+    check_found(find_bodies(scene.points, targets[:1]), scene, targets[:1])
+
+
+def test_both_twins_find_the_same(targets, make_scene):
+    for seed in range(6):
+        scene = make_scene(seed, targets, n_points=25)
+        one, other = (BodyFinder(targets, compiled=compiled).find(scene.points) for compiled in (True, False))
+        assert [body.name for body in one] == [body.name for body in other]
+        for first, second in zip(one, other, strict=True):
+            np.testing.assert_array_equal(first.points, second.points)
+            np.testing.assert_allclose(first.world_from_body, second.world_from_body, atol=1e-7)
+            np.testing.assert_allclose(first.covariance, second.covariance, rtol=1e-5, atol=1e-12)
+            assert first.rms == pytest.approx(second.rms, abs=1e-7)
+
+
+def test_threads_change_nothing(targets, make_scene):
+    scene = make_scene(1, targets)
+    with ThreadPoolExecutor(3) as executor:
+        many = BodyFinder(targets, executor=executor).find(scene.points)
+    for one, other in zip(many, find_bodies(scene.points, targets), strict=True):
+        np.testing.assert_array_equal(one.world_from_body, other.world_from_body)
+
+
+def test_mirror_image_is_not_the_body(targets, make_scene):
+    scene = make_scene(3, targets[:1], n_points=5, hidden=0.0)
+    assert len(find_bodies(scene.points, targets[:1])) == 1
+    mirrored = replace(scene.points, points=scene.points.points * [1, 1, -1])
+    assert find_bodies(mirrored, targets[:1]) == []
+
+
+def test_three_balls_are_no_proof(targets, make_scene):
+    scene = make_scene(0, targets[:1], n_points=5, hidden=0.0)
+    three = StereoPoints(*(getattr(scene.points, name)[:3] for name in scene.points.__dataclass_fields__))
+    assert find_bodies(three, targets[:1]) == []
+
+
+def test_no_points_and_no_targets_give_no_bodies(targets, make_scene):
+    scene = make_scene(0, targets)
+    none = StereoPoints(*(getattr(scene.points, name)[:0] for name in scene.points.__dataclass_fields__))
+    assert find_bodies(none, targets) == []
+    assert find_bodies(scene.points, []) == []
+
+
+def test_turned_world_turns_the_poses(targets, make_scene):
+    scene = make_scene(5, targets)
+    world = transform_from(matrix_from_vector(np.array([0.3, -1.0, 0.4])), np.array([100.0, -40.0, 7.0]))
+    turn = world[:3, :3]
+    moved = replace(
+        scene.points,
+        points=scene.points.points @ turn.T + world[:3, 3],
+        covariance=turn @ scene.points.covariance @ turn.T,
+    )
+    for one, other in zip(find_bodies(scene.points, targets), find_bodies(moved, targets), strict=True):
+        np.testing.assert_allclose(world @ one.world_from_body, other.world_from_body, atol=1e-6)
+
+
+def test_stated_covariance_is_that_of_the_errors(targets, make_scene):
+    squares = []
+    for seed in range(300):
+        scene = make_scene(seed, targets[:1], n_points=5, hidden=0.0)
+        (body,) = find_bodies(scene.points, targets[:1])
+        turn = vector_from_matrix(body.world_from_body[:3, :3] @ scene.poses[0][:3, :3].T)
+        error = np.concatenate([turn, body.world_from_body[:3, 3] - scene.poses[0][:3, 3]])
+        squares.append(error @ np.linalg.solve(body.covariance, error))
+    assert np.mean(squares) / 6 == pytest.approx(1.0, abs=0.1)  # three deviations of a mean of 300 with 6 freedoms
+
+
+def test_calibration_errors_of_the_balls_widen_the_pose(targets, make_scene):
+    scene = make_scene(2, targets[:1], n_points=5, hidden=0.0)
+    (exact,) = find_bodies(scene.points, targets[:1])
+    unsure = BodyTarget("hand", targets[0].points, np.full((5, 3), 0.3))
+    (wide,) = find_bodies(scene.points, [unsure])
+    assert (np.diag(wide.covariance) > np.diag(exact.covariance)).all()
+
+
+def test_candidates_that_share_a_ball_are_not_used_together(targets, make_scene):
+    scene = make_scene(0, targets[:1], n_points=5, hidden=0.0)
+    points = scene.points
+    ghost = np.array([0.0, 0.0, 0.8])  # seen by the left camera as one ball, by the right one as two
+    left = np.concatenate([points.left, points.left])
+    n = 2 * len(points)
+    both = StereoPoints(
+        np.concatenate([points.points, points.points + ghost]),
+        np.concatenate([points.covariance, points.covariance]),
+        left,
+        np.arange(n),
+        np.zeros(n),
+        np.ones(n, bool),
+    )
+    (body,) = find_bodies(both, targets[:1])
+    assert len(set(left[body.points])) == 5
+
+
+def test_no_point_is_given_to_two_bodies(targets, make_scene):
+    near = BodyTarget("near", targets[0].points + np.array([3.0, -3.0, 3.0]) * np.array([[1], [-1], [1], [1], [-1]]))
+    loose = BodyParameters(distinct=0.5, floor=4.0, max_distance=10.0)
+    scene = make_scene(4, targets[:1], n_points=8, hidden=0.0)
+    found = find_bodies(scene.points, [near, targets[0]], loose)
+    assert [body.name for body in found] == ["hand"]
+
+
+def test_expected_pose_finds_the_same_and_a_wrong_one_does_no_harm(targets, make_scene):
+    scene = make_scene(7, targets, hidden=0.0)
+    plain = find_bodies(scene.points, targets)
+    spread = np.diag([0.02**2] * 3 + [4.0**2] * 3)
+    right = {target.name: ExpectedPose(pose, spread) for target, pose in zip(targets, scene.poses, strict=True)}
+    wrong = {name: ExpectedPose(np.eye(4), spread) for name in right}
+    for expected in (right, wrong):
+        for one, other in zip(find_bodies(scene.points, targets, expected=expected), plain, strict=True):
+            np.testing.assert_array_equal(one.points, other.points)
+            np.testing.assert_allclose(one.world_from_body, other.world_from_body, atol=1e-9)

@@ -1,0 +1,77 @@
+"""One camera alone, the board's geometry, coverage."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cv2")
+
+from skelgen.capture.calibration.board import Board, board_from_text, find_board
+from skelgen.capture.calibration.coverage import coverage, uncovered
+from skelgen.capture.calibration.single import calibrate_camera
+from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.errors import InputError, ParameterError
+
+
+def drawn_board(board: Board, side: int = 30) -> np.ndarray:
+    """A board straight on, with a white border of two squares; the first corner lies 3 squares in."""
+    down, across = np.indices(((board.rows + 5) * side, (board.columns + 5) * side)) // side
+    inside = (down >= 2) & (down < board.rows + 3) & (across >= 2) & (across < board.columns + 3)
+    return np.where(inside & ((down + across) % 2 == 0), 0, 255).astype(np.uint8)
+
+
+def test_corners_of_a_drawn_board_lie_between_its_pixels(board):
+    view = find_board(drawn_board(board), board)
+    grid = 90.0 - 0.5 + 30.0 * board.points[:, :2] / board.square
+    assert np.abs(np.sort(view.corners, axis=0) - np.sort(grid, axis=0)).max() < 0.02
+
+
+def test_edges_of_a_blurred_board_are_wider_whatever_the_direction_of_the_blur(board):
+    import cv2
+
+    image = drawn_board(board)
+    sharp = find_board(image, board).edge
+    for blurred in (cv2.GaussianBlur(image, (0, 0), 2.5), cv2.blur(image, (9, 1)), cv2.blur(image, (1, 9))):
+        assert find_board(blurred, board).edge > 1.5 * sharp
+
+
+def test_one_camera_is_found_without_the_view_that_does_not_fit(seen_pairs, board):
+    views = [left for left, _ in seen_pairs(10, noise=0.1)]
+    views[3].corners[:5] += 4.0  # five corners that slipped
+    found = calibrate_camera(views, board, (640, 480))
+    truth = seed_rig().left
+    assert np.flatnonzero(~found.kept).tolist() == [3]
+    error = (found.camera.matrix - truth.matrix)[[0, 1, 0, 1], [0, 1, 2, 2]]
+    assert (np.abs(error) < 5 * found.std[:4]).all()
+
+
+def test_a_lens_of_no_known_name_is_refused(seen_pairs, board):
+    views = [left for left, _ in seen_pairs(4, noise=0.1)]
+    with pytest.raises(ParameterError, match="auto, radial, tangential, full"):
+        calibrate_camera(views, board, (640, 480), lens="fisheye")
+
+
+def test_two_views_are_too_few(seen_pairs, board):
+    with pytest.raises(InputError, match="at least 3"):
+        calibrate_camera([left for left, _ in seen_pairs(2, noise=0.1)], board, (640, 480))
+
+
+def test_boards_are_read_from_text():
+    assert board_from_text("9x6", 25.0) == Board(9, 6, 25.0)
+    with pytest.raises(ParameterError, match="as in 9x6"):
+        board_from_text("nine by six", 25.0)
+    with pytest.raises(ParameterError, match="too small"):
+        board_from_text("2x6", 25.0)
+    with pytest.raises(ParameterError, match="above 0"):
+        board_from_text("9x6", 0.0)
+
+
+def test_orders_of_a_board_are_its_turns():
+    assert [order.tolist() for order in Board(4, 3, 1.0).orders] == [list(range(12)), list(range(11, -1, -1))]
+    assert len(Board(4, 4, 1.0).orders) == 4
+
+
+def test_parts_of_an_image_that_no_corner_was_in_are_named():
+    corners = np.stack(np.meshgrid(np.linspace(0, 639, 20), np.linspace(0, 300, 10)), axis=-1).reshape(-1, 2)
+    assert uncovered([corners], (640, 480)) == ["lower left", "lower middle", "lower right"]
+    assert coverage([corners], (640, 480)).sum() == len(corners)
+    assert len(uncovered([], (640, 480))) == 9

@@ -1,0 +1,161 @@
+"""UsdSkel's own skeleton cache is the judge: where it poses the joints at every frame, the skeleton must be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from skelgen_formats import usd
+from skelgen_formats.registry import find_format, write_file
+from skelgen_formats.usd import write_usd
+
+from skelgen.errors import WriteError
+
+pytest.importorskip("pxr", reason="pip install 'skelgen[usd]', which also judges")
+from pxr import Usd, UsdGeom, UsdSkel
+
+POSITION_MM = 0.01  # demanded; single precision has steps of 0.0002 mm at 2 m
+
+
+def posed(path) -> dict[str, np.ndarray]:
+    """World pose of every bone at every frame, by name, shape (n_frames, 4, 4), in the file's unit."""
+    stage = Usd.Stage.Open(str(path))
+    root = UsdSkel.Root(stage.GetDefaultPrim())
+    cache = UsdSkel.Cache()
+    cache.Populate(root, Usd.PrimDefaultPredicate)
+    (binding,) = [cache.GetSkelQuery(UsdSkel.Skeleton(prim)) for prim in stage.Traverse() if prim.IsA(UsdSkel.Skeleton)]
+    times = np.arange(stage.GetStartTimeCode(), stage.GetEndTimeCode() + 1)
+    poses = [np.array(binding.ComputeJointWorldTransforms(UsdGeom.XformCache(time))) for time in times]
+    names = [str(path).rpartition("/")[2] for path in binding.GetJointOrder()]
+    return dict(zip(names, np.array(poses).swapaxes(-1, -2).swapaxes(0, 1), strict=True))
+
+
+def deviation(path, motion, per_mm=1.0) -> float:
+    """Largest distance [mm] between posed joints and the limbs' origins."""
+    bones = posed(path)
+    found = np.stack([bones[f"limb{limb}"] for limb in range(len(bones))], axis=1)[..., :3, 3] / per_mm
+    return float(np.abs(found - motion.world_from_limb[..., :3, 3]).max())
+
+
+CASES = ["one root in the middle", "two roots, deep", "a single frame", "a single limb"]
+
+
+@pytest.fixture(scope="module", params=CASES)
+def project(request, make_project):
+    return {
+        "one root in the middle": make_project,
+        "two roots, deep": lambda: make_project(parents=(3, -1, 0, -1, 2, 1), n_frames=40, rate=59.94),
+        "a single frame": lambda: make_project(n_frames=1),
+        "a single limb": lambda: make_project(parents=(-1,)),
+    }[request.param]()
+
+
+@pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usd"])
+def test_joints_are_where_the_limbs_are_at_every_frame(project, tmp_path, suffix):
+    assert deviation(*write_usd(project, tmp_path / f"walk{suffix}"), project.motion) < POSITION_MM
+
+
+def test_joints_turn_as_the_limbs_do(project, tmp_path):
+    bones = posed(*write_usd(project, tmp_path / "walk.usdc"))
+    for limb in range(project.skeleton.n_limbs):
+        # Single precision, some bones deep.
+        assert np.abs(bones[f"limb{limb}"][:, :3, :3] - project.motion.rotations[:, limb]).max() < 1e-6
+
+
+@pytest.mark.parametrize(("unit", "per_mm"), [("mm", 1.0), ("cm", 0.1), ("m", 0.001)])
+def test_unit_is_stated_and_obeyed(small_project, tmp_path, unit, per_mm):
+    (path,) = write_file(small_project, tmp_path / "walk.usdc", unit=unit)
+    assert UsdGeom.GetStageMetersPerUnit(Usd.Stage.Open(str(path))) == pytest.approx(0.001 / per_mm)
+    assert deviation(path, small_project.motion, per_mm) < POSITION_MM
+
+
+@pytest.mark.parametrize(("axes", "up"), [("as-recorded", "Z"), ("z-to-y", "Y"), ("y-to-z", "Z")])
+def test_axis_that_is_up_is_stated_and_obeyed(small_project, tmp_path, axes, up):
+    from skelgen.geometry.up_axis import with_up_axis
+
+    (path,) = write_file(small_project, tmp_path / "walk.usdc", axes=axes)
+    assert UsdGeom.GetStageUpAxis(Usd.Stage.Open(str(path))) == up
+    assert deviation(path, with_up_axis(small_project, axes).motion) < POSITION_MM
+
+
+def test_rate_is_stated_and_frames_fall_on_the_old_ones(small_project, tmp_path):
+    (path,) = write_file(small_project, tmp_path / "walk.usda", rate=50.0)
+    stage = Usd.Stage.Open(str(path))
+    assert (stage.GetTimeCodesPerSecond(), stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (50.0, 0.0, 5.0)
+    truth = small_project.motion.world_from_limb[::2, 1, :3, 3]
+    assert np.abs(posed(path)["limb1"][:, :3, 3] - truth).max() < POSITION_MM
+
+
+def test_markers_are_the_measured_ones_and_gaps_stay(small_project, tmp_path):
+    stage = Usd.Stage.Open(str(*write_usd(small_project, tmp_path / "walk.usdc")))
+    points = UsdGeom.Points.Get(stage, "/body/markers")
+    names = list(points.GetPrim().GetAttribute("skelgen:markerNames").Get())
+    assert names == list(small_project.trajectories.names)
+    for frame in range(small_project.motion.n_frames):
+        places = np.full((len(names), 3), np.nan)
+        places[list(points.GetIdsAttr().Get(frame))] = np.array(points.GetPointsAttr().Get(frame))
+        truth = small_project.trajectories.positions[frame]
+        np.testing.assert_allclose(places, truth, rtol=0, atol=0.001, equal_nan=True)  # single precision at 4 m
+
+
+def test_kinds_and_deviations_stand_beside(small_project, tmp_path):
+    stage = Usd.Stage.Open(str(*write_usd(small_project, tmp_path / "walk.usdc")))
+    prim = stage.GetPrimAtPath("/body/skeleton")
+    assert list(UsdSkel.Skeleton(prim).GetJointsAttr().Get()) == ["limb1", "limb1/limb0", "limb1/limb2"]
+    assert list(prim.GetAttribute("skelgen:jointKinds").Get()) == ["root", "hinge", "ball"]
+    np.testing.assert_allclose(prim.GetAttribute("skelgen:jointAxesInParents").Get()[1], [0.6, 0, 0.8], rtol=1e-6)
+    np.testing.assert_allclose(prim.GetAttribute("skelgen:jointStdInMillimetres").Get()[2], [0.3, 0.4, 0.5], rtol=1e-6)
+    limbs = list(stage.GetPrimAtPath("/body/markers").GetAttribute("skelgen:limbOfMarker").Get())
+    assert limbs == small_project.skeleton.limb_of_marker.tolist()
+
+
+def test_usd_s_own_checker_finds_nothing(small_project, tmp_path):
+    stage = Usd.Stage.Open(str(*write_usd(small_project, tmp_path / "walk.usdc")))
+    validation = pytest.importorskip("pxr.UsdValidation", reason="USD before 25 validates otherwise")
+    every = validation.ValidationRegistry().GetOrLoadAllValidators()
+    found = validation.ValidationContext(every).Validate(stage)
+    assert [error.GetMessage() for error in found] == []
+
+
+def test_marker_that_is_never_seen_hinders_nothing(small_project, tmp_path):
+    blind = replace(small_project.trajectories, positions=np.full_like(small_project.trajectories.positions, np.nan))
+    (path,) = write_usd(replace(small_project, _trajectories=blind), tmp_path / "walk.usdc")
+    assert deviation(path, small_project.motion) < POSITION_MM
+
+
+def test_missing_library_is_said_before_and_while_writing(small_project, tmp_path, monkeypatch):
+    monkeypatch.setattr(usd, "find_spec", lambda name: None)
+    for attempt in (
+        lambda: find_format("usd").check(small_project, {}),
+        lambda: write_usd(small_project, tmp_path / "w.usdc"),
+    ):
+        with pytest.raises(WriteError, match=r"pip install 'skelgen\[usd\]'"):
+            attempt()
+
+
+def test_full_disk_is_said_and_leaves_nothing(make_project, full_disk, tmp_path):
+    project = make_project(n_frames=400)
+    for suffix in (".usda", ".usdc"):
+        with full_disk(4096), pytest.raises(WriteError, match=r"walk.usd.: cannot be written"):
+            write_usd(project, tmp_path / f"walk{suffix}")
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_number_beyond_single_precision_is_refused(small_project, tmp_path):
+    poses = small_project.motion.world_from_limb.copy()
+    poses[3, 1, 0, 3] = 1e39
+    motion = replace(small_project.motion, world_from_limb=poses)
+    with pytest.raises(WriteError, match="single precision"):
+        write_usd(replace(small_project, _motion=motion), tmp_path / "walk.usdc")
+
+
+def test_axis_taken_for_up_is_said(small_project):
+    remarks = find_format("usd").remarks
+    assert "choose axes y-to-z" in remarks(small_project, {})[0]
+    assert not any("axes" in sentence for sentence in remarks(small_project, {"axes": "z-to-y"}))
+
+
+def test_take_is_refused(small_project, tmp_path):
+    with pytest.raises(WriteError, match="not a take"):
+        write_usd(small_project.trajectories, tmp_path / "walk.usdc")

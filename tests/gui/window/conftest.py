@@ -1,0 +1,104 @@
+"""Fixtures of the whole window's tests: a window, and a person who uses it."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QFileDialog, QMessageBox
+from skelgen_gui.derived import Deriver
+from skelgen_gui.errors import ErrorDialog
+from skelgen_gui.preferences import Preferences
+from skelgen_gui.window import Window
+
+import skelgen
+from skelgen.simulation import simulate
+
+WAIT = 60_000  # ms; a loaded machine runs all stages of a small take in a few seconds
+
+
+class Person:
+    """Uses a window: wishes, and waits until it is done."""
+
+    def __init__(self, qtbot, window, monkeypatch):
+        self._qtbot, self._window, self._monkeypatch = qtbot, window, monkeypatch
+
+    def waits(self, is_done=lambda: True):
+        """Until nothing is computed and derived, and something holds."""
+        derivers = self._window.findChildren(Deriver)
+        self._qtbot.waitUntil(
+            lambda: is_done() and not self._window.jobs.is_busy and not any(one.is_busy for one in derivers),
+            timeout=WAIT,
+        )
+
+    def does(self, command):
+        """Choose a command from the menu."""
+        self._window.actions_by_id[command].trigger()
+
+    def opens(self, path):
+        with self._qtbot.waitSignal(self._window.care.opened, timeout=WAIT):
+            self._window.open(path)
+        self.waits()
+
+    def runs_all(self):
+        self.does("run_all")
+        self.waits(lambda: self._window.session.project.has("skeleton"))
+
+    def chooses(self, path):
+        """Say where to, when asked for a file."""
+        self._monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *args: (str(path), ""))
+
+    def saves_as(self, path):
+        self.chooses(path)
+        self.does("save_as")
+        self.waits(lambda: not self._window.session.is_dirty)
+
+    def answers(self, button):
+        """Say something to the next questions."""
+        self._monkeypatch.setattr(QMessageBox, "question", lambda *args, **kwargs: button)
+
+    def is_told(self):
+        """Wait for an error, close its dialog, and return its sentence."""
+        self._qtbot.waitUntil(lambda: self._window.findChild(ErrorDialog) is not None, timeout=WAIT)
+        dialog = self._window.findChild(ErrorDialog)
+        sentence = dialog.sentence.text()
+        dialog.reject()
+        return sentence
+
+
+@pytest.fixture
+def window(qtbot, tmp_path):
+    """A window with preferences of its own, shown; no thread is left when it has closed."""
+    before = threads()
+    preferences = Preferences(QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat))
+    window = Window(preferences, recovery=tmp_path / "recovery")
+    qtbot.addWidget(window, before_close_func=_end)
+    with qtbot.waitExposed(window):
+        window.show()
+    yield window
+    qtbot.waitUntil(lambda: threads() <= before, timeout=WAIT)
+
+
+def threads():
+    """Python's threads; those of Qt, which `Jobs` ends, are known to Python under this type only."""
+    return {thread for thread in threading.enumerate() if not isinstance(thread, threading._DummyThread)}
+
+
+def _end(window):
+    """Close without a question, which nobody is there to answer."""
+    assert window.jobs.stop()
+    window.care.close = lambda then: then()
+
+
+@pytest.fixture
+def person(qtbot, window, monkeypatch):
+    return Person(qtbot, window, monkeypatch)
+
+
+@pytest.fixture
+def rods(tmp_path):
+    """A labelled recording of three rods."""
+    path = tmp_path / "rods.c3d"
+    skelgen.write(simulate("rods", n_frames=120, noise=0.2).take, path)
+    return path
