@@ -121,10 +121,15 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
     if obstacle:
         return Preview(obstacle=obstacle)
     files = tuple(Planned(file, file.exists()) for file in entry.files(path, options))
-    marking = (marking_sentence(entry, path) + ".",) if options.get(FILLED.name) else ()
-    remarks = (*_lost(project, entry), *entry.remarks(project, options), *marking)
+    remarks = remarks_on(project, entry, path, options)
     rate = float(checked_options(entry, options).get(RATE_NAME, AS_RECORDED_RATE))
     return Preview(files, _contents(project, entry, rate), remarks)
+
+
+def remarks_on(project: Project, entry: Format, path: Path, options: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return sentences on what a format cannot hold of a project, and on what becomes of the rest; see `Preview`."""
+    marking = (marking_sentence(entry, path) + ".",) if options.get(FILLED.name) else ()
+    return (*_lost(project, entry), *entry.remarks(project, options), *marking)
 
 
 def export_project(

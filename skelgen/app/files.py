@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from skelgen_formats.filled_markers import marking_sentence
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.registry import (
     find_format,
@@ -81,11 +80,15 @@ def given_identities(identities: Identities | Path | str | None) -> Identities |
 
 def write_any(value: Project | Take, path: Path | str, format: str | None = None, **options: Any) -> list[Path]:
     """Write a project or a take in any format, the project file included; see `skelgen.write`."""
-    if format == PROJECT_FORMAT or (format is None and Path(path).suffix.lower() == SUFFIX):
+    if _is_project(path, format):
         if options:
             raise WriteError(f"{path}: a project file is written without options, not with {', '.join(options)}")
         return [save_project(value if isinstance(value, Project) else Project(value), path)]
     return write_file(value, path, format, **options)
+
+
+def _is_project(path: Path | str, format: str | None) -> bool:
+    return format == PROJECT_FORMAT or (format is None and Path(path).suffix.lower() == SUFFIX)
 
 
 def convert_file(
@@ -114,8 +117,16 @@ def convert_file(
     remaining = {name: value for name, value in options.items() if name not in known}
     value = project if project.has("labels") else project.take
     files = write_any(value, target, to_format, **remaining)
-    marking = (marking_sentence(format_for_writing(target, to_format), target),) if remaining.get("filled") else ()
-    return (*project.take.notices, *marking), files
+    return (*project.take.notices, *_remarks(value, target, to_format, remaining)), files
+
+
+def _remarks(value: Project | Take, target: Path, to_format: str | None, options: Mapping[str, Any]) -> tuple[str, ...]:
+    """What becomes of a project in another format; a project file keeps all."""
+    from skelgen.app.export import remarks_on  # noqa: PLC0415 - loads the report
+
+    if not isinstance(value, Project) or _is_project(target, to_format):
+        return ()
+    return remarks_on(value, format_for_writing(target, to_format), target, options)
 
 
 def name_of_format(path: Path) -> str:

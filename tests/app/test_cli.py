@@ -174,6 +174,17 @@ def test_convert_keeps_markers(wave, waving, tmp_path):
     np.testing.assert_allclose(skelgen.read(tmp_path / "wave.trc").positions, waving.positions, atol=1e-3)
 
 
+def test_convert_says_what_the_format_cannot_hold(small_project, tmp_path, capsys):
+    skelgen.write(small_project, tmp_path / "walk.skelgen")
+    source = str(tmp_path / "walk.skelgen")
+    assert main(["convert", source, str(tmp_path / "walk.bvh"), "--unit", "cm"]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "BVH does not hold" in said
+    assert "lengths are in cm" in said
+    assert main(["convert", source, str(tmp_path / "copy.skelgen")]) == 0
+    assert "does not hold" not in capsys.readouterr().err
+
+
 def test_convert_refuses_a_format_that_cannot_hold_it(wave, tmp_path, capsys):
     assert main(["convert", wave, "wave.xsf"]) == 2
     assert "skelgen: error:" in capsys.readouterr().err

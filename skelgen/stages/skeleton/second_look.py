@@ -83,8 +83,8 @@ def _squares(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
 
 def _noise_variance(chain: Chain, poses: ChainPoses, positions: Floats, seen: Bools) -> float:
     """Mean square of a coordinate's residual [mm^2] in frames that fix all limbs."""
-    whole = seen.all(axis=1)
+    whole: Bools = np.asarray(seen.all(axis=1))
     if not whole.any():
-        whole[:] = True
+        whole = np.ones(len(seen), dtype=np.bool_)
     count = 3 * int((~np.isnan(positions[whole, :, 0])).sum())
     return float(_squares(chain, poses[whole], positions[whole]).sum()) / max(count, 1)

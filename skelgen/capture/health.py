@@ -1,0 +1,73 @@
+"""What goes wrong while capturing, in words: lost pairs, dark or glaring images, cameras unlike the settings."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from skelgen.capture.blobs import Balls, StereoPoints
+from skelgen.capture.frames import FramePair
+from skelgen.model.rig import StereoRig
+
+WINDOW = 30
+"""Frames with balls over which it is judged whether both images fit together: half a second."""
+
+FEWEST_BALLS = 3
+"""Balls in both images that make a frame tell anything."""
+
+LEAST_MATCHED = 0.3
+"""Part of the balls that has a partner in the other image: some by chance, nearly all if both images fit."""
+
+
+class RigWatch:
+    """Watches pair after pair, and tells each trouble once, when it begins.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The cameras of the settings.
+    """
+
+    def __init__(self, rig: StereoRig) -> None:
+        self._rig = rig
+        self._told: set[str] = set()
+        self._matched: deque[float] = deque(maxlen=WINDOW)
+        self._swapped: deque[float] = deque(maxlen=WINDOW)
+
+    def notices(self, pair: FramePair, left: Balls, right: Balls, points: StereoPoints) -> tuple[str, ...]:
+        """Return what is new."""
+        said = [f"{pair.dropped} pairs were lost before frame {pair.index}"] if pair.dropped else []
+        lasting = [
+            f"{side} image: {balls.notice}" for side, balls in (("left", left), ("right", right)) if balls.notice
+        ]
+        mismatch = self._mismatch(left, right, points)
+        if mismatch:
+            lasting.append(mismatch)
+        new = [sentence for sentence in lasting if sentence not in self._told]
+        self._told = set(lasting)
+        return (*said, *new)
+
+    def _mismatch(self, left: Balls, right: Balls, points: StereoPoints) -> str:
+        """Whether hardly any ball has a partner, and whether exchanged cameras would explain it."""
+        fewer = min(len(left), len(right))
+        if fewer >= FEWEST_BALLS:
+            self._matched.append(_share(points, fewer))
+        if len(self._matched) < WINDOW or sum(self._matched) / WINDOW >= LEAST_MATCHED:
+            self._swapped.clear()
+            return ""
+        if fewer >= FEWEST_BALLS and len(self._swapped) < WINDOW:
+            self._swapped.append(_share(self._exchanged(left, right), fewer))
+        if len(self._swapped) < WINDOW:
+            return ""
+        if sum(self._swapped) / WINDOW > 2 * LEAST_MATCHED:
+            return "hardly any ball fits both images, but they do if exchanged: the cameras are swapped"
+        return "hardly any ball fits both images: the cameras have moved, or the settings are of another rig"
+
+    def _exchanged(self, left: Balls, right: Balls) -> StereoPoints:
+        from skelgen.capture.optics.matching import match_and_triangulate  # noqa: PLC0415 - only in trouble
+
+        return match_and_triangulate(right, left, self._rig)
+
+
+def _share(points: StereoPoints, n_balls: int) -> float:
+    """Part of the balls of an image that are part of a point."""
+    return min(len(set(points.left.tolist())), len(set(points.right.tolist()))) / n_balls

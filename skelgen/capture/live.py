@@ -1,0 +1,193 @@
+"""The whole capture, pair by pair: images to balls, points, bodies and joint angles (Gaschler 2011, figure 2.1).
+
+One thread per image and one per body, where there is more than one core. What was lost on the way is counted, never
+passed over: pairs that the source dropped, numbers that are missing between two pairs.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+from time import perf_counter
+from types import TracebackType
+from typing import Self
+
+from skelgen.capture.angles import JointAngle, find_angles
+from skelgen.capture.blobs import Balls, FoundBody, StereoPoints
+from skelgen.capture.bodies import BodyFinder, BodyParameters
+from skelgen.capture.frames import FramePair, FrameSource, Image
+from skelgen.capture.health import RigWatch
+from skelgen.capture.prediction import Prediction, PredictionParameters
+from skelgen.errors import InputError
+from skelgen.model.rig import CaptureSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Captured:
+    """All that one pair of images tells.
+
+    Attributes
+    ----------
+    index : int
+        Number of the pair.
+    time : float, s
+        Of the pair.
+    dropped : int
+        Pairs lost between the pair before and this one.
+    left, right : Balls
+        Balls in both images.
+    points : StereoPoints
+        Points in space.
+    bodies : dict of str to FoundBody
+        The targets that were found, by name.
+    angles : dict of str to JointAngle
+        The joints of which both bodies were found, by name.
+    notices : tuple of str
+        What the user should know; each thing is told once, when it begins.
+    latency : float, s
+        From the pair to the angles.
+    """
+
+    index: int
+    time: float
+    dropped: int
+    left: Balls
+    right: Balls
+    points: StereoPoints
+    bodies: dict[str, FoundBody]
+    angles: dict[str, JointAngle]
+    notices: tuple[str, ...]
+    latency: float
+
+
+class PointFinder:
+    """Images to points: what calibrations need, and the first half of a capture.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        Its rig and the parameters of the detection.
+    executor : Executor, optional
+        Threads for the two images.
+    """
+
+    def __init__(self, settings: CaptureSettings, executor: Executor | None = None) -> None:
+        from skelgen.capture.detection import DetectionParameters, detect_balls  # noqa: PLC0415 - numba takes a second
+        from skelgen.capture.optics.matching import match_and_triangulate  # noqa: PLC0415
+
+        self.rig, self._executor = settings.rig, executor
+        self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
+        self._detect, self._triangulate = detect_balls, match_and_triangulate
+
+    def find(self, pair: FramePair) -> tuple[Balls, Balls, StereoPoints]:
+        """Return the balls of both images and the points that they may be.
+
+        Raises
+        ------
+        InputError
+            If an image has another size than the camera that was calibrated.
+        """
+        self._check_sizes(pair)
+        run = map if self._executor is None else self._executor.map
+        left, right = run(self._balls, (pair.left, pair.right))
+        return left, right, self._triangulate(left, right, self.rig)
+
+    def _balls(self, image: Image) -> Balls:
+        return self._detect(image, self._parameters)
+
+    def _check_sizes(self, pair: FramePair) -> None:
+        for side, image, camera in (("left", pair.left, self.rig.left), ("right", pair.right, self.rig.right)):
+            height, width = image.shape
+            if (width, height) != camera.size:
+                raise InputError(
+                    f"the {side} image of frame {pair.index} has {width} x {height} pixels, the {side} camera of the "
+                    f"settings {camera.width} x {camera.height}; these settings are of another rig, or the cameras are "
+                    "in another mode"
+                )
+
+
+class MotionCapture:
+    """Images to joint angles; a context manager, because it holds threads.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        Cameras, targets, joints, parameters of the detection.
+    bodies : BodyParameters, optional
+        Limits of the search for bodies.
+    prediction : PredictionParameters, optional
+        Predict and smooth poses; they are as found if it is left out.
+    threads : bool, optional
+        Whether each image and each body has a thread of its own; by default where there are several cores.
+
+    Raises
+    ------
+    InputError
+        If the targets are ambiguous, or a parameter of the detection is unknown.
+
+    Examples
+    --------
+    >>> with MotionCapture(settings) as capture:  # doctest: +SKIP
+    ...     for captured in capture.run(source):
+    ...         print(captured.angles["elbow"].angles)
+    """
+
+    def __init__(
+        self,
+        settings: CaptureSettings,
+        bodies: BodyParameters | None = None,
+        prediction: PredictionParameters | None = None,
+        threads: bool | None = None,
+    ) -> None:
+        wanted = (os.cpu_count() or 1) > 1 if threads is None else threads
+        n_threads = max(2, len(settings.bodies))
+        self._executor = ThreadPoolExecutor(n_threads, "capture") if wanted else None
+        self.settings = settings
+        self._points = PointFinder(settings, self._executor)
+        self._bodies = BodyFinder(settings.bodies, bodies, self._executor)
+        names = [body.name for body in settings.bodies]
+        self._prediction = None if prediction is None else Prediction(names, prediction)
+        self._watch = RigWatch(settings.rig)
+        self.n_frames = 0
+        self.n_dropped = 0
+
+    def __enter__(self) -> Self:
+        """Nothing more is opened."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the threads."""
+        if self._executor is not None:
+            self._executor.shutdown()
+
+    def run(self, source: FrameSource | Iterable[FramePair]) -> Iterator[Captured]:
+        """Yield what each pair of an open source tells, in order.
+
+        Raises
+        ------
+        SkelgenError
+            What the source raises when it breaks off, after all pairs that came before.
+        """
+        for pair in source:
+            yield self.see(pair)
+
+    def see(self, pair: FramePair) -> Captured:
+        """Return what one pair tells."""
+        start = perf_counter()
+        left, right, points = self._points.find(pair)
+        expected = None if self._prediction is None else self._prediction.expected(pair.time)
+        found = self._bodies.find(points, expected)
+        if self._prediction is not None:
+            found = self._prediction.corrected(pair.time, found)
+        bodies = {body.name: body for body in found}
+        angles = {joint.name: find_angles(joint, bodies) for joint in self.settings.joints}
+        told = {name: angle for name, angle in angles.items() if angle is not None}
+        notices = self._watch.notices(pair, left, right, points)
+        self.n_frames += 1
+        self.n_dropped += pair.dropped
+        latency = perf_counter() - start
+        return Captured(pair.index, pair.time, pair.dropped, left, right, points, bodies, told, notices, latency)

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelgen.capture.angles import angle_names, find_angles
+from skelgen.capture.blobs import FoundBody
+from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.model.rig import JointModel
+
+COVARIANCE = np.diag([0.003, 0.002, 0.001, 0.1, 0.1, 0.3]) ** 2
+
+
+def transform(seed):
+    rng = np.random.default_rng(seed)
+    return transform_from(matrix_from_vector(rng.normal(size=3)), rng.normal(size=3) * 100)
+
+
+def joint_of(kind):
+    frames = transform(1), transform(2)
+    if kind == "ball":
+        frames = tuple(transform_from(np.eye(3), frame[:3, 3]) for frame in frames)
+    return JointModel("joint", kind, "parent", "child", *frames)
+
+
+def bodies_at(joint, vector, error=None):
+    """Both bodies, the joint turned by a rotation vector; optionally with errors (turn, shift) of both."""
+    parent = transform(3)
+    turn = transform_from(matrix_from_vector(np.asarray(vector, float)), np.zeros(3))
+    child = parent @ joint.parent_from_joint @ turn @ np.linalg.inv(joint.child_from_joint)
+    errors = np.zeros((2, 6)) if error is None else error
+    poses = [
+        transform_from(matrix_from_vector(one[:3]) @ pose[:3, :3], pose[:3, 3] + one[3:])
+        for pose, one in zip((parent, child), errors, strict=True)
+    ]
+    names = ("parent", "child")
+    return {name: FoundBody(name, pose, COVARIANCE, np.arange(5), 0.0) for name, pose in zip(names, poses, strict=True)}
+
+
+@pytest.mark.parametrize("vector", [(0.3, -0.8, 1.2), (0, 0, 0), (2.9, 0.1, -0.5)])
+def test_ball_has_the_rotation_vector_of_the_child_against_the_parent(vector):
+    joint = joint_of("ball")
+    found = find_angles(joint, bodies_at(joint, vector))
+    np.testing.assert_allclose(found.angles, vector, atol=1e-9)
+    assert found.residual == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [-3.0, -0.4, 0.0, 1.5, 3.1])
+def test_hinge_has_the_angle_about_z(angle):
+    joint = joint_of("hinge")
+    found = find_angles(joint, bodies_at(joint, [0, 0, angle]))
+    np.testing.assert_allclose(found.angles, [angle], atol=1e-9)
+    assert found.residual == pytest.approx(0.0, abs=1e-9)
+
+
+def test_hinge_angle_is_the_least_squares_one():
+    joint = joint_of("hinge")
+    bodies = bodies_at(joint, [0.1, -0.05, 0.7])
+    found = find_angles(joint, bodies)
+    wanted = matrix_from_vector(np.array([0.1, -0.05, 0.7]))
+    trials = np.linspace(-0.1, 0.1, 2001) + found.angles[0]
+    turned = matrix_from_vector(trials[:, np.newaxis] * [0.0, 0.0, 1.0])
+    squares = ((turned - wanted)[:, :2, :2] ** 2).sum(axis=(1, 2))
+    assert abs(trials[squares.argmin()] - found.angles[0]) < 2e-4
+    assert found.residual > 1.0  # the tilt, 100 mm away
+
+
+def test_residual_of_a_ball_is_the_gap_of_its_centre():
+    joint = joint_of("ball")
+    error = np.zeros((2, 6))
+    error[1, 3:] = [1.0, 2.0, 2.0]
+    assert find_angles(joint, bodies_at(joint, [0.1, 0.2, 0.3], error)).residual == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(("kind", "vector"), [("ball", (0.4, -0.9, 0.3)), ("hinge", (0.0, 0.0, 0.8))])
+def test_stated_deviations_are_those_of_the_errors(kind, vector):
+    rng, joint = np.random.default_rng(0), joint_of(kind)
+    true = find_angles(joint, bodies_at(joint, vector))
+    errors = rng.multivariate_normal(np.zeros(6), COVARIANCE, (2000, 2))
+    found = np.array([find_angles(joint, bodies_at(joint, vector, error)).angles for error in errors])
+    np.testing.assert_allclose(found.std(axis=0), true.std, rtol=0.07)  # four deviations of one from 2000 draws
+
+
+def test_missing_body_gives_no_angle():
+    joint = joint_of("ball")
+    bodies = bodies_at(joint, [0, 0, 0])
+    assert find_angles(joint, {"parent": bodies["parent"]}) is None
+    assert find_angles(joint, {}) is None
+
+
+def test_names_of_angles():
+    assert angle_names(joint_of("hinge")) == ("joint",)
+    assert angle_names(joint_of("ball")) == ("joint.x", "joint.y", "joint.z")
+
+
+def test_turned_world_changes_no_angle():
+    joint, world = joint_of("ball"), transform(9)
+    bodies = bodies_at(joint, [0.3, 0.2, -0.4])
+    moved = {
+        name: FoundBody(name, world @ body.world_from_body, body.covariance, body.points, 0.0)
+        for name, body in bodies.items()
+    }
+    one, other = find_angles(joint, bodies), find_angles(joint, moved)
+    np.testing.assert_allclose(one.angles, other.angles, atol=1e-12)
+    assert np.abs(vector_from_matrix(world[:3, :3])).max() > 0.1
