@@ -18,7 +18,7 @@ import typer
 
 import skelgen
 from skelgen.app.stages import PIPELINE, Stage
-from skelgen.cli import batch_command, file_commands, stage_commands, window_command
+from skelgen.cli import batch_command, calibrate_commands, file_commands, stage_commands, window_command
 from skelgen.cli.options import generated, parameter_options, reader_options, writer_options
 from skelgen.errors import SkelgenError
 
@@ -79,7 +79,15 @@ def build_app(called: str = "") -> typer.Typer:
     app.callback()(_root)
     for name, function, options in _commands():
         app.command(name)(generated(function, options() if name == called else ()))
+    app.add_typer(_calibrate(), name="calibrate")
     return app
+
+
+def _calibrate() -> typer.Typer:
+    group = typer.Typer(help="Calibrate what the stereo capture must know beforehand.", no_args_is_help=True)
+    group.callback()(lambda: None)  # else typer takes a group of one command for that command
+    group.command("stereo")(calibrate_commands.stereo)
+    return group
 
 
 def _print_version(wanted: bool) -> None:

@@ -8,8 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from skelgen.cli.options import AsJson, FormatName, InputFile, Quiet, given
+from skelgen.cli.rig_command import RIG, evaluate_rig
 from skelgen.cli.screen import Screen
 from skelgen.cli.tables import show_evaluation, show_files, show_project, show_take
+from skelgen.errors import ParameterError
 
 OutputFile = Annotated[Path, typer.Argument(metavar="OUT", help="File to write; its suffix tells the format.")]
 OutputFormat = Annotated[
@@ -82,10 +84,20 @@ def simulate(
 
 def evaluate(
     result: ProjectFile,
-    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="The .truth.npz that `skelgen simulate` wrote.")],
+    truth: Annotated[
+        Path, typer.Argument(metavar="TRUTH", help="The .truth.npz that `skelgen simulate` wrote; or a rig's settings.")
+    ],
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Of a rig: draw the errors (SVG, PNG, PDF).", show_default=False),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare a result with the truth of its simulation."""
+    """Compare a result with the truth of its simulation; or, as `evaluate rig settings.xml`, tell a rig's errors."""
+    if str(result) == RIG:
+        return evaluate_rig(truth, plot, Screen(as_json=as_json))
+    if plot is not None:
+        raise ParameterError("--plot belongs to `skelgen evaluate rig settings.xml`")
     from skelgen.app.store import find_result, open_project
     from skelgen.evaluation import evaluate as scores_of
     from skelgen.evaluation import evaluation_tables

@@ -1,0 +1,132 @@
+"""`skelgen calibrate`: what the stereo capture must know beforehand, measured by the cameras themselves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from skelgen.cli.options import AsJson, Quiet
+from skelgen.cli.screen import Screen
+from skelgen.errors import InputError
+
+if TYPE_CHECKING:
+    from skelgen.capture.calibration.stereo import StereoCalibration
+    from skelgen.model.rig import Camera
+
+SETTINGS = Path("rig.xml")
+
+_NUMBERS = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
+
+
+def stereo(
+    images: Annotated[
+        list[Path], typer.Argument(metavar="LEFT... RIGHT...", help="All left images, then all right ones.")
+    ],
+    board: Annotated[str, typer.Option("--board", metavar="9x6", help="Inner corners of the chessboard.")] = "9x6",
+    square: Annotated[float, typer.Option("--square", metavar="MM", help="Side of a square [mm].")] = 25.0,
+    lens: Annotated[str, typer.Option("--lens", help="Lens model: auto, radial, tangential or full.")] = "auto",
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")] = SETTINGS,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate two cameras from pairs of images of a chessboard."""
+    from skelgen_formats.capture_settings import write_settings
+
+    from skelgen.capture.calibration.board import board_from_text
+    from skelgen.capture.calibration.stereo import calibrate_stereo
+    from skelgen.model.rig import CaptureSettings
+
+    screen = Screen(quiet, as_json)
+    what = board_from_text(board, square)
+    left, right = split_pairs(images)
+    with screen.watching() as monitor:
+        found = calibrate_stereo(left, right, (what.columns, what.rows), square, lens, monitor)
+    write_settings(CaptureSettings(found.rig), output)
+    screen.table("Cameras", _camera_rows(found))
+    screen.table("Pairs", _pair_rows(found))
+    for sentence in found.verdict.sentences:
+        screen.say(sentence)
+    screen.say(f"written: {output}")
+    screen.json(_mapping(found, output))
+
+
+def split_pairs(images: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """Return the left and the right images: by ``left`` and ``right`` in their names, else the first and second half.
+
+    Raises
+    ------
+    InputError
+        If one side has more images than the other.
+    """
+    left = [path for path in images if "left" in path.name.lower()]
+    right = [path for path in images if "right" in path.name.lower()]
+    if len(left) + len(right) != len(images):
+        left, right = list(images[: len(images) // 2]), list(images[len(images) // 2 :])
+    if len(left) != len(right):
+        raise InputError(
+            f"{len(left)} left and {len(right)} right images; each left one needs the right one of its moment: give "
+            "all left images, then all right ones, in one order"
+        )
+    return left, right
+
+
+def _camera_rows(found: StereoCalibration) -> list[dict[str, Any]]:
+    left, right = (
+        [_with_std(*pair) for pair in zip(_intrinsic(eye), std, strict=True)]
+        for eye, std in ((found.rig.left, found.left_std), (found.rig.right, found.right_std))
+    )
+    rows = [{"": name, "left": a, "right": b} for name, a, b in zip(_NUMBERS, left, right, strict=True)]
+    shifts = zip("xyz", found.rig.right_from_left[:3, 3], found.translation_std, strict=True)
+    rows += [{"": f"translation {axis} [mm]", "left": "", "right": _with_std(*rest)} for axis, *rest in shifts]
+    return [*rows, {"": "baseline [mm]", "left": "", "right": _with_std(found.rig.baseline, found.baseline_std)}]
+
+
+def _intrinsic(eye: Camera) -> list[float]:
+    return [*eye.matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *eye.distortion.tolist()]
+
+
+def _with_std(value: float, std: float) -> str:
+    """The value with two digits of its standard deviation; what was held has none."""
+    if std == 0:
+        return f"{value:g}"
+    digits = max(0, 1 - math.floor(math.log10(std)))
+    return f"{value:.{digits}f} ± {std:.{digits}f}"
+
+
+def _pair_rows(found: StereoCalibration) -> list[dict[str, Any]]:
+    return [
+        {
+            "pair": pair.name,
+            "left [px]": _rounded(pair.left_rms),
+            "right [px]": _rounded(pair.right_rms),
+            "left edge [px]": round(pair.left.edge, 1) if pair.left is not None else None,
+            "right edge [px]": round(pair.right.edge, 1) if pair.right is not None else None,
+            "used": "yes" if pair.is_used else "no",
+        }
+        for pair in found.pairs
+    ]
+
+
+def _rounded(value: float) -> float | None:
+    return round(value, 3) if math.isfinite(value) else None
+
+
+def _mapping(found: StereoCalibration, output: Path) -> dict[str, Any]:
+    left, right = (_intrinsic(eye) for eye in (found.rig.left, found.rig.right))
+    return {
+        "file": str(output),
+        "grade": found.verdict.grade,
+        "verdict": list(found.verdict.sentences),
+        "rms_px": found.rms,
+        "left": dict(zip(_NUMBERS, left, strict=True)),
+        "left_std": dict(zip(_NUMBERS, found.left_std.tolist(), strict=True)),
+        "right": dict(zip(_NUMBERS, right, strict=True)),
+        "right_std": dict(zip(_NUMBERS, found.right_std.tolist(), strict=True)),
+        "baseline_mm": found.rig.baseline,
+        "baseline_std_mm": found.baseline_std,
+        "pairs": _pair_rows(found),
+    }
