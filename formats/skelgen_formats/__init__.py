@@ -8,13 +8,16 @@ from skelgen_formats.csm import FORMAT as CSM
 from skelgen_formats.gltf import FORMAT as GLTF
 from skelgen_formats.joints_csv import FORMAT as JOINTS_CSV
 from skelgen_formats.mfml import FORMAT as MFML
+from skelgen_formats.mjcf import FORMAT as MJCF
 from skelgen_formats.motive import FORMAT as MOTIVE
+from skelgen_formats.opensim import FORMAT as OPENSIM
 from skelgen_formats.poses_csv import FORMAT as POSES_CSV
 from skelgen_formats.qualisys import FORMAT as QUALISYS
 from skelgen_formats.registry import Format
 from skelgen_formats.seed_xml import FORMAT as SEED_XML
 from skelgen_formats.summary_json import FORMAT as SUMMARY_JSON
 from skelgen_formats.trc import FORMAT as TRC
+from skelgen_formats.urdf import FORMAT as URDF
 from skelgen_formats.usd import FORMAT as USD
 
 FORMATS: tuple[Format, ...] = (
@@ -28,6 +31,9 @@ FORMATS: tuple[Format, ...] = (
     POSES_CSV,
     SEED_XML,
     CAL3D,
+    OPENSIM,
+    URDF,
+    MJCF,
     BVH,
     GLTF,
     USD,

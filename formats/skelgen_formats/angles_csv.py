@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from skelgen.files import replacing
 from skelgen.model import Project, Take
 from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.csv_rows import write_csv
 from skelgen_formats.finished import finished_project
 from skelgen_formats.joints_csv import joint_names
 from skelgen_formats.registry import Format
@@ -42,9 +42,7 @@ def write_angles_csv(value: Project | Take, path: Path, monitor: Monitor = SILEN
     for name, joint in zip(joint_names(project.skeleton), project.skeleton.joints, strict=True):
         header += [f"{name}_{angle}{what}_deg" for angle in angle_names(joint) for what in ("", "_std")]
     rows = told(_rows(project), project.motion.n_frames, monitor)
-    with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
-        stream.write(",".join(header) + "\n")
-        stream.writelines(rows)
+    write_csv(path, header, rows)
     return [path]
 
 

@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.csv_rows import write_csv
 from skelgen_formats.finished import finished_project
 from skelgen_formats.markers import MM_PER_UNIT
 from skelgen_formats.registry import Format
@@ -40,9 +40,7 @@ def write_joints_csv(value: Project | Take, path: Path, unit: str = "mm", monito
     project = finished_project(value, _TITLE)
     header = ["frame", "time_s", *(f"{name}_{axis}_{unit}" for name in joint_names(project.skeleton) for axis in "xyz")]
     rows = told(_rows(project, unit), project.motion.n_frames, monitor)
-    with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
-        stream.write(",".join(header) + "\n")
-        stream.writelines(rows)
+    write_csv(path, header, rows)
     return [path]
 
 

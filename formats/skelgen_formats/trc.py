@@ -57,6 +57,7 @@ _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
 _LEADING_CELLS = 2  # frame number and time
 _FIRST_LINE = "PathFileType"
+_LAST_UNSEEN = " "  # OpenSim drops cells at the end of a line that hold nothing at all, and misses them
 _KEYS = (
     *("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units"),
     *("OrigDataRate", "OrigDataStartFrame", "OrigNumFrames"),
@@ -113,6 +114,7 @@ def write_trc(
         frames = told(zip(take.times.tolist(), take.positions * per_mm(unit), strict=True), take.n_frames, monitor)
         for number, (time, row) in enumerate(frames, start=1):
             cells = ["" if x != x else repr(x) for x in row.ravel().tolist()]  # noqa: PLR0124 - NaN differs from itself
+            cells[-1:] = [cells[-1] or _LAST_UNSEEN] if cells else []
             stream.write(f"{number}\t{time!r}\t" + "\t".join(cells) + "\n")
     return [path, *write_table(markers, path)]
 

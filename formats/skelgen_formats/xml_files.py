@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, indent, tostring
 
 from skelgen.errors import FormatError, WriteError
 from skelgen.files import replacing
@@ -64,6 +65,17 @@ def write_lines(path: Path, lines: Iterable[str]) -> None:
         raise WriteError(f"{path}: a value holds the character {found[0]!r}, which XML forbids")
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def number_text(numbers: Iterable[float]) -> str:
+    """Return numbers with all their digits, blanks between."""
+    return " ".join(repr(float(number)) for number in numbers)
+
+
+def write_tree(path: Path, root: Element) -> None:
+    """Write an element with all it holds as an indented document; see `write_lines`."""
+    indent(root)
+    write_lines(path, tostring(root, encoding="unicode").split("\n"))
 
 
 def closest_first(name: object, known: Sequence[str]) -> list[str]:

@@ -9,7 +9,20 @@ import numpy as np
 import pytest
 from skelgen_formats.registry import find_format, read_take, write_file
 
-from skelgen.model import PointCloud, Poses, Trajectories
+from skelgen.geometry.rotations import matrix_from_vector, transform_from
+from skelgen.model import (
+    Joint,
+    Limbs,
+    Motion,
+    PointCloud,
+    Poses,
+    Project,
+    Skeleton,
+    StageReport,
+    Topology,
+    Trajectories,
+)
+from skelgen.model.topology import outward_order
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "data"
 
@@ -144,3 +157,65 @@ def valid_file(
         return path
 
     return make
+
+
+JOINTED_PARENTS = np.array([1, -1, 1, 2, 2, -1, 5, 5, 3])
+JOINTED_KINDS = {0: "hinge", 2: "ball", 3: "universal", 4: "rigid", 6: "undetermined", 7: "hinge", 8: "ball"}
+
+
+@pytest.fixture(scope="session")
+def jointed_project() -> Project:
+    """Two trees of nine limbs with every kind of joint, which the motion keeps to exactly; 40 frames at 50 Hz.
+
+    Four markers per limb without noise, the first unseen every seventh frame; the last is on no limb and unseen in the
+    last frame. Names hold blanks and slashes.
+    """
+    rng = np.random.default_rng(0)
+    n_limbs, n_frames, rate = len(JOINTED_PARENTS), 40, 50.0
+    offsets = rng.normal(size=(n_limbs, 3)) * 200
+    time = np.linspace(0, 2 * np.pi, n_frames)[:, np.newaxis]
+
+    def waves(size: float, n: int) -> np.ndarray:
+        parts = (np.sin(k * time + rng.uniform(0, 6, n)) * rng.uniform(-1, 1, n) for k in (1, 2))
+        return sum(parts) * size / 2
+
+    poses, reference = np.tile(np.eye(4), (n_frames, n_limbs, 1, 1)), np.tile(np.eye(4), (n_limbs, 1, 1))
+    joints = []
+    for limb in outward_order(JOINTED_PARENTS).tolist():
+        parent = int(JOINTED_PARENTS[limb])
+        if parent < 0:
+            reference[limb, :3, 3] = offsets[limb] + [0, 0, 900]
+            place = reference[limb, :3, 3] + waves(300, 3)
+            poses[:, limb] = transform_from(matrix_from_vector(waves(0.8, 3)), place)
+            continue
+        first, second = (axis / np.linalg.norm(axis) for axis in rng.normal(size=(2, 3)))
+        kind = JOINTED_KINDS[limb]
+        axes = {"rigid": [], "hinge": [first], "universal": [first, second]}.get(kind)
+        turn = matrix_from_vector(waves(0.8, 3)) if axes is None else np.tile(np.eye(3), (n_frames, 1, 1))
+        for axis in axes or []:
+            turn = turn @ matrix_from_vector(waves(0.8, 1) * axis)
+        poses[:, limb] = poses[:, parent] @ transform_from(turn, np.tile(offsets[limb], (n_frames, 1)))
+        reference[limb, :3, 3] = reference[parent, :3, 3] + offsets[limb]
+        axis, other = (first if axes else None), (second if kind == "universal" else None)
+        joints.append(Joint(parent, limb, offsets[limb], np.zeros(3), kind, axis, np.full(3, 0.1), other))
+    limb_of_marker = np.append(np.repeat(np.arange(n_limbs), 4), -1)
+    places = rng.normal(size=(len(limb_of_marker), 3)) * 90
+    places[-1] = np.nan
+    on = poses[:, limb_of_marker]
+    markers = (on[..., :3, :3] @ places[:, :, np.newaxis])[..., 0] + on[..., :3, 3]
+    measured = markers.copy()
+    measured[:, -1] = rng.normal(size=(n_frames, 3)) * 1000
+    measured[::7, 0] = measured[-1, -1] = np.nan
+    names = tuple(f"M {index}/a" if index % 5 == 0 else f"M{index}" for index in range(len(limb_of_marker)))
+    take, report = Trajectories(measured, names, rate, "jointed"), StageReport({}, 0.0, ())
+    spread = np.full(len(limb_of_marker), 0.1)
+    skeleton = Skeleton(JOINTED_PARENTS, tuple(joints), limb_of_marker, places, spread, reference)
+    seen = np.ones((n_frames, n_limbs), dtype=bool)
+    at = poses[:, [joint.child for joint in joints]][..., :3, 3]
+    motion = Motion(poses, at, markers, np.linalg.norm(measured - markers, axis=2), seen, rate)
+    topology = Topology(
+        JOINTED_PARENTS, np.zeros((n_limbs, n_limbs)), at, np.arange(len(joints)), np.zeros(len(joints)), 0.01
+    )
+    project = Project(take).with_trajectories(take, report)
+    project = project.with_limbs(Limbs(limb_of_marker, np.zeros((len(names), len(names)))), report)
+    return project.with_topology(topology, report).with_skeleton(skeleton, motion, report)

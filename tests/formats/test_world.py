@@ -22,7 +22,7 @@ def offering(name):
 
 
 def test_every_format_with_positions_for_other_programs_offers_axes():
-    markers, skeletons = {"c3d", "trc", "csm"}, {"seed-xml", "cal3d", "bvh", "gltf", "usd"}
+    markers, skeletons = {"c3d", "trc", "csm"}, {"seed-xml", "cal3d", "bvh", "gltf", "usd", "opensim", "urdf", "mjcf"}
     assert set(offering("axes")) == markers | skeletons | {"joints-csv", "poses-csv"}
 
 

@@ -1,0 +1,265 @@
+"""A skeleton as bodies that turn about axes one after the other, which is how programs for robots and muscles pose it.
+
+A joint is written as its kind only if the motion keeps to it. The fit lets joints that wobble turn freely, however
+clearly they are hinges; as hinges they would lose centimetres of the motion, so they become balls unless the user wants
+the kinds.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skelgen.errors import WriteError
+from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
+from skelgen.geometry.xyz_angles import gimbal_distance, xyz_angles
+from skelgen.model import Joint, Motion, Project, Take
+from skelgen.model.arrays import Floats
+from skelgen.model.filled import Filled
+from skelgen_formats.bones import parent_from_child
+from skelgen_formats.finished import finished_project
+from skelgen_formats.joints_csv import joint_names
+from skelgen_formats.registry import Option
+
+AS_MOVED, AS_FOUND = "as-moved", "as-found"
+JOINTS = Option(
+    "joints",
+    AS_MOVED,
+    "Joints that the motion does not hold to their kinds: free as they moved, or of the kinds found, poses changed.",
+    (AS_MOVED, AS_FOUND),
+    reading=False,
+)
+"""The option of every writer that poses a skeleton by angles."""
+
+M_PER_MM = 1e-3
+"""These formats are in metres."""
+
+_HELD = np.deg2rad(0.1)  # frames between recorded ones leave a universal joint by less; joints that wobble by more
+_NEAR_GIMBAL = np.deg2rad(10.0)  # there, angles change six times as fast as the rotation
+_SHORTEST_BONE = 1.0  # mm; what is shorter has no direction that anyone could see
+_MOVED = 1e-3  # mm; less is the rounding of poses that are kept
+_ANGLE_NAMES = {"hinge": ("turn",), "universal": ("first", "second"), "rigid": ()}
+_NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.-]")
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A limb with the joint above it.
+
+    Attributes
+    ----------
+    limb, parent : int
+        Limb indices; a parent of -1 is the world.
+    joint : str
+        Name of the joint, such as ``limb0-limb1``; that of a root is ``world-limb0``.
+    kind : str
+        ``free`` for a root, else ``ball``, ``universal``, ``hinge`` or ``rigid``.
+    place : ndarray, shape (3,), mm
+        The joint in the parent's frame, where the limb's own frame begins; of a root, its place in the reference pose.
+    axes : ndarray, shape (n_angles, 3)
+        Unit vectors in the limb's frame: each is turned by the turns before it.
+    angles : ndarray, shape (n_frames, n_angles), rad
+        Right-handed, 0 in the reference pose, without jumps of a full turn.
+    translations : ndarray, shape (n_frames, 3), mm
+        Of the limb's frame in the parent's; `place` in every frame but for roots.
+    rotations : ndarray, shape (n_frames, 3, 3)
+        Of the limb against its parent.
+    """
+
+    limb: int
+    parent: int
+    joint: str
+    kind: str
+    place: Floats
+    axes: Floats
+    angles: Floats
+    translations: Floats
+    rotations: Floats
+
+    @property
+    def name(self) -> str:
+        """Name of the limb, such as ``limb1``."""
+        return f"limb{self.limb}"
+
+    @property
+    def parent_name(self) -> str:
+        """Name of the limb above, or ``world``."""
+        return f"limb{self.parent}" if self.parent >= 0 else "world"
+
+    @property
+    def angle_names(self) -> tuple[str, ...]:
+        """Name of each angle: of the joint, and ``turn``, ``first``, ``second``, or ``rx``, ``ry``, ``rz``."""
+        return tuple(f"{self.joint}_{name}" for name in _ANGLE_NAMES.get(self.kind, ("rx", "ry", "rz")))
+
+
+def articulated_project(value: Project | Take | Filled, title: str) -> Project:
+    """Return a finished project with at least one limb and one frame; parameters and errors as `finished_project`."""
+    project = finished_project(value, title)
+    if project.skeleton.n_limbs == 0 or project.motion.n_frames == 0:
+        raise WriteError(f"{title} needs at least one limb and one frame")
+    return project
+
+
+def links_of(project: Project, joints: str) -> tuple[Link, ...]:
+    """Return all limbs from the roots outward.
+
+    Parameters
+    ----------
+    project : Project
+        From `articulated_project`.
+    joints : str
+        A choice of `JOINTS`.
+    """
+    skeleton, motion = project.skeleton, project.motion
+    names = dict(zip((joint.child for joint in skeleton.joints), joint_names(skeleton), strict=True))
+    above = {joint.child: joint for joint in skeleton.joints}
+    return tuple(
+        _link(above[limb], names[limb], motion, joints) if limb in above else _root(project, limb)
+        for limb in skeleton.outward.tolist()
+    )
+
+
+def posed(links: Sequence[Link]) -> Floats:
+    """Return where a reader of the links puts the limbs: world_from_limb [mm], shape (n_frames, n_limbs, 4, 4)."""
+    poses = np.tile(np.eye(4), (len(links[0].angles), len(links), 1, 1))
+    for link in links:
+        own = transform_from(_turned(link.axes, link.angles), link.translations)
+        poses[:, link.limb] = own if link.parent < 0 else poses[:, link.parent] @ own
+    return poses
+
+
+def markers_on(project: Project, limb: int) -> list[tuple[int, Floats]]:
+    """Return the markers of a limb: index, and place in its frame [mm]."""
+    skeleton = project.skeleton
+    return [(marker, skeleton.marker_offsets[marker]) for marker in skeleton.markers_of(limb).tolist()]
+
+
+def bones_of(project: Project, link: Link) -> list[Floats]:
+    """Return where the bones of a limb end, in its frame [mm]: at its children's joints, or amid its markers."""
+    skeleton = project.skeleton
+    ends = [joint.position_in_parent for joint in skeleton.joints if joint.parent == link.limb]
+    if not ends and len(skeleton.markers_of(link.limb)):
+        ends = [skeleton.marker_offsets[skeleton.markers_of(link.limb)].mean(axis=0)]
+    return [end for end in ends if np.linalg.norm(end) > _SHORTEST_BONE]
+
+
+def frame_along(direction: Floats) -> Floats:
+    """Return the rotation, shape (3, 3), by the smallest angle that turns z to a direction of any length but zero."""
+    turn = np.cross([0.0, 0.0, 1.0], direction)
+    sine = float(np.linalg.norm(turn))
+    about = turn / sine if sine > 0 else np.array([1.0, 0.0, 0.0])
+    return matrix_from_vector(about * np.arctan2(sine, direction[2]))
+
+
+def plain_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names with nothing but letters, digits, ``_``, ``.`` and ``-``, still distinct."""
+    plain = [_NOT_PLAIN.sub("_", name) for name in names]
+    counts = Counter(plain)
+    taken = {name for name, count in counts.items() if count == 1}
+    distinct = []
+    for number, name in enumerate(plain):
+        new = name if counts[name] == 1 else f"{name}_{number}"
+        while counts[name] > 1 and new in taken:
+            new += "_"
+        taken.add(new)
+        distinct.append(new)
+    return tuple(distinct)
+
+
+def remarks_on_joints(project: Project, options: Mapping[str, Any], *, by_three_angles: bool) -> tuple[str, ...]:
+    """Say what becomes of joints that wobble, of rings, and of balls where three angles do not tell a turn apart.
+
+    Parameters
+    ----------
+    project : Project
+        What will be written.
+    options : mapping of str to value
+        With or without `JOINTS`.
+    by_three_angles : bool
+        Whether the format turns balls by three angles.
+    """
+    wish = options.get(JOINTS.name, JOINTS.default)
+    links = links_of(project, wish)
+    said = [*_on_wobble(project, links, wish)]
+    if project.skeleton.loops:
+        said.append("Joints that close rings are left out; the motion keeps the rings closed all the same.")
+    near = [link.joint for link in links if link.kind in {"ball", "free"} and _is_near_gimbal(link)]
+    if by_three_angles and near:
+        said.append(f"Near the gimbal position, where poses are right but angles turn fast, come {', '.join(near)}.")
+    return tuple(said)
+
+
+def _root(project: Project, limb: int) -> Link:
+    poses = project.motion.world_from_limb[:, limb]
+    place = project.skeleton.reference_pose[limb, :3, 3]
+    rotations = poses[:, :3, :3]
+    return Link(
+        limb, -1, f"world-limb{limb}", "free", place, np.eye(3), xyz_angles(rotations), poses[:, :3, 3], rotations
+    )
+
+
+def _link(joint: Joint, name: str, motion: Motion, wish: str) -> Link:
+    world = motion.world_from_limb
+    _, rotations = parent_from_child(world[:, joint.parent], world[:, joint.child])
+    kind, axes, angles = _by_kind(joint, rotations)
+    if wish == AS_MOVED and _departure(axes, angles, rotations) > _HELD:
+        kind, axes, angles = "ball", np.eye(3), xyz_angles(rotations)
+    place = joint.position_in_parent
+    translations = np.broadcast_to(place, (len(world), 3))
+    return Link(joint.child, joint.parent, name, kind, place, axes, angles, translations, _turned(axes, angles))
+
+
+def _by_kind(joint: Joint, rotations: Floats) -> tuple[str, Floats, Floats]:
+    from skelgen.kinematics.angles import angle_names, joint_angles  # noqa: PLC0415 - scipy is slow to load
+
+    if len(angle_names(joint)) == 3:  # also a kind without its axes
+        return "ball", np.eye(3), xyz_angles(rotations)
+    axes = [axis for axis in (joint.axis, joint.second_axis) if axis is not None]
+    angles = np.unwrap(joint_angles(joint, rotations), axis=0)
+    return joint.kind, np.array(axes[: angles.shape[1]]).reshape(-1, 3), angles
+
+
+def _turned(axes: Floats, angles: Floats) -> Floats:
+    """Turns about axes one after the other, shape (n_frames, 3, 3)."""
+    rotations = np.tile(np.eye(3), (len(angles), 1, 1))
+    for axis, angle in zip(axes, angles.T, strict=True):
+        rotations = rotations @ matrix_from_vector(angle[:, np.newaxis] * axis)
+    return rotations
+
+
+def _departure(axes: Floats, angles: Floats, rotations: Floats) -> float:
+    """Largest angle [rad] between rotations and what a joint makes of them."""
+    apart = vector_from_matrix(_turned(axes, angles).swapaxes(1, 2) @ rotations)
+    return float(np.linalg.norm(apart, axis=1).max())
+
+
+def _on_wobble(project: Project, links: Sequence[Link], wish: str) -> list[str]:
+    if wish == AS_FOUND:
+        moved = _moved_markers(project, links)
+        return [f"Joints kept to their kinds move markers by up to {moved:.2g} mm."] if moved > _MOVED else []
+    found = {joint.child: joint.kind for joint in project.skeleton.joints}
+    freed = [link.joint for link in links if link.kind == "ball" and found[link.limb] not in {"ball", "undetermined"}]
+    if not freed:
+        return []
+    return [
+        f"These joints wobble and are written as balls, so that the motion stays as it is: {', '.join(freed)}; with"
+        f" {JOINTS.name}={AS_FOUND} they are of the kinds found."
+    ]
+
+
+def _moved_markers(project: Project, links: Sequence[Link]) -> float:
+    """How far [mm] the farthest marker comes to lie from where the motion has it."""
+    skeleton = project.skeleton
+    used = np.flatnonzero(skeleton.limb_of_marker >= 0)
+    poses = posed(links)[:, skeleton.limb_of_marker[used]]
+    places = (poses[..., :3, :3] @ skeleton.marker_offsets[used, :, np.newaxis])[..., 0] + poses[..., :3, 3]
+    return float(np.linalg.norm(places - project.motion.marker_positions[:, used], axis=2).max(initial=0.0))
+
+
+def _is_near_gimbal(link: Link) -> bool:
+    return bool((gimbal_distance(link.angles) < _NEAR_GIMBAL).any())

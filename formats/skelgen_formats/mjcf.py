@@ -1,0 +1,146 @@
+"""MJCF, the models of MuJoCo (.mjcf.xml), and their motion (.qpos.csv): metres and radians.
+
+One body per limb, nested; hinges and balls as MuJoCo has them, two hinges in one body for a universal joint, a free
+joint for each root, none for a rigid one. The columns of the motion are MuJoCo's ``qpos`` in its order: quaternions are
+w x y z of the limb against its parent. The keyframe ``start`` is the first frame. Markers are sites.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from skelgen.files import arriving_together
+from skelgen.geometry.rotations import quaternion_from_matrix
+from skelgen.model import Project, Take
+from skelgen.model.arrays import Bools, Floats
+from skelgen.progress import SILENT, Monitor
+from skelgen_formats.articulated import (
+    JOINTS,
+    M_PER_MM,
+    Link,
+    articulated_project,
+    bones_of,
+    links_of,
+    markers_on,
+    remarks_on_joints,
+)
+from skelgen_formats.csv_rows import write_motion
+from skelgen_formats.registry import Format
+from skelgen_formats.world import AXES, RATE
+from skelgen_formats.xml_files import number_text, write_tree
+
+MODEL_SUFFIX, MOTION_SUFFIX = ".mjcf.xml", ".qpos.csv"
+
+_TITLE = "MJCF"
+_BONE_RADIUS_M, _SITE_RADIUS_M = "0.01", "0.005"
+
+
+def write_mjcf(
+    value: Project | Take, path: Path, joints: str = JOINTS.default, monitor: Monitor = SILENT
+) -> list[Path]:
+    """Write the model, and a table with the coordinates of every frame.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project or has no frames, or a file cannot be written.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    project = articulated_project(value, _TITLE)
+    links = {link.name: link for link in links_of(project, joints)}
+    with arriving_together(path.parent) as folder:
+        model, motion = _files(folder / path.name)
+        document = Element("mujoco", model=model.name.removesuffix(MODEL_SUFFIX))
+        order = [links[name] for name in _add_bodies(document, project, links)]
+        qpos = np.concatenate([_coordinates(link) for link in order], axis=1)
+        SubElement(SubElement(document, "keyframe"), "key", name="start", qpos=number_text(qpos[0]))
+        write_tree(model, document)
+        write_motion(motion, [name for link in order for name in _columns(link)], project.motion.times, qpos)
+    return list(_files(path))
+
+
+def _files(path: Path) -> tuple[Path, Path]:
+    stem = path.name.removesuffix(MODEL_SUFFIX) if path.name.endswith(MODEL_SUFFIX) else path.stem
+    return path.with_name(stem + MODEL_SUFFIX), path.with_name(stem + MOTION_SUFFIX)
+
+
+def _add_bodies(document: Element, project: Project, links: Mapping[str, Link]) -> list[str]:
+    """Add the bodies, and return their names in MuJoCo's order: as they stand in the file."""
+    SubElement(document, "compiler", angle="radian")
+    default = SubElement(document, "default")
+    SubElement(default, "geom", type="capsule", size=_BONE_RADIUS_M, contype="0", conaffinity="0")
+    SubElement(default, "site", size=_SITE_RADIUS_M)
+    elements = {"world": SubElement(document, "worldbody")}
+    for name, link in links.items():
+        elements[name] = body = SubElement(elements[link.parent_name], "body", name=name)
+        body.set("pos", number_text(link.place * M_PER_MM))
+        _add_joints(body, link)
+        _add_bones(body, bones_of(project, link))
+        for marker, place in markers_on(project, link.limb):
+            SubElement(body, "site", name=project.trajectories.names[marker], pos=number_text(place * M_PER_MM))
+    return [str(body.get("name")) for body in elements["world"].iter("body")]
+
+
+def _add_joints(body: Element, link: Link) -> None:
+    if link.kind == "free":
+        SubElement(body, "freejoint", name=link.joint)
+    elif link.kind == "ball":
+        SubElement(body, "joint", name=link.joint, type="ball")
+    else:
+        for name, axis in zip(link.angle_names, link.axes, strict=True):
+            SubElement(body, "joint", name=name, type="hinge", axis=number_text(axis))
+
+
+def _add_bones(body: Element, ends: Sequence[Floats]) -> None:
+    """Add what is seen of the limb; it also gives the mass without which MuJoCo refuses what moves."""
+    for end in ends:
+        SubElement(body, "geom", fromto=number_text([0.0, 0.0, 0.0, *(end * M_PER_MM)]))
+    if not ends:
+        SubElement(body, "geom", type="sphere")
+
+
+def _columns(link: Link) -> list[str]:
+    quaternion = [f"{link.joint}_q{letter}" for letter in "wxyz"]
+    if link.kind == "free":
+        return [*(f"{link.joint}_{letter}_m" for letter in "xyz"), *quaternion]
+    return quaternion if link.kind == "ball" else [f"{name}_rad" for name in link.angle_names]
+
+
+def _coordinates(link: Link) -> Floats:
+    """Values of ``qpos`` for one limb, shape (n_frames, n_columns)."""
+    if link.kind not in {"free", "ball"}:
+        return link.angles
+    quaternions = quaternion_from_matrix(link.rotations)
+    turned_back: Bools = np.cumsum((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0) % 2 == 1
+    quaternions[1:][turned_back] *= -1  # q and -q are one rotation: no jumps, so that frames can be interpolated
+    if link.kind == "ball":
+        return quaternions
+    return np.concatenate([link.translations * M_PER_MM, quaternions], axis=1)
+
+
+def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        "Masses are those of thin capsules, nothing of them was measured; the deviations of angles are not written.",
+        *remarks_on_joints(project, options, by_three_angles=False),
+    )
+
+
+FORMAT = Format(
+    name="mjcf",
+    title="MJCF model of MuJoCo and its motion",
+    suffixes=(MODEL_SUFFIX, ".mjcf"),
+    holds="skeleton",
+    write=write_mjcf,
+    check=lambda value, options: articulated_project(value, _TITLE),
+    files=lambda path, options: _files(path),
+    keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),
+    remarks=_remarks,
+    options=(AXES, RATE, JOINTS),
+    note="Two files are written, .mjcf.xml and .qpos.csv with MuJoCo's coordinates in every frame; in m and rad.",
+)

@@ -1,0 +1,228 @@
+"""OpenSim 4: a model (.osim), its motion (.mot), the measured markers (.trc) and a setup (.ik.xml).
+
+The setup tells OpenSim's inverse kinematics how much each marker counts: as much as it did in the fit, which gives the
+angles of the motion back. One body per limb. A hinge is a PinJoint about the z axis of its frames; a universal joint is
+a CustomJoint with two rotations, because UniversalJoint demands axes at right angles; balls and roots turn by three
+angles about x, y and z of the body. The files are in metres, degrees (.mot) and radians (.osim); the markers stay in
+mm, as .trc says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from skelgen.files import arriving_together
+from skelgen.geometry.xyz_angles import xyz_angles
+from skelgen.model import Project, Take
+from skelgen.model.arrays import Floats
+from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.articulated import (
+    JOINTS,
+    M_PER_MM,
+    Link,
+    articulated_project,
+    frame_along,
+    links_of,
+    markers_on,
+    plain_names,
+    remarks_on_joints,
+)
+from skelgen_formats.registry import Format
+from skelgen_formats.trc import write_trc
+from skelgen_formats.world import AXES, RATE
+from skelgen_formats.xml_files import number_text, write_tree
+
+SUFFIXES = (".osim", ".mot", ".trc", ".ik.xml")
+"""Of model, motion, markers and setup."""
+
+_TITLE = "OpenSim"
+_VERSION = "40000"  # of the first files with sockets and frames
+_GRAVITY = (0.0, -9.80665, 0.0)  # OpenSim has y up
+_MASS_KG, _INERTIA_KG_M2 = "1", "0.01 0.01 0.01 0 0 0"  # nothing was measured; zero would stop every dynamic tool
+_ACCURACY = "1e-9"  # of its search; OpenSim's own 1e-5 leaves tenths of a degree
+_JOINT_TYPES = {
+    "free": "FreeJoint",
+    "ball": "BallJoint",
+    "universal": "CustomJoint",
+    "hinge": "PinJoint",
+    "rigid": "WeldJoint",
+}
+
+
+def write_opensim(
+    value: Project | Take, path: Path, joints: str = JOINTS.default, monitor: Monitor = SILENT
+) -> list[Path]:
+    """Write model, motion, markers and setup beside each other, whichever of the first two `path` names.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project or has no frames, or a file cannot be written.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    project = articulated_project(value, _TITLE)
+    links = links_of(project, joints)
+    named = replace(project.trajectories, names=plain_names(project.trajectories.names))
+    with arriving_together(path.parent) as folder:
+        model, motion, markers, setup = files = _files(folder / path.name)
+        write_tree(model, _document(project, links, named.names, path.stem))
+        write_tree(setup, _setup(project, named.names, files))
+        with motion.open("w", encoding="ascii", newline="\n") as stream:
+            stream.writelines(_motion(project, links, path.stem, monitor))
+        write_trc(named, markers)
+    return list(_files(path))
+
+
+def _files(path: Path) -> tuple[Path, ...]:
+    return tuple(path.with_suffix(suffix) for suffix in SUFFIXES)
+
+
+def _document(project: Project, links: Sequence[Link], marker_names: Sequence[str], name: str) -> Element:
+    document = Element("OpenSimDocument", Version=_VERSION)
+    model = SubElement(document, "Model", name=plain_names([name])[0])
+    _add(model, "gravity", number_text(_GRAVITY))
+    _add(model, "length_units", "meters")
+    _add(model, "force_units", "N")
+    bodies, joints, markers = (_objects(model, which) for which in ("BodySet", "JointSet", "MarkerSet"))
+    for link in links:
+        _add_body(bodies, link)
+        _add_joint(joints, link)
+        for marker, place in markers_on(project, link.limb):
+            element = SubElement(markers, "Marker", name=marker_names[marker])
+            _add(element, "socket_parent_frame", f"/bodyset/{link.name}")
+            _add(element, "location", number_text(place * M_PER_MM))
+            _add(element, "fixed", "true")
+    return document
+
+
+def _objects(model: Element, which: str) -> Element:
+    return SubElement(SubElement(model, which, name=which.lower()), "objects")
+
+
+def _add_body(bodies: Element, link: Link) -> None:
+    body = SubElement(bodies, "Body", name=link.name)
+    _add(body, "mass", _MASS_KG)
+    _add(body, "mass_center", "0 0 0")
+    _add(body, "inertia", _INERTIA_KG_M2)
+
+
+def _add_joint(joints: Element, link: Link) -> None:
+    element = SubElement(joints, _JOINT_TYPES[link.kind], name=link.joint)
+    frames = (f"{link.parent_name}_offset", f"{link.name}_offset")
+    _add(element, "socket_parent_frame", frames[0])
+    _add(element, "socket_child_frame", frames[1])
+    coordinates = SubElement(element, "coordinates")
+    for name, at_rest in zip(_coordinate_names(link), _values_at_rest(link), strict=True):
+        _add(SubElement(coordinates, "Coordinate", name=name), "default_value", repr(at_rest))
+    owned = SubElement(element, "frames")
+    orientation = xyz_angles(frame_along(link.axes[0])[np.newaxis])[0] if link.kind == "hinge" else np.zeros(3)
+    place = np.zeros(3) if link.kind == "free" else link.place
+    _add_frame(owned, frames[0], f"/bodyset/{link.parent_name}" if link.parent >= 0 else "/ground", place, orientation)
+    _add_frame(owned, frames[1], f"/bodyset/{link.name}", np.zeros(3), orientation)
+    if link.kind == "universal":
+        _add_two_rotations(element, link)
+
+
+def _add_frame(frames: Element, name: str, parent: str, place: Floats, orientation: Floats) -> None:
+    frame = SubElement(frames, "PhysicalOffsetFrame", name=name)
+    _add(frame, "socket_parent", parent)
+    _add(frame, "translation", number_text(place * M_PER_MM))
+    _add(frame, "orientation", number_text(orientation))
+
+
+def _add_two_rotations(joint: Element, link: Link) -> None:
+    """Add the motion of a CustomJoint: two turns, and four freedoms that stay at 0 about and along axes of any kind."""
+    third = np.cross(*link.axes)
+    rotations = (*link.axes, third / np.linalg.norm(third))
+    transform = SubElement(joint, "SpatialTransform")
+    moved = [*link.angle_names, *[""] * 4]
+    kinds = [f"{kind}{number}" for kind in ("rotation", "translation") for number in (1, 2, 3)]
+    for kind, axis, coordinate in zip(kinds, (*rotations, *np.eye(3)), moved, strict=True):
+        element = SubElement(transform, "TransformAxis", name=kind)
+        _add(element, "coordinates", coordinate)
+        _add(element, "axis", number_text(axis))
+        if coordinate:
+            _add(SubElement(element, "LinearFunction", name="function"), "coefficients", "1 0")
+        else:
+            _add(SubElement(element, "Constant", name="function"), "value", "0")
+
+
+def _setup(project: Project, marker_names: Sequence[str], files: Sequence[Path]) -> Element:
+    """Return a setup of OpenSim's inverse kinematics, in which markers count by the inverse of their variances."""
+    from skelgen.kinematics.known_tree import noise_of_markers  # noqa: PLC0415 - scipy is slow to load
+
+    model, motion, markers, _ = files
+    document = Element("OpenSimDocument", Version=_VERSION)
+    tool = SubElement(document, "InverseKinematicsTool", name=motion.stem)
+    _add(tool, "model_file", model.name)
+    _add(tool, "marker_file", markers.name)
+    _add(tool, "time_range", number_text((0.0, project.motion.times[-1])))
+    _add(tool, "output_motion_file", f"{motion.stem}.ik.mot")
+    _add(tool, "accuracy", _ACCURACY)
+    tasks = _objects(tool, "IKTaskSet")
+    used = np.flatnonzero(project.skeleton.limb_of_marker >= 0)
+    noise = noise_of_markers(project.skeleton, None)[used]
+    weights = (noise.min() / noise) ** 2 if len(noise) and noise.min() > 0 else np.ones(len(used))
+    for marker, weight in zip(used.tolist(), weights.tolist(), strict=True):
+        task = SubElement(tasks, "IKMarkerTask", name=marker_names[marker])
+        _add(task, "apply", "true")
+        _add(task, "weight", repr(weight))
+    return document
+
+
+def _coordinate_names(link: Link) -> tuple[str, ...]:
+    translations = tuple(f"{link.joint}_{name}" for name in ("tx", "ty", "tz")) if link.kind == "free" else ()
+    return (*link.angle_names, *translations)
+
+
+def _values_at_rest(link: Link) -> list[float]:
+    return [0.0] * len(link.axes) + ((link.place * M_PER_MM).tolist() if link.kind == "free" else [])
+
+
+def _motion(project: Project, links: Sequence[Link], name: str, monitor: Monitor) -> Iterator[str]:
+    columns = [np.rad2deg(link.angles) for link in links]
+    for index, link in enumerate(links):
+        if link.kind == "free":
+            columns[index] = np.concatenate([columns[index], link.translations * M_PER_MM], axis=1)
+    names = [name for link in links for name in _coordinate_names(link)]
+    yield f"{name}\nversion=1\nnRows={project.motion.n_frames}\nnColumns={len(names) + 1}\ninDegrees=yes\nendheader\n"
+    yield "\t".join(["time", *names]) + "\n"
+    rows = zip(project.motion.times.tolist(), np.concatenate(columns, axis=1).tolist(), strict=True)
+    for time, values in told(rows, project.motion.n_frames, monitor):
+        yield "\t".join(repr(value) for value in (time, *values)) + "\n"
+
+
+def _add(parent: Element, name: str, text: str) -> None:
+    SubElement(parent, name).text = text
+
+
+def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+    own = ["Masses and inertias are placeholders, and angles come without their deviations."]
+    if not options.get(AXES.name, AXES.default).endswith("-y"):
+        own.append("OpenSim takes y as up: if z is up in the recording, choose the axes z-to-y.")
+    names = project.trajectories.names
+    if plain_names(names) != names:
+        own.append("Characters of marker names that OpenSim does not take become _.")
+    return (*own, *remarks_on_joints(project, options, by_three_angles=True))
+
+
+FORMAT = Format(
+    name="opensim",
+    title="OpenSim model, motion and markers",
+    suffixes=SUFFIXES[:2],
+    holds="skeleton",
+    write=write_opensim,
+    check=lambda value, options: articulated_project(value, _TITLE),
+    files=lambda path, options: _files(path),
+    keeps=("markers", "names", "limbs", "joints", "angles", "kinds", "motion"),
+    remarks=_remarks,
+    options=(AXES, RATE, JOINTS),
+    note="Four files are written: .osim, .mot, .trc, and .ik.xml for inverse kinematics; m and degrees, markers in mm.",
+)

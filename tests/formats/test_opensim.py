@@ -1,0 +1,105 @@
+"""OpenSim itself is the judge: what it poses, and what its inverse kinematics makes of the markers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from skelgen_formats.articulated import plain_names
+from skelgen_formats.registry import find_format, write_file
+
+from skelgen.errors import WriteError
+from skelgen.geometry.frame_rate import with_rate
+
+POSITION_MM = 0.1  # demanded
+ANGLE_DEG = 0.5  # demanded
+
+opensim = pytest.importorskip("opensim", reason="needs OpenSim: pip install 'opensim>=4.6'")
+opensim.Logger.setLevelString("off")
+
+
+@pytest.fixture
+def files(jointed_project, tmp_path):
+    return write_file(jointed_project, tmp_path / "walk.osim")
+
+
+def table_of(path):
+    table = opensim.TimeSeriesTable(str(path))
+    return dict(zip(table.getColumnLabels(), table.getMatrix().to_numpy().T, strict=True))
+
+
+def postures(model, motion, frames):
+    """The model's state in each frame, its coordinates as in the motion file."""
+    state = model.initSystem()
+    coordinates = model.getCoordinateSet()
+    for frame in frames:
+        for name, values in motion.items():
+            coordinate = coordinates.get(name)
+            turns = coordinate.getMotionType() == opensim.Coordinate.Rotational
+            coordinate.setValue(state, np.deg2rad(values[frame]) if turns else values[frame], False)
+        model.realizePosition(state)
+        yield frame, state
+
+
+def in_mm(vector):
+    return 1000 * np.array([vector.get(axis) for axis in range(3)])
+
+
+@pytest.mark.parametrize("options", [{}, {"rate": 30.0}, {"joints": "as-found"}])
+def test_bodies_and_markers_are_where_the_motion_has_them(jointed_project, tmp_path, options):
+    model_file, motion_file, *_ = write_file(jointed_project, tmp_path / "walk.osim", **options)
+    truth = with_rate(jointed_project, options.get("rate", 0.0))
+    model = opensim.Model(str(model_file))
+    for frame, state in postures(model, table_of(motion_file), range(truth.motion.n_frames)):
+        for limb in range(truth.skeleton.n_limbs):
+            place = in_mm(model.getBodySet().get(f"limb{limb}").getTransformInGround(state).p())
+            assert np.abs(place - truth.motion.world_from_limb[frame, limb, :3, 3]).max() < POSITION_MM
+        for marker, name in enumerate(plain_names(truth.trajectories.names[:-1])):
+            place = in_mm(model.getMarkerSet().get(name).getLocationInGround(state))
+            assert np.abs(place - truth.motion.marker_positions[frame, marker]).max() < POSITION_MM
+
+
+def test_joints_are_of_the_kinds_found(files):
+    model = opensim.Model(str(files[0]))
+    joints = model.getJointSet()
+    kinds = {joints.get(index).getName(): joints.get(index).getConcreteClassName() for index in range(joints.getSize())}
+    assert kinds == {
+        "world-limb1": "FreeJoint",
+        "world-limb5": "FreeJoint",
+        "limb1-limb0": "PinJoint",
+        "limb1-limb2": "BallJoint",
+        "limb5-limb6": "BallJoint",
+        "limb5-limb7": "PinJoint",
+        "limb2-limb3": "CustomJoint",
+        "limb2-limb4": "WeldJoint",
+        "limb3-limb8": "BallJoint",
+    }
+
+
+def test_inverse_kinematics_of_opensim_returns_the_angles(files, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # OpenSim looks for the model where it runs
+    tool = opensim.InverseKinematicsTool("walk.ik.xml")
+    assert tool.run()
+    ours, theirs = table_of(files[1]), table_of(tmp_path / "walk.ik.mot")
+    assert set(ours) == set(theirs)
+    for name, angles in ours.items():
+        assert np.abs(theirs[name] - angles).max() < (1e-3 * POSITION_MM if name[-2] == "t" else ANGLE_DEG), name
+
+
+def test_joint_that_wobbles_becomes_a_ball_and_the_export_says_so(small_project, tmp_path):
+    entry = find_format("opensim")
+    assert any("wobble" in remark and "limb1-limb0" in remark for remark in entry.remarks(small_project, {}))
+    model = opensim.Model(str(write_file(small_project, tmp_path / "w.osim")[0]))
+    assert model.getJointSet().get("limb1-limb0").getConcreteClassName() == "BallJoint"
+
+
+def test_joint_that_wobbles_stays_a_hinge_on_wish_and_the_export_says_what_it_costs(small_project, tmp_path):
+    wish = {"joints": "as-found"}
+    assert any("move markers by up to" in remark for remark in find_format("opensim").remarks(small_project, wish))
+    model = opensim.Model(str(write_file(small_project, tmp_path / "w.osim", **wish)[0]))
+    assert model.getJointSet().get("limb1-limb0").getConcreteClassName() == "PinJoint"
+
+
+def test_take_is_refused(small_project, tmp_path):
+    with pytest.raises(WriteError, match="not a take"):
+        write_file(small_project.trajectories, tmp_path / "walk.osim")
+    assert list(tmp_path.iterdir()) == []
