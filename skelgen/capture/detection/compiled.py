@@ -6,14 +6,13 @@ Importing this module imports numba, and raises `RuntimeError` where numba finds
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from skelgen.capture.compiling import compile_function
 from skelgen.capture.detection.discs import PER_DISC, TINY
+from skelgen.capture.detection.edges import NEAREST, REACH, RING, STEPS
 from skelgen.capture.detection.spots import (
     AREA,
     BOTTOM,
@@ -39,15 +38,9 @@ from skelgen.capture.detection.spots import (
 from skelgen.capture.frames import Image
 from skelgen.model.arrays import Floats
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 _Table = NDArray[np.int64]
 
 _NOBODY = -1  # parent of a root: the seed's null pointer
-
-
-def compile_function(function: _Function) -> _Function:
-    """Return the function compiled; kept on disk for the next time, and free of the interpreter's lock."""
-    return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 @compile_function
@@ -213,3 +206,65 @@ def _derivatives(unknowns: Floats, x: int, y: int, row: Floats) -> float:
         row[first + 2], row[first + 3] = rise, covered * part / total
         row[last] -= rise * depth
     return covered * mean
+
+
+@compile_function
+def edge_centres(image: Image, spots: _Table, background: float) -> Floats:
+    """Return centres of spots from their edges; arguments and result as `edges.edge_centres`."""
+    found = np.empty((len(spots), 3))
+    for spot in range(len(spots)):
+        x, y = spots[spot, M10] / spots[spot, M00], spots[spot, M01] / spots[spot, M00]
+        radius = math.sqrt(spots[spot, M00] / (FULL * math.pi))
+        reach = radius + REACH * RING
+        left, right, top, bottom = (
+            math.floor(x - reach),
+            math.ceil(x + reach),
+            math.floor(y - reach),
+            math.ceil(y + reach),
+        )
+        is_free = left >= 0 and top >= 0 and right < image.shape[1] and bottom < image.shape[0]
+        for other in range(len(spots)):
+            is_beside = spots[other, LEFT] > right or spots[other, RIGHT] < left
+            is_free = is_free and (
+                other == spot or is_beside or spots[other, TOP] > bottom or spots[other, BOTTOM] < top
+            )
+        for column in range(3):
+            found[spot, column] = np.nan
+        if is_free:
+            _settle(image, left, right, top, bottom, x, y, radius, background, found[spot])
+    return found
+
+
+@compile_function
+def _settle(
+    image: Image,
+    left: int,
+    right: int,
+    top: int,
+    bottom: int,
+    x: float,
+    y: float,
+    radius: float,
+    background: float,
+    found: Floats,
+) -> None:
+    """Fill a centre and its deviation by Newton's steps from x and y."""
+    start_x, start_y, spread, slope = x, y, 0.0, 0.0
+    for _ in range(STEPS):
+        spread, slope, pull_x, pull_y = 0.0, 0.0, 0.0, 0.0
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                distance = max(math.hypot(column - x, row - y), NEAREST)
+                off = distance - radius
+                ring = math.exp(-off * off / (2.0 * RING * RING))
+                light = (image[row, column] - background) * ring
+                spread += ring * ring
+                slope += light * (1.0 / distance - off / (RING * RING)) / 2.0
+                pull_x += light * (column - x) / distance
+                pull_y += light * (row - y) / distance
+        if slope <= 0.0:
+            return
+        x += pull_x / slope
+        y += pull_y / slope
+    if math.hypot(x - start_x, y - start_y) < RING:
+        found[0], found[1], found[2] = x, y, math.sqrt(spread / 2.0) / slope

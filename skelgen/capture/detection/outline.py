@@ -16,7 +16,7 @@ from skelgen.capture.optics.projection import distort, pixels_from_normalised, u
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import Camera
 
-_N_AROUND = 8  # points on a circle, whose mean is exact for what is quadratic
+_N_AROUND = 16  # corners of a polygon inscribed in an outline, whose middle is that of the ellipse
 
 
 def centred(camera: Camera, balls: Balls) -> Balls:
@@ -38,15 +38,17 @@ def centred(camera: Camera, balls: Balls) -> Balls:
         return balls
     rays = undistort(camera, balls.centres)
     focal = np.sqrt(camera.matrix[0, 0] * camera.matrix[1, 1])
-    angular = np.sqrt(balls.brightness / np.pi) / focal
-    offsets = _middle_of_outline(camera, rays, angular) - pixels_from_normalised(camera, distort(camera, rays))
+    radii = np.sqrt(balls.brightness / np.pi) / focal
+    offsets = _middles(_outlines(camera, rays, radii)) - pixels_from_normalised(camera, distort(camera, rays))
     return replace(balls, centres=balls.centres - np.nan_to_num(offsets))
 
 
-def _middle_of_outline(camera: Camera, rays: Floats, angular: Floats) -> Floats:
-    """Middles [px] of the outlines of balls on rays x / z, y / z that are seen under angles [rad], shape (n, 2).
+def _outlines(camera: Camera, rays: Floats, radii: Floats) -> Floats:
+    """Outlines [px] of balls on rays x / z, y / z that are seen as large as discs on the plane z = 1.
 
-    The mean of a quadratic function over a disc is that over the circle whose radius is smaller by the root of 2.
+    Returns
+    -------
+    ndarray, shape (n_balls, `_N_AROUND`, 2)
     """
     sight = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
     direction = sight / np.linalg.norm(sight, axis=1, keepdims=True)
@@ -54,9 +56,17 @@ def _middle_of_outline(camera: Camera, rays: Floats, angular: Floats) -> Floats:
     aside /= np.linalg.norm(aside, axis=1, keepdims=True)
     up = np.cross(direction, aside)
     turn = 2 * np.pi * np.arange(_N_AROUND)[:, np.newaxis] / _N_AROUND
-    # Off the axis the image of a right angle to the ray grows with 1 / cos: by it the angle is smaller there.
-    cosine = direction[:, 2]
-    reach = (angular * cosine**1.5 / np.sqrt(2))[:, np.newaxis, np.newaxis]
-    around = direction[:, np.newaxis] + reach * (np.cos(turn) * aside[:, np.newaxis] + np.sin(turn) * up[:, np.newaxis])
-    flat = around[..., :2] / around[..., 2:]
-    return np.asarray(pixels_from_normalised(camera, distort(camera, flat)).mean(axis=1))
+    circle = np.cos(turn) * aside[:, np.newaxis] + np.sin(turn) * up[:, np.newaxis]
+    # A cone of the half angle a about a ray that is t off the axis cuts an area of pi tan(a)^2 / cos(t)^3 from z = 1.
+    angular = (radii * direction[:, 2] ** 1.5)[:, np.newaxis, np.newaxis]
+    around = direction[:, np.newaxis] + angular * circle
+    return pixels_from_normalised(camera, distort(camera, around[..., :2] / around[..., 2:]))
+
+
+def _middles(outlines: Floats) -> Floats:
+    """Centroids of the areas of polygons, shape (n, 2)."""
+    outlines, first = outlines - outlines[:, :1], outlines[:, 0]  # areas of small things far off lose their digits
+    following = np.roll(outlines, -1, axis=1)
+    doubled = outlines[..., 0] * following[..., 1] - outlines[..., 1] * following[..., 0]
+    moments = ((outlines + following) * doubled[..., np.newaxis]).sum(axis=1)
+    return np.asarray(first + moments / (3 * doubled.sum(axis=1, keepdims=True)))

@@ -22,8 +22,8 @@ class DetectionParameters(StageParameters):
         Whether and when a spot is looked at as several balls that touch.
     noise
         How uncertain the brightness of a pixel is.
-    method
-        What labels the spots.
+    centre, method
+        How centres are found, and what labels the spots.
     """
 
     stage: ClassVar[str] = "detection"
@@ -59,7 +59,7 @@ class DetectionParameters(StageParameters):
     max_balls: int = declare(500, "More spots than this are no balls but a bad image.", low=1, high=20_000)
     separate: bool = declare(True, "Whether touching balls are separated.", basic=True)
     separate_elongation: float = declare(
-        1.2, "Longest axis over the shortest, above which a spot may be several balls.", low=1.05, high=10.0
+        1.15, "Longest axis over the shortest, above which a spot may be several balls.", low=1.05, high=10.0
     )
     noise: float = declare(
         0.0,
@@ -67,6 +67,12 @@ class DetectionParameters(StageParameters):
         unit="grey levels",
         low=0.0,
         high=100.0,
+    )
+    centre: str = declare(
+        "edge",
+        "How the centre of a ball is found: from the grey values along its whole edge, or as in the seed, from all "
+        "pixels weighted by their brightness between the thresholds.",
+        choices=("edge", "brightness"),
     )
     method: str = declare(
         "union-find",

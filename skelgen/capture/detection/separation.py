@@ -23,7 +23,7 @@ _NOISE_ALLOWED = 1.5
 _MOST_WIDTH = 0.33  # of the smallest radius: edges of balls are 0.05 to 0.2 wide, dull metal has 0.36 and more
 _BETTER = 0.5  # rms of more discs over that of fewer, above which the fewer are believed
 _LEAST_RADIUS = 1.2  # px: below it a disc is noise on an outline
-_MOST_UNLIKE = 3.5  # largest radius over the smallest of balls of one size
+_MOST_UNLIKE = 2.0  # largest radius over the smallest of balls of one size
 _LEAST_SEEN = 0.2  # of a disc that no other covers
 _MOST_STD = 0.5  # px: no better than where the spot is
 
@@ -52,8 +52,11 @@ def find_discs(
     peak = float(np.nanmax(window))
     limit = _MOST_RMS * peak + _NOISE_ALLOWED * noise
     best: Discs | None = None
-    guesses = [_halves(window), inscribed_discs(window >= _EDGE * peak, at_border)]
-    for centres, radii in sorted(guesses, key=lambda guess: len(guess[1])):
+    inscribed = inscribed_discs(window >= _EDGE * peak, at_border)
+    largest = inscribed[0][:1], inscribed[1][:1]
+    for centres, radii in sorted((largest, _halves(window), inscribed), key=lambda guess: len(guess[1])):
+        if best is not None and (best.rms < limit / 2 or len(radii) <= len(best.radii)):
+            continue
         found = fit_discs(window, centres, radii, equations)
         if found is None or found.rms > limit or not _are_balls(found):
             continue

@@ -15,8 +15,8 @@ from skelgen.capture.detection.parameters import DetectionParameters
 from skelgen.capture.detection.spots import FULL
 
 _WHITE = 200  # grey level of half the image above which it is over-exposed
-_ONE_DEVIATION = (0.1587, 0.5, 0.8413)  # quantiles of the normal distribution at -1, 0 and 1 standard deviation
-_LEAST_NOISE = 0.5  # grey levels: rounding, and what shadows that are cut off at 0 do not show
+_QUANTILES = (0.1587, 0.5, 0.6915)  # of the normal distribution, at -1, 0 and 1/2 standard deviations
+_LEAST_NOISE = 0.5  # grey levels: what rounding to whole levels hides
 _FEW_PIXELS = 4  # counted pixels of the smallest ball: 4 x 4 px in every fourth row
 
 
@@ -26,6 +26,8 @@ class Thresholds:
 
     Attributes
     ----------
+    background : float, grey levels
+        Half of the pixels are not brighter.
     low, high : float, grey levels
         Pixels up to `low` have the weight 0, from `high` on `FULL`, and a rising one between them.
     weights : ndarray of int64, shape (256,)
@@ -34,6 +36,7 @@ class Thresholds:
         Why the image shows no balls; empty if it may.
     """
 
+    background: float
     low: float
     high: float
     weights: NDArray[np.int64]
@@ -54,7 +57,7 @@ def find_thresholds(counts: NDArray[np.int64], parameters: DetectionParameters) 
     margin = parameters.mix * (bright - dark)
     low, high = dark + margin, bright - margin
     notice = _complaint(counts, dark, bright, parameters.min_contrast)
-    return Thresholds(low, high, _weights(low, max(high, low + 1.0)), notice)
+    return Thresholds(level_of(counts, 0.5), low, high, _weights(low, max(high, low + 1.0)), notice)
 
 
 def level_of(counts: NDArray[np.int64], quantile: float) -> float:
@@ -72,8 +75,9 @@ def dark_noise(counts: NDArray[np.int64]) -> float:
         Histogram of the image; balls are a small part of it.
     """
     steps = np.concatenate([[0.0], counts.cumsum() / counts.sum()])
-    low, middle, high = np.interp(_ONE_DEVIATION, steps, np.arange(257))
-    return float(max(middle - low, high - middle, _LEAST_NOISE))
+    low, middle, high = np.interp(_QUANTILES, steps, np.arange(257))
+    is_cut_off = low < 1.0  # shadows end at 0: then the brighter side tells, near the middle only
+    return float(max(2 * (high - middle) if is_cut_off else middle - low, _LEAST_NOISE))
 
 
 def _levels(counts: NDArray[np.int64], parameters: DetectionParameters) -> tuple[float, float]:

@@ -6,13 +6,11 @@ Importing this module imports numba, and raises `RuntimeError` where numba finds
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from skelgen.capture.compiling import compile_function
 from skelgen.capture.frames import Image
 from skelgen.capture.rig.plain import (
     GOLDEN,
@@ -24,13 +22,7 @@ from skelgen.capture.rig.plain import (
 from skelgen.capture.rig.view import PADDING
 from skelgen.model.arrays import Floats, Ints
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
 _Light = NDArray[np.float32]
-
-
-def compile_function(function: _Function) -> _Function:
-    """Return the function compiled; kept on disk for the next time, and free of the interpreter's lock."""
-    return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 @compile_function

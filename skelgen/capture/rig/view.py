@@ -16,6 +16,8 @@ from skelgen.model.rig import Camera
 PADDING = 16
 """Pixels around the image whose light the blur may still bring in: five deviations of the strongest blur."""
 
+_Key = tuple[int, int, bytes, bytes, bytes]  # a camera's numbers: cameras that are alike see alike
+
 _OUTLINE_POINTS = 32  # of a polygon around a ball; its area is corrected for the corners cut off
 _METAL_DISTANCES = (800.0, 2500.0)  # mm: the test rig and the room
 _METAL_WIDTHS, _METAL_LENGTHS = (2.0, 5.0), (6.0, 30.0)  # px: edges that shine along a part of their length
@@ -162,7 +164,6 @@ def _windows(outlines: Floats, camera: Camera) -> Floats:
     return np.stack([first[:, 0], last[:, 0], first[:, 1], last[:, 1]], axis=1)
 
 
-@lru_cache(maxsize=8)
 def corner_rays(camera: Camera) -> Floats:
     """Return the rays x / z, y / z through the corners of all pixels of the padded image.
 
@@ -174,6 +175,12 @@ def corner_rays(camera: Camera) -> Floats:
     ndarray, shape (height + 2 PADDING + 1, width + 2 PADDING + 1, 2)
         NaN where the lens sends no ray.
     """
+    return _corner_rays(_key(camera, np.eye(4)))
+
+
+@lru_cache(maxsize=8)
+def _corner_rays(key: _Key) -> Floats:
+    camera = _camera(key)
     x = np.arange(-PADDING, camera.width + PADDING + 1) - 0.5
     y = np.arange(-PADDING, camera.height + PADDING + 1) - 0.5
     rays = undistort(camera, np.stack(np.meshgrid(x, y), axis=-1))
@@ -181,7 +188,6 @@ def corner_rays(camera: Camera) -> Floats:
     return rays
 
 
-@lru_cache(maxsize=8)
 def background(camera: Camera, parameters: RenderParameters, seed: int) -> NDArray[np.float32]:
     """Return what shines besides the balls [grey levels], shape (height, width): darkness and dull metal.
 
@@ -196,7 +202,12 @@ def background(camera: Camera, parameters: RenderParameters, seed: int) -> NDArr
     seed : int
         Where the metal is.
     """
-    rng = np.random.default_rng([seed, parameters.reflections])
+    return _background(_key(camera, camera.camera_from_world), parameters, seed)
+
+
+@lru_cache(maxsize=8)
+def _background(key: _Key, parameters: RenderParameters, seed: int) -> NDArray[np.float32]:
+    camera, rng = _camera(key), np.random.default_rng([seed, parameters.reflections])
     image = np.full((camera.height, camera.width), parameters.background, dtype=np.float64)
     y, x = np.mgrid[: camera.height, : camera.width]
     for _ in range(parameters.reflections):
@@ -212,3 +223,12 @@ def background(camera: Camera, parameters: RenderParameters, seed: int) -> NDArr
     light = image.astype(np.float32)
     light.flags.writeable = False
     return light
+
+
+def _key(camera: Camera, pose: Floats) -> _Key:
+    return camera.width, camera.height, camera.matrix.tobytes(), camera.distortion.tobytes(), pose.tobytes()
+
+
+def _camera(key: _Key) -> Camera:
+    matrix, distortion, pose = (np.frombuffer(part) for part in key[2:])
+    return Camera(key[0], key[1], matrix.reshape(3, 3), distortion, pose.reshape(4, 4))
