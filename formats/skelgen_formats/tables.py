@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.errors import WriteError
-from skelgen.files import arriving_together
+from skelgen.files import arriving_together, replacing
 from skelgen.model import Project, Take
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor, told
@@ -75,7 +75,12 @@ def _files(path: Path, suffix: str) -> tuple[Path, ...]:
 
 
 def _chunks(project: Project, name: str, unit: str, monitor: Monitor) -> Iterator[Columns]:
-    rows = {"markers": partial(_markers, unit=unit), "joints": partial(_joints, unit=unit), "angles": _angles}[name]
+    kinds: dict[str, Callable[[Project, Ints], Columns]] = {
+        "markers": partial(_markers, unit=unit),
+        "joints": partial(_joints, unit=unit),
+        "angles": _angles,
+    }
+    rows = kinds[name]
     n_frames = project.motion.n_frames
     starts = range(0, max(n_frames, 1), _CHUNK_FRAMES)  # a table without rows has its columns all the same
     for start in told(starts, len(starts), monitor, every=1):
@@ -167,7 +172,7 @@ def _write_parquet(path: Path, chunks: Iterator[Columns]) -> None:
         return pyarrow.table({name: pyarrow.array(values, from_pandas=True) for name, values in chunk.items()})
 
     first = table_of(next(chunks))
-    with parquet.ParquetWriter(path, first.schema) as writer:
+    with replacing(path) as temporary, parquet.ParquetWriter(temporary, first.schema) as writer:
         writer.write_table(first)
         for chunk in chunks:
             writer.write_table(table_of(chunk))
