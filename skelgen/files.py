@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from skelgen.errors import WriteError
+
+UNFINISHED = ".skelgen-"
+"""Beginning of the names of what is not finished yet: a program that is killed leaves such files and folders."""
+
+_BLOCK = 1 << 20  # bytes read at once
 
 
 @contextlib.contextmanager
@@ -28,7 +34,7 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
+        handle, name = tempfile.mkstemp(prefix=f"{UNFINISHED}{path.name}.", suffix=path.suffix, dir=path.parent)
         os.close(handle)
         temporary = Path(name)
         yield temporary
@@ -59,7 +65,7 @@ def arriving_together(folder: Path) -> Iterator[Path]:
     created = _create(folder)
     arrived = False
     try:
-        with tempfile.TemporaryDirectory(prefix=".skelgen-", dir=folder) as name:
+        with tempfile.TemporaryDirectory(prefix=UNFINISHED, dir=folder) as name:
             with _telling_of(folder, instead_of=name):
                 yield Path(name)
             for file in sorted(Path(name).iterdir()):
@@ -72,6 +78,15 @@ def arriving_together(folder: Path) -> Iterator[Path]:
             for made in created:
                 with contextlib.suppress(OSError):  # somebody else put something there: then it stays
                     made.rmdir()
+
+
+def sha256_of(path: Path) -> str:
+    """Return the checksum of a file's content as a hexadecimal text; raises OSError if it cannot be read."""
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while block := stream.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 @contextlib.contextmanager

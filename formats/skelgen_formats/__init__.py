@@ -3,6 +3,7 @@
 from skelgen_formats.angles_csv import FORMAT as ANGLES_CSV
 from skelgen_formats.bvh import FORMAT as BVH
 from skelgen_formats.c3d import FORMAT as C3D
+from skelgen_formats.c3d_joints import FORMAT as C3D_JOINTS
 from skelgen_formats.cal3d import FORMAT as CAL3D
 from skelgen_formats.csm import FORMAT as CSM
 from skelgen_formats.gltf import FORMAT as GLTF
@@ -16,6 +17,8 @@ from skelgen_formats.qualisys import FORMAT as QUALISYS
 from skelgen_formats.registry import Format
 from skelgen_formats.seed_xml import FORMAT as SEED_XML
 from skelgen_formats.summary_json import FORMAT as SUMMARY_JSON
+from skelgen_formats.tables import CSV as TABLE_CSV
+from skelgen_formats.tables import PARQUET as TABLE_PARQUET
 from skelgen_formats.trc import FORMAT as TRC
 from skelgen_formats.urdf import FORMAT as URDF
 from skelgen_formats.usd import FORMAT as USD
@@ -28,6 +31,9 @@ FORMATS: tuple[Format, ...] = (
     MOTIVE,
     JOINTS_CSV,
     ANGLES_CSV,
+    TABLE_CSV,
+    TABLE_PARQUET,
+    C3D_JOINTS,
     POSES_CSV,
     SEED_XML,
     CAL3D,

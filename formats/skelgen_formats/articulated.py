@@ -241,7 +241,7 @@ def _departure(axes: Floats, angles: Floats, rotations: Floats) -> float:
 def _on_wobble(project: Project, links: Sequence[Link], wish: str) -> list[str]:
     if wish == AS_FOUND:
         moved = _moved_markers(project, links)
-        return [f"Joints kept to their kinds move markers by up to {moved:.2g} mm."] if moved > _MOVED else []
+        return [f"Joints kept to their kinds move markers by up to {moved:.3g} mm."] if moved > _MOVED else []
     found = {joint.child: joint.kind for joint in project.skeleton.joints}
     freed = [link.joint for link in links if link.kind == "ball" and found[link.limb] not in {"ball", "undetermined"}]
     if not freed:

@@ -21,7 +21,7 @@ import numpy as np
 from skelgen.errors import FormatError, WriteError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, Source
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.c3d_layout import MAGIC, MOST_HEADER_FRAMES, C3dLayout, dec_floats, read_layout
@@ -93,7 +93,29 @@ def write_c3d(
         If the value has no labelled markers, or a name is longer than 127 bytes.
     """
     markers = markers_to_write(value, _TITLE, filled, monitor)
-    take = positions_of(markers)
+    write_points(positions_of(markers), path, unit, markers.source if isinstance(markers, Filled) else None)
+    return [path, *write_table(markers, path)]
+
+
+def write_points(take: Trajectories, path: Path, unit: str, source: Ints | None = None) -> None:
+    """Write the points of a C3D file.
+
+    Parameters
+    ----------
+    take : Trajectories
+        The points.
+    path : Path
+        The file.
+    unit : str
+        Of the lengths in it.
+    source : ndarray of intp, shape (n_frames, n_markers), optional
+        A `Source` of each, by which computed points are told from measured ones.
+
+    Raises
+    ------
+    WriteError
+        If there are too many points, or a name is too long or twice there.
+    """
     names = check_writable_names(path, take.names, "", str.strip)
     too_long = [name for name in names if len(name.encode()) > _LONGEST_NAME]
     if too_long or take.n_markers > _MOST_POINTS:
@@ -102,13 +124,12 @@ def write_c3d(
     with replacing(path) as temporary:
         try:
             content = _content(take, names, unit)
-            if isinstance(markers, Filled):
-                content["data"]["meta_points"] = _told_apart(markers)
+            if source is not None:
+                content["data"]["meta_points"] = _told_apart(source.T)
             content.write(os.fspath(temporary))
         except (RuntimeError, ValueError, IndexError) as error:
             raise WriteError(f"{path}: ezc3d cannot write it: {error}") from error
         _check_whole(temporary, path, take)
-    return [path, *write_table(markers, path)]
 
 
 def _check_whole(temporary: Path, path: Path, take: Trajectories) -> None:
@@ -201,9 +222,8 @@ def _content(take: Trajectories, names: list[str], unit: str) -> Any:
     return content
 
 
-def _told_apart(markers: Filled) -> dict[str, Any]:
-    """Residuals and cameras by which filled positions are told from measured ones and from gaps."""
-    source = markers.source.T
+def _told_apart(source: Ints) -> dict[str, Any]:
+    """Residuals and cameras by which computed points are told from measured ones and from gaps."""
     cameras = np.zeros((_CAMERAS, *source.shape), dtype=bool)
     cameras[0] = source == Source.MEASURED
     residuals = np.where(cameras[0], 1.0, np.where(source == Source.NONE, -1.0, 0.0))

@@ -18,6 +18,7 @@ from skelgen_gui.document import Document
 from skelgen_gui.jobs import Jobs
 from skelgen_gui.preferences import Preferences
 from skelgen_gui.recovery import Remains
+from skelgen_gui.tips import rich
 
 Button = QMessageBox.StandardButton
 
@@ -128,7 +129,7 @@ class FileCare(QObject):
             return
         question = self.tr("Save the changes of {0}?").format(session.project.name if session.project else "")
         buttons = Button.Save | Button.Discard | Button.Cancel
-        answer = QMessageBox.question(self._window, self.tr("Unsaved changes"), question, buttons, Button.Save)
+        answer = QMessageBox.question(self._window, self.tr("Unsaved changes"), rich(question), buttons, Button.Save)
         if answer == Button.Save:
             self.save(then)
         elif answer == Button.Discard:

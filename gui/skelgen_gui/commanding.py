@@ -47,6 +47,7 @@ class Commanding(QObject):
         window.jobs.begun.connect(self._follow)
         window.jobs.ended.connect(self._follow)
         window.session.state_changed.connect(self._follow)
+        window.session.other_changed.connect(self._follow)
         self._follow()
 
     def _fill_file(self, menu: QMenu) -> None:
@@ -57,6 +58,7 @@ class Commanding(QObject):
     def _fill_edit(self, menu: QMenu) -> None:
         menu.addSeparator()
         self.correct_menu = menu.addMenu(self.tr("&Correct"))
+        self.correct_menu.setToolTipsVisible(True)
         self.correct_menu.aboutToShow.connect(self._fill_corrections)
         self._fill_corrections()
 
@@ -65,6 +67,7 @@ class Commanding(QObject):
 
     def _view_menu(self) -> QMenu:
         menu = QMenu(self.tr("&View"), self._window)
+        menu.setToolTipsVisible(True)
         commands = self._window.view3d.commands
         menu.addActions([commands.fit, commands.fit_take, commands.front, commands.side, commands.top])
         menu.addSeparator()
@@ -80,6 +83,7 @@ class Commanding(QObject):
         return {
             "open": window.care.choose,
             "compare": window.care.choose_other,
+            "compare_none": lambda: window.session.compare_with(None),
             "save": self._save,
             "save_as": self._save_as,
             "export": lambda: window.pages.page("export"),
@@ -140,5 +144,6 @@ class Commanding(QObject):
         is_open = session.project is not None
         for name in ("save", "save_as", "export", "compare", "select_all", "run_step", "run_all"):
             self.actions[name].setEnabled(is_open and not is_busy)
+        self.actions["compare_none"].setEnabled(session.other is not None)
         self.actions["open"].setEnabled(not is_busy)
         self.actions["cancel"].setEnabled(is_busy)

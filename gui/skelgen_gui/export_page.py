@@ -116,6 +116,7 @@ class ExportPage(QWidget):
         self.show_folder.setToolTip(self.tr("Open the folder with the written files"))
         self.progress.setRange(0, _PER_MILLE)
         self.progress.setAccessibleName(self.tr("Progress of the export"))
+        self.progress.setToolTip(self.tr("How much of the export is written"))
         for widget in (self.cancel, self.progress, self.show_folder):
             widget.hide()
 
@@ -136,6 +137,7 @@ class ExportPage(QWidget):
         area = QScrollArea(self)
         area.setWidgetResizable(True)
         area.setFrameShape(QScrollArea.Shape.NoFrame)
+        area.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # what is in it is reached by Tab, and scrolled to
         area.setWidget(inside)
         outer = QVBoxLayout(self)
         outer.setContentsMargins(0, 0, 0, 0)

@@ -34,6 +34,7 @@ class PageStack(QWidget):
         self.list, self._stack = QListWidget(self), QStackedWidget(self)
         self._pages: dict[str, QWidget] = {}
         self.list.setAccessibleName(self.tr("Steps"))
+        self.list.setToolTip(self.tr("From the recording to the skeleton; Ctrl+Page up and down go from step to step"))
         for entry in entries:
             item = QListWidgetItem(QCoreApplication.translate("Pages", entry.title), self.list)
             item.setToolTip(QCoreApplication.translate("Pages", entry.tip))

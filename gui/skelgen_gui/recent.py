@@ -9,6 +9,7 @@ from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QMenu, QWidget
 
 from skelgen_gui.preferences import Preferences
+from skelgen_gui.tips import rich
 
 _WITH_DIGIT = 9  # entries that a digit key chooses
 
@@ -58,7 +59,7 @@ class RecentMenu(QMenu):
         entry = QAction(f"&{number} {name}" if number <= _WITH_DIGIT else name, self)
         is_there = path.exists()
         entry.setEnabled(is_there)
-        entry.setToolTip(str(path) if is_there else self.tr("{0}: no longer there").format(path))
+        entry.setToolTip(rich(str(path) if is_there else self.tr("{0}: no longer there").format(path)))
         entry.setData(path)
         return entry
 

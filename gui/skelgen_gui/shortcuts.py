@@ -57,6 +57,7 @@ _FILE, _EDIT, _RUN, _PLAY, _HELP = "&File", "&Edit", "&Run", "&Play", "&Help"
 COMMANDS: tuple[Command, ...] = (
     Command("open", _FILE, "&Open…", "Ctrl+O", "Open a recording or a project", in_tool_bar=True),
     Command("compare", _FILE, "&Compare with…", "Ctrl+Shift+O", "Overlay another project of the same recording"),
+    Command("compare_none", _FILE, "Stop co&mparing", "Ctrl+Shift+W", "Show one result alone again"),
     Command(SEPARATOR, _FILE),
     Command("save", _FILE, "&Save", "Ctrl+S", "Save the project", in_tool_bar=True),
     Command("save_as", _FILE, "Save &as…", "Ctrl+Shift+S", "Save the project in another file"),

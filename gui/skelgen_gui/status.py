@@ -27,6 +27,7 @@ class StatusLine(QStatusBar):
         self.progress.setMaximumWidth(240)
         self.progress.setRange(0, _PERCENT)
         self.progress.setAccessibleName(self.tr("Progress"))
+        self.progress.setToolTip(self.tr("How much of what is running is done"))
         self.cancel.setAccessibleName(self.tr("Cancel what is running"))
         self.cancel.setToolTip(self.cancel.accessibleName())
         for widget in (self.progress, self.cancel):

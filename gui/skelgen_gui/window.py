@@ -33,6 +33,7 @@ from skelgen_gui.shortcuts import add_view_actions, make_actions
 from skelgen_gui.status import StatusLine
 from skelgen_gui.timeline.curves import Curves
 from skelgen_gui.timeline.widget import Timeline
+from skelgen_gui.tips import rich
 from skelgen_gui.view3d.widget import View3D
 from skelgen_gui.warming import Warming
 
@@ -88,7 +89,7 @@ class Window(QMainWindow):
         """Ask whether to go on with what a window that died left behind."""
         question = self.tr("skelgen ended without saving {0} (kept at {1:%X}, {1:%x}). Restore it?")
         question = question.format(remains.name, remains.when)
-        if QMessageBox.question(self, self.tr("Recovery"), question) == QMessageBox.StandardButton.Yes:
+        if QMessageBox.question(self, self.tr("Recovery"), rich(question)) == QMessageBox.StandardButton.Yes:
             self.care.restore(remains)
         else:
             remains.forget()
@@ -113,11 +114,19 @@ class Window(QMainWindow):
         self.curves = Curves(self.session, self.timeline.span)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
-        self.tabs.addTab(self.view3d, self.tr("3-D"))
-        self.tabs.addTab(self.matrix, self.tr("Distances"))
-        self.tabs.addTab(self.graph, self.tr("Joints"))
-        for view in (self.view3d, self.curves):  # matrix and graph go about with the arrow keys
-            add_view_actions(view, self.actions_by_id)
+        self.tabs.setAccessibleName(self.tr("Views"))
+        for view, title, tip in (
+            (self.view3d, self.tr("3-D"), self.tr("Markers, bones and joints in space")),
+            (
+                self.matrix,
+                self.tr("Distances"),
+                self.tr("How distances between markers vary: why limbs are limbs"),
+            ),
+            (self.graph, self.tr("Joints"), self.tr("Costs of joints: why the tree is as it is")),
+        ):
+            self.tabs.setTabToolTip(self.tabs.addTab(view, title), tip)
+        for played in (self.view3d, self.curves):  # matrix and graph go about with the arrow keys
+            add_view_actions(played, self.actions_by_id)
         self.setCentralWidget(self.tabs)
 
     def _make_docks(self) -> None:

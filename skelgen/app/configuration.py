@@ -73,6 +73,10 @@ class Settings:
             self._parameters[stage] = parameters_class(stage)()
         return self._parameters[stage]
 
+    def as_mapping(self) -> dict[str, dict[str, Any]]:
+        """Return names and values by stage, of the stages that somebody mentioned or asked for."""
+        return {stage: parameters.as_mapping() for stage, parameters in self._parameters.items()}
+
     def changed(self, stage: str, values: Mapping[str, Any], where: str = "") -> Settings:
         """Return settings with some values of one stage replaced."""
         old = self.of(stage).as_mapping()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,7 +36,13 @@ class Output:
 
 
 def write_outputs(
-    project: Project, folder: Path | str, stem: str, *, result_name: str = "", monitor: Monitor = SILENT
+    project: Project,
+    folder: Path | str,
+    stem: str,
+    *,
+    result_name: str = "",
+    outputs: Sequence[Output] | None = None,
+    monitor: Monitor = SILENT,
 ) -> list[Path]:
     """Write every file that the project's results allow.
 
@@ -53,6 +59,8 @@ def write_outputs(
         Beginning of all names.
     result_name : str
         Name of the XML file with all results; ``<stem>.xml`` if empty.
+    outputs : sequence of Output, optional
+        Which files; `OUTPUTS` if left out.
     monitor : Monitor
         Told of progress and of formats that cannot hold this project.
 
@@ -67,7 +75,7 @@ def write_outputs(
         If the folder cannot be written.
     """
     monitor.begin("writing")
-    due = [output for output in OUTPUTS if not output.needs or project.has(output.needs)]
+    due = [output for output in outputs or OUTPUTS if not output.needs or project.has(output.needs)]
     with arriving_together(Path(folder)) as temporary:
         for index, output in enumerate(due):
             name = result_name if result_name and output.suffix == ".xml" else stem + output.suffix

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,10 +10,9 @@ from typing import Any
 from skelgen_formats.registry import read_take
 
 from skelgen.errors import FormatError, WriteError
+from skelgen.files import sha256_of
 from skelgen.model import Project, Take
 from skelgen.model.source import Source
-
-_BLOCK = 1 << 20  # bytes read at once
 
 
 def source_of(path: Path, format_name: str, options: Mapping[str, Any]) -> Source:
@@ -39,7 +37,7 @@ def reference_to(project: Project) -> Source:
         facts = path.stat()
         if (facts.st_size, facts.st_mtime_ns) != (source.size, source.modified):
             raise WriteError(f"{path} has changed since it was read; let the project hold the recording")
-        return replace(source, sha256=_hash(path))
+        return replace(source, sha256=sha256_of(path))
     except OSError as error:
         what = f"{path} cannot be read any more ({error.strerror or error})"
         raise WriteError(f"{what}; let the project hold the recording") from error
@@ -64,7 +62,7 @@ def take_of(source: Source, project_file: Path) -> tuple[Take, Source]:
         looked = " nor at ".join(str(place) for place in dict.fromkeys(places))
         raise FormatError(project_file, "", f"the recording that it refers to is not at {looked}; put it back there")
     try:
-        is_same = _hash(found) == source.sha256
+        is_same = sha256_of(found) == source.sha256
     except OSError as error:
         raise FormatError(found, "", f"cannot be read: {error.strerror or error}") from error
     if not is_same:
@@ -72,11 +70,3 @@ def take_of(source: Source, project_file: Path) -> tuple[Take, Source]:
     facts = found.stat()
     there = replace(source, path=str(found.absolute()), size=facts.st_size, modified=facts.st_mtime_ns)
     return read_take(found, source.format, **source.options), there
-
-
-def _hash(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as stream:
-        while block := stream.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,6 +13,11 @@ from skelgen.model import PointCloud, Poses, Project, Take
 
 MOST_POINTERS = 200
 """Warnings that are listed; more help nobody."""
+
+
+_LIMBS = re.compile(r"\blimbs? (\d+)(?: and (?:limb )?(\d+))?")
+_UNKNOWN = "interpolated"
+"""What notices say of limbs that too few markers show."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +73,29 @@ def stage_pointers(project: Project, stage: str) -> tuple[Pointer, ...]:
     names = {name: marker for marker, name in enumerate(project.trajectories.names)}
     report = project.reports.get(stage)
     for sentence in report.notices if report is not None else ():
+        limbs = _limbs_in(project, sentence)
+        if limbs:
+            found.append(_limb_pointer(project, sentence, limbs))
+            continue
         words = {word.strip(",.:;()'\"") for word in sentence.split()}
         found.append(Pointer(sentence, None, tuple(sorted(names[word] for word in words & names.keys()))))
     return tuple(found[:MOST_POINTERS])
+
+
+def _limbs_in(project: Project, sentence: str) -> list[int]:
+    """The limbs that a sentence names by their numbers."""
+    if not project.has("limbs"):
+        return []
+    named = {int(number) for pair in _LIMBS.findall(sentence) for number in pair if number}
+    return sorted(limb for limb in named if limb < project.limbs.n_limbs)
+
+
+def _limb_pointer(project: Project, sentence: str, limbs: list[int]) -> Pointer:
+    """Point to the markers of limbs, in the first frame in which one of them is not known from its markers."""
+    markers = np.flatnonzero(np.isin(project.limbs.limb_of_marker, limbs)).tolist()
+    unknown = ~project.motion.limb_seen[:, limbs].all(axis=1) if project.has("skeleton") else np.zeros(1, dtype=bool)
+    frame = int(unknown.argmax()) if _UNKNOWN in sentence and unknown.any() else None
+    return Pointer(sentence, frame, tuple(markers))
 
 
 def _label_pointers(project: Project) -> Iterator[Pointer]:

@@ -79,4 +79,4 @@ def _kinematic(joint: JointModel) -> Joint:
     """The joint as `skelgen.kinematics` knows it, in its own frame."""
     origin = np.zeros(3)
     axis = _Z if joint.kind == "hinge" else None
-    return Joint(0, 1, origin, origin, joint.kind, axis, np.zeros(3))
+    return Joint(0, 1, origin, origin, joint.kind, axis, origin)

@@ -18,7 +18,14 @@ import typer
 
 import skelgen
 from skelgen.app.stages import PIPELINE, Stage
-from skelgen.cli import calibrate_commands, capture_commands, file_commands, stage_commands, window_command
+from skelgen.cli import (
+    batch_command,
+    calibrate_commands,
+    capture_commands,
+    file_commands,
+    stage_commands,
+    window_command,
+)
 from skelgen.cli.options import generated, parameter_options, reader_options, writer_options
 from skelgen.errors import SkelgenError
 
@@ -112,6 +119,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("demo", stage_commands.demo, tuple),
         ("run", stage_commands.run, reader_options),
         *stages,
+        ("batch", batch_command.batch, reader_options),
         ("convert", file_commands.convert, lambda: [*reader_options(), *writer_options()]),
         ("info", file_commands.info, reader_options),
         ("simulate", file_commands.simulate, _simulation_options),

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 _REDRAW_SECONDS = 0.1  # a bar that moves ten times a second looks smooth and costs nothing
+_TELL_SECONDS = 10.0  # between two lines in a log
 _PIPED_WIDTH = 160  # columns of a table when nobody's terminal sets the width
 _MISSING = "-"
 
@@ -44,6 +45,17 @@ class Screen:
                 yield _BarMonitor(progress)
         else:
             yield _NoteMonitor()
+
+    @contextlib.contextmanager
+    def counting(self) -> Iterator[Monitor]:
+        """Yield a monitor of work in equal pieces: how many are done, and when the rest will be."""
+        if self._quiet or self.as_json:
+            yield SILENT
+        elif sys.stderr.isatty():
+            with _bars(counted=True) as progress:
+                yield _BarMonitor(progress)
+        else:
+            yield _CountingNotes()
 
     def note(self, sentences: Iterable[str]) -> None:
         """Show notes on stderr unless told to be quiet."""
@@ -91,6 +103,24 @@ class _NoteMonitor:
         _print_note(sentence)
 
 
+class _CountingNotes(_NoteMonitor):
+    """Prints now and then how many pieces are done, and when the rest will be."""
+
+    def __init__(self) -> None:
+        self._name = ""
+        self._began = self._told = time.monotonic()
+
+    def begin(self, name: str) -> None:
+        self._name = name
+        self._began = self._told = time.monotonic()
+
+    def advance(self, done: float, total: float) -> None:
+        now = time.monotonic()
+        if 0 < done < total and now - self._told > _TELL_SECONDS:
+            self._told = now
+            _print_note(f"{done:g} of {total:g} {self._name}, {remaining(done, total, now - self._began)} left")
+
+
 class _BarMonitor:
     """One bar per piece of work."""
 
@@ -117,12 +147,43 @@ class _BarMonitor:
             self._progress.update(self._task, completed=1, total=1)
 
 
-@contextlib.contextmanager
-def _bars() -> Iterator[Progress]:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+def remaining(done: float, total: float, seconds: float) -> str:
+    """Return in words how long the rest takes if it goes on as it went.
 
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+    Parameters
+    ----------
+    done, total : float
+        Pieces; some are done.
+    seconds : float
+        What they took.
+
+    Examples
+    --------
+    >>> remaining(25, 100, 60.0)
+    'about 3 min'
+    """
+    rest = seconds * (total - done) / done
+    if rest < 100:
+        return f"about {rest:.0f} s"
+    return f"about {rest / 60:.0f} min" if rest < 6000 else f"about {rest / 3600:.1f} h"
+
+
+@contextlib.contextmanager
+def _bars(counted: bool = False) -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns: list[ProgressColumn] = [TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()]
+    if counted:
+        columns += [MofNCompleteColumn(), TextColumn("left:"), TimeRemainingColumn()]
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         yield progress
 

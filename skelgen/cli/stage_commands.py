@@ -113,7 +113,7 @@ def run(
     take = find_result(take)
     settings = settings_with(Settings(config), assignments or ())
     project = open_input(take, format_name, seed, identities, **given(reader_values))
-    wishes = Wishes(n_markers, n_limbs, jobs, _hierarchy_in(hierarchy), root)
+    wishes = Wishes(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
     folder = output or _folder_for(take)
     _run_and_write(screen, project, (from_stage, until_stage), settings, wishes, folder, stem_of(take))
 
@@ -164,7 +164,7 @@ def stage_command(stage: Stage) -> Callable[..., None]:
         take = find_result(take) if take else None
         wanted = {name: values.pop(name) for name in _WISHES[stage.command]}
         identities = wanted.pop("identities", None)
-        wishes = Wishes(**(wanted | {"hierarchy": _hierarchy_in(wanted.get("hierarchy"))}))
+        wishes = Wishes(**(wanted | {"hierarchy": hierarchy_in(wanted.get("hierarchy"))}))
         names = {entry.name for entry in stage.parameters_class().declarations()}
         chosen = given(values)
         settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})
@@ -209,7 +209,8 @@ def _run_and_write(
     screen.json({**tables, "files": [str(file) for file in files]})
 
 
-def _hierarchy_in(path: Path | None) -> dict[str, str] | None:
+def hierarchy_in(path: Path | None) -> dict[str, str] | None:
+    """Return the tree that a file states; None without a file."""
     from skelgen.app.hierarchy import read_hierarchy
 
     return None if path is None else read_hierarchy(path)

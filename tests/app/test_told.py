@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -33,6 +35,20 @@ def test_doubts_point_to_their_frame_and_marker(done):
         if pointer.frame is not None:
             assert 0 <= pointer.frame < done.take.n_frames
             assert done.trajectories.names[pointer.markers[0]] in pointer.sentence
+
+
+def test_notices_about_limbs_point_to_their_markers_and_where_they_are_unknown():
+    project = run_stages(Project(simulate("human", n_frames=300, noise=0.5, dropouts=0.05).take))
+    pointers = {pointer.sentence: pointer for pointer in stage_pointers(project, "skeleton")}
+    (turning, *_) = (pointer for sentence, pointer in pointers.items() if "turns about one axis only" in sentence)
+    first, second = map(int, re.search(r"limb (\d+) and (\d+)", turning.sentence).groups())
+    limbs = project.limbs.limb_of_marker
+    assert turning.markers == tuple(np.flatnonzero((limbs == first) | (limbs == second)))
+    assert turning.frame is None
+    (interpolated,) = (pointer for sentence, pointer in pointers.items() if sentence.startswith("interpolated"))
+    named = sorted({int(limbs[marker]) for marker in interpolated.markers})
+    assert not project.motion.limb_seen[interpolated.frame, named].all()
+    assert project.motion.limb_seen[: interpolated.frame, named].all()
 
 
 def test_a_saved_result_replaces_a_run(done):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from skelgen_formats.registry import read_take, write_file
@@ -86,3 +88,12 @@ def test_real_recordings_have_human_size_in_millimetres(recording, name, shape):
     take = read_take(recording(name))
     assert take.positions.shape[:2] == shape
     assert 200 < np.nanmax(np.abs(take.positions)) < 3000
+
+
+def test_cell_of_an_unseen_marker_at_the_end_of_a_line_is_blank_but_there(walk, tmp_path):
+    last = walk.positions.copy()
+    last[2, -1] = np.nan
+    path = write_file(replace(walk, positions=last), tmp_path / "walk.trc")[0]
+    line = path.read_text().split("\n")[6 + 2]
+    assert line.endswith("\t\t\t ")  # OpenSim drops cells at the end that hold nothing
+    assert np.isnan(read_take(path).positions[2, -1]).all()

@@ -23,7 +23,8 @@ def offering(name):
 
 def test_every_format_with_positions_for_other_programs_offers_axes():
     markers, skeletons = {"c3d", "trc", "csm"}, {"seed-xml", "cal3d", "bvh", "gltf", "usd", "opensim", "urdf", "mjcf"}
-    assert set(offering("axes")) == markers | skeletons | {"joints-csv", "poses-csv"}
+    tables = {"joints-csv", "poses-csv", "table-csv", "table-parquet", "c3d-joints"}
+    assert set(offering("axes")) == markers | skeletons | tables
 
 
 @pytest.mark.parametrize("name", READ_BACK)

@@ -15,6 +15,7 @@ from skelgen_gui.correct.offers import Offer, new_name, offers
 from skelgen_gui.document import Document
 from skelgen_gui.runner import Runner
 from skelgen_gui.session import Selection
+from skelgen_gui.tips import rich
 
 _MENUS = ("move", "kind")
 """Kinds of which there are many: each has a menu of its own."""
@@ -51,6 +52,7 @@ class CorrectionActions(QObject):
             if offer.kind in _MENUS:
                 if offer.kind not in submenus:
                     submenus[offer.kind] = menu.addMenu(_title(offer.kind))
+                    submenus[offer.kind].setToolTipsVisible(True)
                 target = submenus[offer.kind]
             target.addAction(self._action(offer, target))
         if menu.isEmpty():
@@ -77,8 +79,8 @@ class CorrectionActions(QObject):
             self._runner.run_again(before)
 
     def _action(self, offer: Offer, parent: QObject) -> QAction:
-        action = QAction(_text(offer), parent)
-        action.setToolTip(_text(offer))
+        action = QAction(_text(offer).replace("&", "&&"), parent)  # a single one would mark a key
+        action.setToolTip(rich(_text(offer)))
         action.triggered.connect(lambda _=False, offer=offer: self._ask_and_apply(offer))
         return action
 

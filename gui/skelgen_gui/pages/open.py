@@ -21,6 +21,7 @@ from skelgen.app.files import given_identities
 from skelgen.app.told import take_sentences
 from skelgen.errors import SkelgenError
 from skelgen_gui.pages.context import Context
+from skelgen_gui.tips import rich
 
 _PATH = Qt.ItemDataRole.UserRole
 
@@ -54,10 +55,13 @@ class OpenPage(QWidget):
         self._follow_recent()
 
     def _describe(self) -> None:
-        self.take.setWordWrap(True)
-        self.take.setAccessibleName(self.tr("What is open"))
-        self.notices.setWordWrap(True)
-        self.notices.setAccessibleName(self.tr("What the reader did"))
+        for label, name in (
+            (self.take, self.tr("What is open")),
+            (self.notices, self.tr("What the reader did")),
+        ):
+            label.setWordWrap(True)
+            label.setTextFormat(Qt.TextFormat.PlainText)  # names may look like tags
+            label.setAccessibleName(name)
         self.browse.setToolTip(self.tr("Open a recording in any format, or a project"))
         self.browse.setAccessibleName(self.tr("Open a file"))
         self.identities.setToolTip(self.tr("Read a file that says which point is which marker in some frames"))
@@ -105,7 +109,7 @@ class OpenPage(QWidget):
         self.recent.clear()
         for path in self._context.preferences.recent:
             item = QListWidgetItem(path.name, self.recent)
-            item.setToolTip(str(path))
+            item.setToolTip(rich(str(path)))
             item.setData(_PATH, path)
             if not path.exists():
                 item.setFlags(item.flags() & ~Qt.ItemFlag.ItemIsEnabled)

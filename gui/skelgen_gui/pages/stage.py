@@ -86,6 +86,7 @@ class StagePage(QWidget):
         self._browse.setAccessibleName(self.tr("Choose the project file with the saved result"))
         self._browse.setToolTip(self._browse.accessibleName())
         self.result.setWordWrap(True)
+        self.result.setTextFormat(Qt.TextFormat.PlainText)  # names of markers may look like tags
         self.result.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.result.setAccessibleName(self.tr("What came out of this step"))
         self.warnings.setAccessibleName(self.tr("What to look at; Enter goes there"))
@@ -115,6 +116,7 @@ class StagePage(QWidget):
         area = QScrollArea(self)
         area.setWidgetResizable(True)
         area.setFrameShape(QScrollArea.Shape.NoFrame)
+        area.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # what is in it is reached by Tab, and scrolled to
         area.setWidget(inner)
         layout = QVBoxLayout(self)
         layout.addWidget(area, 3)

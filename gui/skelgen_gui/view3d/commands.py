@@ -68,6 +68,7 @@ class Commands(QObject):
         titles = {"trail_seconds": self.tr("Length of trails"), "magnification": self.tr("Size of ellipsoids")}
         for name, actions in self.choices.items():
             submenu = menu.addMenu(titles.get(name, self.tr("Up axis")))
+            submenu.setToolTipsVisible(True)
             submenu.addActions(actions)
 
     def _switch_words(self) -> dict[str, tuple[str, str]]:

@@ -158,8 +158,8 @@ def _tiles(project: Project) -> list[tuple[str, str]]:
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
         mean, _, _ = measures.summary(project.motion.residuals[~np.isnan(project.motion.residuals)])
         tiles.append((millimetres(mean), "mean residual"))
-    if project.reports:
-        tiles.append((duration(sum(report.seconds for report in project.reports.values())), "computing time"))
+    if seconds := sum(report.seconds for report in project.reports.values()):
+        tiles.append((duration(seconds), "computing time"))
     return tiles
 
 

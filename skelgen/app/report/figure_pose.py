@@ -8,6 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.report import measures, svg
+from skelgen.app.report.colours import limb_colour
 from skelgen.app.report.wording import plain
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
@@ -22,6 +23,12 @@ _TRIAD = 22.0
 _AXES = ("X", "Y", "Z")
 _LABEL_DISTANCE = 13.0
 _BAR_SHARE = 0.45  # of the width, the longest scale bar
+_FILLED = 0.88  # of a small figure's side; the rest is margin
+_SMALL_STYLE = (
+    ".bone{stroke-width:2.5;stroke-linecap:round}.bone.loose{stroke-width:1.2;stroke-dasharray:1 3}"
+    ".dot{r:1.3px}.joint{fill:#fff;stroke:#444;stroke-width:.8}"
+)
+_SMALL_TINT = ".limb{0} .bone{{stroke:{1}}}.limb{0} .dot{{fill:{1}}}"
 _NEARLY_IN_PLANE = 0.85  # of an axis's length: more oblique ones would only be misread
 
 
@@ -68,6 +75,34 @@ def pose_figures(project: Project) -> list[tuple[str, Markup]]:
     spans = [np.ptp(body.points @ np.stack([view.across, view.up], axis=1), axis=0) for view in views]
     scale = _SIDE / max(float(np.max(spans)), 1e-9)
     return [(view.title, _view(project, body, view, scale)) for view in views]
+
+
+def small_figure(project: Project, side: float) -> str:
+    """Draw the widest side of the reference pose, limbs and joints alone, as a file of its own.
+
+    Parameters
+    ----------
+    project : Project
+        With a skeleton.
+    side : float, px
+        Of the square that it fills.
+    """
+    skeleton = project.skeleton
+    body = _Body(measures.reference_markers(skeleton), measures.reference_joints(skeleton))
+    front, _ = find_views(body.points, project.motion.marker_positions)
+    plane = np.stack([front.across, -front.up], axis=1)
+    low, size = (body.points @ plane).min(axis=0), np.ptp(body.points @ plane, axis=0)
+    scale = side * _FILLED / max(float(size.max()), 1e-9)
+    corner = low * scale - (side - size * scale) / 2
+    markers, joints = body.markers @ plane * scale - corner, body.joints @ plane * scale - corner
+    limbs = range(skeleton.n_limbs)
+    colours = "".join(_SMALL_TINT.format(limb, limb_colour(limb)) for limb in limbs)
+    parts = [
+        svg.tag("style", Markup(colours + _SMALL_STYLE)),
+        *[_limb(project, limb, markers, joints) for limb in limbs],
+        *[svg.circle(x, y, 1.5, "joint") for x, y in joints.tolist()],
+    ]
+    return str(svg.drawing(side, side, project.name or "skeleton", *parts))
 
 
 def find_views(points: Floats, marker_positions: Floats) -> tuple[View, View]:

@@ -25,7 +25,7 @@ def stage_tables(project: Project) -> list[Row]:
         {
             "name": stage.name,
             "summary": stage.summary,
-            "seconds": duration(report.seconds),
+            "seconds": duration(report.seconds) if report.seconds else "–",  # a batch keeps times apart
             "share": report.seconds / whole if whole > 0 else 0.0,
             "parameters": _parameters(stage, report),
         }

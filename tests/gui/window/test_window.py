@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
-from PySide6.QtWidgets import QMessageBox
+from PySide6.QtWidgets import QFileDialog, QMessageBox
 from skelgen_gui.session import Selection
 
 import skelgen
@@ -99,6 +99,36 @@ def test_a_saved_result_is_taken_instead_of_a_run(qtbot, window, person, rods, t
     assert "taken from a saved project" in window.session.project.reports["labels"].notices
 
 
+def test_a_second_result_is_overlaid_until_that_is_stopped(window, person, rods, tmp_path, monkeypatch):
+    other = tmp_path / "other.skelgen"
+    skelgen.write(skelgen.reconstruct(skelgen.read(rods)), other)
+    person.opens(rods)
+    stop = window.actions_by_id["compare_none"]
+    assert not stop.isEnabled()
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *args: (str(other), ""))
+    person.does("compare")
+    person.waits(lambda: window.session.other is not None)
+    assert window.session.other.has("skeleton")
+    assert not window.session.project.has("skeleton")
+    person.does("compare_none")
+    assert window.session.other is None
+    assert not stop.isEnabled()
+
+
+def test_a_warning_goes_to_its_frame_and_markers(window, person, tmp_path):
+    path = tmp_path / "human.c3d"
+    skelgen.write(simulate("human", n_frames=300, noise=0.5, dropouts=0.05).take, path)
+    person.opens(path)
+    person.runs_all()
+    page = window.pages.page("skeleton")
+    person.waits(lambda: page.warnings.count() > 0)
+    (item,) = page.warnings.findItems("interpolated", Qt.MatchFlag.MatchStartsWith)
+    page.warnings.itemActivated.emit(item)
+    unknown = ~window.session.project.motion.limb_seen[window.session.frame]
+    selected = window.session.project.limbs.limb_of_marker[list(window.session.selection.markers)]
+    assert unknown[selected].any()
+
+
 def test_a_file_is_dropped_on_the_window(qtbot, window, rods):
     data = QMimeData()
     data.setUrls([QUrl.fromLocalFile(str(rods))])
@@ -160,17 +190,3 @@ def test_a_file_that_is_opened_is_told_to_the_views_once(window, person, rods):
     window.session.project_changed.connect(lambda: told.append(window.session.project))
     person.opens(rods)
     assert len(told) == 1
-
-
-def test_every_control_has_a_name_for_screen_readers(window, person, rods):
-    from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QListWidget
-
-    person.opens(rods)
-    for key in ("open", "labels", "limbs", "joints", "skeleton"):
-        page = window.pages.page(key)
-        for kind in (QAbstractButton, QAbstractSpinBox, QComboBox, QListWidget):
-            for control in page.findChildren(kind):
-                if control.objectName().startswith("qt_") or control.parent() in page.findChildren(QComboBox):
-                    continue
-                text = getattr(control, "text", str)()
-                assert control.accessibleName() or text, control

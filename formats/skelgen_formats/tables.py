@@ -1,0 +1,215 @@
+"""Long tables, one row per frame and item, as CSV or Parquet: markers, joints and angles, a file each.
+
+Every column names its unit: ``frame,time_s,marker,limb,x_mm,...``. Frames count from 0. Numbers are written so that the
+same float64 comes back. What is unseen is empty in CSV and null in Parquet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.errors import WriteError
+from skelgen.files import arriving_together, replacing
+from skelgen.model import Project, Take
+from skelgen.model.arrays import Floats, Ints
+from skelgen.progress import SILENT, Monitor, told
+from skelgen_formats.csv_rows import write_csv
+from skelgen_formats.finished import finished_project
+from skelgen_formats.joints_csv import joint_names
+from skelgen_formats.registry import Format
+from skelgen_formats.world import AXES, RATE, UNIT, per_mm
+
+CSV_SUFFIX, PARQUET_SUFFIX = ".table.csv", ".parquet"
+TABLES = ("markers", "joints", "angles")
+
+_CHUNK_FRAMES = 2000  # rows of so many frames are in memory at a time
+_NEEDS_QUOTES = frozenset(',"\r\n')
+
+Columns = dict[str, NDArray[Any]]
+"""Some rows of a table: each column's name and values."""
+
+
+def write_csv_tables(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+    """Write the three tables as CSV.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project, or a file cannot be written.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    return _write(value, path, CSV_SUFFIX, unit, monitor, _write_csv)
+
+
+def write_parquet_tables(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+    """Write the three tables as Parquet; errors as `write_csv_tables`, and without pyarrow."""
+    _check_parquet(value)
+    return _write(value, path, PARQUET_SUFFIX, unit, monitor, _write_parquet)
+
+
+def _write(
+    value: Project | Take,
+    path: Path,
+    suffix: str,
+    unit: str,
+    monitor: Monitor,
+    write: Callable[[Path, Iterator[Columns]], None],
+) -> list[Path]:
+    project = finished_project(value, "A table")
+    with arriving_together(path.parent) as folder:
+        for name, file in zip(TABLES, _files(folder / path.name, suffix), strict=True):
+            write(file, _chunks(project, name, unit, monitor))
+    return list(_files(path, suffix))
+
+
+def _files(path: Path, suffix: str) -> tuple[Path, ...]:
+    stem = path.name.removesuffix(suffix) if path.name.endswith(suffix) else path.stem
+    return tuple(path.with_name(f"{stem}.{name}{suffix}") for name in TABLES)
+
+
+def _chunks(project: Project, name: str, unit: str, monitor: Monitor) -> Iterator[Columns]:
+    kinds: dict[str, Callable[[Project, Ints], Columns]] = {
+        "markers": partial(_markers, unit=unit),
+        "joints": partial(_joints, unit=unit),
+        "angles": _angles,
+    }
+    rows = kinds[name]
+    n_frames = project.motion.n_frames
+    starts = range(0, max(n_frames, 1), _CHUNK_FRAMES)  # a table without rows has its columns all the same
+    for start in told(starts, len(starts), monitor, every=1):
+        yield rows(project, np.arange(start, min(start + _CHUNK_FRAMES, n_frames)))
+
+
+def _markers(project: Project, frames: Ints, unit: str) -> Columns:
+    skeleton, motion, markers = project.skeleton, project.motion, project.trajectories
+    limbs = [f"limb{limb}" if limb >= 0 else "" for limb in skeleton.limb_of_marker.tolist()]
+    items = {"marker": markers.names, "limb": tuple(limbs)}
+    scale = per_mm(unit)
+    return {
+        **_head(motion.times, frames, items),
+        **_axes("{}_" + unit, markers.positions[frames] * scale),
+        **_axes("model_{}_" + unit, motion.marker_positions[frames] * scale),
+        f"residual_{unit}": motion.residuals[frames].ravel() * scale,
+    }
+
+
+def _joints(project: Project, frames: Ints, unit: str) -> Columns:
+    motion = project.motion
+    std = np.full(motion.joint_positions.shape, np.nan) if motion.joint_std is None else motion.joint_std
+    return {
+        **_head(motion.times, frames, {"joint": joint_names(project.skeleton)}),
+        **_axes("{}_" + unit, motion.joint_positions[frames] * per_mm(unit)),
+        **_axes("std_{}_" + unit, std[frames] * per_mm(unit)),
+    }
+
+
+def _angles(project: Project, frames: Ints) -> Columns:
+    from skelgen.kinematics.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.inverse import posture_of  # noqa: PLC0415 - scipy is slow to load
+
+    skeleton = project.skeleton
+    posture = posture_of(skeleton, project.motion, project.trajectories.positions, frames)
+    named = zip(joint_names(skeleton), skeleton.joints, strict=True)
+    pairs = [(name, angle) for name, joint in named for angle in angle_names(joint)]
+    items = {"joint": tuple(name for name, _ in pairs), "angle": tuple(angle for _, angle in pairs)}
+    none = np.zeros((len(frames), 0))
+    return {
+        **_head(project.motion.times, frames, items),
+        "value_deg": np.rad2deg(np.concatenate([none, *posture.angles], axis=1)).ravel(),
+        "std_deg": np.rad2deg(np.concatenate([none, *posture.angle_std], axis=1)).ravel(),
+    }
+
+
+def _head(times: Floats, frames: Ints, items: Mapping[str, tuple[str, ...]]) -> Columns:
+    """Frame and time of every row, and what it is about."""
+    n_items = len(next(iter(items.values())))
+    texts = {name: np.tile(np.array(values, dtype=np.str_), len(frames)) for name, values in items.items()}
+    return {"frame": np.repeat(frames, n_items), "time_s": np.repeat(times[frames], n_items), **texts}
+
+
+def _axes(pattern: str, vectors: Floats) -> Columns:
+    return {pattern.format(axis): vectors[..., index].ravel() for index, axis in enumerate("xyz")}
+
+
+def _write_csv(path: Path, chunks: Iterator[Columns]) -> None:
+    first = next(chunks)
+    write_csv(path, list(first), _lines(first, chunks))
+
+
+def _lines(first: Columns, others: Iterator[Columns]) -> Iterator[str]:
+    yield from _lines_of(first)
+    for chunk in others:
+        yield from _lines_of(chunk)
+
+
+def _lines_of(chunk: Columns) -> Iterator[str]:
+    for cells in zip(*(_cells(values) for values in chunk.values()), strict=True):
+        yield ",".join(cells) + "\n"
+
+
+def _cells(values: NDArray[Any]) -> list[str]:
+    if values.dtype.kind == "f":
+        return ["" if number != number else repr(number) for number in values.tolist()]  # noqa: PLR0124 - NaN
+    return [_quoted(str(value)) for value in values.tolist()]
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"' if _NEEDS_QUOTES & set(text) else text
+
+
+def _write_parquet(path: Path, chunks: Iterator[Columns]) -> None:
+    import pyarrow  # noqa: PLC0415 - of the extra `tables`
+    from pyarrow import parquet  # noqa: PLC0415
+
+    def table_of(chunk: Columns) -> Any:
+        return pyarrow.table({name: pyarrow.array(values, from_pandas=True) for name, values in chunk.items()})
+
+    first = table_of(next(chunks))
+    with replacing(path) as temporary, parquet.ParquetWriter(temporary, first.schema) as writer:
+        writer.write_table(first)
+        for chunk in chunks:
+            writer.write_table(table_of(chunk))
+
+
+def _check_parquet(value: Project | Take) -> None:
+    finished_project(value, "A table")
+    try:
+        import pyarrow  # noqa: F401, PLC0415 - whether it is there
+    except ImportError as error:
+        raise WriteError("Parquet needs pyarrow: pip install 'skelgen[tables]'") from error
+
+
+_COMMON: dict[str, Any] = {
+    "holds": "skeleton",
+    "keeps": ("markers", "names", "limbs", "joints", "angles"),
+    "options": (AXES, RATE, UNIT),
+}
+_NOTE = "One row per frame and item, in three files: markers with their residuals, joints, and angles in degrees."
+
+CSV = Format(
+    name="table-csv",
+    title="Long tables, CSV",
+    suffixes=(CSV_SUFFIX,),
+    write=write_csv_tables,
+    check=lambda value, options: finished_project(value, "A table"),
+    files=lambda path, options: _files(path, CSV_SUFFIX),
+    note=_NOTE,
+    **_COMMON,
+)
+PARQUET = Format(
+    name="table-parquet",
+    title="Long tables, Parquet",
+    suffixes=(PARQUET_SUFFIX,),
+    write=write_parquet_tables,
+    check=lambda value, options: _check_parquet(value),
+    files=lambda path, options: _files(path, PARQUET_SUFFIX),
+    note=_NOTE + " Needs the extra `tables`.",
+    **_COMMON,
+)

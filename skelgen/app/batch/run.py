@@ -1,0 +1,186 @@
+"""A batch from its plan to its end: takes to workers, records to the manifest and the page."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Generator, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from skelgen.app.batch.job import Job
+from skelgen.app.batch.page import PAGE, write_page
+from skelgen.app.batch.records import (
+    DONE,
+    FAILED,
+    MANIFEST,
+    Record,
+    clear_unfinished,
+    known_names,
+    manifest_of,
+    read_json,
+    write_json,
+)
+from skelgen.app.batch.takes import Entry, find_entries
+from skelgen.app.batch.work import Outcome, blank_record, check_formats
+from skelgen.app.batch.workers import in_processes
+from skelgen.errors import InputError, WriteError
+from skelgen.progress import SILENT, Monitor
+
+Pool = Callable[[Job, Sequence[Entry]], Generator[Outcome, None, None]]
+"""Does all takes of a batch somewhere, and yields what became of each."""
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """What became of a batch.
+
+    Attributes
+    ----------
+    records : tuple of dict
+        One per take, in the order of the takes.
+    n_kept : int
+        How many were finished before.
+    manifest, page : Path
+        What gathers them.
+    """
+
+    records: tuple[Record, ...]
+    n_kept: int
+    manifest: Path
+    page: Path
+
+    @property
+    def n_done(self) -> int:
+        """How many takes are done."""
+        return sum(record["outcome"] == DONE for record in self.records)
+
+    @property
+    def failed(self) -> tuple[Record, ...]:
+        """Records of takes that could not be done."""
+        return tuple(record for record in self.records if record["outcome"] == FAILED)
+
+
+def run_batch(
+    inputs: Iterable[Path | str],
+    output: Path | str,
+    job: Job | None = None,
+    *,
+    pool: Pool | None = None,
+    resume: bool = False,
+    monitor: Monitor = SILENT,
+) -> BatchResult:
+    """Do the same with many takes.
+
+    Parameters
+    ----------
+    inputs : iterable of Path or str
+        Files, folders and patterns, see `find_entries`.
+    output : Path or str
+        Folder of the batch; each take gets a folder in it.
+    job : Job, optional
+        What is done with each; the usual if left out.
+    pool : callable (job, entries) -> iterator of Outcome, optional
+        Who does it; one process on this machine if left out.
+    resume : bool
+        Whether `output` may hold a batch: takes that are finished in it are kept.
+    monitor : Monitor
+        Told how many takes are done, and of each that cannot be; may cancel.
+
+    Returns
+    -------
+    BatchResult
+        Also if takes failed.
+
+    Raises
+    ------
+    InputError
+        If there is no take, or a batch without `resume`.
+    WriteError
+        If nothing can be written any more; finished takes are kept.
+    """
+    job, output = job or Job(), Path(output)
+    check_formats(job.formats)
+    manifest = output / MANIFEST
+    if manifest.exists() and not resume:
+        raise InputError(f"{output} holds a batch: continue it with --resume, or take another folder")
+    entries = find_entries(inputs, output, known_names(manifest))
+    gathered = _Gathered(entries, job, output)
+    clear_unfinished(output)
+    gathered.write()
+    monitor.begin("takes")
+    monitor.advance(0, len(entries))
+    obstacle = ""
+    try:
+        with contextlib.closing((pool or in_processes)(job, entries)) as outcomes:
+            for outcome in outcomes:
+                obstacle = gathered.add(outcome, monitor)
+                if obstacle:
+                    break
+    finally:
+        gathered.end()
+    if obstacle:
+        kept = f"{gathered.n_done} of {len(entries)} takes are finished and kept; continue with --resume"
+        raise WriteError(f"{obstacle.rstrip('.')}: the batch is stopped; {kept}")
+    return gathered.result()
+
+
+def read_manifest(path: Path | str) -> Record:
+    """Return the manifest of a batch, given the file or its folder.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    path = Path(path)
+    file = path / MANIFEST if path.is_dir() else path
+    manifest = read_json(file)
+    if manifest is None or "takes" not in manifest:
+        raise InputError(f"{file}: there is no manifest of a batch")
+    return manifest
+
+
+class _Gathered:
+    """Records of a batch as they come in."""
+
+    def __init__(self, entries: Sequence[Entry], job: Job, output: Path) -> None:
+        self._entries, self._job, self._output = entries, job, output
+        self._records = {entry.name: blank_record(entry, job) for entry in entries}
+        self._kept = 0
+
+    @property
+    def n_done(self) -> int:
+        """How many takes are done."""
+        return sum(record["outcome"] == DONE for record in self._records.values())
+
+    def add(self, outcome: Outcome, monitor: Monitor) -> str:
+        """Take a record, tell of it, and return why the batch cannot go on; empty if it can."""
+        record = outcome.record
+        self._records[record["name"]] = record
+        self._kept += outcome.kept
+        if outcome.obstacle:
+            return outcome.obstacle
+        if record["outcome"] == FAILED:
+            monitor.notice(f"{record['name']}: {record['error']}")
+        n_over = sum(one["outcome"] in {DONE, FAILED} for one in self._records.values())
+        monitor.advance(n_over, len(self._records))
+        return ""
+
+    def write(self) -> None:
+        """Write manifest and page."""
+        manifest = manifest_of(self._job.as_mapping(), self._records.values())
+        write_json(manifest, self._output / MANIFEST)
+        write_page(manifest, self._output / PAGE)
+
+    def end(self) -> None:
+        """Tidy up after workers that were ended, and write what is known; a full disk keeps the plan."""
+        for entry in self._entries:
+            if self._records[entry.name]["outcome"] != DONE:
+                clear_unfinished(Path(entry.folder))
+        with contextlib.suppress(WriteError):
+            self.write()
+
+    def result(self) -> BatchResult:
+        """Return what became of it."""
+        records = tuple(self._records.values())
+        return BatchResult(records, self._kept, self._output / MANIFEST, self._output / PAGE)

@@ -1,0 +1,162 @@
+"""Worker processes on this machine: each does one take after the other, and none can take the others down."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Generator, Iterator, Sequence
+from functools import partial
+from multiprocessing.connection import Connection, wait
+from typing import TYPE_CHECKING, Any
+
+from skelgen.app.batch.job import Job
+
+if TYPE_CHECKING:
+    from skelgen.app.batch.takes import Entry
+    from skelgen.app.batch.work import Outcome
+
+TRIES = 2
+"""A take whose worker dies is given to another one once: somebody may have killed it by mistake."""
+
+RECYCLED_ABOVE = 400_000_000
+"""bytes; a worker that has held more is replaced, since Python seldom gives memory back. A usual take needs half."""
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def in_processes(job: Job, entries: Sequence[Entry], n_workers: int = 1) -> Generator[Outcome, None, None]:
+    """Do all takes in processes of their own, and yield what became of each as it is known.
+
+    Parameters
+    ----------
+    job : Job
+        What is done with them.
+    entries : sequence of Entry
+        The takes.
+    n_workers : int
+        How many processes.
+    """
+    waiting = deque(entries)
+    tries: dict[str, int] = {}
+    workers: list[_Worker] = []
+    try:
+        while waiting or workers:
+            while waiting and len(workers) < n_workers:
+                workers.append(_Worker(job))
+            for worker in [one for one in workers if one.entry is None]:
+                if waiting:
+                    worker.begin(waiting.popleft())
+                else:
+                    workers.remove(worker)
+                    worker.stop()
+            for worker in _reporting(workers):
+                entry, outcome = worker.finish()
+                if outcome is None or outcome.peak > RECYCLED_ABOVE:
+                    workers.remove(worker)
+                    worker.stop()
+                if outcome is None:
+                    tries[entry.name] = tries.get(entry.name, 0) + 1
+                    if tries[entry.name] < TRIES:
+                        waiting.appendleft(entry)
+                        continue
+                    outcome = _lost(entry, job, worker.process.exitcode)
+                yield outcome
+    finally:
+        for worker in workers:
+            worker.kill()
+
+
+class _Worker:
+    """A process that is given takes."""
+
+    def __init__(self, job: Job) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, job), daemon=True, name="skelgen-batch")
+        with _one_thread():
+            self.process.start()
+        theirs.close()
+        self.entry: Entry | None = None
+
+    @property
+    def connection(self) -> Connection[Any, Any]:
+        """Where it answers."""
+        return self._connection
+
+    def begin(self, entry: Entry) -> None:
+        """Give it a take."""
+        self.entry = entry
+        with contextlib.suppress(OSError):  # it died: `finish` will tell
+            self._connection.send(entry)
+
+    def finish(self) -> tuple[Entry, Outcome | None]:
+        """Return the take and what became of it; None if the process died."""
+        entry, self.entry = self.entry, None
+        assert entry is not None
+        try:
+            return entry, self._connection.recv()
+        except (EOFError, OSError):
+            self.process.join()
+            return entry, None
+
+    def stop(self) -> None:
+        """Let it end."""
+        self._connection.close()
+        self.process.join()
+
+    def kill(self) -> None:
+        """End it at once."""
+        self.process.kill()
+        self.stop()
+
+
+def _reporting(workers: list[_Worker]) -> list[_Worker]:
+    by_connection = {worker.connection: worker for worker in workers if worker.entry is not None}
+    return [by_connection[one] for one in wait(list(by_connection))] if by_connection else []  # type: ignore[index]
+
+
+def _lost(entry: Entry, job: Job, exit_code: int | None) -> Outcome:
+    from skelgen.app.batch.work import Outcome, failed_record  # noqa: PLC0415 - numpy loads in the workers alone
+
+    died = f"by signal {-exit_code}" if exit_code is not None and exit_code < 0 else f"with exit code {exit_code}"
+    sentence = f"its worker process ended {died}, {TRIES} times; there may be too little memory: use fewer --jobs"
+    return Outcome(failed_record(entry, job, sentence))
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let processes that start now use one thread for linear algebra: the cores are shared by processes."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _serve(connection: Connection[Any, Any], job: Job) -> None:
+    """What a worker process does until nobody gives it takes any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    from skelgen.app.batch.work import work_on  # noqa: PLC0415 - numpy must see the number of threads first
+
+    do = partial(work_on, job=job)
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            connection.send(do(connection.recv()))
+
+
+def _end_with_parent() -> None:
+    """End this process at once when the parent is gone, so that nothing is written behind a new batch's back."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

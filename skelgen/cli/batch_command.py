@@ -1,0 +1,117 @@
+"""The command `batch`: the same with many takes, on this machine or on a cluster."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from skelgen.cli.options import AsJson, Config, FormatName, Hierarchy, NLimbs, NMarkers, Quiet, Root, Seed, given
+from skelgen.cli.screen import Screen
+from skelgen.cli.stage_commands import Assignments, UntilStage, hierarchy_in
+from skelgen.errors import ParameterError
+
+if TYPE_CHECKING:
+    from skelgen.app.batch.run import BatchResult, Pool
+
+EXIT_SOME_FAILED = 3
+EXIT_ALL_FAILED = 2
+
+Inputs = Annotated[
+    list[str],
+    typer.Argument(metavar="IN...", help="Takes, folders of takes, and patterns in quotes: 'in/**/*.c3d'."),
+]
+BatchFolder = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the batch; each take gets a folder in it.")
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Continue a batch: takes that are finished in its folder are kept.")
+]
+Processes = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Takes at a time on this machine.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Use a dask cluster: tcp://host:8786.", show_default="none"),
+]
+Formats = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--to",
+        metavar="NAME",
+        help="Write this format of every take too, or `report`; may be repeated.",
+        show_default="project, markers, limbs, joints, angles, picture",
+    ),
+]
+
+
+def batch(
+    takes: Inputs,
+    output: BatchFolder,
+    resume: Resume = False,
+    jobs: Processes = 1,
+    scheduler: Scheduler = None,
+    formats: Formats = None,
+    n_markers: NMarkers = None,
+    n_limbs: NLimbs = None,
+    hierarchy: Hierarchy = None,
+    root: Root = None,
+    seed: Seed = None,
+    config: Config = None,
+    assignments: Assignments = None,
+    until_stage: UntilStage = None,
+    format_name: FormatName = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    **reader_values: Any,
+) -> None:
+    """Find the skeletons of many takes: a folder of results for each, a manifest, a page of all.
+
+    Exit codes: 0 every take is done; 3 some failed; 2 all failed, or the batch cannot begin or go on; 130 interrupted.
+    """
+    from skelgen.app.batch.job import Job
+    from skelgen.app.batch.run import read_manifest, run_batch
+    from skelgen.app.configuration import Settings, settings_with
+    from skelgen.app.stages import Wishes, find_stage
+
+    if until_stage is not None:
+        find_stage(until_stage)
+    job = Job(
+        settings=settings_with(Settings(config), assignments or ()).as_mapping(),
+        wishes=Wishes(n_markers, n_limbs, 1, hierarchy_in(hierarchy), root),
+        seed=seed,
+        until=until_stage,
+        format_name=format_name,
+        reader_options=given(reader_values),
+        formats=tuple(formats or ()),
+    )
+    screen = Screen(quiet, as_json)
+    with screen.counting() as monitor:
+        result = run_batch(takes, output, job, pool=_pool(jobs, scheduler, output), resume=resume, monitor=monitor)
+    _show(screen, result)
+    screen.json(read_manifest(result.manifest) if as_json else {})
+    if result.failed:
+        raise typer.Exit(EXIT_SOME_FAILED if result.n_done else EXIT_ALL_FAILED)
+
+
+def _pool(jobs: int, scheduler: str | None, output: Path) -> Pool:
+    if scheduler is None:
+        from skelgen.app.batch.workers import in_processes
+
+        return partial(in_processes, n_workers=jobs)
+    if jobs != 1:
+        raise ParameterError(
+            "--jobs is for this machine alone; how many takes a cluster does at a time is its workers'"
+        )
+    from skelgen.app.batch.cluster import on_cluster
+    from skelgen.app.batch.records import MANIFEST
+
+    return partial(on_cluster, address=scheduler, shared=output.absolute() / MANIFEST)
+
+
+def _show(screen: Screen, result: BatchResult) -> None:
+    screen.table("Takes that failed", [{"take": one["name"], "why": one["error"]} for one in result.failed])
+    kept = f" ({result.n_kept} of them before)" if result.n_kept else ""
+    failed = f", {len(result.failed)} failed" if result.failed else ""
+    screen.say(f"{result.n_done} of {len(result.records)} takes done{kept}{failed}")
+    screen.say(f"written: {result.manifest}, {result.page}")

@@ -1,0 +1,285 @@
+"""Batches: names of folders, records that make a take finished, workers that die, outputs that cannot be written."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skelgen
+from skelgen.app.batch import work
+from skelgen.app.batch.job import Job
+from skelgen.app.batch.records import finished_record
+from skelgen.app.batch.run import run_batch
+from skelgen.app.batch.takes import find_entries
+from skelgen.app.batch.workers import in_processes
+from skelgen.app.store import open_project
+from skelgen.cli import main
+from skelgen.errors import InputError, WriteError
+from skelgen.model import Trajectories
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def waves(waving, tmp_path, monkeypatch):
+    """Four takes of a swinging arm in the folder ``in``, each a little slower, and one file that is none."""
+    monkeypatch.chdir(tmp_path)
+    for index in range(4):
+        still, turned = waving.positions[:, :3], waving.positions[:, 3:]
+        positions = np.concatenate([still, turned[:: index % 2 * 2 - 1] + index], axis=1)
+        skelgen.write(Trajectories(positions, waving.names, waving.rate), f"in/wave{index}.csm")
+    Path("in/wave2b.c3d").write_bytes(b"\x01\x50 not much of a recording")
+    return tmp_path / "in"
+
+
+def here(job, entries):
+    """A pool without processes."""
+    for entry in entries:
+        yield work.work_on(entry, job)
+
+
+def contents(folder):
+    """Bytes of every file by its place, records and manifest without what tells how a run went."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        if path.suffix == ".json":
+            data = json.loads(path.read_text())
+            for record in (data, *data.get("takes", ())):
+                record.pop("run", None)
+            found[path.relative_to(folder)] = data
+        elif path.is_file():
+            found[path.relative_to(folder)] = path.read_bytes()
+    return found
+
+
+class TestNames:
+    @pytest.fixture
+    def tree(self, tmp_path):
+        for name in ("a/walk.c3d", "b/walk.c3d", "walk.trc", "b/Walk.c3d", "notes.txt", ".hidden.c3d", "b/config.xml"):
+            (tmp_path / "in" / name).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / "in" / name).write_text("something")
+        return tmp_path / "in"
+
+    def test_takes_of_a_folder_keep_their_place_in_it(self, tree, tmp_path):
+        names = [entry.name for entry in find_entries([tree], tmp_path / "out")]
+        assert names == ["walk", "a/walk", "b/Walk", "b/walk-2"]
+
+    def test_patterns_keep_what_lies_below_their_steady_part(self, tree, tmp_path):
+        names = [entry.name for entry in find_entries([f"{tree}/**/walk.c3d"], tmp_path / "out")]
+        assert names == ["a/walk", "b/walk"]
+
+    def test_files_of_one_name_get_folders_of_their_own(self, tree, tmp_path):
+        files = [tree / "a/walk.c3d", tree / "b/walk.c3d", tree / "walk.trc", tree / "a/walk.c3d"]
+        entries = find_entries(files, tmp_path / "out")
+        assert [entry.name for entry in entries] == ["walk", "walk-2", "walk-3"]
+        assert len({entry.folder for entry in entries}) == 3
+
+    def test_a_number_never_takes_the_name_of_another_take(self, tree, tmp_path):
+        (tree / "walk-2.c3d").write_text("something")
+        files = [tree / "a/walk.c3d", tree / "b/walk.c3d", tree / "walk-2.c3d"]
+        assert [entry.name for entry in find_entries(files, tmp_path / "out")] == ["walk", "walk-3", "walk-2"]
+
+    def test_known_names_stay(self, tree, tmp_path):
+        files = [tree / "a/walk.c3d", tree / "b/walk.c3d"]
+        entries = find_entries(files, tmp_path / "out", {str(files[1]): "walk"})
+        assert [entry.name for entry in entries] == ["walk-2", "walk"]
+
+    @pytest.mark.parametrize("missing", ["none.c3d", "none/*.c3d"])
+    def test_what_is_not_there_is_an_error(self, tmp_path, missing):
+        with pytest.raises(InputError, match="none"):
+            find_entries([tmp_path / missing], tmp_path / "out")
+
+    def test_results_are_no_takes(self, waves, tmp_path):
+        main(["run", str(waves / "wave0.csm"), "-o", str(waves), "-q"])
+        run_batch([waves / "wave1.csm"], waves / "earlier", pool=here)
+        assert [entry.name for entry in find_entries([waves], tmp_path / "out")] == [
+            "wave0", "wave1", "wave2", "wave2b", "wave3"
+        ]  # fmt: skip
+
+
+class TestOutcome:
+    def test_a_broken_take_stops_nothing(self, waves, tmp_path):
+        result = run_batch([waves], tmp_path / "out", pool=here)
+        assert [record["outcome"] for record in result.records] == ["done", "done", "done", "failed", "done"]
+        assert "wave2b.c3d" in result.failed[0]["error"]
+        assert open_project(tmp_path / "out/wave3/wave3.skelgen").has("skeleton")
+
+    def test_a_bug_stops_nothing(self, waves, tmp_path, monkeypatch):
+        def broken(path, *given, **options):
+            raise ZeroDivisionError("oh")
+
+        monkeypatch.setattr(work, "open_input", broken)
+        result = run_batch([waves], tmp_path / "out", pool=here)
+        assert {record["error"] for record in result.failed} == {"internal error: ZeroDivisionError: oh (a bug)"}
+
+    def test_the_page_has_a_row_and_a_picture_for_each_take(self, waves, tmp_path):
+        page = run_batch([waves], tmp_path / "out", pool=here).page.read_text()
+        assert page.count("<img") == 4
+        assert 'src="wave0/wave0.svg"' in page
+        assert page.count("<tr>") == 6
+        assert (tmp_path / "out/wave0/wave0.svg").read_text().startswith("<svg")
+
+    def test_the_manifest_has_checksums_of_all_files(self, waves, tmp_path):
+        manifest = json.loads(run_batch([waves], tmp_path / "out", pool=here).manifest.read_text())
+        assert manifest["counts"] == {"done": 4, "failed": 1, "waiting": 0}
+        record = manifest["takes"][0]
+        names = {path.name for path in (tmp_path / "out/wave0").iterdir()}
+        assert set(record["files"]) == names - {"take.json"}
+        assert all(len(facts["sha256"]) == 64 for facts in (record["source"], *record["files"].values()))
+
+    def test_further_formats_and_the_report_are_written_on_demand(self, waves, tmp_path):
+        job = Job(formats=("trc", "report"))
+        run_batch([waves / "wave0.csm"], tmp_path / "out", job, pool=here)
+        assert {"wave0.trc", "wave0.html"} <= {path.name for path in (tmp_path / "out/wave0").iterdir()}
+
+    @pytest.mark.parametrize(("arguments", "code"), [(["in"], 3), (["in/wave2b.c3d"], 2), (["in/wave0.csm"], 0)])
+    def test_exit_codes_tell_how_it_went(self, waves, arguments, code, monkeypatch, capsys):
+        monkeypatch.setattr(
+            "skelgen.app.batch.workers.in_processes", lambda job, entries, n_workers: here(job, entries)
+        )
+        assert main(["batch", *arguments, "-o", "out", "-q"]) == code
+        assert ("wave2b" in capsys.readouterr().out) == (code != 0)
+
+    @pytest.mark.parametrize(
+        ("options", "word"),
+        [(["--to", "nonsense"], "nonsense"), (["--until", "nothing"], "nothing"), (["--set", "joints.x=1"], "'x'")],
+    )
+    def test_bad_options_are_told_before_any_take(self, waves, options, word, capsys):
+        assert main(["batch", str(waves), "-o", "out", *options]) == 2
+        assert word in capsys.readouterr().err
+        assert not Path("out").exists()
+
+
+class TestResume:
+    def test_a_finished_batch_is_kept_whole(self, waves, tmp_path, monkeypatch):
+        first = run_batch([waves / "wave*.csm"], tmp_path / "out", pool=here)
+        before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/wave0").iterdir()}
+        monkeypatch.setattr(work, "run_stages", None)  # nothing may be computed
+        again = run_batch([waves / "wave*.csm"], tmp_path / "out", pool=here, resume=True)
+        assert (first.n_kept, again.n_kept, again.n_done) == (0, 4, 4)
+        assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "out/wave0").iterdir()}
+
+    def test_without_resume_a_batch_is_not_touched(self, waves, tmp_path):
+        run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here)
+        with pytest.raises(InputError, match="--resume"):
+            run_batch([waves], tmp_path / "out", pool=here)
+
+    @pytest.mark.parametrize("harm", ["record", "file", "missing", "source", "cut record"])
+    def test_what_is_harmed_is_done_again(self, waves, tmp_path, harm):
+        run_batch([waves / "wave*.csm"], tmp_path / "out", pool=here)
+        whole = contents(tmp_path / "out")
+        folder = tmp_path / "out/wave1"
+        if harm == "record":
+            (folder / "take.json").unlink()
+        elif harm == "cut record":
+            (folder / "take.json").write_text((folder / "take.json").read_text()[:300])
+        elif harm == "file":
+            (folder / "wave1.joints.csv").write_text("half")
+        elif harm == "missing":
+            (folder / "wave1.skelgen").unlink()
+        else:
+            whole.clear()
+            skelgen.write(skelgen.read(waves / "wave2.csm"), waves / "wave1.csm")
+        result = run_batch([waves / "wave*.csm"], tmp_path / "out", pool=here, resume=True)
+        assert (result.n_kept, result.n_done) == (3, 4)
+        assert not whole or contents(tmp_path / "out") == whole
+
+    def test_another_job_is_done_again_and_leaves_no_old_file(self, waves, tmp_path):
+        run_batch([waves / "wave0.csm"], tmp_path / "out", Job(formats=("trc",)), pool=here)
+        result = run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here, resume=True)
+        assert result.n_kept == 0
+        assert not (tmp_path / "out/wave0/wave0.trc").exists()
+
+    def test_what_a_killed_run_left_is_taken_away(self, waves, tmp_path):
+        run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here)
+        whole = contents(tmp_path / "out")
+        for place in ("out/wave0/.skelgen-abc", "out/.skelgen-def"):
+            (tmp_path / place).mkdir()
+            (tmp_path / place / "half.c3d").write_text("x")
+        (tmp_path / "out/wave0/.skelgen-take.json.xyz.json").write_text("{")
+        run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here, resume=True)
+        assert contents(tmp_path / "out") == whole
+        assert not list((tmp_path / "out").rglob(".skelgen-*"))
+
+    def test_records_of_another_version_are_not_believed(self, waves, tmp_path):
+        run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here)
+        record = json.loads((tmp_path / "out/wave0/take.json").read_text())
+        source = record["source"]["sha256"]
+        assert finished_record(tmp_path / "out/wave0", Job().fingerprint, source) == record
+        assert finished_record(tmp_path / "out/wave0", Job(version="0.0.9").fingerprint, source) is None
+
+
+class TestWriting:
+    def test_a_full_disk_stops_the_batch_and_keeps_what_is_finished(self, waves, tmp_path, monkeypatch):
+        whole = Path.replace
+
+        def full(self, target):
+            if "wave2" in str(target):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return whole(self, target)
+
+        monkeypatch.setattr(Path, "replace", full)
+        with pytest.raises(WriteError, match=r"No space left.*2 of 4 takes are finished and kept.*--resume"):
+            run_batch([waves / "wave*.csm"], tmp_path / "out", pool=here)
+        monkeypatch.undo()
+        assert not list((tmp_path / "out").rglob(".skelgen-*"))
+        assert run_batch([waves / "wave*.csm"], tmp_path / "out", pool=here, resume=True).n_kept == 2
+
+    def test_an_output_that_cannot_be_written_is_told(self, waves, tmp_path, capsys):
+        (tmp_path / "file").write_text("in the way")
+        assert main(["batch", str(waves), "-o", str(tmp_path / "file" / "out")]) == 2
+        assert "cannot be written" in capsys.readouterr().err
+
+    def test_a_worker_of_another_version_stops_the_batch(self, waves, tmp_path):
+        with pytest.raises(WriteError, match=r"runs skelgen 0.1.0, the batch 0.0.9"):
+            run_batch([waves], tmp_path / "out", Job(version="0.0.9"), pool=here)
+
+
+class TestProcesses:
+    def test_two_processes_give_the_same_as_none(self, waves, tmp_path):
+        two = run_batch([waves], tmp_path / "two", pool=partial(in_processes, n_workers=2))
+        run_batch([waves], tmp_path / "none", pool=here)
+        assert two.n_done == 4
+        assert contents(tmp_path / "two") == contents(tmp_path / "none")
+
+    def test_a_take_whose_worker_dies_again_and_again_fails_alone(self, waves, tmp_path):
+        job = Job(until=Deadly("limbs"))
+        result = run_batch([waves / "wave0.csm", waves / "wave2b.c3d"], tmp_path / "out", job, pool=in_processes)
+        assert [record["outcome"] for record in result.records] == ["failed", "failed"]
+        assert "signal 9" in result.records[0]["error"]
+
+
+class Deadly(str):
+    """The name of a stage that kills the process that looks it up."""
+
+    __slots__ = ()
+    __hash__ = None
+
+    def __eq__(self, other):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_killed_at_any_moment_and_resumed_gives_the_same(waves, tmp_path):
+    command = [sys.executable, "-m", "skelgen", "batch", str(waves), "-q", "--resume", "--jobs", "2", "-o"]
+    paths = {"PYTHONPATH": os.pathsep.join(str(ROOT / name) for name in (".", "gui", "formats"))}
+    environment = os.environ | paths
+    began = time.monotonic()
+    assert subprocess.run([*command, "whole"], env=environment, check=False, capture_output=True).returncode == 3
+    seconds = time.monotonic() - began
+    for share in (0.6, 0.8, 0.9):
+        process = subprocess.Popen([*command, "killed"], env=environment, stdout=subprocess.DEVNULL)
+        time.sleep(share * seconds)
+        process.kill()
+        process.wait()
+    assert subprocess.run([*command, "killed"], env=environment, check=False, capture_output=True).returncode == 3
+    assert contents(tmp_path / "killed") == contents(tmp_path / "whole")

@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from skelgen_formats.articulated import links_of, plain_names, posed, remarks_on_joints
+
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.model import Joint
+
+ROUNDING_MM = 1e-9
+
+
+def test_names_become_plain_and_stay_distinct():
+    names = plain_names(("LKNE", "a b", "a/b", "a_b_1", "a_b"))
+    assert names[0] == "LKNE"
+    assert len(set(names)) == 5
+    assert all(set(name) <= set("LKNEab_0123456789") for name in names)
+
+
+def test_links_put_every_limb_where_the_motion_has_it(jointed_project):
+    apart = posed(links_of(jointed_project, "as-moved")) - jointed_project.motion.world_from_limb
+    assert np.abs(apart).max() < ROUNDING_MM
+
+
+def test_angles_are_0_in_the_reference_pose(jointed_project):
+    motion = jointed_project.motion
+    poses = np.tile(jointed_project.skeleton.reference_pose, (motion.n_frames, 1, 1, 1))
+    still = dataclasses.replace(jointed_project, _motion=dataclasses.replace(motion, world_from_limb=poses))
+    assert all((np.abs(link.angles) < 1e-12).all() for link in links_of(still, "as-moved"))
+
+
+def test_rings_and_gimbal_positions_are_said(jointed_project):
+    project = jointed_project
+    ring = Joint(0, 4, np.zeros(3), np.zeros(3), "ball", None, np.ones(3))
+    poses = project.motion.world_from_limb.copy()
+    poses[3, 8, :3, :3] = poses[3, 3, :3, :3] @ matrix_from_vector(np.array([0, np.pi / 2, 0]))
+    changed = dataclasses.replace(
+        project,
+        _skeleton=dataclasses.replace(project.skeleton, loops=(ring,)),
+        _motion=dataclasses.replace(project.motion, world_from_limb=poses),
+    )
+    assert remarks_on_joints(project, {}, by_three_angles=True) == ()
+    rings, gimbal = remarks_on_joints(changed, {}, by_three_angles=True)
+    assert "rings are left out" in rings
+    assert "limb3-limb8" in gimbal
+    assert remarks_on_joints(changed, {}, by_three_angles=False) == (rings,)

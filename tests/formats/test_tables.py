@@ -1,0 +1,80 @@
+"""pandas and polars are the judges: they must read back the very numbers that the project holds."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from skelgen_formats import tables
+from skelgen_formats.joints_csv import joint_names
+from skelgen_formats.registry import write_file
+
+from skelgen.errors import WriteError
+from skelgen.kinematics.inverse import posture_of
+
+
+def read_with(library, path):
+    """A mapping from column to values, whichever library and format."""
+    frames = pytest.importorskip(library, reason=f"needs {library}: pip install {library}")
+    read = frames.read_parquet if path.suffix == ".parquet" else frames.read_csv
+    table = read(path)
+    return {name: table[name].to_numpy() for name in table.columns}
+
+
+@pytest.fixture(
+    params=[("pandas", "w.table.csv"), ("pandas", "w.parquet"), ("polars", "w.table.csv"), ("polars", "w.parquet")],
+    ids=str,
+)
+def read(request, small_project, tmp_path):
+    library, name = request.param
+    if name == "w.parquet":
+        pytest.importorskip("pyarrow", reason="needs pyarrow: pip install 'skelgen[tables]'")
+
+    def by_table(**options):
+        paths = write_file(small_project, tmp_path / name, **options)
+        return dict(zip(tables.TABLES, (read_with(library, path) for path in paths), strict=True))
+
+    return by_table
+
+
+def vectors(table, pattern):
+    return np.stack([table[pattern.format(axis)].astype(float) for axis in "xyz"], axis=-1)
+
+
+def test_markers_come_back_exactly(read, small_project):
+    table, motion = read()["markers"], small_project.motion
+    shape = motion.marker_positions.shape
+    assert np.array_equal(vectors(table, "{}_mm").reshape(shape), small_project.trajectories.positions, equal_nan=True)
+    assert np.array_equal(vectors(table, "model_{}_mm").reshape(shape), motion.marker_positions, equal_nan=True)
+    assert np.array_equal(table["residual_mm"].reshape(shape[:2]), motion.residuals, equal_nan=True)
+    assert table["marker"].tolist() == list(small_project.trajectories.names) * motion.n_frames
+    assert np.array_equal(table["time_s"], np.repeat(motion.times, shape[1]))
+    assert np.array_equal(table["frame"], np.repeat(np.arange(shape[0]), shape[1]))
+
+
+def test_joints_come_back_exactly_in_the_unit_wanted(read, small_project):
+    table, motion = read(unit="m")["joints"], small_project.motion
+    assert np.array_equal(vectors(table, "{}_m").reshape(motion.joint_positions.shape), motion.joint_positions * 1e-3)
+    assert table["joint"].tolist() == list(joint_names(small_project.skeleton)) * motion.n_frames
+
+
+def test_angles_come_back_exactly(read, small_project):
+    table = read()["angles"]
+    posture = posture_of(small_project.skeleton, small_project.motion, small_project.trajectories.positions)
+    assert np.array_equal(table["value_deg"].reshape(-1, 4), np.rad2deg(np.concatenate(posture.angles, axis=1)))
+    assert np.array_equal(table["std_deg"].reshape(-1, 4), np.rad2deg(np.concatenate(posture.angle_std, axis=1)))
+    assert table["angle"].tolist()[:4] == ["turn", "x", "y", "z"]
+
+
+def test_long_takes_are_written_in_parts_that_fit(small_project, tmp_path, monkeypatch):
+    whole = [path.read_text() for path in write_file(small_project, tmp_path / "1" / "w.table.csv")]
+    monkeypatch.setattr(tables, "_CHUNK_FRAMES", 5)
+    assert [path.read_text() for path in write_file(small_project, tmp_path / "2" / "w.table.csv")] == whole
+
+
+def test_without_pyarrow_the_extra_is_named(small_project, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(WriteError, match=r"skelgen\[tables\]"):
+        write_file(small_project, tmp_path / "w.parquet")
+    assert list(tmp_path.iterdir()) == []
