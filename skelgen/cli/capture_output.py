@@ -90,4 +90,4 @@ class Columns:
 
 def _vector_std(turn: Floats, covariance: Floats) -> Floats:
     """Standard deviations of a rotation vector [rad], from the covariance of small turns about the world's axes."""
-    return angle_deviations(_FREE, turn[np.newaxis], covariance[np.newaxis])[0]
+    return np.asarray(angle_deviations(_FREE, turn[np.newaxis], covariance[np.newaxis])[0])
