@@ -95,6 +95,7 @@ def _calibrate() -> typer.Typer:
     group.command("stereo")(calibrate_commands.stereo)
     group.command("body")(capture_commands.calibrate_body)
     group.command("joints")(capture_commands.calibrate_joints)
+    group.command("simulated")(calibrate_commands.simulated)
     return group
 
 
