@@ -1,4 +1,4 @@
-"""What is distributed: the wheel, the source distribution, the desktop entry, the licences, the start of the command."""
+"""What is distributed: wheel, source distribution, desktop entry, licences; and how the command starts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,20 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 SOURCES = ("skelgen", "formats", "gui", "tests", "docs", "examples", ".ci")
 FILES = ("pyproject.toml", "MANIFEST.in", "README.md", "CHANGELOG.md", "LICENSE")
 PASSING = shutil.ignore_patterns("__pycache__", "*.pyc", "_build")
-HEAVY = "numpy scipy sklearn networkx numba matplotlib lxml ezc3d jinja2 joblib cv2 PySide6 distributed pandas".split()
+HEAVY = [
+    "numpy",
+    "scipy",
+    "sklearn",
+    "networkx",
+    "numba",
+    "matplotlib",
+    "lxml",
+    "ezc3d",
+    "jinja2",
+    "joblib",
+    "cv2",
+    "PySide6",
+]
 
 
 @pytest.fixture(scope="module")
