@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from skelgen.cli.options import AsJson, Quiet
@@ -96,6 +95,7 @@ def calibrate_body(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a target: turn it before the cameras, alone in at least one picture."""
+    import numpy as np
     from skelgen_formats.capture_settings import write_settings
 
     from skelgen.app.capture import calibrate_body_of, read_capture_settings, source_of
