@@ -32,7 +32,9 @@ def known_options():
 
     def options_of(name: str) -> set[str]:
         command = typer.main.get_command(build_app(called=name)).commands[name]
-        return {option for entry in command.params for option in (*entry.opts, *entry.secondary_opts)} | {"--help"}
+        inside = getattr(command, "commands", {}).values()  # of a group, such as `calibrate`
+        entries = [*command.params, *(entry for member in inside for entry in member.params)]
+        return {option for entry in entries for option in (*entry.opts, *entry.secondary_opts)} | {"--help"}
 
     names = typer.main.get_command(build_app()).commands
     return {name: options_of(name) for name in names}

@@ -6,11 +6,17 @@ is decided by what is known beside one pair of images: the rigid bodies, or the 
 
 from __future__ import annotations
 
+from functools import cache
+from types import ModuleType
+from typing import NamedTuple
+
 import numpy as np
 
 from skelgen.capture.blobs import Balls, StereoPoints
 from skelgen.capture.optics.epipolar import Rays, candidates, essential_matrix, rays_of, sampson_distances
+from skelgen.capture.optics.projection import folding_radius
 from skelgen.capture.optics.triangulation import triangulate_rays
+from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera, StereoRig
 
@@ -19,7 +25,18 @@ GATE = 5.0
 and a calibration that errs by more than its noise says still works."""
 
 
-def match_and_triangulate(left: Balls, right: Balls, rig: StereoRig, gate: float = GATE) -> StereoPoints:
+class _Matched(NamedTuple):
+    """Pairs of balls (n, 2), their points in the world, covariances, and shifts [px]."""
+
+    pairs: Ints
+    points: Floats
+    covariance: Floats
+    shift: Floats
+
+
+def match_and_triangulate(
+    left: Balls, right: Balls, rig: StereoRig, gate: float = GATE, compiled: bool = True
+) -> StereoPoints:
     """Return the points that pairs of balls may be.
 
     Parameters
@@ -30,12 +47,22 @@ def match_and_triangulate(left: Balls, right: Balls, rig: StereoRig, gate: float
         The cameras; its noise is the least that a centre has.
     gate : float
         Pairs farther from the epipolar constraint than so many standard deviations are left out.
+    compiled : bool
+        Use the compiled twin; NumPy's is used in any case where numba cannot keep what it compiles.
 
     Returns
     -------
     StereoPoints
         In the order of the left balls, then of the right ones; only points in front of both cameras.
     """
+    twin = _compiled_twin() if compiled else None
+    found = None if twin is None else _match_compiled(twin, left, right, rig, gate)
+    pairs, points, covariance, shift = _match_plain(left, right, rig, gate) if found is None else found
+    shared = _shared(pairs[:, 0], len(left)) | _shared(pairs[:, 1], len(right))
+    return StereoPoints(points, covariance, pairs[:, 0], pairs[:, 1], shift, shared)
+
+
+def _match_plain(left: Balls, right: Balls, rig: StereoRig, gate: float) -> _Matched:
     from_left, from_right = _rays(rig.left, left, rig.noise), _rays(rig.right, right, rig.noise)
     distances = sampson_distances(essential_matrix(rig), from_left, from_right)
     first, second = np.nonzero(candidates(distances, gate))
@@ -45,9 +72,40 @@ def match_and_triangulate(left: Balls, right: Balls, rig: StereoRig, gate: float
         found.corrected.right_shift * _noise(right, rig.noise)[second],
     )
     is_before = np.isfinite(found.points[:, 0]) & np.isfinite(found.covariance[:, 0, 0])
-    first, second = first[is_before], second[is_before]
-    shared = _shared(first, len(left)) | _shared(second, len(right))
-    return StereoPoints(found.points[is_before], found.covariance[is_before], first, second, shift[is_before], shared)
+    pairs = np.stack([first, second], axis=1)[is_before]
+    return _Matched(pairs, found.points[is_before], found.covariance[is_before], shift[is_before])
+
+
+def _match_compiled(twin: ModuleType, left: Balls, right: Balls, rig: StereoRig, gate: float) -> _Matched | None:
+    """The same, compiled; None if a pair lies next to an epipole."""
+    seen = [
+        (np.ascontiguousarray(balls.centres, dtype=np.float64), _noise(balls, rig.noise), _camera_numbers(eye))
+        for balls, eye in ((left, rig.left), (right, rig.right))
+    ]
+    right_from_left = rig.right_from_left
+    turn, shift = np.ascontiguousarray(right_from_left[:3, :3]), np.ascontiguousarray(right_from_left[:3, 3])
+    pairs, inside, covariance, shifts, is_sure = twin.match(*seen, turn, shift, cross_matrix(shift) @ turn, gate)
+    if not is_sure:
+        return None
+    pose = rig.left.camera_from_world
+    back = pose[:3, :3].T
+    return _Matched(pairs, (inside - pose[:3, 3]) @ back.T, back @ covariance @ back.T, shifts)
+
+
+def _camera_numbers(eye: Camera) -> Floats:
+    """Focal lengths, principal point, skew, lens and the square of its folding radius."""
+    matrix = eye.matrix
+    own = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], matrix[0, 1]]
+    return np.array([*own, *eye.distortion, folding_radius(eye) ** 2])
+
+
+@cache
+def _compiled_twin() -> ModuleType | None:
+    try:
+        from skelgen.capture.optics import compiled  # noqa: PLC0415 - numba takes a second to import
+    except (ImportError, RuntimeError):
+        return None
+    return compiled
 
 
 def _rays(camera: Camera, balls: Balls, noise: float) -> Rays:

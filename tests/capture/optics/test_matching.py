@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skelgen.capture.blobs import Balls
+from skelgen.capture.blobs import Balls, StereoPoints
 from skelgen.capture.optics.epipolar import essential_matrix, fundamental_matrix, homogeneous
 from skelgen.capture.optics.matching import match_and_triangulate
 from skelgen.capture.optics.projection import in_image, pixels_from_normalised, project, undistort
@@ -142,3 +142,51 @@ def test_points_turn_with_the_world(rng):
     back = np.linalg.inv(world)
     assert np.abs(before.points @ back[:3, :3].T + back[:3, 3] - after.points).max() < ROUNDING_MM
     assert np.allclose(back[:3, :3] @ before.covariance @ back[:3, :3].T, after.covariance, rtol=1e-8)
+
+
+def same_points(one: StereoPoints, other: StereoPoints) -> bool:
+    """Whether two ways of matching agree, but for rounding."""
+    assert (one.left == other.left).all() and (one.right == other.right).all()
+    assert (one.ambiguous == other.ambiguous).all()
+    close = [np.allclose(one.points, other.points, atol=1e-7), np.allclose(one.covariance, other.covariance, rtol=1e-7)]
+    return all(close) and np.allclose(one.epipolar_distance, other.epipolar_distance, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_compiled_and_plain_matching_agree(seed):
+    rng = np.random.default_rng(seed)
+    rig = seed_rig()
+    lens = np.array([-0.3, 0.1, 0.002, -0.001, 0.02])
+    skewed = rig.left.matrix + np.array([[0, 3.0, 0], [0, 0, 0], [0, 0, 0]])
+    pose = transform_from(matrix_from_vector(rng.normal(size=3)), rng.normal(size=3) * 100)
+    rig = StereoRig(
+        Camera(640, 480, skewed, lens, pose),
+        Camera(640, 480, rig.right.matrix, lens, rig.right.camera_from_world @ pose),
+    )
+    points = visible_points(seed_rig(), rng, 60) @ pose[:3, :3] - pose[:3, 3] @ pose[:3, :3]
+    left, right = (project(eye, points) + 0.1 * rng.normal(size=(60, 2)) for eye in (rig.left, rig.right))
+    left[3], right[5] = 1e5, np.nan  # a pixel that no ray reaches, and none at all
+    seen = balls(left, std=0.2), balls(rng.permutation(right))
+    plain, compiled = (match_and_triangulate(*seen, rig, gate=50.0, compiled=how) for how in (False, True))
+    assert len(plain) > 60
+    assert same_points(plain, compiled)
+
+
+def test_compiled_matching_leaves_the_neighbourhood_of_epipoles_to_the_plain_one(rng):
+    matrix = np.array([[800.0, 0, 320], [0, 800, 240], [0, 0, 1]])
+    behind = Camera(640, 480, matrix, camera_from_world=transform_from(np.eye(3), np.array([3.0, 2.0, 500.0])))
+    rig = StereoRig(Camera(640, 480, matrix), behind, noise=1.0)
+    points = np.column_stack([rng.uniform(-30, 30, (20, 2)), np.full(20, 1500.0)])
+    seen = [balls(project(eye, points)) for eye in (rig.left, rig.right)]
+    plain, compiled = (match_and_triangulate(*seen, rig, compiled=how) for how in (False, True))
+    assert same_points(plain, compiled)
+
+
+def test_matching_works_where_nothing_compiled_can_be_kept(rng, monkeypatch):
+    from skelgen.capture.optics import matching
+
+    monkeypatch.setattr(matching, "_compiled_twin", lambda: None)
+    rig = seed_rig()
+    points = visible_points(rig, rng, 10)
+    found = match_and_triangulate(balls(project(rig.left, points)), balls(project(rig.right, points)), rig)
+    assert len(found) >= 10
