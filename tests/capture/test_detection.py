@@ -21,7 +21,7 @@ from skelgen.capture.detection.spots import AREA, FULL
 from skelgen.capture.detection.thresholds import dark_noise, find_thresholds, level_of
 from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.rig import RenderParameters, render_view
-from skelgen.errors import InputError, MissingResultError
+from skelgen.errors import CaptureError, InputError
 
 WANTED = 0.02  # px: what the project asks of a centre at the seed's conditions
 TOUCHING = 0.15  # px: three standard deviations of a ball that is half behind another
@@ -312,7 +312,7 @@ def test_a_single_row_is_an_image():
 
 def test_without_opencv_its_way_of_labelling_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "cv2", None)
-    with pytest.raises(MissingResultError, match="skelgen\\[capture\\]"):
+    with pytest.raises(CaptureError, match="skelgen\\[capture\\]"):
         opencv.histogram(DARK, 4)
 
 

@@ -21,12 +21,11 @@ _ENOUGH_HELD = 0.97  # of the spot's pixels
 _MOST_RMS = 0.06  # of the brightest pixel, without noise: balls leave 0.01 to 0.035, dull metal 0.05 to 0.2
 _NOISE_ALLOWED = 1.5
 _MOST_WIDTH = 0.33  # of the smallest radius: edges of balls are 0.05 to 0.2 wide, dull metal has 0.36 and more
-_HELD_BY_ONE = 0.75  # of a spot's pixels by the largest disc in it: one ball, or two nearly behind each other
 _BETTER = 0.5  # rms of more discs over that of fewer, above which the fewer are believed
 _LEAST_RADIUS = 1.2  # px: below it a disc is noise on an outline
 _MOST_UNLIKE = 2.0  # largest radius over the smallest of balls of one size
 _LEAST_SEEN = 0.2  # of a disc that no other covers
-_HELD_BY_TWO = 0.85
+_HELD_BY_TWO = 0.85  # of a spot's pixels by two discs, below which it is not two balls
 _CLEARLY_TWO = 1.35  # longest axis over the shortest of a spot that is not one ball
 _UNIT_DISC = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 13)] * 2), axis=-1).reshape(-1, 2)
 _UNIT_DISC = _UNIT_DISC[(_UNIT_DISC**2).sum(axis=1) <= 1.0]
@@ -56,20 +55,20 @@ def find_discs(
     """
     peak = float(np.nanmax(window))
     limit = _MOST_RMS * peak + _NOISE_ALLOWED * noise
-    best: Discs | None = None
-    inside = window >= _EDGE * peak
     halves, elongation = _halves(window)
+    if elongation < _CLEARLY_TWO or any(at_border):
+        one = _fitted(window, _whole(window), equations, limit)
+        if one is not None:
+            return one
+    inside = window >= _EDGE * peak
     are_two = elongation > _CLEARLY_TWO and _held_part(inside, *halves) > _HELD_BY_TWO
     best = _fitted(window, halves, equations, limit) if are_two else None
     if best is not None and best.rms < limit / 2:  # most spots are two balls: nothing else need be tried
         return best
     inscribed = inscribed_discs(inside, at_border)
-    largest = inscribed[0][:1], inscribed[1][:1]
     guesses = [inscribed] if are_two else [halves, inscribed]
-    if _held_part(inside, *largest) > _HELD_BY_ONE:
-        guesses.append(largest)
     for guess in sorted(guesses, key=lambda guess: len(guess[1])):
-        if best is not None and (best.rms < limit / 2 or len(guess[1]) <= len(best.radii)):
+        if best is not None and len(guess[1]) <= len(best.radii):
             continue
         found = _fitted(window, guess, equations, limit)
         if found is not None and (best is None or found.rms < _BETTER * best.rms):
@@ -124,6 +123,14 @@ def _held_part(inside: Bools, centres: Floats, radii: Floats) -> float:
     rows, columns = np.nonzero(inside)
     across, down = columns[:, np.newaxis] - centres[:, 0], rows[:, np.newaxis] - centres[:, 1]
     return float((across**2 + down**2 <= radii**2).any(axis=1).mean())
+
+
+def _whole(window: Floats) -> tuple[Floats, Floats]:
+    """One disc as large as a window's light."""
+    weights = np.nan_to_num(window)
+    total = weights.sum()
+    centre = np.array([weights.sum(axis=0) @ np.arange(window.shape[1]), weights.sum(axis=1) @ np.arange(len(window))])
+    return centre[np.newaxis] / total, np.array([np.sqrt(total / np.pi)])
 
 
 def _halves(window: Floats) -> tuple[tuple[Floats, Floats], float]:
