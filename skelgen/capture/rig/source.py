@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -11,7 +11,7 @@ from skelgen.capture.frames import FramePair
 from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.rig.parameters import RenderParameters
 from skelgen.capture.rig.render import PairTruth, render_pair
-from skelgen.capture.rig.scene import Scene, scene_of_structure
+from skelgen.capture.rig.scene import Scene, scene_of_structure, show_alone
 from skelgen.errors import InputError
 from skelgen.model.rig import CaptureSettings, StereoRig
 
@@ -155,6 +155,7 @@ def simulated_rig(
     parameters: RenderParameters | None = None,
     seed: int = 0,
     paced: bool = False,
+    show: Sequence[str] = (),
     **options: Any,
 ) -> SimulatedRig:
     """Return the simulated rig with a structure before it.
@@ -167,6 +168,8 @@ def simulated_rig(
         As in `SimulatedRig`.
     seed : int
         Of motion and noise.
+    show : sequence of str
+        Targets whose balls are seen; all of them if none is named.
     **options
         Of `scene_of_structure`: ``n_frames``, ``rate``, ``distance``, ``hide``, ...
 
@@ -177,4 +180,4 @@ def simulated_rig(
     """
     cameras = rig or seed_rig()
     scene = scene_of_structure(structure, cameras, seed=seed, **options)
-    return SimulatedRig(scene, cameras, parameters, seed=seed, paced=paced)
+    return SimulatedRig(show_alone(scene, show) if show else scene, cameras, parameters, seed=seed, paced=paced)
