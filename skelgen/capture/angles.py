@@ -109,12 +109,12 @@ def _most_likely(
 
 def _calibrated(joint: JointModel, poses: tuple[Floats, Floats]) -> Floats:
     """Covariance of a gap, and of tilts for a hinge, that the joint's calibration leaves."""
-    turns = [pose[:3, :3] for pose in poses]
-    gap = sum((turn * std**2) @ turn.T for turn, std in zip(turns, joint.std, strict=True)) + EXACT**2 * np.eye(3)
     n = 5 if joint.kind == "hinge" else 3
-    out = (joint.axis_std**2).sum() * np.eye(n) + (EXACT / SIZE) ** 2 * np.eye(n)
-    out[:3, :3] = gap
-    return out
+    out = ((joint.axis_std**2).sum() + (EXACT / SIZE) ** 2) * np.eye(n)
+    out[:3, :3] = EXACT**2 * np.eye(3)
+    for pose, std in zip(poses, joint.std, strict=True):
+        out[:3, :3] += (pose[:3, :3] * std**2) @ pose[:3, :3].T
+    return np.asarray(out)
 
 
 def _with_play(spread: Floats, torn: Floats) -> Floats:
