@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from PySide6.QtGui import QIcon
-
 from skelgen_gui.main import ICON
 
 
