@@ -1,4 +1,4 @@
-"""Writes the pages of the reference: one for each package, with a section for each module, filled from the docstrings."""
+"""Writes the pages of the reference: one for each package, with a section for each module, from the docstrings."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ def _index(pages: dict[str, str]) -> str:
     face = "\n".join(f"* :py:obj:`skelgen.{name} <{_home(name)}>`" for name in skelgen.__all__)
     return (
         f"{_heading('Reference', '=')}\n"
-        "From the docstrings. Lengths are in mm, times in s, angles in rad; frames come first and xyz last; unseen is NaN.\n"
-        "What other programs build on:\n\n"
+        "From the docstrings. Lengths are in mm, times in s, angles in rad; frames come first and xyz last; unseen is\n"
+        "NaN. What other programs build on:\n\n"
         f"{face}\n\nPackages, from those that know most to those that know least:\n\n"
         f".. toctree::\n   :maxdepth: 2\n\n{listed}\n"
     )

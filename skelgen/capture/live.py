@@ -21,7 +21,7 @@ from skelgen.capture.frames import FramePair, FrameSource, Image
 from skelgen.capture.health import RigWatch
 from skelgen.capture.prediction import Prediction, PredictionParameters
 from skelgen.errors import InputError
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import Camera, CaptureSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +68,12 @@ class PointFinder:
     """
 
     def __init__(self, settings: CaptureSettings, executor: Executor | None = None) -> None:
-        from skelgen.capture.detection import DetectionParameters, detect_balls  # noqa: PLC0415 - numba takes a second
+        from skelgen.capture.detection import DetectionParameters, centred, detect_balls  # noqa: PLC0415 - numba takes a second
         from skelgen.capture.optics.matching import match_and_triangulate  # noqa: PLC0415
 
         self.rig, self._executor = settings.rig, executor
         self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
-        self._detect, self._triangulate = detect_balls, match_and_triangulate
+        self._detect, self._centred, self._triangulate = detect_balls, centred, match_and_triangulate
 
     def find(self, pair: FramePair) -> tuple[Balls, Balls, StereoPoints]:
         """Return the balls of both images and the points that they may be.
@@ -85,11 +85,11 @@ class PointFinder:
         """
         self._check_sizes(pair)
         run = map if self._executor is None else self._executor.map
-        left, right = run(self._balls, (pair.left, pair.right))
+        left, right = run(self._balls, (pair.left, pair.right), (self.rig.left, self.rig.right))
         return left, right, self._triangulate(left, right, self.rig)
 
-    def _balls(self, image: Image) -> Balls:
-        return self._detect(image, self._parameters)
+    def _balls(self, image: Image, camera: Camera) -> Balls:
+        return self._centred(camera, self._detect(image, self._parameters))
 
     def _check_sizes(self, pair: FramePair) -> None:
         for side, image, camera in (("left", pair.left, self.rig.left), ("right", pair.right, self.rig.right)):
