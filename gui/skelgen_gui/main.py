@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QSettings, QTimer
+from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import QApplication
 
 from skelgen_gui.interpreter import Collector, give_way_soon
@@ -17,6 +18,7 @@ from skelgen_gui.theme import Theme, prepare_high_dpi
 from skelgen_gui.window import Window
 
 ORGANISATION = APPLICATION = "skelgen"
+ICON = Path(__file__).with_name("skelgen.svg")
 
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 """Ctrl+C in the terminal, and the system that shuts down: there is nobody to ask then."""
@@ -41,6 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     app = QApplication([APPLICATION])
     app.setOrganizationName(ORGANISATION)
     app.setApplicationName(APPLICATION)
+    app.setDesktopFileName(APPLICATION)  # so that Wayland's taskbar finds the installed entry
+    app.setWindowIcon(QIcon(str(ICON)))
     preferences = Preferences(QSettings())
     theme = Theme(app, preferences)
     theme.apply()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import QCoreApplication, QEvent, QSize, Qt, Signal
 from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QVBoxLayout, QWidget
 
-from skelgen_gui.pages import Context, PageEntry
+from skelgen_gui.pages import HOME, Context, PageEntry
 from skelgen_gui.step_icon import step_icon
 
 WIDTH = 400  # px
@@ -21,6 +21,11 @@ class PageStack(QWidget):
         The table.
     context : Context
         What pages are given.
+
+    Attributes
+    ----------
+    home : int
+        Place of the page that is shown first.
 
     Signals
     -------
@@ -47,7 +52,9 @@ class PageStack(QWidget):
         layout.addWidget(self._stack, 1)
         self.setMinimumWidth(WIDTH)
         self.list.currentRowChanged.connect(self._show)
-        self.list.setCurrentRow(0)
+        keys = [entry.key for entry in entries]
+        self.home = keys.index(HOME) if HOME in keys else 0
+        self.list.setCurrentRow(self.home)
         context.session.project_changed.connect(self._mark_done)
         self._mark_done()
 

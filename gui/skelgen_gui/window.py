@@ -23,8 +23,9 @@ from skelgen_gui.errors import ErrorReporter
 from skelgen_gui.graph import GraphView
 from skelgen_gui.jobs import Jobs
 from skelgen_gui.matrix import MatrixView
+from skelgen_gui.middle import Middle
 from skelgen_gui.page_stack import PageStack
-from skelgen_gui.pages import PAGES, Context, PageEntry
+from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
 from skelgen_gui.preferences import Preferences
 from skelgen_gui.recovery import Autosave, Remains
 from skelgen_gui.runner import Runner
@@ -137,7 +138,8 @@ class Window(QMainWindow):
             self.tabs.setTabToolTip(self.tabs.addTab(view, title), tip)
         for played in (self.view3d, self.curves):  # matrix and graph go about with the arrow keys
             add_view_actions(played, self.actions_by_id)
-        self.setCentralWidget(self.tabs)
+        self.middle = Middle(self.tabs, self)
+        self.setCentralWidget(self.middle)
 
     def _make_docks(self) -> None:
         listed = CorrectionList(self.session, self.corrections, self.runner)
@@ -162,6 +164,8 @@ class Window(QMainWindow):
         self.runner.finished.connect(self._show_finished)
         self.autosave.failed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
+        self.pages.shown.connect(self._show_view)
+        self._show_view(self.pages.current.key)
 
     def _follow_state(self) -> None:
         project, path = self.session.project, self.session.path
@@ -174,10 +178,14 @@ class Window(QMainWindow):
         self.runner.begin_with(project.view.get("forms", {}))
         keys = [entry.key for entry in self.pages.entries]
         page = str(project.view.get("page", ""))
-        self.pages.page(page if page in keys else keys[min(1, len(keys) - 1)])
+        self.pages.page(page if page in keys else keys[min(self.pages.home + 1, len(keys) - 1)])
         self.tabs.setCurrentIndex(int(project.view.get("tab", 0)))
         self.session.show_frame(int(project.view.get("frame", 0)))
         self.view3d.fit_take()
+
+    def _show_view(self, key: str) -> None:
+        """Give the middle to the view of a page, if it brings one."""
+        self.middle.show_view(view_of(self.pages.page(key)))
 
     def _show_finished(self, stage: str) -> None:
         self.pages.page(stage)
@@ -215,4 +223,4 @@ class Window(QMainWindow):
         """Do nothing any more, and keep how the window was."""
         self.timeline.player.pause()
         self.warming.end()
-        self.preferences.keep_window(self.saveGeometry(), self.saveState())
+        self.preferences.keep_window(self.saveGeometry(), self.middle.layout_of_window())

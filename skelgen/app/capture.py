@@ -10,6 +10,8 @@ from contextlib import ExitStack
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import numpy as np
 from skelgen_formats.recording import C3dRecorder, MfmlRecorder
@@ -86,12 +88,12 @@ def capture(
         If settings or source are not what they must be, the source breaks off, or a recording cannot be written; what
         was recorded until then is kept.
     """
+    for path in record:
+        check_recording(path, settings)
     with ExitStack() as stack:
-        recordings = [_Recording(path, settings, source.rate) for path in _checked(record)]
         live = stack.enter_context(MotionCapture(settings, bodies, prediction))
         pairs = stack.enter_context(source)
-        for recording in recordings:
-            stack.enter_context(recording.open())
+        recordings = [stack.enter_context(Recording(path, settings, source.rate)) for path in record]
         for captured in live.run(islice(pairs, n_frames)):
             for recording in recordings:
                 recording.add(captured)
@@ -146,31 +148,55 @@ def _points_of(
         return [finder.find(pair)[2] for pair in told(islice(pairs, n_frames), total, monitor)]
 
 
-def _checked(paths: Sequence[Path]) -> Sequence[Path]:
-    for path in paths:
-        if path.suffix.lower() not in RECORDINGS:
-            raise InputError(f"{path} cannot be recorded: its suffix must be one of {', '.join(RECORDINGS)}")
-    return paths
+def check_recording(path: Path, settings: CaptureSettings) -> None:
+    """Check that a capture can be recorded into a file of this name, or raise `InputError`."""
+    suffix = path.suffix.lower()
+    if suffix not in RECORDINGS:
+        raise InputError(f"{path} cannot be recorded: its suffix must be one of {', '.join(RECORDINGS)}")
+    if suffix == ".c3d" and not settings.bodies:
+        raise InputError(f"{path}: there are no targets whose balls could be named; record .mfml, or calibrate them")
 
 
-class _Recording:
-    """What of a capture goes into one file."""
+class Recording:
+    """What of a capture goes into one file, whose suffix is one of `RECORDINGS`; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it must not be there.
+    settings : CaptureSettings
+        What is captured.
+    rate : float or None, Hz
+        Pairs a second, if the source knows.
+
+    Raises
+    ------
+    SkelgenError
+        If it cannot be recorded.
+    """
 
     def __init__(self, path: Path, settings: CaptureSettings, rate: float | None) -> None:
-        self._path, self._settings, self._rate = path, settings, rate
-        if path.suffix.lower() == ".c3d" and not settings.bodies:
-            raise InputError(
-                f"{path}: there are no targets whose balls could be named; record .mfml, or calibrate them"
-            )
-
-    def open(self) -> MfmlRecorder | C3dRecorder:
-        """Open the file."""
+        check_recording(path, settings)
+        self.path, self._settings = path, settings
         self._recorder: MfmlRecorder | C3dRecorder
-        if self._path.suffix.lower() == ".mfml":
-            self._recorder = MfmlRecorder(self._path)
+        if path.suffix.lower() == ".mfml":
+            self._recorder = MfmlRecorder(path)
         else:
-            self._recorder = C3dRecorder(self._path, ball_names(self._settings.bodies), self._rate)
-        return self._recorder
+            self._recorder = C3dRecorder(path, ball_names(settings.bodies), rate)
+
+    def __enter__(self) -> Self:
+        """Return itself: the file is open."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file, whatever happened."""
+        self.close()
+
+    def close(self) -> None:
+        """Make the file whole and close it; one without frames is removed."""
+        self._recorder.close()
 
     def add(self, captured: Captured) -> None:
         """Append what one pair told."""

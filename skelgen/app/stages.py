@@ -1,7 +1,7 @@
 """The four stages as the application sees them: the ordered list `PIPELINE` is the pipeline.
 
 A stage's module is imported when it first runs or is first asked for its parameters: scipy, scikit-learn and numba
-take seconds to load, and ``skelgen --help`` needs none of them.
+take seconds to load. ``skelgen --help`` does without this module too: see `skelgen.app.stage_names`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from skelgen.app.corrections import corrected_labels, joint_wishes, known_kinds,
 from skelgen.app.hierarchy import known_tree
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, trajectories_from_poses
 from skelgen.app.split import limbs_with_parts
+from skelgen.app.stage_names import JOINTS, LABELS, LIMBS, SKELETON
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Poses, Project, StageReport, Trajectories
 from skelgen.parameters import StageParameters
@@ -67,19 +68,15 @@ class Stage:
 
     Attributes
     ----------
-    name : str
-        Key in a project's reports and in the parameters.
-    command : str
-        Name on the command line.
-    summary : str
-        One sentence.
+    name, command, summary : str
+        As in `skelgen.app.stage_names.StageName`.
     module, class_name : str
         Where the parameters are declared.
     given : callable (project) -> bool
         Whether the take already holds this stage's result.
     compute : callable (project, parameters, wishes, monitor) -> Results
         The work; `parameters` is None where the result is given.
-    attach : callable (project, *results, report) -> Project
+    attach : callable ``(project, *results, report) -> Project``
         Puts the results into the project.
     """
 
@@ -203,9 +200,7 @@ def _fit(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) ->
 
 PIPELINE = (
     Stage(
-        name="labels",
-        command="label",
-        summary="Follow unlabelled points over time and tell which belong to the same marker.",
+        *LABELS,
         module="skelgen.stages.labels",
         class_name="LabelParameters",
         given=lambda project: isinstance(project.take, Poses),
@@ -213,9 +208,7 @@ PIPELINE = (
         attach=_attach_labels,
     ),
     Stage(
-        name="limbs",
-        command="cluster",
-        summary="Group the markers whose distances stay constant into rigid limbs.",
+        *LIMBS,
         module="skelgen.stages.limbs",
         class_name="LimbParameters",
         given=lambda project: isinstance(project.take, Poses),
@@ -223,9 +216,7 @@ PIPELINE = (
         attach=Project.with_limbs,
     ),
     Stage(
-        name="joints",
-        command="joints",
-        summary="Find the joints between limbs and the tree that they form.",
+        *JOINTS,
         module="skelgen.stages.joints",
         class_name="JointParameters",
         given=lambda project: False,
@@ -233,9 +224,7 @@ PIPELINE = (
         attach=Project.with_topology,
     ),
     Stage(
-        name="skeleton",
-        command="fit",
-        summary="Fit a skeleton of rigid limbs and its motion to every frame.",
+        *SKELETON,
         module="skelgen.stages.skeleton",
         class_name="SkeletonParameters",
         given=lambda project: False,

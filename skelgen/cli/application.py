@@ -17,15 +17,17 @@ from typing import Annotated
 import typer
 
 import skelgen
-from skelgen.app.stages import PIPELINE, Stage
+from skelgen.app.stage_names import STAGE_NAMES, StageName
 from skelgen.cli import (
     batch_command,
     calibrate_commands,
     capture_commands,
     file_commands,
+    simulate_command,
     stage_commands,
     window_command,
 )
+from skelgen.cli.completion import called_command
 from skelgen.cli.options import generated, parameter_options, reader_options, writer_options
 from skelgen.errors import SkelgenError
 
@@ -57,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "--debug" not in words:
         sys.excepthook = _say_that_it_is_a_bug
     try:
-        command = typer.main.get_command(build_app(called=next((word for word in words if word[0:1] != "-"), "")))
+        command = typer.main.get_command(build_app(called=called_command(words)))
         code = command.main(args=words, prog_name="skelgen", standalone_mode=False)
     except SkelgenError as error:
         return _failed(str(error), error.exit_code)
@@ -80,7 +82,6 @@ def build_app(called: str = "") -> typer.Typer:
     """
     app = typer.Typer(
         epilog=_EPILOG,
-        add_completion=False,
         pretty_exceptions_enable=False,
     )
     app.callback()(_root)
@@ -95,6 +96,7 @@ def _calibrate() -> typer.Typer:
     group.command("stereo")(calibrate_commands.stereo)
     group.command("body")(capture_commands.calibrate_body)
     group.command("joints")(capture_commands.calibrate_joints)
+    group.command("simulated")(calibrate_commands.simulated)
     return group
 
 
@@ -114,7 +116,7 @@ def _root(
 
 
 def _commands() -> list[tuple[str, Callable[..., None], Options]]:
-    stages = [(stage.command, stage_commands.stage_command(stage), _stage_options(stage)) for stage in PIPELINE]
+    stages = [(stage.command, stage_commands.stage_command(stage), _stage_options(stage)) for stage in STAGE_NAMES]
     return [
         ("demo", stage_commands.demo, tuple),
         ("run", stage_commands.run, reader_options),
@@ -122,7 +124,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("batch", batch_command.batch, reader_options),
         ("convert", file_commands.convert, lambda: [*reader_options(), *writer_options()]),
         ("info", file_commands.info, reader_options),
-        ("simulate", file_commands.simulate, _simulation_options),
+        ("simulate", simulate_command.simulate, simulate_command.simulation_options),
         ("evaluate", file_commands.evaluate, tuple),
         ("formats", file_commands.formats, tuple),
         ("config", file_commands.config, tuple),
@@ -133,18 +135,12 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
     ]
 
 
-def _stage_options(stage: Stage) -> Options:
+def _stage_options(stage: StageName) -> Options:
     return lambda: [
         *stage_commands.wish_options(stage),
-        *parameter_options(stage.parameters_class()),
+        *parameter_options(stage_commands.parameters_of(stage)),
         *reader_options(),
     ]
-
-
-def _simulation_options() -> list[inspect.Parameter]:
-    from skelgen.simulation import SimulationParameters
-
-    return parameter_options(SimulationParameters)
 
 
 def _limit_threads() -> None:

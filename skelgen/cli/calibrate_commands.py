@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,9 +16,10 @@ from skelgen.errors import InputError
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
-    from skelgen.model.rig import Camera
+    from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, StereoRig
 
 SETTINGS = Path("rig.xml")
+STRUCTURE = "arm"
 
 _NUMBERS = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
 
@@ -38,20 +40,59 @@ def stereo(
 
     from skelgen.capture.calibration.board import board_from_text
     from skelgen.capture.calibration.stereo import calibrate_stereo
-    from skelgen.model.rig import CaptureSettings
 
     screen = Screen(quiet, as_json)
     what = board_from_text(board, square)
     left, right = split_pairs(images)
     with screen.watching() as monitor:
         found = calibrate_stereo(left, right, (what.columns, what.rows), square, lens, monitor)
-    write_settings(CaptureSettings(found.rig), output)
+    write_settings(_with_rig(output, found.rig), output)
     screen.table("Cameras", _camera_rows(found))
     screen.table("Pairs", _pair_rows(found))
     for sentence in found.verdict.sentences:
         screen.say(sentence)
     screen.say(f"written: {output}")
     screen.json(_mapping(found, output))
+
+
+def simulated(
+    structure: Annotated[
+        str, typer.Argument(metavar="STRUCTURE", help="What moves: arm, or a structure of `simulate`.")
+    ] = STRUCTURE,
+    cameras_only: Annotated[
+        bool, typer.Option("--cameras-only", help="Leave out targets and joints, so as to calibrate them.")
+    ] = False,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Settings to write.")] = SETTINGS,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write what a perfect calibration of the simulated rig would find: a capture to try without cameras."""
+    from skelgen_formats.capture_settings import write_settings
+
+    from skelgen.capture.rig import simulated_rig
+    from skelgen.model.rig import CaptureSettings
+
+    screen = Screen(quiet, as_json)
+    known = simulated_rig(structure, n_frames=1).settings
+    reason = "" if cameras_only else _reason_against(known.bodies)
+    bodies, joints = ((), ()) if cameras_only or reason else (known.bodies, known.joints)
+    write_settings(CaptureSettings(known.rig, bodies, joints, f"simulated:{structure}"), output)
+    screen.note([f"targets and joints are left out: {reason}"] if reason else [])
+    screen.say(f"the cameras, {len(bodies)} targets and {len(joints)} joints of the simulated rig before: {structure}")
+    screen.say(f"written: {output}")
+    named = [body.name for body in bodies], [joint.name for joint in joints]
+    screen.json({"file": str(output), "targets": named[0], "joints": named[1]})
+
+
+def _reason_against(bodies: Sequence[BodyTarget]) -> str:
+    """Why bodies cannot be told from each other in a capture; empty if they can."""
+    from skelgen.capture.bodies import check_targets
+
+    try:
+        check_targets(bodies)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def split_pairs(images: Sequence[Path]) -> tuple[list[Path], list[Path]]:
@@ -72,6 +113,15 @@ def split_pairs(images: Sequence[Path]) -> tuple[list[Path], list[Path]]:
             "all left images, then all right ones, in one order"
         )
     return left, right
+
+
+def _with_rig(output: Path, rig: StereoRig) -> CaptureSettings:
+    """Settings with new cameras: targets, joints and source stay if the file is there already."""
+    from skelgen_formats.capture_settings import read_settings
+
+    from skelgen.model.rig import CaptureSettings
+
+    return replace(read_settings(output), rig=rig) if output.exists() else CaptureSettings(rig)
 
 
 def _camera_rows(found: StereoCalibration) -> list[dict[str, Any]]:

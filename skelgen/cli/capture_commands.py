@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from skelgen.cli.options import AsJson, Quiet
@@ -60,8 +59,6 @@ def motion_capture(
     columns = Columns(told, poses=not no_poses, angles=not no_angles, errors=errors)
     prediction = PredictionParameters() if predict else None
     stream = capture(told, source_of(told, source), record or (), prediction, n_frames=frames)
-    if not no_labels:
-        _write(columns.labels())
     counts = _Counts(record or [])
     try:
         with contextlib.ExitStack() as stack:
@@ -71,6 +68,8 @@ def motion_capture(
             if pictures is not None and pictures.notice:
                 print(f"note: {pictures.notice}", file=sys.stderr)
             for captured in stream:
+                if not counts.n_pairs and not no_labels:
+                    _write(columns.labels())
                 counts.add(captured)
                 _tell(captured, columns, silent)
                 if pictures is not None:
@@ -96,6 +95,7 @@ def calibrate_body(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a target: turn it before the cameras, alone in at least one picture."""
+    import numpy as np
     from skelgen_formats.capture_settings import write_settings
 
     from skelgen.app.capture import calibrate_body_of, read_capture_settings, source_of
@@ -205,17 +205,17 @@ class _Counts:
     """How much was captured, for the last line."""
 
     def __init__(self, record: list[Path]) -> None:
-        self._record, self._n_pairs, self._n_lost = record, 0, 0
+        self._record, self.n_pairs, self._n_lost = record, 0, 0
 
     def add(self, captured: Captured) -> None:
-        self._n_pairs += 1
+        self.n_pairs += 1
         self._n_lost += captured.pair.dropped
 
     def say(self, silent: bool) -> None:
-        kept = [str(path) for path in self._record if self._n_pairs and path.exists()]
+        kept = [str(path) for path in self._record if self.n_pairs and path.exists()]
         if not silent or self._n_lost:
             written = f"; recorded: {', '.join(kept)}" if kept else ""
-            print(f"{self._n_pairs} pairs captured, {self._n_lost} lost{written}", file=sys.stderr)
+            print(f"{self.n_pairs} pairs captured, {self._n_lost} lost{written}", file=sys.stderr)
 
 
 def _tell(captured: Captured, columns: Columns, silent: bool) -> None:

@@ -65,7 +65,7 @@ class Columns:
         for joint in self.settings.joints if self.angles else ():
             angle = captured.angles.get(joint.name)
             told.append(f"{joint.name} (joint) " + ("unknown" if angle is None else f"{angle.residual:.2f} mm"))
-        return f"{captured.pair.index}: " + ", ".join(told)
+        return f"{captured.pair.index}: " + (", ".join(told) or f"{len(captured.points)} points")
 
     def _with_errors(self, names: list[str]) -> list[str]:
         return [*names, *(f"{name} std" for name in names)] if self.errors else names

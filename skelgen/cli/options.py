@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from skelgen.cli.completion import formats_beginning
 from skelgen.parameters import Declaration, StageParameters
 
 InputFile = Annotated[Path, typer.Argument(metavar="TAKE", help="Take in any known format, or a .skelgen project.")]
@@ -55,7 +56,13 @@ Config = Annotated[
 ]
 FormatName = Annotated[
     str | None,
-    typer.Option("--format", metavar="NAME", help="Read as this format.", show_default="found by content"),
+    typer.Option(
+        "--format",
+        metavar="NAME",
+        help="Read as this format.",
+        show_default="found by content",
+        autocompletion=formats_beginning,
+    ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show neither progress nor notes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from skelgen.cli.completion import stages_beginning
 from skelgen.cli.options import (
     AsJson,
     Config,
@@ -30,8 +31,10 @@ from skelgen.cli.tables import show_evaluation, show_files, show_project
 
 if TYPE_CHECKING:
     from skelgen.app.configuration import Settings
-    from skelgen.app.stages import Stage, Wishes
+    from skelgen.app.stage_names import StageName
+    from skelgen.app.stages import Wishes
     from skelgen.model import Project
+    from skelgen.parameters import StageParameters
 
 Assignments = Annotated[
     list[str] | None,
@@ -41,11 +44,23 @@ Assignments = Annotated[
 ]
 FromStage = Annotated[
     str | None,
-    typer.Option("--from", metavar="STAGE", help="First stage to run.", show_default="the first without a result"),
+    typer.Option(
+        "--from",
+        metavar="STAGE",
+        help="First stage to run.",
+        show_default="the first without a result",
+        autocompletion=stages_beginning,
+    ),
 ]
 UntilStage = Annotated[
     str | None,
-    typer.Option("--until", metavar="STAGE", help="Last stage to run.", show_default="skeleton"),
+    typer.Option(
+        "--until",
+        metavar="STAGE",
+        help="Last stage to run.",
+        show_default="skeleton",
+        autocompletion=stages_beginning,
+    ),
 ]
 OptionalInput = Annotated[
     Path | None,
@@ -140,7 +155,7 @@ def demo(
     screen.json({**tables, "evaluation": done.evaluation.as_mapping(), "files": [str(file) for file in done.files]})
 
 
-def stage_command(stage: Stage) -> Callable[..., None]:
+def stage_command(stage: StageName) -> Callable[..., None]:
     """Return the command that runs one stage; its parameters come as generated options."""
 
     def command(
@@ -165,7 +180,7 @@ def stage_command(stage: Stage) -> Callable[..., None]:
         wanted = {name: values.pop(name) for name in _WISHES[stage.command]}
         identities = wanted.pop("identities", None)
         wishes = Wishes(**(wanted | {"hierarchy": hierarchy_in(wanted.get("hierarchy"))}))
-        names = {entry.name for entry in stage.parameters_class().declarations()}
+        names = {entry.name for entry in parameters_of(stage).declarations()}
         chosen = given(values)
         settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})
         reader_values = {name: value for name, value in chosen.items() if name not in names}
@@ -180,9 +195,16 @@ def stage_command(stage: Stage) -> Callable[..., None]:
     return command
 
 
-def wish_options(stage: Stage) -> list[inspect.Parameter]:
+def wish_options(stage: StageName) -> list[inspect.Parameter]:
     """Return the options beside its parameters that one stage understands."""
     return [_WISH_OPTIONS[name] for name in _WISHES[stage.command]]
+
+
+def parameters_of(stage: StageName) -> type[StageParameters]:
+    """Return the class that declares a stage's parameters; loads the stage's module."""
+    from skelgen.app.stages import find_stage
+
+    return find_stage(stage.name).parameters_class()
 
 
 def _run_and_write(

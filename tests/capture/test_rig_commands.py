@@ -54,6 +54,34 @@ def test_a_missing_right_image_is_told_and_nothing_is_written(chessboards, tmp_p
     assert not rig.exists()
 
 
+def test_new_cameras_leave_targets_and_joints_of_the_settings(chessboards, tmp_path):
+    path = tmp_path / "settings.xml"
+    assert main(["calibrate", "simulated", "-o", str(path), "-q"]) == 0
+    before = read_settings(path)
+    assert main(["calibrate", "stereo", *chessboards, "-o", str(path), "-q"]) == 0
+    after = read_settings(path)
+    assert after.rig.left.matrix[0, 0] == pytest.approx(533.0, abs=2.0)
+    assert (
+        [body.name for body in after.bodies]
+        == [body.name for body in before.bodies]
+        == ["torso", "upper arm", "lower arm"]
+    )
+    assert (len(after.joints), after.source) == (2, "simulated:arm")
+
+
+def test_simulated_settings_without_targets_hold_the_cameras_alone(tmp_path):
+    path = tmp_path / "settings.xml"
+    assert main(["calibrate", "simulated", "--cameras-only", "-o", str(path), "-q"]) == 0
+    found = read_settings(path)
+    assert (found.bodies, found.joints, found.source) == ((), (), "simulated:arm")
+
+
+def test_targets_that_no_capture_could_find_are_left_out_and_told(tmp_path, capsys):
+    assert main(["calibrate", "simulated", "human", "-o", str(tmp_path / "human.xml")]) == 0
+    assert "targets and joints are left out: body 'pelvis' has 3 balls" in capsys.readouterr().err
+    assert read_settings(tmp_path / "human.xml").bodies == ()
+
+
 def test_images_are_told_apart_by_name_or_by_half():
     names = [Path(name) for name in ("a/left1.png", "a/right1.png", "a/left2.png", "a/right2.png")]
     assert split_pairs(names) == ([names[0], names[2]], [names[1], names[3]])

@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import partial
 
 from skelgen.app.stages import PIPELINE
-from skelgen_gui.pages.context import Context, PageEntry
+from skelgen_gui.pages.capture import make_capture_page
+from skelgen_gui.pages.context import HOME, Context, PageEntry, view_of
 from skelgen_gui.pages.export import make_export_page
 from skelgen_gui.pages.open import OpenPage
 from skelgen_gui.pages.stage import StagePage
 
-__all__ = ["PAGES", "Context", "PageEntry"]
+__all__ = ["HOME", "PAGES", "Context", "PageEntry", "view_of"]
 
 _TITLES = {
     "labels": "Labels",
@@ -21,7 +22,13 @@ _TITLES = {
 
 PAGES: tuple[PageEntry, ...] = (
     PageEntry(
-        "open",
+        "capture",
+        "Capture",
+        "Record with two cameras, and calibrate them.",
+        make_capture_page,
+    ),
+    PageEntry(
+        HOME,
         "Open",
         "Open a recording or a project.",
         OpenPage,

@@ -14,6 +14,9 @@ from skelgen_gui.preferences import Preferences
 from skelgen_gui.runner import Runner
 from skelgen_gui.session import Session
 
+HOME = "open"
+"""Key of the page that is shown first; those before it lead to it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Context:
@@ -69,3 +72,9 @@ class PageEntry:
     tip: str
     make: Callable[[Context], QWidget]
     stage: str = ""
+
+
+def view_of(page: QWidget) -> QWidget | None:
+    """Return the view that a page brings as its attribute ``view``, to take the middle of the window; None if none."""
+    view = getattr(page, "view", None)
+    return view if isinstance(view, QWidget) else None

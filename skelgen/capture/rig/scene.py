@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -110,6 +110,29 @@ def scene_of_bodies(
         placed.append(np.broadcast_to(stray, (len(poses), *np.shape(stray)[-2:])))
         owners = np.append(owners, np.full(np.shape(stray)[-2], -1))
     return Scene(np.concatenate(placed, axis=1), poses, owners, tuple(bodies), rate=rate, name=name)
+
+
+def show_alone(scene: Scene, names: Sequence[str]) -> Scene:
+    """Return a scene in which only some bodies carry balls, as when a target is calibrated by itself.
+
+    Parameters
+    ----------
+    scene : Scene
+        What moves; bodies that are not named still hide what is behind them.
+    names : sequence of str
+        The bodies whose balls are seen.
+
+    Raises
+    ------
+    InputError
+        If there is no such body.
+    """
+    known = [body.name for body in scene.bodies]
+    for name in names:
+        if name not in known:
+            raise InputError(f"the {scene.name} has no target {name!r} to show; it has {', '.join(known)}")
+    kept = np.isin(scene.body_of_ball, [known.index(name) for name in names])
+    return replace(scene, points=np.where(kept[:, np.newaxis], scene.points, np.nan))
 
 
 def scene_of_structure(

@@ -38,6 +38,7 @@ class SimulatedOptions(StageParameters):
     rate: float = declare(60.0, "pairs a second", unit="Hz", low=0.1, high=1e4)
     frames: int = declare(600, "pairs that are rendered", low=1, high=_LONGEST_TAKE)
     seed: int = declare(0, "of motion and noise", low=0, high=2**31 - 1)
+    show: str = declare("", "targets whose balls are seen, with commas between them; empty shows all")
     paced: bool = declare(False, "yes lets pairs come by the clock, as from cameras, and be lost by who is slow")
 
 

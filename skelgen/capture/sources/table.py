@@ -89,7 +89,8 @@ def _open_simulated(text: SourceText) -> FrameSource:
     from skelgen.capture.rig import simulated_rig  # noqa: PLC0415
 
     options = SimulatedOptions.from_mapping(text.options, str(text)).as_mapping()
-    return simulated_rig(text.place or "arm", n_frames=options.pop("frames"), **options)
+    shown = [name.strip() for name in options.pop("show").split(",") if name.strip()]
+    return simulated_rig(text.place or "arm", n_frames=options.pop("frames"), show=shown, **options)
 
 
 SOURCES = (

@@ -75,3 +75,10 @@ def test_the_simulated_rig_is_a_source_like_others(marks):
     source = open_source("simulated:?frames=2&rate=30&seed=1")
     assert (source.n_frames, source.rate) == (2, 30.0)
     assert [index for index, *_ in marks(source)] == [0, 1]
+
+
+def test_the_simulated_rig_shows_the_targets_that_are_named():
+    _, truth = open_source("simulated:arm?frames=1&show=torso").render(0)
+    assert (truth.left.visible > 0).sum() == 5
+    with pytest.raises(InputError, match="the arm has no target 'head' to show; it has torso, upper arm, lower arm"):
+        open_source("simulated:arm?show=head")

@@ -86,10 +86,10 @@ def test_a_page_that_the_table_adds_is_shown_and_kept(qtbot, tmp_path, monkeypat
         made.append(context)
         return QLabel("here")
 
-    entries = (*PAGES[:1], PageEntry("capture", "Capture", "Follow cameras.", make), *PAGES[1:])
+    entries = (*PAGES[:1], PageEntry("own", "Own", "Something else.", make), *PAGES[1:])
     preferences = Preferences(QSettings(str(tmp_path / "settings.ini"), QSettings.Format.IniFormat))
     window = Window(preferences, entries, tmp_path / "recovery")
     qtbot.addWidget(window)
-    assert window.pages.page("capture").text() == "here"
-    assert window.view_state()["page"] == "capture"
+    assert window.pages.page("own").text() == "here"
+    assert window.view_state()["page"] == "own"
     assert made[0].session is window.session

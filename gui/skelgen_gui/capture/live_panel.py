@@ -1,0 +1,165 @@
+"""The live half of the Capture page: start and stop, numbers, angles, recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QGroupBox, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from skelgen_gui.capture.choice import LiveChoice
+from skelgen_gui.capture.feed import Feed
+from skelgen_gui.capture.messages import Ended, Orders, Shot
+from skelgen_gui.capture.recorder import RecordRow
+from skelgen_gui.capture.results import AngleTable, BodyTable, Numbers, Sentences
+from skelgen_gui.jobs import Jobs
+
+
+class LivePanel(QWidget):
+    """Runs a capture as a job, and shows its numbers.
+
+    Signals
+    -------
+    shot(Shot)
+        The newest pair and what was found in it.
+    ended(Ended)
+        A capture ended.
+    open_wanted(Path)
+        A recording shall be opened.
+
+    Parameters
+    ----------
+    jobs : Jobs
+        Where captures run.
+    tell_error : callable (error)
+        Shows faults that nobody foresaw.
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    shot = Signal(object)
+    ended = Signal(object)
+    open_wanted = Signal(object)
+
+    def __init__(self, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._jobs, self._tell_error = jobs, tell_error
+        self._orders: Orders | None = None
+        self.feed: Feed[Shot] = Feed(self)
+        self.choice, self.go = LiveChoice(self), QPushButton(self)
+        self.recorder = RecordRow(self)
+        self.numbers, self.angles, self.bodies = Numbers(self), AngleTable(self), BodyTable(self)
+        self.sentences = Sentences(self)
+        self._lay_out()
+        self.feed.arrived.connect(self._take)
+        self.go.clicked.connect(self._start_or_stop)
+        self.choice.simulation_wanted.connect(self.start)
+        self.recorder.changed.connect(self._order_recording)
+        self.recorder.open_wanted.connect(self.open_wanted)
+        jobs.begun.connect(self._follow)
+        jobs.ended.connect(self._follow)
+        self._follow()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether a capture runs."""
+        return self._orders is not None
+
+    def start(self) -> None:
+        """Start what the form says, unless something runs."""
+        if self._jobs.is_busy:
+            return
+        wish, orders, feed = self.choice.wish, Orders(), self.feed
+        loading = self.tr("Loading; the first time this takes a minute")
+        running = self.tr("Capturing")
+
+        def work(monitor: Any) -> Ended:
+            monitor.begin(loading)
+            from skelgen_gui.capture.running import LiveRun  # noqa: PLC0415 - a second; not on the window's thread
+
+            return LiveRun(wish, orders, feed, running).run(monitor)
+
+        self._orders = orders
+        self.sentences.clear()
+        self.numbers.setText(loading)
+        if not self._jobs.start(running, work, self._finish, self._break):
+            self._orders = None
+        self._follow()
+
+    def stop(self) -> None:
+        """Let the capture end after this pair."""
+        if self._orders is not None:
+            self._orders.stop.set()
+            self.go.setEnabled(False)
+            self.go.setText(self.tr("Stopping…"))
+
+    def _lay_out(self) -> None:
+        results = QGroupBox(self.tr("What is seen"), self)
+        column = QVBoxLayout(results)
+        for widget, share in ((self.numbers, 0), (self.angles, 3), (self.bodies, 2)):
+            column.addWidget(widget, share)
+        heading = QLabel(self.tr("What to know"), self)
+        column.addWidget(heading)
+        column.addWidget(self.sentences, 2)
+        buttons = QHBoxLayout()
+        buttons.addWidget(self.go)
+        layout = QVBoxLayout(self)
+        layout.addWidget(self.choice)
+        layout.addLayout(buttons)
+        layout.addWidget(self.recorder)
+        layout.addWidget(results, 1)
+
+    def _start_or_stop(self) -> None:
+        if self.is_running:
+            self.stop()
+        else:
+            self.start()
+
+    def _order_recording(self, target: Path | None) -> None:
+        if self._orders is not None:
+            self._orders.record = target
+
+    def _take(self) -> None:
+        newest, said = self.feed.take()
+        for sentence in said:
+            self.sentences.say(sentence)
+        if newest is not None:
+            self.numbers.show_shot(newest)
+            self.angles.show_shot(newest)
+            self.bodies.show_shot(newest)
+            self.shot.emit(newest)
+
+    def _finish(self, ended: Ended) -> None:
+        self._orders = None
+        self._take()
+        self.recorder.stop()
+        if ended.recorded:
+            self.recorder.keep(ended.recorded[-1].path)
+        for recorded in ended.recorded:
+            self.sentences.say(self.tr("Recorded: {0}, {1} frames.").format(recorded.path, recorded.n_frames))
+        if ended.error is not None:
+            self.sentences.say(str(ended.error))
+        told = self.tr("{0} frames captured, {1} dropped.").format(ended.n_frames, ended.n_dropped)
+        self.numbers.setText(self.tr("The capture broke off. {0}").format(told) if ended.error else told)
+        self._follow()
+        self.ended.emit(ended)
+
+    def _break(self, error: Exception) -> None:
+        """An error that nobody foresaw: what was recorded is whole all the same."""
+        self._orders = None
+        self.recorder.stop()
+        self.numbers.clear()
+        self._follow()
+        self._tell_error(error)
+
+    def _follow(self) -> None:
+        """What can be done depends on what runs."""
+        is_running = self.is_running
+        self.go.setText(self.tr("Stop") if is_running else self.tr("Start"))
+        self.go.setAccessibleName(self.tr("Stop the capture") if is_running else self.tr("Start the capture"))
+        self.go.setToolTip(self.go.accessibleName())
+        self.go.setEnabled(is_running or not self._jobs.is_busy)
+        self.choice.setEnabled(not self._jobs.is_busy)
+        self.recorder.set_running(is_running)

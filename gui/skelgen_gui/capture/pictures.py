@@ -1,0 +1,135 @@
+"""Both cameras' pictures side by side, with what was found in them."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QImage, QPainter, QPaintEvent, QPen
+from PySide6.QtWidgets import QWidget
+
+from skelgen.app.report.colours import limb_colour
+from skelgen.capture.frames import Image
+from skelgen.model.arrays import Floats
+from skelgen_gui.batch import draw_lines
+from skelgen_gui.capture.overlay import NO_BODY, Eye
+
+LOOSE = QColor("#f2c94c")
+"""Of balls that belong to no body; pictures are dark on light desktops too."""
+
+BOARD = QColor("#3ddc84")
+"""Of the corners of a board."""
+
+_GROUND, _FRAME, _TEXT = QColor("#111316"), QColor("#4a515b"), QColor("#e6e8eb")
+_GAP = 6.0  # px, between the pictures
+_RING, _CORNER = 6.0, 2.5  # px, radii of marks on the screen
+_INK = 1.6  # px
+
+
+def group_colour(group: int) -> QColor:
+    """Return the colour of a body in pictures and in space, or that of what belongs to none."""
+    return LOOSE if group == NO_BODY else QColor(limb_colour(group, dark=True))
+
+
+class PicturePair(QWidget):
+    """The newest pictures of both cameras.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._eyes: tuple[Eye, Eye] | None = None
+        self._idle = self.tr("Pictures of both cameras are shown here")
+        self.setAccessibleName(self.tr("Pictures of both cameras"))
+        self.setToolTip(self.tr("Rings are balls that were found, in the colours of their bodies"))
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+
+    def show_pair(self, left: Eye, right: Eye) -> None:
+        """Show other pictures; they replace those before."""
+        self._eyes = left, right
+        self.update()
+
+    def forget(self, why: str) -> None:
+        """Show a sentence instead of pictures."""
+        self._eyes, self._idle = None, why
+        self.update()
+
+    def place_of(self, side: int, x: float, y: float) -> QPointF:
+        """Return where a place [px] in the left (0) or right (1) picture is in this widget."""
+        eye = self._eyes[side] if self._eyes is not None else None
+        box, scale = self._box(side, eye)
+        return box.topLeft() + QPointF((x + 0.5) * scale, (y + 0.5) * scale)
+
+    def sizeHint(self) -> QSize:
+        """Return a comfortable size."""
+        return QSize(900, 340)
+
+    def minimumSizeHint(self) -> QSize:
+        """Return the least useful size."""
+        return QSize(240, 90)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint both pictures."""
+        with QPainter(self) as painter:
+            painter.fillRect(self.rect(), _GROUND)
+            if self._eyes is None:
+                painter.setPen(_TEXT)
+                flags = Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap
+                painter.drawText(self.rect().adjusted(12, 12, -12, -12), flags, self._idle)
+                return
+            for side, title in enumerate((self.tr("left"), self.tr("right"))):
+                box, scale = self._box(side, self._eyes[side])
+                painter.save()
+                painter.setClipRect(box)
+                _paint_eye(painter, self._eyes[side], box, scale)
+                painter.setPen(_TEXT)
+                painter.drawText(box.adjusted(8, 5, -8, -5), Qt.AlignmentFlag.AlignLeft, title)
+                painter.restore()
+
+    def _box(self, side: int, eye: Eye | None) -> tuple[QRectF, float]:
+        """Where a picture goes, and how many pixels of the widget one of its own takes."""
+        height, width = (480, 640) if eye is None else eye.image.shape
+        half = (self.width() - _GAP) / 2
+        scale = min(half / width, self.height() / height)
+        left = side * (half + _GAP) + (half - scale * width) / 2
+        return QRectF(left, (self.height() - scale * height) / 2, scale * width, scale * height), scale
+
+
+def grey_image(image: Image) -> QImage:
+    """Return a picture that shares the memory of an array of shape (height, width), which must outlive it."""
+    image = np.ascontiguousarray(image)
+    height, width = image.shape
+    return QImage(image.data, width, height, width, QImage.Format.Format_Grayscale8)
+
+
+def _paint_eye(painter: QPainter, eye: Eye, box: QRectF, scale: float) -> None:
+    image = np.ascontiguousarray(eye.image)  # kept in a name: the picture shares its memory
+    painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+    painter.drawImage(box, grey_image(image))
+    painter.setPen(_FRAME)
+    painter.drawRect(box.adjusted(0, 0, -1, -1))
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    places = np.array([box.left(), box.top()]) + (eye.places + 0.5) * scale
+    if eye.is_board:
+        _paint_board(painter, places)
+        return
+    for (x, y), group in zip(places.tolist(), eye.groups.tolist(), strict=True):
+        painter.setPen(QPen(group_colour(group), _INK))
+        painter.drawEllipse(QPointF(x, y), _RING, _RING)
+    for name in eye.names:
+        painter.setPen(group_colour(name.group))
+        place = box.topLeft() + QPointF((name.x + 0.5) * scale, (name.y + 0.5) * scale)
+        shift = QPointF(-painter.fontMetrics().horizontalAdvance(name.text) / 2, -2 * _RING)
+        painter.drawText(place + shift, name.text)
+
+
+def _paint_board(painter: QPainter, places: Floats) -> None:
+    """Corners, and the way from one to the next, so that their order can be seen."""
+    painter.setPen(QPen(BOARD, _INK / 2))
+    draw_lines(painter, np.stack([places[:-1], places[1:]], axis=1))
+    painter.setPen(QPen(BOARD, _INK))
+    for x, y in places.tolist():
+        painter.drawEllipse(QPointF(x, y), _CORNER, _CORNER)

@@ -1,0 +1,258 @@
+"""Points and bodies of a capture in space, with the cameras that see them; drawn as they come, without a take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent, QWheelEvent
+from PySide6.QtWidgets import QWidget
+
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.rig import StereoRig
+from skelgen_gui.batch import draw_lines
+from skelgen_gui.capture.overlay import NO_BODY
+from skelgen_gui.palette import colour_of_limb, doubt_colour
+from skelgen_gui.view3d import backdrop
+from skelgen_gui.view3d.colours import Colours
+from skelgen_gui.view3d.drag import Drag, DragKind
+from skelgen_gui.view3d.frustum import frustum
+from skelgen_gui.view3d.picture import Canvas
+from skelgen_gui.view3d.sprites import Sprites, Style
+from skelgen_gui.view3d.viewpoint import Viewpoint
+
+if TYPE_CHECKING:
+    from skelgen.capture.blobs import FoundBody
+
+DEPTH = 1 / 3
+"""Length of the cameras' pyramids, as part of their distance to what they look at."""
+
+_SHOWN_FROM_RIG = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""A rig's x right, y down, z away, turned to x right, y away, z up, as viewers stand."""
+
+_HOME = Viewpoint(azimuth=math.radians(-62), elevation=math.radians(22), up=2)
+_AXIS = 60.0  # mm, of the axes of a body
+_RADIUS = 5.0  # px, of a point
+_TURN, _KEY_TURN, _KEY_SHIFT, _WHEEL, _ZOOM = math.radians(0.4), math.radians(6), 40.0, 1.0012, 1.2
+_ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
+_ZOOMS = {Qt.Key.Key_Plus: _ZOOM, Qt.Key.Key_Equal: _ZOOM, Qt.Key.Key_Minus: 1 / _ZOOM}
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What was found in space.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3), mm
+        Points in the rig's world.
+    groups : ndarray of intp, shape (n,)
+        The body of each, or `NO_BODY`.
+    bodies : mapping of str to FoundBody
+        Bodies.
+    """
+
+    points: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    groups: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    bodies: Mapping[str, FoundBody] = field(default_factory=dict)
+
+
+class Space(QWidget):
+    """Orbit by dragging, shift with the right button, zoom with the wheel; F fits what is there.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._canvas = Canvas(_HOME, 1, 1)
+        self._rig: StereoRig | None = None
+        self._frustums: Floats = np.zeros((0, 2, 3))
+        self._found = Found()
+        self._is_home = True
+        self._drag: Drag | None = None
+        self._sprites = Sprites(1.0)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setAccessibleName(self.tr("Points and bodies in space"))
+        self.setToolTip(
+            self.tr("Dragging turns, the right button moves, the wheel zooms; F fits, 1 looks from the cameras")
+        )
+
+    def show_rig(self, rig: StereoRig) -> None:
+        """Show the cameras of a rig, and what they look at."""
+        if rig is self._rig:
+            return
+        self._rig, self._is_home = rig, True
+        self._lay_frustums(_working_distance(rig))
+
+    def show_found(self, found: Found) -> None:
+        """Show what was found in a pair of images."""
+        is_first = not len(self._found.points) and len(found.points) > 0
+        self._found = found
+        if is_first and self._rig is not None and self._is_home:
+            depth = float(np.median(np.linalg.norm(found.points, axis=1)))
+            self._lay_frustums(depth)
+        self.update()
+
+    def fit(self) -> None:
+        """Look at the cameras and all that was found."""
+        everything = np.concatenate([self._frustums.reshape(-1, 3), _shown(self._found.points)])
+        canvas = self._canvas
+        self._canvas = replace(canvas, viewpoint=canvas.viewpoint.fitted(everything, canvas.width, canvas.height))
+        self.update()
+
+    def look_from_cameras(self) -> None:
+        """Look from behind the cameras."""
+        self._move(replace(self._canvas.viewpoint, azimuth=-math.pi / 2, elevation=0.0))
+        self.fit()
+
+    def sizeHint(self) -> QSize:
+        """Return a comfortable size."""
+        return QSize(900, 360)
+
+    def minimumSizeHint(self) -> QSize:
+        """Return the least useful size."""
+        return QSize(200, 90)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint cameras, points and bodies."""
+        colours, canvas = Colours(self.palette()), self._canvas
+        if self._sprites.ratio != self.devicePixelRatioF():
+            self._sprites = Sprites(self.devicePixelRatioF())
+        with QPainter(self) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            backdrop.paint_background(painter, canvas, colours)
+            painter.setPen(QPen(colours.mixed(colours.ink, 0.45), 1.2))
+            self._paint_lines(painter, self._frustums)
+            self._paint_names_of_cameras(painter, colours)
+            self._paint_points(painter)
+            self._paint_bodies(painter, colours)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep an untouched view fitted."""
+        self._canvas = replace(self._canvas, width=self.width(), height=self.height())
+        if self._is_home:
+            self.fit()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Follow the colours of the desktop."""
+        if event.type() == QEvent.Type.PaletteChange:
+            self.update()
+        super().changeEvent(event)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Begin a drag."""
+        self._drag = Drag(event.position(), event.button())
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Turn or shift."""
+        if self._drag is None:
+            return
+        step = self._drag.moved_to(event.position(), wants_band=False)
+        viewpoint = self._canvas.viewpoint
+        if self._drag.kind is DragKind.TURN:
+            self._move(viewpoint.orbited(-_TURN * step.x(), _TURN * step.y()))
+        elif self._drag.kind is DragKind.SHIFT:
+            self._move(viewpoint.panned(step.x(), step.y(), self.height()))
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """End a drag."""
+        self._drag = None
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Zoom at the pointer."""
+        place = event.position() - QPointF(self.width() / 2, self.height() / 2)
+        factor = _WHEEL ** event.angleDelta().y()
+        self._move(self._canvas.viewpoint.zoomed(factor, place.x(), place.y(), self.height()))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Turn, shift, zoom and fit with keys."""
+        viewpoint, key = self._canvas.viewpoint, Qt.Key(event.key())
+        if key in _ARROWS:
+            right, down = _ARROWS[key]
+            if event.modifiers() & Qt.KeyboardModifier.ShiftModifier:
+                self._move(viewpoint.panned(_KEY_SHIFT * right, _KEY_SHIFT * down, self.height()))
+            else:
+                self._move(viewpoint.orbited(_KEY_TURN * right, -_KEY_TURN * down))
+        elif key in _ZOOMS:
+            self._move(viewpoint.zoomed(_ZOOMS[key]))
+        elif key == Qt.Key.Key_F:
+            self.fit()
+        elif key == Qt.Key.Key_1:
+            self.look_from_cameras()
+        else:
+            super().keyPressEvent(event)
+
+    def _move(self, viewpoint: Viewpoint) -> None:
+        self._canvas, self._is_home = replace(self._canvas, viewpoint=viewpoint), False
+        self.update()
+
+    def _lay_frustums(self, distance: float) -> None:
+        if self._rig is not None:
+            lines = rig_frustums(self._rig, DEPTH * distance)
+            self._frustums = _shown(np.concatenate(lines).reshape(-1, 3)).reshape(-1, 2, 3)
+            self.fit()
+
+    def _paint_lines(self, painter: QPainter, lines: Floats) -> None:
+        places, _ = self._canvas.project(lines)
+        draw_lines(painter, places[~np.isnan(places).any(axis=(1, 2))])
+
+    def _paint_names_of_cameras(self, painter: QPainter, colours: Colours) -> None:
+        painter.setPen(colours.ink)
+        for lines, name in zip(np.split(self._frustums, 2), (self.tr("left"), self.tr("right")), strict=True):
+            if len(lines):
+                (place,), _ = self._canvas.project(lines[:1, 0])
+                if not np.isnan(place).any():
+                    painter.drawText(QRectF(place[0] - 60, place[1] + 4, 120, 20), Qt.AlignmentFlag.AlignHCenter, name)
+
+    def _paint_points(self, painter: QPainter) -> None:
+        """Points, the farthest first."""
+        places, depths = self._canvas.project(_shown(self._found.points))
+        known = np.flatnonzero(~np.isnan(depths))
+        order = known[np.argsort(-depths[known], kind="stable")]
+        for place, group in zip(places[order].tolist(), self._found.groups[order].tolist(), strict=True):
+            colour = doubt_colour(self.palette()) if group == NO_BODY else colour_of_limb(group, self.palette())
+            self._sprites.draw(painter, place, _RADIUS if group != NO_BODY else _RADIUS / 2, Style.BALL, colour)
+
+    def _paint_bodies(self, painter: QPainter, colours: Colours) -> None:
+        """Axes and names of bodies."""
+        for body in self._found.bodies.values():
+            pose = body.world_from_body
+            ends = np.stack([np.repeat(pose[None, :3, 3], 3, axis=0), pose[:3, 3] + _AXIS * pose[:3, :3].T], axis=1)
+            shown = _shown(ends.reshape(-1, 3)).reshape(-1, 2, 3)
+            for axis, colour in enumerate(colours.axes):
+                painter.setPen(QPen(colour, 2.0))
+                self._paint_lines(painter, shown[axis : axis + 1])
+            (place,), _ = self._canvas.project(shown[:1, 0])
+            if not np.isnan(place).any():
+                painter.setPen(colours.ink)
+                painter.drawText(QPointF(place[0] + 8, place[1] + 14), body.name)
+
+
+def rig_frustums(rig: StereoRig, depth: float) -> list[Floats]:
+    """Return the pyramids of both cameras of a rig, as `frustum` gives them, in its world."""
+    return [
+        frustum(
+            np.asarray(np.linalg.inv(camera.camera_from_world), dtype=np.float64),
+            (float(camera.width), float(camera.height)),
+            (float(camera.matrix[0, 0]), float(camera.matrix[1, 1])),
+            depth,
+        )
+        for camera in (rig.left, rig.right)
+    ]
+
+
+def _working_distance(rig: StereoRig) -> float:
+    """How far [mm] a rig usually looks, before anything was seen: twice its base, as the seed's."""
+    return 2 * rig.baseline
+
+
+def _shown(points: Floats) -> Floats:
+    return np.asarray(points @ _SHOWN_FROM_RIG.T)
