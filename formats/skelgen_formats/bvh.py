@@ -43,6 +43,7 @@ from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.animations import animated_project, bone_name, bone_tip, lost_in_animations
 from skelgen_formats.bones import bone_transforms
+from skelgen_formats.bvh_reader import read_bvh
 from skelgen_formats.markers import MM_PER_UNIT
 from skelgen_formats.registry import Format
 from skelgen_formats.world import AXES, RATE, UNIT, per_mm
@@ -162,10 +163,11 @@ FORMAT = Format(
     title="BVH",
     suffixes=(".bvh",),
     holds="skeleton",
+    read_motion=read_bvh,
     write=write_bvh,
     check=lambda value, options: animated_project(value, _TITLE),
     keeps=("joints", "motion"),
     remarks=_remarks,
     options=(AXES, UNIT, RATE),
-    note="One file; several roots hang on one that stays still.",
+    note="One file; several roots hang on one that stays still. Read with channels in any order.",
 )

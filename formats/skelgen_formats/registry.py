@@ -15,6 +15,7 @@ from skelgen.errors import FormatError, WriteError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE, with_rate
 from skelgen.geometry.up_axis import AS_RECORDED, with_up_axis
 from skelgen.model import Project, Take
+from skelgen.model.bones import BoneMotion
 from skelgen.model.filled import Filled
 from skelgen.parameters import Declaration
 from skelgen.progress import SILENT, Monitor
@@ -79,9 +80,9 @@ class Format:
         File endings, lower case with the dot, the usual one first.
     sniff : callable (head, path) -> bool
         Whether the first `SNIFF_BYTES` bytes look like this format; must not read the file.
-    read : callable (path, **options) -> Take, or None
+    read : callable ``(path, **options) -> Take``, or None
         Reader.
-    write : callable (value, path, *, monitor, **options) -> list of Path, or None
+    write : callable ``(value, path, *, monitor, **options) -> list of Path``, or None
         Writer; `value` is a `Project` or a `Take`. Writes atomically and returns the files written.
     check : callable (value, options)
         Raises a sentence if the writer cannot take the value: `WriteError` or `MissingResultError`. Quick.
@@ -99,6 +100,8 @@ class Format:
         One sentence for the docs table.
     states_axes : bool
         Whether the writer is told the option ``axes``, obeyed already, since the file states which axis is up.
+    read_motion : callable (path, skeleton, unit) -> BoneMotion, or None
+        Reader of bones in motion, which are no take; see `skelgen_formats.motions`.
     """
 
     name: str
@@ -115,6 +118,7 @@ class Format:
     keeps: tuple[str, ...] = ()
     remarks: Callable[[Project, Mapping[str, Any]], tuple[str, ...]] = lambda project, options: ()
     states_axes: bool = False
+    read_motion: Callable[..., BoneMotion] | None = None
 
 
 def known_formats() -> tuple[Format, ...]:
@@ -155,6 +159,12 @@ def recognise(path: Path) -> Format:
     for entry in readable:
         if path.name.lower().endswith(entry.suffixes):
             return entry
+    for entry in known_formats():
+        if entry.read_motion is not None and path.name.lower().endswith(entry.suffixes):
+            said = (
+                f"{entry.title} holds bones, not markers; `skelgen simulate --motion {path.name}` puts markers on them"
+            )
+            raise FormatError(path, "", said)
     names = ", ".join(f"{entry.name} ({' '.join(entry.suffixes)})" for entry in readable)
     raise FormatError(path, "", f"neither content nor suffix belongs to a known format; known are {names}")
 

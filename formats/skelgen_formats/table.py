@@ -14,6 +14,8 @@ Generated from the formats' declarations by `skelgen_formats.table.formats_markd
 
 A file is recognised by its content first and by its suffix second; `--format NAME` skips that. Inside skelgen
 everything is in mm, s and rad; a reader converts from the unit that the file names. Unseen markers are NaN inside.
+What is read "as motion" holds bones without markers: `skelgen simulate --motion` [puts markers on
+them](how-to/motions.md).
 """
 
 _KEPT_HEAD = """## What a written file keeps
@@ -50,7 +52,7 @@ def _row(entry: Format) -> tuple[str, ...]:
         entry.title,
         " ".join(entry.suffixes),
         entry.holds,
-        "yes" if entry.read else "",
+        "yes" if entry.read else "as motion" if entry.read_motion else "",
         "yes" if entry.write else "",
         ", ".join(option.name for option in entry.options),
         entry.note,

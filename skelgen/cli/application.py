@@ -23,6 +23,7 @@ from skelgen.cli import (
     calibrate_commands,
     capture_commands,
     file_commands,
+    simulate_command,
     stage_commands,
     window_command,
 )
@@ -123,7 +124,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("batch", batch_command.batch, reader_options),
         ("convert", file_commands.convert, lambda: [*reader_options(), *writer_options()]),
         ("info", file_commands.info, reader_options),
-        ("simulate", file_commands.simulate, _simulation_options),
+        ("simulate", simulate_command.simulate, simulate_command.simulation_options),
         ("evaluate", file_commands.evaluate, tuple),
         ("formats", file_commands.formats, tuple),
         ("config", file_commands.config, tuple),
@@ -140,12 +141,6 @@ def _stage_options(stage: StageName) -> Options:
         *parameter_options(stage_commands.parameters_of(stage)),
         *reader_options(),
     ]
-
-
-def _simulation_options() -> list[inspect.Parameter]:
-    from skelgen.simulation import SimulationParameters
-
-    return parameter_options(SimulationParameters)
 
 
 def _limit_threads() -> None:

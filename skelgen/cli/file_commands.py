@@ -1,4 +1,4 @@
-"""Commands around files: `convert`, `info`, `simulate`, `evaluate`, `formats`, `config`, `report`, `fill`."""
+"""Commands around files: `convert`, `info`, `evaluate`, `formats`, `config`, `report`, `fill`."""
 
 from __future__ import annotations
 
@@ -62,24 +62,6 @@ def info(
         screen.say(f"extent [mm]: {low} .. {high}")
     screen.table("Markers", columns)
     screen.json({"format": format_name, **tables, "columns": columns})
-
-
-def simulate(
-    structure: Annotated[str, typer.Argument(metavar="STRUCTURE", help="What moves: rods, human, quadruped, tree:8.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Take to write, in any format.")],
-    seed: Annotated[int, typer.Option("--seed", help="Seed of the motion and of all faults.")] = 0,
-    quiet: Quiet = False,
-    **values: Any,
-) -> None:
-    """Simulate a take with known skeleton; the truth goes beside it as <name>.truth.npz."""
-    from skelgen.app.face import write
-    from skelgen.simulation import TRUTH_SUFFIX, write_truth
-    from skelgen.simulation import simulate as simulated_take
-
-    simulated = simulated_take(structure, seed=seed, **given(values))
-    files = write(simulated.take, output)
-    files.append(write_truth(simulated.truth, output.with_name(output.stem + TRUTH_SUFFIX)))
-    show_files(Screen(quiet), files)
 
 
 def evaluate(

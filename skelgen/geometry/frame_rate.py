@@ -69,6 +69,22 @@ def with_rate(value: Project | Take | Filled, rate: float) -> Project | Take | F
     return _take(value, rate)
 
 
+def transforms_at_rate(transforms: Floats, recorded: float, rate: float) -> Floats:
+    """Return transforms, shape (n_frames, ..., 4, 4), at another frame rate [Hz]; the first frame stays the first.
+
+    Raises
+    ------
+    InputError
+        If the rate makes more frames than `MOST_FRAMES`.
+    """
+    return _rigid(transforms, _between(len(transforms), recorded, rate))
+
+
+def vectors_at_rate(vectors: Floats, recorded: float, rate: float) -> Floats:
+    """Return vectors, shape (n_frames, ...), at another frame rate [Hz]; see `transforms_at_rate`."""
+    return _line(vectors, _between(len(vectors), recorded, rate))
+
+
 def _project(project: Project, rate: float) -> Project:
     take = _take(project.take, rate)
     changes: dict[str, Any] = {"take": take, "_labelling": None}

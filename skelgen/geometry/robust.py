@@ -1,4 +1,25 @@
-"""Spread that a few wild values do not spoil."""
+"""Middle and spread that a few wild values do not spoil."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.model.arrays import Floats
 
 SIGMA_OF_MEDIAN = 1.4826
 """Standard deviation of normal numbers with a median absolute deviation of 1."""
+
+
+def median_of_known(values: Floats) -> Floats:
+    """Return the median of each column without its NaN, shape (n_columns,): `numpy.nanmedian`, many times as fast.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_rows, n_columns)
+        NaN where unknown. Columns without any value give NaN.
+    """
+    ordered = np.sort(values.T, axis=1)
+    count = values.shape[0] - np.isnan(ordered).sum(axis=1)
+    lower, upper = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, max(len(values) - 1, 0))
+    columns = np.arange(len(ordered))
+    return np.asarray((ordered[columns, lower] + ordered[columns, upper]) / 2)

@@ -50,6 +50,14 @@ def with_up_axis(value: Project | Take | Filled, wish: str) -> Project | Take | 
     return _take(value, wish)
 
 
+def turned_poses(poses: Floats, wish: str) -> Floats:
+    """Return poses in turned world axes, shape (..., 4, 4); `wish` is a key of `TURNS`."""
+    order, signs = TURNS[wish]
+    turned = poses.copy()
+    turned[..., :3, :] = poses[..., order, :] * np.array(signs)[:, np.newaxis]
+    return turned
+
+
 def _project(project: Project, wish: str) -> Project:
     take = _take(project.take, wish)
     changes: dict[str, Any] = {"take": take}
@@ -61,7 +69,7 @@ def _project(project: Project, wish: str) -> Project:
         changes["_topology"] = replace(project.topology, raw_joint_positions=raw)
     if project.has("skeleton"):
         skeleton = project.skeleton
-        changes["_skeleton"] = replace(skeleton, reference_pose=_poses(skeleton.reference_pose, wish))
+        changes["_skeleton"] = replace(skeleton, reference_pose=turned_poses(skeleton.reference_pose, wish))
         changes["_motion"] = _motion(project.motion, wish)
     return replace(project, **changes)
 
@@ -69,7 +77,7 @@ def _project(project: Project, wish: str) -> Project:
 def _motion(motion: Motion, wish: str) -> Motion:
     return replace(
         motion,
-        world_from_limb=_poses(motion.world_from_limb, wish),
+        world_from_limb=turned_poses(motion.world_from_limb, wish),
         joint_positions=_vectors(motion.joint_positions, wish),
         marker_positions=_vectors(motion.marker_positions, wish),
         joint_std=None if motion.joint_std is None else np.abs(_vectors(motion.joint_std, wish)),
@@ -80,7 +88,7 @@ def _take(take: Take, wish: str) -> Take:
     if isinstance(take, PointCloud):
         return replace(take, points=_vectors(take.points, wish))
     if isinstance(take, Poses):
-        return replace(take, world_from_body=_poses(take.world_from_body, wish))
+        return replace(take, world_from_body=turned_poses(take.world_from_body, wish))
     return _markers(take, wish)
 
 
@@ -91,10 +99,3 @@ def _markers(markers: Trajectories, wish: str) -> Trajectories:
 def _vectors(vectors: Floats, wish: str) -> Floats:
     order, signs = TURNS[wish]
     return np.asarray(vectors[..., order] * signs)
-
-
-def _poses(poses: Floats, wish: str) -> Floats:
-    order, signs = TURNS[wish]
-    turned = poses.copy()
-    turned[..., :3, :] = poses[..., order, :] * np.array(signs)[:, np.newaxis]
-    return turned

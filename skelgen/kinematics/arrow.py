@@ -130,6 +130,7 @@ def descend(
     linearised: Callable[[State], Linear],
     stepped: Callable[[State, Floats, Floats], State],
     max_rounds: int = MAX_ROUNDS,
+    least_gain: float = LEAST_GAIN,
 ) -> Descent[State]:
     """Repeat Gauss-Newton steps until the sum of squares stays.
 
@@ -143,6 +144,8 @@ def descend(
         The state after a step.
     max_rounds : int
         Rounds at most.
+    least_gain : float
+        Part of the sum of squares; a round that gains no more is the last.
     """
     linear = linearised(state)
     for _ in range(max_rounds):
@@ -156,7 +159,7 @@ def descend(
             break
         gain = linear.squares - trial_linear.squares
         state, linear = trial, trial_linear
-        if gain <= LEAST_GAIN * linear.squares:
+        if gain <= least_gain * linear.squares:
             break
     return Descent(state, linear.squares, solve_arrow(linear))
 

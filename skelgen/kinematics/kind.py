@@ -42,6 +42,9 @@ RIGID_TURN = np.deg2rad(2.0)
 MAX_ROUNDS = 8
 """Rounds of each kind's fit: the right kind needs three to five, and a wrong one is wrong by far."""
 
+LEAST_GAIN = 1e-4
+"""Part of what is left over that a round must take away for there to be another: kinds differ by far more."""
+
 LEAST_FREEDOMS = 3.0
 """Freedoms of the noise's estimate that are counted at least: one limb with three markers in one frame."""
 
@@ -212,7 +215,7 @@ def find_kind(
 def _leftover(name: str, rotations: Floats, weight: Floats, freedoms: float, limits: KindLimits) -> Leftover:
     """Fit one kind, and weigh what it leaves over."""
     start = _start(name, rotations)
-    found = descend(start, lambda turning: _linearised(turning, rotations, weight), _stepped, MAX_ROUNDS)
+    found = descend(start, lambda turning: _linearised(turning, rotations, weight), _stepped, MAX_ROUNDS, LEAST_GAIN)
     n_frames, n_rows = len(rotations), 3 - start.n_angles
     ratio = found.squares / max(n_rows * n_frames - start.n_constants, 1)
     independent = effective_frames(found.solution.residuals, of_squares=True)

@@ -20,7 +20,7 @@ import numpy as np
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.arrays import Floats
 
-X, Z = np.eye(3)[0], np.eye(3)[2]
+X = np.eye(3)[0]
 
 
 class Turning(Protocol):
@@ -190,7 +190,12 @@ class TwoAxisTurning:
 
 def about_z(angles: Floats) -> Floats:
     """Return rotations about z, shape (n_frames, 3, 3)."""
-    return matrix_from_vector(np.asarray(angles)[..., np.newaxis] * Z)
+    turns = np.zeros((*np.shape(angles), 3, 3))
+    turns[..., 0, 0] = turns[..., 1, 1] = np.cos(angles)
+    turns[..., 1, 0] = np.sin(angles)
+    turns[..., 0, 1] = -turns[..., 1, 0]
+    turns[..., 2, 2] = 1.0
+    return turns
 
 
 def axis_covariance(turning: Turning, covariance: Floats) -> Floats:

@@ -1,6 +1,7 @@
 """Articulated structures, motion, markers and occlusion with ground truth."""
 
 from skelgen.simulation.articulated import LimbModel, Structure
+from skelgen.simulation.recorded import BoneParameters, RecordedBody, recorded_body
 from skelgen.simulation.structures import (
     STRUCTURE_NAMES,
     find_structure,
@@ -16,7 +17,9 @@ from skelgen.simulation.truth import TRUTH_SUFFIX, Truth, read_truth, write_trut
 __all__ = [
     "STRUCTURE_NAMES",
     "TRUTH_SUFFIX",
+    "BoneParameters",
     "LimbModel",
+    "RecordedBody",
     "SimulatedTake",
     "SimulationParameters",
     "Structure",
@@ -26,6 +29,7 @@ __all__ = [
     "quadruped",
     "random_tree",
     "read_truth",
+    "recorded_body",
     "rods_chain",
     "seed_human",
     "simulate",

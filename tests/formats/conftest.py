@@ -159,6 +159,18 @@ def valid_file(
     return make
 
 
+@pytest.fixture
+def valid_motion(tmp_path: Path, small_project: Project) -> Callable[[str], Path]:
+    """A small valid file of bones in motion, by suffix."""
+
+    def make(suffix: str) -> Path:
+        path = tmp_path / f"motion.{suffix}"
+        write_file(small_project, path)
+        return path
+
+    return make
+
+
 JOINTED_PARENTS = np.array([1, -1, 1, 2, 2, -1, 5, 5, 3])
 JOINTED_KINDS = {0: "hinge", 2: "ball", 3: "universal", 4: "rigid", 6: "undetermined", 7: "hinge", 8: "ball"}
 

@@ -7,14 +7,18 @@ import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from skelgen_formats.motions import read_motion
 from skelgen_formats.registry import known_formats, read_take
 
 from skelgen.errors import SkelgenError
+from skelgen.simulation import recorded_body
 
 FORMATS = ("c3d", "trc", "csm", "qualisys", "motive", "poses-csv", "mfml")
+MOTIONS = ("bvh",)
 MEMORY_BYTES = 32 * 2**20  # far above what reading these small files takes, far below what mutated headers announce
 
 NUMBERS = (
@@ -56,6 +60,16 @@ def reads_or_refuses(path: Path, name: str) -> None:
             read_take(path, format_name)
         except SkelgenError as error:
             assert "\n" not in str(error)
+
+
+def poses_or_refuses(path: Path) -> None:
+    """Whether a motion is read, and then stands somewhere and can be played by a body with markers; or is refused."""
+    try:
+        motion = read_motion(path)
+        assert np.isfinite(motion.world_from_bone).all()
+        recorded_body(motion)
+    except SkelgenError as error:
+        assert "\n" not in str(error)
 
 
 def position(data: st.DataObject, content: bytes | bytearray) -> int:
@@ -137,3 +151,22 @@ def test_noise_is_read_or_refused(tmp_path, content, entry):
     path = tmp_path / f"noise{entry.suffixes[0]}"
     path.write_bytes(content)
     reads_or_refuses(path, entry.name)
+
+
+@pytest.mark.parametrize("suffix", MOTIONS)
+@FUZZ
+@given(data=st.data())
+def test_mutated_motions_are_read_or_refused(valid_motion, suffix, data):
+    path = valid_motion(suffix)
+    mutate = mutated_lines if data.draw(st.booleans()) else mutated_bytes
+    path.write_bytes(mutate(data, path.read_bytes()))
+    poses_or_refuses(path)
+
+
+@pytest.mark.parametrize("suffix", MOTIONS)
+def test_every_cut_of_a_motion_is_read_or_refused(valid_motion, suffix):
+    path = valid_motion(suffix)
+    content = path.read_bytes()
+    for end in range(0, len(content), max(1, len(content) // 150)):
+        path.write_bytes(content[:end])
+        poses_or_refuses(path)

@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.capture.calibration.adjustment import N_INTRINSIC, Adjusted, Bundle
-from skelgen.capture.calibration.board import Board, BoardView, board_that_is_there, find_board, read_grey
+from skelgen.capture.calibration.board import Board, BoardView, board_that_is_there, find_board
 from skelgen.capture.calibration.outliers import LEAST_VIEWS
 from skelgen.capture.calibration.pairing import pair_cameras
 from skelgen.capture.calibration.single import AUTO, adjust_lens, guess_camera
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.frames import Image
+from skelgen.capture.image_files import read_image
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import SEED_NOISE, StereoRig
@@ -188,7 +189,7 @@ def _told(adjusted: Adjusted, seen: tuple[PairSeen, ...]) -> StereoCalibration:
 
 
 def _grey(picture: Picture) -> Image:
-    return picture if isinstance(picture, np.ndarray) else read_grey(picture)
+    return picture if isinstance(picture, np.ndarray) else read_image(Path(picture))
 
 
 def _name(picture: Picture, index: int) -> str:

@@ -5,7 +5,7 @@ from skelgen.capture.rig.board import BoardTruth, SimulatedBoard, board_places, 
 from skelgen.capture.rig.parameters import RenderParameters
 from skelgen.capture.rig.render import PairTruth, render_pair, render_view
 from skelgen.capture.rig.scene import Scene, scene_of_bodies, scene_of_structure, view_centre, wandering_poses
-from skelgen.capture.rig.source import SimulatedRig, simulated_rig
+from skelgen.capture.rig.source import SimulatedRig, simulated_rig, suited_parameters
 from skelgen.capture.rig.view import ViewTruth
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "scene_of_structure",
     "seed_arm",
     "simulated_rig",
+    "suited_parameters",
     "view_centre",
     "wandering_poses",
 ]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.posing import fit_poses
@@ -75,7 +75,7 @@ def _typical(size: Floats, positions: Floats) -> Floats:
     heard = ~np.isnan(known).all(axis=0)
     typical = np.zeros(size.shape[1])
     if heard.any():
-        typical[heard] = np.nanmedian(known[:, heard], axis=0) / np.sqrt(SQUARE_OF_MEDIAN)
+        typical[heard] = median_of_known(known[:, heard]) / np.sqrt(SQUARE_OF_MEDIAN)
         typical = np.maximum(typical, np.median(typical[heard]))
     return typical
 
@@ -145,6 +145,6 @@ def _beyond(deviation: Floats, counts: Bools, factor: float, limit: float) -> Bo
     if not heard.any():
         return np.zeros(deviation.shape, dtype=bool)
     typical = np.zeros(deviation.shape[1])
-    typical[heard] = np.nanmedian(known[:, heard], axis=0) * SIGMA_OF_MEDIAN
+    typical[heard] = median_of_known(known[:, heard]) * SIGMA_OF_MEDIAN
     typical = np.maximum(typical, np.median(typical[heard]))
     return np.nan_to_num(known) > np.maximum(factor * typical, limit)

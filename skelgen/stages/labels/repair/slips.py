@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Finding
@@ -284,10 +284,11 @@ def _step(towards: Floats, sudden: Floats, seen: Floats) -> Floats:
     """
     weights = np.where(np.isnan(sudden), 0.0, 1.0 / _spread(sudden) ** 2)
     towards = np.nan_to_num(towards)
+    weighted = (towards * weights[..., np.newaxis]).swapaxes(1, 2)
     direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
-    normal = np.einsum("fm,fmi,fmj->fij", weights, towards, towards) + direct * np.eye(3)
-    right = np.einsum("fm,fmi,fm->fi", weights, towards, np.nan_to_num(sudden)) + direct * seen
-    return np.asarray(np.linalg.solve(normal, right[..., np.newaxis])[..., 0])
+    normal = weighted @ towards + direct * np.eye(3)
+    right = weighted @ np.nan_to_num(sudden)[..., np.newaxis] + direct * seen[..., np.newaxis]
+    return np.asarray(np.linalg.solve(normal, right)[..., 0])
 
 
 def _peaks(own: Floats, factor: float) -> list[int]:
@@ -338,7 +339,7 @@ def _spread(values: Floats) -> Floats:
     """Robust standard deviation of each column [mm]; infinite where nothing is known."""
     known = (~np.isnan(values)).any(axis=0)
     middle = np.full(values.shape[1], np.inf)
-    middle[known] = np.nanmedian(np.abs(values[:, known]), axis=0)
+    middle[known] = median_of_known(np.abs(values[:, known]))
     return np.asarray(np.maximum(SIGMA_OF_MEDIAN * middle, LEAST_DEVIATION))
 
 

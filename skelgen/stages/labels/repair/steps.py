@@ -71,15 +71,18 @@ def _line_ends(series: Floats, times: NDArray[np.floating], first: int) -> Float
     n_frames = len(series)
     known = ~np.isnan(series)
     values = np.where(known, series, 0.0)
-    sums = np.zeros((5, *series.shape))
+    if known.all():  # as many frames count for all series
+        known = known[:, :1]
+    counts, sums = np.zeros((3, *known.shape)), np.zeros((2, *series.shape))
     order = times if first == 0 else times[::-1]
     for offset, time in enumerate(order):
         shift = first + offset
         rows = slice(max(0, -shift), min(n_frames, n_frames - shift))
         there = slice(rows.start + shift, rows.stop + shift)
-        seen, part = known[there], values[there]
-        for index, term in enumerate((seen, seen * time, seen * time**2, part, part * time)):
-            sums[index, rows] += term
-    n, t, tt, x, tx = sums
+        for total, power in zip(counts, (1.0, time, time**2), strict=True):
+            total[rows] += known[there] * power
+        sums[0, rows] += values[there]
+        sums[1, rows] += values[there] * time
+    (n, t, tt), (x, tx) = counts, sums
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(n >= LEAST_LINE, (tt * x - t * tx) / (n * tt - t * t), np.nan)

@@ -1,0 +1,282 @@
+"""The limbs that a recorded motion's bones make: bones that move as one are one limb, joints are points.
+
+Animation files hold bones that no skeleton has: a frame of the room in which the hips slide, bones without length that
+share the turns of one joint, bones that are fixed to their parents. Here they are folded away, one rule after another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import transform_from, vector_from_matrix
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.bones import BoneMotion
+
+STILL_MM = 0.1
+"""What moves its farthest point by less than this does not move: files hold angles to a hundredth of a degree."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoneTree:
+    """Limbs, the root first and parents before their children.
+
+    Attributes
+    ----------
+    names : tuple of str, length n_limbs
+        Names of the bones nearest to the root in each limb.
+    parents : ndarray of intp, shape (n_limbs,)
+        Parents, -1 for the root.
+    rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+        Parent from limb.
+    root_places : ndarray, shape (n_frames, 3), mm
+        The root's origin in the world.
+    joints : ndarray, shape (n_limbs, 3), mm
+        Each limb's origin in its parent; the root's is its mean place.
+    points : tuple of ndarray, length n_limbs, shape (n_points, 3), mm
+        What a limb reaches from its origin: ends of its bones, joints of its children; the origin is the first.
+    notices : tuple of str
+        Where limbs differ from bones.
+    """
+
+    names: tuple[str, ...]
+    parents: Ints
+    rotations: Floats
+    root_places: Floats
+    joints: Floats
+    points: tuple[Floats, ...]
+    notices: tuple[str, ...]
+
+    @property
+    def n_limbs(self) -> int:
+        """Number of limbs."""
+        return len(self.names)
+
+
+def bone_tree(motion: BoneMotion, root: str = "", shortest: float = 0.0) -> BoneTree:
+    """Return the limbs of a motion.
+
+    Parameters
+    ----------
+    motion : BoneMotion
+        The bones.
+    root : str
+        Bone from which on they are taken; empty for all.
+    shortest : float, mm
+        Bones that carry no other and are shorter are left out.
+
+    Raises
+    ------
+    InputError
+        If there is no such bone, nothing turns, or there are several bodies.
+    """
+    tree = _Folding(motion, root)
+    tree.leave_the_room()
+    tree.fold_still()
+    tree.fold_pointless()
+    tree.fold_still()
+    tree.drop_short(shortest)
+    return tree.finished(motion.name)
+
+
+class _Folding:
+    """A tree that loses bones; those that are left are the keys of `parents`."""
+
+    def __init__(self, motion: BoneMotion, root: str) -> None:
+        self.names = motion.names
+        self.notices: list[str] = []
+        bones = range(motion.n_bones)
+        self.rotations = {bone: np.asarray(motion.rotations[:, bone]) for bone in bones}
+        self.places = {bone: np.asarray(motion.places[:, bone]) for bone in bones}
+        self.tips = {bone: [*motion.tips[bone]] for bone in bones}
+        self.parents = dict(enumerate(motion.parents.tolist()))
+        if root:
+            self._keep_from(motion, root)
+
+    def _keep_from(self, motion: BoneMotion, root: str) -> None:
+        if root not in motion.names:
+            raise InputError(f"{motion.name}: there is no bone {root!r}; there are {', '.join(motion.names)}")
+        first = motion.names.index(root)
+        poses = motion.world_from_bone[:, first]
+        self.rotations[first], self.places[first] = poses[:, :3, :3], poses[:, :3, 3]
+        kept = {first}
+        for bone, parent in self.parents.items():
+            if parent in kept:
+                kept.add(bone)
+        self.parents = {bone: self.parents[bone] if bone != first else -1 for bone in sorted(kept)}
+
+    def children(self, bone: int) -> list[int]:
+        return [child for child, parent in self.parents.items() if parent == bone]
+
+    def points(self, bone: int) -> Floats:
+        joints = [self.places[child].mean(axis=0) for child in self.children(bone)]
+        return np.array([np.zeros(3), *self.tips[bone], *joints])
+
+    def below(self, bone: int) -> list[int]:
+        """Return a bone and all that hang on it, parents first."""
+        found = [bone]
+        for other in found:
+            found += self.children(other)
+        return found
+
+    def reach(self, bone: int) -> float:
+        """Return how far [mm] anything that hangs on a bone can be from its origin, at most."""
+        away = {bone: 0.0}
+        for other in self.below(bone)[1:]:
+            away[other] = away[self.parents[other]] + float(np.linalg.norm(self.places[other], axis=1).max())
+        return max(away[other] + float(np.linalg.norm(self.points(other), axis=1).max()) for other in away)
+
+    def slides(self, bone: int) -> bool:
+        return _spread(self.places[bone]) > STILL_MM
+
+    def turns(self, bone: int) -> bool:
+        first = self.rotations[bone][0]
+        angles = np.linalg.norm(vector_from_matrix(first.T @ self.rotations[bone]), axis=1)
+        return bool(angles.max() * self.reach(bone) > STILL_MM)
+
+    def leave_the_room(self) -> None:
+        """Make roots of what slides in a root that stays where it is, and forget what is left of that root."""
+        for room in [bone for bone, parent in self.parents.items() if parent < 0]:
+            if self.slides(room) or self.turns(room):
+                continue
+            for child in [child for child in self.children(room) if self.slides(child)]:
+                self._hang(child, -1, room)
+        if any(self._moves(root) for root in self.children(-1)):
+            for root in [root for root in self.children(-1) if not self._moves(root)]:
+                self._forget(root)
+
+    def _moves(self, root: int) -> bool:
+        return any(self.slides(bone) or self.turns(bone) for bone in self.below(root))
+
+    def _forget(self, root: int) -> None:
+        for bone in self.below(root):
+            del self.parents[bone]
+
+    def _hang(self, bone: int, parent: int, through: int) -> None:
+        """Hang a bone on another, as seen through the one on which it hangs."""
+        turn = self.rotations[through]
+        self.places[bone] = (turn @ self.places[bone][..., np.newaxis])[..., 0] + self.places[through]
+        self.rotations[bone] = turn @ self.rotations[bone]
+        self.parents[bone] = parent
+
+    def fold_still(self) -> None:
+        """Make bones that neither turn nor slide in their parent part of it."""
+        for bone in list(self.parents):
+            parent = self.parents[bone]
+            if parent < 0 or self.slides(bone) or self.turns(bone):
+                continue
+            turn, place = self.rotations[bone][0], self.places[bone].mean(axis=0)
+            self.rotations[bone] = np.broadcast_to(turn, self.rotations[bone].shape)
+            self.tips[parent] += [turn @ tip + place for tip in (np.zeros(3), *self.tips[bone])]
+            for child in self.children(bone):
+                self._hang(child, parent, bone)
+            del self.parents[bone]
+
+    def fold_pointless(self) -> None:
+        """Hand the turns of bones without length on to those that begin where they do."""
+        for bone in list(self.parents):
+            children = self.children(bone)
+            if not children or np.abs(self.points(bone)).max() > STILL_MM or any(map(self.slides, children)):
+                continue
+            if self.parents[bone] < 0:
+                self._give_way(bone, children)
+            else:
+                for child in children:
+                    self._hang(child, self.parents[bone], bone)
+            del self.parents[bone]
+
+    def _give_way(self, root: int, children: list[int]) -> None:
+        """Make the child that reaches farthest the root, on which the others hang."""
+        heir = max(children, key=self.reach)
+        back = self.rotations[heir].swapaxes(-1, -2)
+        for child in children:
+            if child != heir:
+                apart = self.places[child] - self.places[heir]
+                self.places[child] = (back @ apart[..., np.newaxis])[..., 0]
+                self.rotations[child] = back @ self.rotations[child]
+                self.parents[child] = heir
+        self._hang(heir, -1, root)
+
+    def drop_short(self, shortest: float) -> None:
+        """Leave out short bones that carry no other, until there is none."""
+        dropped: list[str] = []
+        while short := [
+            bone for bone, parent in self.parents.items() if parent >= 0 and self._is_short(bone, shortest)
+        ]:
+            for bone in short:
+                self.tips[self.parents[bone]].append(self.places[bone].mean(axis=0))
+                dropped.append(self.names[bone])
+                del self.parents[bone]
+        if dropped:
+            self.notices.append(f"left out, being shorter than {shortest:g} mm: {', '.join(dropped)}")
+
+    def _is_short(self, bone: int, shortest: float) -> bool:
+        points = self.points(bone)
+        return not self.children(bone) and _extent(points) < shortest
+
+    def finished(self, name: str) -> BoneTree:
+        """Return what is left, joints held at their mean places."""
+        roots = self.children(-1)
+        if len(roots) > 1:
+            bodies = ", ".join(self.names[root] for root in roots)
+            raise InputError(f"{name}: {len(roots)} bodies move ({bodies}); choose one: --motion-root NAME")
+        if len(self.parents) < 2:
+            raise InputError(f"{name}: no bone turns against another; there is no joint to be found")
+        order = [roots[0]]
+        for bone in order:
+            order += self.children(bone)
+        self._tell_slides(order[1:])
+        index_of = {bone: index for index, bone in enumerate(order)}
+        return BoneTree(
+            names=tuple(self.names[bone] for bone in order),
+            parents=np.array([index_of.get(self.parents[bone], -1) for bone in order], dtype=np.intp),
+            rotations=np.stack([self.rotations[bone] for bone in order], axis=1),
+            root_places=self.places[roots[0]],
+            joints=np.array([self.places[bone].mean(axis=0) for bone in order]),
+            points=tuple(self.points(bone) for bone in order),
+            notices=tuple(self.notices),
+        )
+
+    def _tell_slides(self, bones: list[int]) -> None:
+        sliding = {self.names[bone]: _spread(self.places[bone]) for bone in bones if self.slides(bone)}
+        if sliding:
+            most = max(sliding, key=lambda name: sliding[name])
+            said = f"joints that slide are held at their mean places: {', '.join(sliding)}"
+            self.notices.append(f"{said}; most: {most}, by up to {sliding[most]:.1f} mm")
+
+
+def world_from_limbs(parents: Ints, rotations: Floats, joints: Floats, root_places: Floats) -> Floats:
+    """Return poses of limbs that turn in fixed joints.
+
+    Parameters
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parents, before their children; -1 for the root, which is the first.
+    rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+        Parent from limb.
+    joints : ndarray, shape (n_limbs, 3), mm
+        Each limb's origin in its parent.
+    root_places : ndarray, shape (n_frames, 3), mm
+        The root's origin.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
+    """
+    poses = transform_from(rotations, np.broadcast_to(joints, (*rotations.shape[:2], 3)))
+    poses[:, 0, :3, 3] = root_places
+    for limb, parent in enumerate(parents.tolist()):
+        if parent >= 0:
+            poses[:, limb] = poses[:, parent] @ poses[:, limb]
+    return poses
+
+
+def _spread(places: Floats) -> float:
+    """Farthest distance [mm] from the mean place."""
+    return float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+
+
+def _extent(points: Floats) -> float:
+    return float(np.linalg.norm(points[:, np.newaxis] - points, axis=2).max())
