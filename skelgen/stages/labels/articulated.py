@@ -32,6 +32,7 @@ from skelgen.stages.labels.blocks import (
 )
 from skelgen.stages.labels.by_hand import Fixed, fixed_scores, targets
 from skelgen.stages.labels.follow import typical_spacing
+from skelgen.stages.labels.left_out import seen_at_once, with_left_out
 from skelgen.stages.labels.likeness import DistanceRecord, distance_sums, sample_frames
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.places import Newcomers, same_places
@@ -87,7 +88,7 @@ def refine_labels(
     spacing = typical_spacing(cloud)
     frames = np.unique(np.linspace(0, cloud.n_frames - 1, MODEL_FRAMES).astype(np.intp))
     for turn in range(parameters.rounds):
-        known = _joined_again(cloud, marker_of_point, rate, spacing)
+        known = _joined_again(cloud, owner, marker_of_point, rate, spacing)
         positions = _sampled(cloud, known, frames)
         sample = Trajectories(positions, marker_names(positions.shape[1]), rate * len(frames) / cloud.n_frames)
         model = fit_model(sample, core_markers(known, n_markers), BLIND_GATE * spacing, seed)
@@ -99,7 +100,7 @@ def refine_labels(
         monitor.advance(turn + 1, parameters.rounds)
         if n_changed <= SETTLED * cloud.n_points:
             break
-    return _joined_again(cloud, marker_of_point, rate, spacing)
+    return _joined_again(cloud, owner, marker_of_point, rate, spacing)
 
 
 def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
@@ -123,17 +124,25 @@ def _sampled(cloud: PointCloud, marker_of_point: Ints, frames: Ints) -> Floats:
     return positions
 
 
-def _joined_again(cloud: PointCloud, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
-    """Join markers by the likelihood of their distances, of which each turn knows more."""
+def _joined_again(cloud: PointCloud, owner: Ints, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
+    """Join markers, and tracks without one, by the likelihood of their distances, of which each turn knows more."""
+    n_markers = int(marker_of_point.max(initial=-1)) + 1
+    extended = with_left_out(cloud, owner, marker_of_point)
+    n_all = int(extended.max(initial=-1)) + 1
     frames = sample_frames(rate, 0, cloud.n_frames)
-    sums = np.zeros((3, *[int(marker_of_point.max(initial=-1)) + 1] * 2))
+    sums = np.zeros((3, n_all, n_all))
     for start in range(0, len(frames), MODEL_FRAMES):
-        sums += distance_sums(_sampled(cloud, marker_of_point, frames[start : start + MODEL_FRAMES]))
-    joined = join_everything(DistanceRecord(sums[0], sums[1], sums[2], sums[0] > 0, spacing))
-    if (joined == np.arange(len(joined))).all():
+        sums += distance_sums(_sampled(cloud, extended, frames[start : start + MODEL_FRAMES]))
+    apart = sums[0] > 0
+    if n_all > n_markers:
+        apart[n_markers:] |= seen_at_once(cloud, extended, n_all)[n_markers:]
+        apart |= apart.T
+    joined = join_everything(DistanceRecord(sums[0], sums[1], sums[2], apart, spacing))
+    joined[joined >= n_markers] = -1
+    if (joined[:n_markers] == np.arange(n_markers)).all() and (joined[n_markers:] < 0).all():
         return marker_of_point
-    found = one_point_a_frame(cloud, np.append(joined, -1).astype(np.int32)[marker_of_point])
-    return renumbered(found, np.bincount(found[found >= 0], minlength=len(joined)) > 0)
+    found = one_point_a_frame(cloud, np.append(joined, -1).astype(np.int32)[extended])
+    return renumbered(found, np.bincount(found[found >= 0], minlength=n_markers) > 0)
 
 
 def _relabelled(

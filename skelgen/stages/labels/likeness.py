@@ -25,6 +25,9 @@ from scipy.special import gammaln
 
 from skelgen.model.arrays import Bools, Floats, Ints
 
+STALE = 0.5
+"""nats that evidence may have lost since it was looked at; with more it is compared anew."""
+
 SAMPLE_SECONDS = 0.25
 """Distances that are this far apart in time count as independent: limbs turn back and forth about once a second."""
 
@@ -170,6 +173,10 @@ def join_likely(record: DistanceRecord) -> Ints:
         if link[one, other] < EVIDENCE:
             break
         one, other = min(one, other), max(one, other)
+        now = record.evidence(int(one))
+        if now[other] < link[one, other] - STALE:  # what is known of their witnesses has changed since
+            link[one] = link[:, one] = now
+            continue
         record.join(int(one), int(other))
         group[group == other] = one
         link[other] = link[:, other] = -np.inf
