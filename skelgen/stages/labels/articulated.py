@@ -88,7 +88,7 @@ def refine_labels(
     spacing = typical_spacing(cloud)
     frames = np.unique(np.linspace(0, cloud.n_frames - 1, MODEL_FRAMES).astype(np.intp))
     for turn in range(parameters.rounds):
-        known = _joined_again(cloud, owner, marker_of_point, rate, spacing)
+        known = joined_again(cloud, owner, marker_of_point, rate, spacing)
         positions = _sampled(cloud, known, frames)
         sample = Trajectories(positions, marker_names(positions.shape[1]), rate * len(frames) / cloud.n_frames)
         model = fit_model(sample, core_markers(known, n_markers), BLIND_GATE * spacing, seed)
@@ -100,7 +100,7 @@ def refine_labels(
         monitor.advance(turn + 1, parameters.rounds)
         if n_changed <= SETTLED * cloud.n_points:
             break
-    return _joined_again(cloud, owner, marker_of_point, rate, spacing)
+    return joined_again(cloud, owner, marker_of_point, rate, spacing)
 
 
 def core_markers(marker_of_point: Ints, n_markers: int | None = None) -> Ints:
@@ -124,24 +124,39 @@ def _sampled(cloud: PointCloud, marker_of_point: Ints, frames: Ints) -> Floats:
     return positions
 
 
-def _joined_again(cloud: PointCloud, owner: Ints, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
-    """Join markers, and tracks without one, by the likelihood of their distances, of which each turn knows more."""
+def joined_again(cloud: PointCloud, owner: Ints, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
+    """Join markers, and tracks without one, by the likelihood of their distances, of which each turn knows more.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    owner : ndarray of intp, shape (n_points,)
+        Track of each point, -1 for none.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Markers found so far, -1 for none.
+    rate : float, Hz
+        Frame rate.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+    """
     n_markers = int(marker_of_point.max(initial=-1)) + 1
-    extended = with_left_out(cloud, owner, marker_of_point)
-    n_all = int(extended.max(initial=-1)) + 1
+    heard = with_left_out(cloud, owner, marker_of_point)
+    n_heard = int(heard.max(initial=-1)) + 1
     frames = sample_frames(rate, 0, cloud.n_frames)
-    sums = np.zeros((3, n_all, n_all))
+    sums = np.zeros((3, n_heard, n_heard))
     for start in range(0, len(frames), MODEL_FRAMES):
-        sums += distance_sums(_sampled(cloud, extended, frames[start : start + MODEL_FRAMES]))
+        sums += distance_sums(_sampled(cloud, heard, frames[start : start + MODEL_FRAMES]))
     apart = sums[0] > 0
-    if n_all > n_markers:
-        apart[n_markers:] |= seen_at_once(cloud, extended, n_all)[n_markers:]
-        apart |= apart.T
+    if n_heard > n_markers:  # short tracks may lie between the sampled frames
+        meeting = seen_at_once(cloud, heard, n_heard)
+        meeting[:n_markers, :n_markers] = False
+        apart |= meeting
     joined = join_everything(DistanceRecord(sums[0], sums[1], sums[2], apart, spacing))
     joined[joined >= n_markers] = -1
     if (joined[:n_markers] == np.arange(n_markers)).all() and (joined[n_markers:] < 0).all():
         return marker_of_point
-    found = one_point_a_frame(cloud, np.append(joined, -1).astype(np.int32)[extended])
+    found = one_point_a_frame(cloud, np.append(joined, -1).astype(np.int32)[heard])
     return renumbered(found, np.bincount(found[found >= 0], minlength=n_markers) > 0)
 
 

@@ -1,8 +1,8 @@
 """Tracks that the skeleton left without a marker, heard once more: by their distances to the markers seen beside them.
 
 Where two of a limb's three markers are hidden, its pose is not known, and with it no place for the third; yet its
-distances to what is seen tell it apart. Such a track is laid beside the markers as if it were one of its own, and joined
-to that which it is by the likelihood of their distances (`likeness`). What joins none stays without a marker.
+distances to what is seen tell it apart. Such a track is laid beside the markers as if it were one of its own, and is
+joined to the one that it is by the likelihood of their distances (`likeness`). What joins none stays without a marker.
 """
 
 from __future__ import annotations

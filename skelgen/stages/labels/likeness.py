@@ -14,6 +14,10 @@ deviations on one limb and anywhere, weighted by what the scatter of the distanc
 distribution that remains when :math:`\tau` is integrated out. The evidence for one marker is the sum over the few sets
 k that are most surely rigid with both. Sets are joined as long as any pair has evidence, the largest first; every join
 lengthens the distances' record and so sharpens what comes after. It maximises the likelihood of all distances greedily.
+
+Distances that are not rigid are alike in whatever the body does slowly, and all those to one far part of it repeat each
+other. So they say nothing at first: under both hypotheses the loose component has the wide density, and three rigid
+distances are needed. Only what these leave open is decided by all distances.
 """
 
 from __future__ import annotations
@@ -77,6 +81,11 @@ class DistanceRecord:
         How far apart markers are.
     prior : ndarray, shape (n, n), nats, optional
         What else speaks for each two sets being one marker; symmetric.
+
+    Attributes
+    ----------
+    loose : bool
+        Whether distances that are not rigid tell something.
     """
 
     def __init__(
@@ -89,6 +98,7 @@ class DistanceRecord:
         prior: Floats | None = None,
     ) -> None:
         self.count, self.total, self.squares = count, total, squares
+        self.loose = True
         self.apart = apart | np.eye(len(count), dtype=bool)
         self.prior = np.zeros(count.shape) if prior is None else prior
         self.usual = _usual_deviations(*self._moments(slice(None)), count, spacing)
@@ -108,9 +118,9 @@ class DistanceRecord:
         first, second = (np.where(heard, table, 1.0) for table in (self.count[one][chosen], self.count[rows, chosen]))
         difference = self.mean[rows, chosen] - self.mean[one][chosen]
         scatter = self.scatter[one][chosen] + self.scatter[rows, chosen]
-        gain = _log_ratio(difference, first, second, scatter, self.usual)
-        enough = heard.sum(axis=1) >= LEAST_WITNESSES
-        told = enough | (self.prior[one, others] != 0.0)
+        gain, rigid = _log_ratio(difference, first, second, scatter, self.usual, self.loose)
+        n_heard = np.where(heard, 1.0 if self.loose else rigid, 0.0).sum(axis=1)
+        told = (n_heard > LEAST_WITNESSES - 0.5) | (self.prior[one, others] != 0.0)
         result[others[told]] = self.prior[one, others[told]] + np.where(heard, gain, 0.0).sum(axis=1)[told]
         return result
 
@@ -164,11 +174,21 @@ def distance_sums(positions: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def join_likely(record: DistanceRecord) -> Ints:
-    """Join the sets of a record while there is evidence; returns the set that each became part of, shape (n,)."""
+    """Join the sets of a record while there is evidence; returns the set that each became part of, shape (n,).
+
+    First by rigid distances alone, then by all.
+    """
     n_sets = len(record.count)
     group = np.arange(n_sets)
-    link = np.array([record.evidence(one) for one in range(n_sets)]).reshape(n_sets, n_sets)
-    while n_sets:
+    for record.loose in (False, True):
+        _join(record, group)
+    return group
+
+
+def _join(record: DistanceRecord, group: Ints) -> None:
+    """Join while there is evidence; `group` is changed in place."""
+    link = np.array([record.evidence(one) for one in range(len(group))]).reshape(len(group), -1)
+    while len(group):
         one, other = np.unravel_index(int(np.argmax(link)), link.shape)
         if link[one, other] < EVIDENCE:
             break
@@ -181,7 +201,6 @@ def join_likely(record: DistanceRecord) -> Ints:
         group[group == other] = one
         link[other] = link[:, other] = -np.inf
         link[one] = link[:, one] = record.evidence(int(one))
-    return group
 
 
 def _usual_deviations(mean: Floats, scatter: Floats, count: Floats, spacing: float) -> _Usual:
@@ -224,15 +243,20 @@ def _log_weight(freedom: Floats, scatter: Floats, tau: float, prior: float) -> t
     return weight, after, variance
 
 
-def _log_ratio(difference: Floats, first: Floats, second: Floats, scatter: Floats, usual: _Usual) -> Floats:
-    """Evidence of each distance: log likelihood of one marker over two."""
-    spread = 1.0 / first + 1.0 / second
-    same, different = [], []
+def _log_ratio(
+    difference: Floats, first: Floats, second: Floats, scatter: Floats, usual: _Usual, does_loose_tell: bool
+) -> tuple[Floats, Floats]:
+    """Evidence of each distance: log likelihood of one marker over two; and the probability that it is rigid."""
+    spread, found = 1.0 / first + 1.0 / second, []
     for tau, prior in _components(usual):
         weight, freedom, variance = _log_weight(first + second - 2.0, scatter, tau, prior)
-        same.append(weight + _log_student(difference, freedom, variance * spread))
-        different.append(weight + _log_student(difference, freedom, variance * spread + usual.spacing**2))
-    return np.asarray(np.logaddexp(*same) - np.logaddexp(*different))
+        narrow, wide = variance * spread, variance * spread + usual.spacing**2
+        near, far = (weight + _log_student(difference, freedom, width) for width in (narrow, wide))
+        found.append((weight, near, far))
+    (rigid, near, far), (loose, loosely_near, loosely_far) = found
+    same = np.logaddexp(near, loosely_near if does_loose_tell else loosely_far)
+    probability = 1.0 / (1.0 + np.exp(np.clip(loose - rigid, -50.0, 50.0)))
+    return np.asarray(same - np.logaddexp(far, loosely_far)), probability
 
 
 def _log_student(value: Floats, freedom: Floats, variance: Floats) -> Floats:
