@@ -15,7 +15,6 @@ from skelgen.capture.bodies.tables import Rules
 from skelgen.capture.compiling import compile_function
 from skelgen.model.arrays import Bools, Floats, Ints
 
-
 fit_limit = compile_function(plain_pose.fit_limit)
 
 
