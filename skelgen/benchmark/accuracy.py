@@ -140,16 +140,25 @@ def measure_stereo(effort: Effort, monitor: Monitor) -> Section:
 
     chance = 2 / np.sqrt(2 * effort.n_trials)  # two standard deviations of a root mean square
     rows = []
-    curves: dict[str, list[float]] = {name: [] for name in stereo.QUANTITIES}
+    curves: dict[str, list[float]] = {name: [] for name in stereo.WANTED}
     for distance in _told(effort.distances, monitor):
-        for name, (found, predicted) in stereo.rig_errors(distance, effort.n_trials).items():
+        for name, errors in stereo.rig_errors(distance, effort.n_trials).items():
+            found, predicted, covered = errors.row()
             limit = stereo.WANTED[name] if distance == stereo.WANTED_AT else np.inf
             reached = abs(found / predicted - 1) <= stereo.WITHIN + chance and found <= limit
             wanted = f"<= {limit}" if np.isfinite(limit) else ""
-            figures = (f"{found:.3f}", wanted, f"{predicted:.3f}", f"{found / predicted:.3f}")
+            figures = (f"{found:.3f}", wanted, f"{predicted:.3f}", f"{found / predicted:.3f}", f"{100 * covered:.1f} %")
             rows.append((f"{distance:g}", name, *figures, verdict(reached)))
             curves[name].append(found)
-    columns = ("distance [mm]", "what [mm, degrees]", "error", "wanted", "predicted", "error by predicted")
+    columns = (
+        "distance [mm]",
+        "what [mm, degrees]",
+        "error",
+        "wanted",
+        "predicted",
+        "error by predicted",
+        "within stated 95 %",
+    )
     title = f"{100 * stereo.WITHIN:.0f} %, and {100 * chance:.0f} % that are chance,"
     series = [Series(name, effort.distances, found) for name, found in curves.items()]
     drawing = draw("Errors of the rig", "distance [mm]", "root mean square error [mm, degrees]", series)
@@ -158,7 +167,7 @@ def measure_stereo(effort: Effort, monitor: Monitor) -> Section:
         "Two cameras",
         f"The simulated rig of Gaschler (2011), {effort.n_trials} poses by chance of two targets and their joint, with "
         "the noise of the balls' centres that the rig states. Predicted is what the error propagation says beforehand.",
-        (table(f"Wanted: errors within {title} of those predicted", columns, rows),),
+        (table(f"Wanted: errors within {title} of those predicted", (*columns, "within stated 95 %"), rows),),
         (Figure("Errors grow with the distance.", drawing),),
     )
 
