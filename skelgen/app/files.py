@@ -1,4 +1,4 @@
-"""Any file that the program reads or writes: registered formats, stereo recordings and the project file side by side."""
+"""Any file that the program reads or writes: registered formats, stereo recordings, the project file."""
 
 from __future__ import annotations
 

@@ -25,8 +25,8 @@ WORST = 9.0
 """Least log likelihood of a misfit: balls that are partly hidden are beyond all noise."""
 
 MISSED = 3.0
-"""What a frame in which two tracks do not fit speaks against them [nats]: balls that are hidden in part are seen so badly
-in one frame of twenty."""
+"""What a frame in which two tracks do not fit speaks against them [nats]: balls that are hidden in part are seen so
+badly in one frame of twenty."""
 
 Spans = tuple[Sequence[int], Sequence[int]]
 """First and last frame of the tracks of one camera."""
