@@ -70,7 +70,7 @@ def test_a_camera_that_is_gone_while_running_ends_it_and_every_pair_is_kept(capt
 def test_pairs_that_were_lost_are_told_and_empty_in_the_recording(capture, tmp_path):
     found = capture("firewire:?order=every&frames=30&rate=15", "bus['lose'] = 3")
     assert found["code"] == 0
-    told = [line for line in found["err"] if "were lost before frame" in line]
+    told = [line for line in found["err"] if " lost before frame " in line]
     assert told
     n_lost = sum(int(line.split()[1]) for line in told)
     assert f"{len(found['out'])} pairs captured, {n_lost} lost" in found["err"][-1]
