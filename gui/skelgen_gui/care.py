@@ -63,6 +63,12 @@ class FileCare(QObject):
         self._document, self._jobs, self._preferences = document, jobs, preferences
         self._view, self._tell_error, self._window = view, tell_error, window
 
+    @property
+    def has_unsaved_work(self) -> bool:
+        """Whether something would be lost; a recording of which nothing was computed can be opened again."""
+        project, is_dirty = self._document.session.project, self._document.session.is_dirty
+        return is_dirty and project is not None and bool(project.reports or project.corrections or project.identities)
+
     def open(self, path: Path) -> None:
         """Open a recording or a project, after asking what becomes of unsaved changes."""
         if self._jobs.is_busy:
@@ -125,7 +131,7 @@ class FileCare(QObject):
 
     def _after_saving(self, then: Callable[[], None]) -> None:
         session = self._document.session
-        if not session.is_dirty or not self._is_worth_asking():
+        if not self.has_unsaved_work:
             then()
             return
         question = self.tr("Save the changes of {0}?").format(session.project.name if session.project else "")
@@ -135,11 +141,6 @@ class FileCare(QObject):
             self.save(then)
         elif answer == Button.Discard:
             then()
-
-    def _is_worth_asking(self) -> bool:
-        """A recording of which nothing was computed or corrected can be opened again."""
-        project = self._document.session.project
-        return project is not None and bool(project.reports or project.corrections or project.identities)
 
     def _asked(self, title: str) -> Path | None:
         name, _ = QFileDialog.getOpenFileName(self._window, title, "", file_filter())

@@ -160,6 +160,11 @@ class Autosave(QObject):
         if self._thread is not None:
             self._thread.join()
 
+    def leave(self) -> None:
+        """Wait for what is being written, and leave what was kept to the next window."""
+        self._timer.stop()
+        self.wait()
+
     def end(self) -> None:
         """Wait for what is being written, and remove what was kept: nothing is lost any more."""
         self._timer.stop()

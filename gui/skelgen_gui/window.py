@@ -95,6 +95,16 @@ class Window(QMainWindow):
         else:
             remains.forget()
 
+    def end_without_asking(self) -> None:
+        """End at once: what runs is cancelled, and unsaved work is put aside for the next window to offer."""
+        self.jobs.stop()
+        if self.care.has_unsaved_work:
+            self.autosave.save()
+            self.autosave.leave()
+        else:
+            self.autosave.end()
+        self._rest()
+
     def view_state(self) -> Mapping[str, Any]:
         """Return what the window shows and its forms hold, for the project file."""
         return {
@@ -205,8 +215,12 @@ class Window(QMainWindow):
 
     def _close(self) -> None:
         self._is_closing = True
+        self._rest()
+        self.autosave.end()
+        QTimer.singleShot(0, self.close)  # Qt closes no window while it asks whether to
+
+    def _rest(self) -> None:
+        """Do nothing any more, and keep how the window was."""
         self.timeline.player.pause()
         self.warming.end()
         self.preferences.keep_window(self.saveGeometry(), self.middle.layout_of_window())
-        self.autosave.end()
-        QTimer.singleShot(0, self.close)  # Qt closes no window while it asks whether to

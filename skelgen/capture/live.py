@@ -173,15 +173,27 @@ class MotionCapture:
         """Return what one pair tells."""
         start = perf_counter()
         left, right, points = self._points.find(pair)
-        expected = None if self._prediction is None else self._prediction.expected(pair.time)
-        found = self._bodies.find(points, expected)
-        if self._prediction is not None:
-            found = self._prediction.corrected(pair.time, found)
-        bodies = {body.name: body for body in found}
-        angles = {joint.name: find_angles(joint, bodies) for joint in self.settings.joints}
-        told = {name: angle for name, angle in angles.items() if angle is not None}
+        bodies, angles = self.recognise(points, pair.time)
         notices = self._watch.notices(pair, left, right, points)
         self.n_frames += 1
         self.n_dropped += pair.dropped
         latency = perf_counter() - start
-        return Captured(pair, left, right, points, bodies, told, notices, latency)
+        return Captured(pair, left, right, points, bodies, angles, notices, latency)
+
+    def recognise(self, points: StereoPoints, time: float) -> tuple[dict[str, FoundBody], dict[str, JointAngle]]:
+        """Return the bodies and joint angles that the points of one frame tell, by name: the second half of `see`.
+
+        Parameters
+        ----------
+        points : StereoPoints
+            Of the frame.
+        time : float, s
+            Of the frame, for the prediction.
+        """
+        expected = None if self._prediction is None else self._prediction.expected(time)
+        found = self._bodies.find(points, expected)
+        if self._prediction is not None:
+            found = self._prediction.corrected(time, found)
+        bodies = {body.name: body for body in found}
+        angles = {joint.name: find_angles(joint, bodies) for joint in self.settings.joints}
+        return bodies, {name: angle for name, angle in angles.items() if angle is not None}

@@ -89,16 +89,16 @@ class Space(QWidget):
         """Show the cameras of a rig, and what they look at."""
         if rig is self._rig:
             return
-        self._rig, self._is_home = rig, True
+        self._rig, self._is_home, self._found = rig, True, Found()
+        self._canvas = replace(self._canvas, viewpoint=_HOME)
         self._lay_frustums(_working_distance(rig))
 
     def show_found(self, found: Found) -> None:
         """Show what was found in a pair of images."""
         is_first = not len(self._found.points) and len(found.points) > 0
         self._found = found
-        if is_first and self._rig is not None and self._is_home:
-            depth = float(np.median(np.linalg.norm(found.points, axis=1)))
-            self._lay_frustums(depth)
+        if is_first and self._is_home:
+            self._lay_frustums(float(np.median(np.linalg.norm(found.points, axis=1))))
         self.update()
 
     def fit(self) -> None:
@@ -130,6 +130,8 @@ class Space(QWidget):
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
             backdrop.paint_background(painter, canvas, colours)
             painter.setPen(QPen(colours.mixed(colours.ink, 0.45), 1.2))
+            if self._rig is None:
+                painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, self.tr("Cameras and points in space"))
             self._paint_lines(painter, self._frustums)
             self._paint_names_of_cameras(painter, colours)
             self._paint_points(painter)

@@ -22,6 +22,10 @@ DISTANCES = (1.0, 1e7)
 FIT_MARGIN = 0.9
 """Part of the window that what is fitted may take."""
 
+BORDER = 34.0
+"""Pixels above and below that what is fitted leaves free, as far as there is room: buttons and scales are there."""
+
+_MOST_BORDER = 0.1  # of the height: in small pictures
 _ALONE = 200.0  # mm, half the size of what is fitted if it has none: a single point
 
 Point = tuple[float, float, float]
@@ -130,7 +134,8 @@ class Viewpoint:
         middle = (low + high) / 2
         away = seen - middle if (high - low).max() > 0 else np.full((1, 3), _ALONE)
         tangent = math.tan(FIELD_OF_VIEW / 2) * FIT_MARGIN
-        tangents = np.array([tangent * max(width, 1.0) / max(height, 1.0), tangent])
+        room = 1 - 2 * min(BORDER / max(height, 1.0), _MOST_BORDER)
+        tangents = np.array([tangent * max(width, 1.0) / max(height, 1.0), tangent * room])
         distance = float((np.abs(away[:, :2]) / tangents + away[:, 2:]).max())
         nearest = float(away[:, 2].max()) / (1 - NEAREST)
         distance = min(max(distance, nearest, DISTANCES[0]), DISTANCES[1])

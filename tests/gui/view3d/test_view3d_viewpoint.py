@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from skelgen_gui.view3d.frustum import frustum
-from skelgen_gui.view3d.viewpoint import FIT_MARGIN, Viewpoint
+from skelgen_gui.view3d.viewpoint import BORDER, FIT_MARGIN, Viewpoint
 
 SIZE = (900, 700)
 PIXEL = 1e-6  # px: rounding of doubles
@@ -55,8 +55,10 @@ def test_what_lies_behind_the_viewer_or_is_unknown_has_no_place(oblique):
 def test_what_is_fitted_touches_the_margin_and_stays_within(oblique, size):
     points = np.random.default_rng(0).normal(0, [800, 300, 1000], (200, 3))
     places, _ = oblique.fitted(points, *size).project(points, *size)
-    part = np.abs(places / np.array(size) * 2 - 1).max()
-    assert 0.98 * FIT_MARGIN < part <= FIT_MARGIN + 1e-9
+    border = min(BORDER, 0.1 * size[1])  # above and below, where buttons are
+    room = FIT_MARGIN * (np.array(size) - [0, 2 * border])
+    part = np.abs((places - np.array(size) / 2) / (room / 2)).max()
+    assert 0.98 < part <= 1 + 1e-9
 
 
 @pytest.mark.parametrize("points", [np.zeros((1, 3)), np.full((3, 3), 5.0)])
