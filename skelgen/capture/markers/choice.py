@@ -59,7 +59,7 @@ def chosen(candidates: Candidates, left: Spans, right: Spans, noise: float) -> B
     starts = np.stack([np.asarray(spans[0])[pairs[:, side]] for side, spans in enumerate((left, right))], axis=1)
     ends = np.stack([np.asarray(spans[1])[pairs[:, side]] for side, spans in enumerate((left, right))], axis=1)
     together = ends.min(axis=1) - starts.max(axis=1) + 1
-    fits = _log_likelihood_ratios(candidates.misfit, noise)
+    fits = _log_likelihood_ratios(candidates.misfit.astype(np.float64), noise)
     evidence = np.bincount(pair_of, fits, len(keys)) - MISSED * (together - counts)
     return np.asarray(_surest_first(pairs, starts, ends, evidence)[pair_of])
 
@@ -67,7 +67,7 @@ def chosen(candidates: Candidates, left: Spans, right: Spans, noise: float) -> B
 def _log_likelihood_ratios(misfit: Floats, noise: float) -> Floats:
     """How much better each misfit is explained by one marker than by chance [nats]."""
     deviation = max(SIGMA_OF_MEDIAN * float(np.median(misfit)), noise)  # most candidates are right
-    return np.log(SPREAD / deviation) - np.minimum(misfit / deviation, np.sqrt(2 * WORST)) ** 2 / 2
+    return np.asarray(np.log(SPREAD / deviation) - np.minimum((misfit / deviation) ** 2 / 2, WORST))
 
 
 def _surest_first(pairs: Ints, starts: Ints, ends: Ints, evidence: Floats) -> Bools:

@@ -99,13 +99,13 @@ class _Recording:
         """Return the markers among all candidates."""
         self._health.check(name)
         candidates = self._store.all()
-        spans = [(follower.first, follower.last) for follower in self._tracks]
-        kept = chosen(candidates, *spans, self._rig.noise)
+        left, right = ((follower.first, follower.last) for follower in self._tracks)
+        kept = chosen(candidates, left, right, self._rig.noise)
         frames = np.repeat(np.arange(len(self._times)), candidates.per_frame)[kept]
         starts = np.concatenate([[0], np.cumsum(np.bincount(frames, minlength=len(self._times)))])
         points = candidates.points[kept]
         attributes = {
-            "reprojection_error": misfit_in_space(points, candidates.misfit[kept], self._rig.left),
+            "reprojection_error": misfit_in_space(points, candidates.misfit[kept].astype(np.float64), self._rig.left),
             "std": candidates.std[kept].astype(np.float64),
             "n_blobs": np.full(len(points), float(N_BLOBS)),
         }
