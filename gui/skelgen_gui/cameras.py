@@ -17,6 +17,7 @@ from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import Camera, StereoRig, check_pose
 from skelgen_gui.view3d.frustum import frustum
+from skelgen_gui.view3d.viewpoint import DOWN
 
 DEPTH = 1 / 3
 """Length of a camera's pyramid, as part of its distance to what it looks at."""
@@ -111,6 +112,15 @@ class Cameras(QObject):
     def frustums(self, points: Floats | None) -> list[Floats]:
         """Return the pyramids of all cameras, of a length that suits the points [mm], shape (n, 3), that they see."""
         return [camera.lines(DEPTH * _distance(camera, points)) for camera in self._shown]
+
+    @property
+    def up(self) -> int | None:
+        """The coordinate axis that points up, or with `DOWN` added down, as cameras that stand upright have it."""
+        if not self._shown:
+            return None
+        down = np.mean([camera.world_from_camera[:3, 1] for camera in self._shown], axis=0)
+        axis = int(np.argmax(np.abs(down)))
+        return axis + DOWN if down[axis] > 0 else axis
 
     def _of_source(self, project: Project) -> tuple[SeeingCamera, ...]:
         if project.source is None:

@@ -198,7 +198,8 @@ class Window(QMainWindow):
 
     def _show_cameras(self) -> None:
         project = self.session.project
-        self.view3d.show_cameras(self.cameras.frustums(None if project is None else Scene(project).usual))
+        frustums = self.cameras.frustums(None if project is None else Scene(project).usual)
+        self.view3d.show_cameras(frustums, self.cameras.up)
 
     def _show_view(self, key: str) -> None:
         """Give the middle to the view of a page, if it brings one."""

@@ -10,10 +10,11 @@ import pytest
 from PySide6.QtWidgets import QFileDialog, QWidget
 from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.cameras import VIEW, Cameras, cameras_from_view
+from skelgen_gui.view3d.viewpoint import DOWN
 
 from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.model import Project
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import CaptureSettings, StereoRig
 from skelgen.model.source import Source
 
 
@@ -83,6 +84,18 @@ def test_pyramids_are_a_third_as_long_as_what_they_see_is_far(cameras):
     near, far = (cameras.frustums(np.array([[0.0, 0.0, distance]])) for distance in (900.0, 1800.0))
     assert near[0][0, 1, 2] == pytest.approx(300.0)
     assert far[0][0, 1, 2] == pytest.approx(600.0)
+
+
+def test_cameras_that_stand_upright_say_which_axis_points_down(cameras):
+    assert cameras.up is None
+    cameras.show_rig(seed_rig())  # whose world is the left camera's, with y down in its image
+    assert cameras.up == DOWN + 1
+    rig = seed_rig()
+    standing = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # world with z up
+    cameras.show_rig(
+        StereoRig(*(replace(eye, camera_from_world=eye.camera_from_world @ standing) for eye in (rig.left, rig.right)))
+    )
+    assert cameras.up == 2
 
 
 def test_cameras_are_chosen_from_settings_and_others_are_refused_in_a_sentence(cameras, told, tmp_path, monkeypatch):
