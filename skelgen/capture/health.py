@@ -35,7 +35,8 @@ class RigWatch:
 
     def notices(self, pair: FramePair, left: Balls, right: Balls, points: StereoPoints) -> tuple[str, ...]:
         """Return what is new."""
-        said = [f"{pair.dropped} pairs were lost before frame {pair.index}"] if pair.dropped else []
+        lost = "1 pair was" if pair.dropped == 1 else f"{pair.dropped} pairs were"
+        said = [f"{lost} lost before frame {pair.index}"] if pair.dropped else []
         lasting = [
             f"{side} image: {balls.notice}" for side, balls in (("left", left), ("right", right)) if balls.notice
         ]
