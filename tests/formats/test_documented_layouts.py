@@ -15,7 +15,7 @@ PAGES = Path(__file__).parents[2] / "docs" / "file-formats"
 
 def documented_bytes() -> bytes:
     text = (PAGES / "mfml.md").read_text(encoding="utf-8")
-    [block] = re.findall(r"^```hexdump\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+    [block] = re.findall(r"^```text\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
     pairs = (re.match(r"((?:[0-9a-f]{2} {1,2})*[0-9a-f]{2})(?: {3}|$)", line).group(1) for line in block.splitlines())
     return bytes.fromhex(" ".join(pairs))
 
