@@ -156,7 +156,7 @@ class MotionCapture:
         for body in self.settings.bodies:
             self._bodies.find(trial_points(body))
         exact = {
-            body.name: FoundBody(body.name, np.eye(4), np.eye(6), np.zeros(0), 0.0) for body in self.settings.bodies
+            body.name: FoundBody(body.name, np.eye(4), np.eye(6), np.arange(0), 0.0) for body in self.settings.bodies
         }
         for joint in self.settings.joints:
             find_angles(joint, exact)

@@ -23,7 +23,7 @@ def trial_pair(rig: StereoRig) -> FramePair:
     """Return images of a few bright discs, where balls before both cameras would be."""
     in_left = np.column_stack([BALLS, np.full((len(BALLS), 1), DISTANCE), np.ones((len(BALLS), 1))])
     world = in_left @ np.linalg.inv(rig.left.camera_from_world).T
-    return FramePair(*(_image(camera, world[:, :3]) for camera in (rig.left, rig.right)), time=0.0, index=0)
+    return FramePair(_image(rig.left, world[:, :3]), _image(rig.right, world[:, :3]), time=0.0, index=0)
 
 
 def trial_points(target: BodyTarget) -> StereoPoints:
