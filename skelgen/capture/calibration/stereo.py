@@ -112,7 +112,7 @@ def calibrate_stereo(
     names = [_name(picture, index) for index, picture in enumerate(left_images)]
     if not any(view is not None for pair in views for view in pair):
         examples = [_grey(picture) for picture in (*left_images[:_TRIED], *right_images[:_TRIED])]
-        raise InputError(_absence(examples, what))
+        raise InputError(absence(examples, what))
     return calibrate_views(names, views, what, size, lens)
 
 
@@ -212,7 +212,8 @@ def _common_size(left: Sequence[Picture], right: Sequence[Picture]) -> tuple[int
     return next(iter(sizes))
 
 
-def _absence(images: Sequence[Image], board: Board) -> str:
+def absence(images: Sequence[Image], board: Board) -> str:
+    """Return why images show no whole board: perhaps another one is there; what to do, in one sentence."""
     what = f"no image shows a whole board of {board.columns}x{board.rows} inner corners"
     other = board_that_is_there(images, board)
     if other is not None:
