@@ -14,6 +14,7 @@ from skelgen_gui.session import Selection
 from skelgen_gui.theme import theme_palette
 from skelgen_gui.view3d import Shown, frustum
 from skelgen_gui.view3d.colours import Colours
+from skelgen_gui.view3d.viewpoint import DOWN
 
 from skelgen.app.report.colours import limb_colour
 from skelgen.model import Project
@@ -167,6 +168,21 @@ def test_cameras_are_drawn_as_what_they_see(view, eye):
     assert eye.changed(before, eye.picture_of(view)) > 300
     view.show_only(replace(eye.BARE, cameras=False))
     assert eye.changed(before, eye.picture_of(view)) == 0
+
+
+def test_cameras_say_which_axis_points_down_until_somebody_says_otherwise(view, eye):
+    camera = frustum(np.eye(4), (640, 480), (600.0, 600.0))
+    view.show_cameras([camera], DOWN + 1)
+    assert view.up == DOWN + 1
+    canvas = view._outlook.canvas_at(0)
+    places, _ = canvas.project(np.concatenate([camera.reshape(-1, 3), view._outlook.scene.usual]))
+    assert (places > 0).all()
+    assert (places < (canvas.width, canvas.height)).all()
+    view.show_only(replace(eye.BARE, up=2))
+    assert view.up == 2
+    view.show_only(replace(eye.BARE, up=None))
+    view.show_cameras([])
+    assert view.up == 2
 
 
 def test_the_viewer_stays_when_a_stage_has_run_and_looks_anew_at_another_take(view, session, walked):
