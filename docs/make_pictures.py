@@ -26,6 +26,7 @@ FOLDER = Path(__file__).parent / "pictures"
 SIZE = (1280, 800)
 SETTLE_SECONDS = 1.0  # views derive lanes and curves on threads
 MOST_SECONDS = 300.0
+N_VIEWS = 15
 FAULTS = {"n_frames": 1000, "noise": 0.5, "soft_tissue": 1.0, "n_cameras": 8, "ghosts": 0.2, "labelled": False}
 
 
@@ -47,6 +48,7 @@ def main() -> None:
         wait(app, lambda: not window.jobs.is_busy and window.session.project.has("skeleton"))
         FOLDER.mkdir(exist_ok=True)
         take_pictures(app, window)
+        take_capture_pictures(app, window)
         window.care.close = lambda then: then()
         window.close()
         settle(app)
@@ -72,6 +74,26 @@ def take_pictures(app: QApplication, window: Window) -> None:
     window.pages.page("labels")
     window.session.select(Selection(frozenset({0, 1})))
     save(app, window, "labels")
+
+
+def take_capture_pictures(app: QApplication, window: Window) -> None:
+    """Save pictures of the Capture page: the simulated rig after two seconds, and a calibration with its board."""
+    page = window.pages.page("capture")
+    shots: list[object] = []
+    page.live.shot.connect(shots.append)
+    page.live.recorder.line.setText("take.mfml")
+    page.live.choice.simulated.click()
+    wait(app, lambda: len(shots) > 2 * 30)
+    save(app, window, "capture")
+    page.live.stop()
+    wait(app, lambda: not window.jobs.is_busy)
+    page.tabs.setCurrentWidget(page.assistant)
+    page.assistant.form.source.show_source(f"simulated:board?rate=4&frames={4 * N_VIEWS}")
+    page.assistant.start()
+    wait(app, lambda: not window.jobs.is_busy)
+    page.assistant.run_calibration()
+    wait(app, lambda: page.assistant.found is not None)
+    save(app, window, "calibration")
 
 
 def save(app: QApplication, window: Window, name: str) -> None:

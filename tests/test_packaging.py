@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 SOURCES = ("skelgen", "formats", "gui", "tests", "docs", "examples", ".ci")
 FILES = ("pyproject.toml", "MANIFEST.in", "README.md", "CHANGELOG.md", "LICENSE")
-PASSING = shutil.ignore_patterns("__pycache__", "*.pyc", "_build")
+PASSING = shutil.ignore_patterns("__pycache__", "*.pyc", "reference")  # docs/reference is generated
 HEAVY = [
     "numpy",
     "scipy",
@@ -73,7 +73,7 @@ def in_sdist(distributions):
 
 
 def files_below(folder, pattern="*"):
-    passing = {"__pycache__", "_build"}
+    passing = {"__pycache__", "reference"}
     found = (path for path in (ROOT / folder).rglob(pattern) if path.is_file() and path.suffix != ".pyc")
     return {str(path.relative_to(ROOT)) for path in found if not passing & set(path.parts)}
 

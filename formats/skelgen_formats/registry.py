@@ -80,9 +80,9 @@ class Format:
         File endings, lower case with the dot, the usual one first.
     sniff : callable (head, path) -> bool
         Whether the first `SNIFF_BYTES` bytes look like this format; must not read the file.
-    read : callable (path, **options) -> Take, or None
+    read : callable ``(path, **options) -> Take``, or None
         Reader.
-    write : callable (value, path, *, monitor, **options) -> list of Path, or None
+    write : callable ``(value, path, *, monitor, **options) -> list of Path``, or None
         Writer; `value` is a `Project` or a `Take`. Writes atomically and returns the files written.
     check : callable (value, options)
         Raises a sentence if the writer cannot take the value: `WriteError` or `MissingResultError`. Quick.

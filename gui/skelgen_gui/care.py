@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
 from skelgen.app.files import file_filter, open_input
 from skelgen.app.store import SUFFIX, is_project_file, save_project
 from skelgen.model import Project
+from skelgen.progress import Monitor
 from skelgen_gui.document import Document
 from skelgen_gui.jobs import Jobs
 from skelgen_gui.preferences import Preferences
@@ -45,9 +46,12 @@ class FileCare(QObject):
     -------
     opened(object)
         A project was opened.
+    restored(object)
+        What a window that died left behind is open now.
     """
 
     opened = Signal(object)
+    restored = Signal(object)
 
     def __init__(
         self,
@@ -61,6 +65,12 @@ class FileCare(QObject):
         super().__init__(window)
         self._document, self._jobs, self._preferences = document, jobs, preferences
         self._view, self._tell_error, self._window = view, tell_error, window
+
+    @property
+    def has_unsaved_work(self) -> bool:
+        """Whether something would be lost; a recording of which nothing was computed can be opened again."""
+        project, is_dirty = self._document.session.project, self._document.session.is_dirty
+        return is_dirty and project is not None and bool(project.reports or project.corrections or project.identities)
 
     def open(self, path: Path) -> None:
         """Open a recording or a project, after asking what becomes of unsaved changes."""
@@ -82,7 +92,7 @@ class FileCare(QObject):
 
     def compare(self, path: Path) -> None:
         """Overlay the result of another project."""
-        self._read(path, partial(open_input, path), self._document.session.compare_with)
+        self._read(path, partial(_opened, path), self._document.session.compare_with)
 
     def restore(self, remains: Remains) -> None:
         """Open what a window that died left behind; it stays unsaved until the user saves it."""
@@ -90,8 +100,9 @@ class FileCare(QObject):
         def done(project: Project) -> None:
             self._document.open(project)
             self.opened.emit(project)
+            self.restored.emit(remains)
 
-        self._read(remains.folder, remains.project, done)
+        self._read(remains.folder, lambda _: remains.project(), done)
 
     def save(self, then: Callable[[], None] | None = None) -> None:
         """Save in the project's file; ask for one if there is none."""
@@ -124,7 +135,7 @@ class FileCare(QObject):
 
     def _after_saving(self, then: Callable[[], None]) -> None:
         session = self._document.session
-        if not session.is_dirty or not self._is_worth_asking():
+        if not self.has_unsaved_work:
             then()
             return
         question = self.tr("Save the changes of {0}?").format(session.project.name if session.project else "")
@@ -134,11 +145,6 @@ class FileCare(QObject):
             self.save(then)
         elif answer == Button.Discard:
             then()
-
-    def _is_worth_asking(self) -> bool:
-        """A recording of which nothing was computed or corrected can be opened again."""
-        project = self._document.session.project
-        return project is not None and bool(project.reports or project.corrections or project.identities)
 
     def _asked(self, title: str) -> Path | None:
         name, _ = QFileDialog.getOpenFileName(self._window, title, "", file_filter())
@@ -150,12 +156,12 @@ class FileCare(QObject):
             self._preferences.remember(path)
             self.opened.emit(project)
 
-        self._read(path, partial(open_input, path), done)
+        self._read(path, partial(_opened, path), done)
 
-    def _read(self, path: Path, read: Callable[[], Project], done: Callable[[Project], None]) -> None:
-        def work(monitor: Any) -> Project:
+    def _read(self, path: Path, read: Callable[[Monitor], Project], done: Callable[[Project], None]) -> None:
+        def work(monitor: Monitor) -> Project:
             monitor.begin("reading")
-            return read()
+            return read(monitor)
 
         self._jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._tell_error)
 
@@ -177,3 +183,7 @@ class FileCare(QObject):
                 then()
 
         self._jobs.start(self.tr("Saving {0}").format(path.name), work, done, self._tell_error)
+
+
+def _opened(path: Path, monitor: Monitor) -> Project:
+    return open_input(path, monitor=monitor)

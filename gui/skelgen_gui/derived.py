@@ -12,9 +12,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtCore import QObject, QTimer, Signal
 
 _T = TypeVar("_T")
+
+PAINT_FIRST = 15
+"""ms before a thread begins: what changed is painted first, since Python's lock then need not be waited for."""
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Held while something is derived: of the many threads that a change starts, the window waits for one only."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +29,9 @@ class _Failure:
 
 
 class Deriver(QObject):
-    """Calls pure functions in a thread, one at a time, and hands over the last one's result in the window's thread.
+    """Calls pure functions in a thread, one at a time in all the window, and hands over the last one's result.
+
+    What it calls with the result, it calls in the window's thread.
 
     Signals
     -------
@@ -32,7 +40,6 @@ class Deriver(QObject):
     """
 
     settled = Signal()
-    _wanted = Signal()
     _returned = Signal(int, object)
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -42,7 +49,8 @@ class Deriver(QObject):
         self._wished: tuple[int, Callable[[], object]] | None = None
         self._number = 0
         self._then: Callable[[Any], None] | None = None
-        self._wanted.connect(self._begin, Qt.ConnectionType.QueuedConnection)
+        self._soon = QTimer(self, interval=PAINT_FIRST, singleShot=True)
+        self._soon.timeout.connect(self._begin)
         self._returned.connect(self._hand_over)
 
     @property
@@ -64,7 +72,7 @@ class Deriver(QObject):
         self._then = then
         with self._lock:
             self._wished = (self._number, function)
-        self._wanted.emit()
+        self._soon.start()
 
     def forget(self) -> None:
         """Do not hand over what was wished and is not there yet."""
@@ -82,7 +90,7 @@ class Deriver(QObject):
             thread.join()
 
     def _begin(self) -> None:
-        """Start a thread for what is wished; not before all that follow a signal have heard of it: it slows them."""
+        """Start a thread for what is wished; by now all that follow a signal have heard of it, and are painted."""
         with self._lock:
             if self._thread is None and self._wished is not None:
                 self._thread = threading.Thread(target=self._work, name="deriving", daemon=True)
@@ -90,14 +98,20 @@ class Deriver(QObject):
 
     def _work(self) -> None:
         """Do what was wished last, until nothing is."""
-        while True:
+        while self._do_one():
+            pass
+
+    def _do_one(self) -> bool:
+        """Do what is wished, when it is its turn; whether there was anything."""
+        with _ONE_AT_A_TIME:
             with self._lock:
                 if self._wished is None:
                     self._thread = None
-                    return
+                    return False
                 number, function = self._wished
                 self._wished = None
             self._run(number, function)
+            return True
 
     def _run(self, number: int, function: Callable[[], object]) -> None:
         result: object

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +19,9 @@ from skelgen_gui.window import Window
 
 ORGANISATION = APPLICATION = "skelgen"
 ICON = Path(__file__).with_name("skelgen.svg")
+
+_ENDING = (signal.SIGINT, signal.SIGTERM)
+"""Ctrl+C in the terminal, and the system that shuts down: there is nobody to ask then."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,13 +55,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     window.show()
     window.warming.begin()
     QTimer.singleShot(0, lambda: _begin(window, files))
+    _heed_signals(app, window)
     code = int(app.exec())
     collector.end()
     return code
 
 
+def _heed_signals(app: QApplication, window: Window) -> None:
+    """End when the system asks for it; Python hears of that as soon as any of the window's timers runs."""
+
+    def end() -> None:
+        window.end_without_asking()
+        app.exit(0)  # quit() would have the window ask
+
+    for number in _ENDING:
+        signal.signal(number, lambda *_: QTimer.singleShot(0, end))
+
+
 def _begin(window: Window, files: Sequence[str]) -> None:
     for remains in find_remains():
-        window.offer(remains)
+        if not window.jobs.is_busy:  # one of them is being restored: the others are offered next time
+            window.offer(remains)
     if files and not window.jobs.is_busy:
         window.open(Path(files[0]))

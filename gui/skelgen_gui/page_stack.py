@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QCoreApplication, Signal
+from PySide6.QtCore import QCoreApplication, QEvent, QSize, Qt, Signal
 from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QVBoxLayout, QWidget
 
 from skelgen_gui.pages import HOME, Context, PageEntry
+from skelgen_gui.step_icon import step_icon
 
-WIDTH = 380  # px
+WIDTH = 400  # px
+_LINE = 22  # px, the least height of a line of the list
 
 
 class PageStack(QWidget):
@@ -43,6 +45,7 @@ class PageStack(QWidget):
         for entry in entries:
             item = QListWidgetItem(QCoreApplication.translate("Pages", entry.title), self.list)
             item.setToolTip(QCoreApplication.translate("Pages", entry.tip))
+            item.setSizeHint(QSize(0, max(_LINE, self.list.fontMetrics().height() + 4)))
         self.list.setFixedHeight(self.list.sizeHintForRow(0) * len(entries) + 2 * self.list.frameWidth())
         layout = QVBoxLayout(self)
         layout.addWidget(self.list)
@@ -52,6 +55,8 @@ class PageStack(QWidget):
         keys = [entry.key for entry in entries]
         self.home = keys.index(HOME) if HOME in keys else 0
         self.list.setCurrentRow(self.home)
+        context.session.project_changed.connect(self._mark_done)
+        self._mark_done()
 
     @property
     def current(self) -> PageEntry:
@@ -74,6 +79,27 @@ class PageStack(QWidget):
         if missing:
             self._make(missing[0])
         return len(missing) > 1
+
+    def sizeHint(self) -> QSize:
+        """Return the same width for every page: what is beside must not jump when another one is shown."""
+        return QSize(WIDTH, super().sizeHint().height())
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Follow the colours of the window."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange:
+            self._mark_done()
+
+    def _mark_done(self) -> None:
+        """Tick the steps whose results are there."""
+        project = self._context.session.project
+        for row, entry in enumerate(self.entries):
+            is_step = bool(entry.stage)
+            is_done = is_step and project is not None and project.has(entry.stage)
+            item = self.list.item(row)
+            item.setIcon(step_icon(is_step=is_step, is_done=is_done, palette=self.palette()))
+            words = self.tr("{0}: done") if is_done else self.tr("{0}: not done yet") if is_step else "{0}"
+            item.setData(Qt.ItemDataRole.AccessibleTextRole, words.format(item.text()))
 
     def _show(self, row: int) -> None:
         entry = self.entries[row]

@@ -71,7 +71,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("select_none", _EDIT, "Select &nothing", "Ctrl+Shift+A", "Select nothing"),
     Command("preferences", _EDIT, "&Preferences…", "Ctrl+,", "Colours, axes and autosave"),
     Command("run_step", _RUN, "Run this &step", "Ctrl+R", "Run the step of the page shown", in_tool_bar=True),
-    Command("run_all", _RUN, "Run &all", "Ctrl+Shift+R", "Run this step and all that follow", in_tool_bar=True),
+    Command("run_all", _RUN, "Run &all", "Ctrl+Shift+R", "Run what is missing, or all anew", in_tool_bar=True),
     Command("cancel", _RUN, "&Cancel", "Ctrl+.", "Stop what is running; results stay as they were"),
     Command("next_page", _RUN, "&Next page", "Ctrl+PgDown", "Go to the next step"),
     Command("previous_page", _RUN, "&Previous page", "Ctrl+PgUp", "Go to the step before"),

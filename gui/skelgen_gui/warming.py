@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import threading
 
 from PySide6.QtCore import QObject, QTimer, Signal
@@ -64,3 +65,4 @@ class Warming(QObject):
 def _load() -> None:
     for name in stage_names():
         parameters_class(name)
+    importlib.import_module("skelgen_gui.capture.page")

@@ -14,6 +14,7 @@ from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QTabWidget, QWidget
 
 from skelgen.model import Project
+from skelgen_gui.cameras import VIEW, Cameras
 from skelgen_gui.care import FileCare
 from skelgen_gui.commanding import Commanding
 from skelgen_gui.correct.actions import CorrectionActions
@@ -35,6 +36,7 @@ from skelgen_gui.status import StatusLine
 from skelgen_gui.timeline.curves import Curves
 from skelgen_gui.timeline.widget import Timeline
 from skelgen_gui.tips import rich
+from skelgen_gui.view3d.scene import Scene
 from skelgen_gui.view3d.widget import View3D
 from skelgen_gui.warming import Warming
 
@@ -64,6 +66,7 @@ class Window(QMainWindow):
         self.document = Document(self.session, self)
         self.runner = Runner(self.document, self.jobs, self.errors.report, self)
         self.care = FileCare(self.document, self.jobs, preferences, self.view_state, self.errors.report, self)
+        self.cameras = Cameras(self.errors.report, self)
         self.autosave = Autosave(self.session, preferences, recovery, self)
         self.corrections = CorrectionActions(self.document, self.runner, self.errors.report, self)
         self.actions_by_id = make_actions(self)
@@ -95,6 +98,16 @@ class Window(QMainWindow):
         else:
             remains.forget()
 
+    def end_without_asking(self) -> None:
+        """End at once: what runs is cancelled, and unsaved work is put aside for the next window to offer."""
+        self.jobs.stop()
+        if self.care.has_unsaved_work:
+            self.autosave.save()
+            self.autosave.leave()
+        else:
+            self.autosave.end()
+        self._rest()
+
     def view_state(self) -> Mapping[str, Any]:
         """Return what the window shows and its forms hold, for the project file."""
         return {
@@ -102,11 +115,19 @@ class Window(QMainWindow):
             "frame": self.session.frame,
             "forms": self.runner.as_view(),
             "tab": self.tabs.currentIndex(),
+            VIEW: self.cameras.as_view(),
         }
 
     def _context(self) -> Context:
         return Context(
-            self.session, self.document, self.jobs, self.runner, self.preferences, self.errors.report, self.care
+            self.session,
+            self.document,
+            self.jobs,
+            self.runner,
+            self.preferences,
+            self.errors.report,
+            self.care,
+            self.cameras,
         )
 
     def _make_views(self) -> None:
@@ -151,9 +172,11 @@ class Window(QMainWindow):
     def _connect(self) -> None:
         self.session.state_changed.connect(self._follow_state)
         self.care.opened.connect(self._show_opened)
+        self.care.restored.connect(self.autosave.take_over)
         self.runner.finished.connect(self._show_finished)
         self.autosave.failed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
+        self.cameras.changed.connect(self._show_cameras)
         self.pages.shown.connect(self._show_view)
         self._show_view(self.pages.current.key)
 
@@ -166,12 +189,18 @@ class Window(QMainWindow):
     def _show_opened(self, project: Project) -> None:
         """Show an opened project as it was left."""
         self.runner.begin_with(project.view.get("forms", {}))
+        self.cameras.begin_with(project)
         keys = [entry.key for entry in self.pages.entries]
         page = str(project.view.get("page", ""))
         self.pages.page(page if page in keys else keys[min(self.pages.home + 1, len(keys) - 1)])
         self.tabs.setCurrentIndex(int(project.view.get("tab", 0)))
         self.session.show_frame(int(project.view.get("frame", 0)))
         self.view3d.fit_take()
+
+    def _show_cameras(self) -> None:
+        project = self.session.project
+        frustums = self.cameras.frustums(None if project is None else Scene(project).usual)
+        self.view3d.show_cameras(frustums, self.cameras.up)
 
     def _show_view(self, key: str) -> None:
         """Give the middle to the view of a page, if it brings one."""
@@ -205,8 +234,12 @@ class Window(QMainWindow):
 
     def _close(self) -> None:
         self._is_closing = True
+        self._rest()
+        self.autosave.end()
+        QTimer.singleShot(0, self.close)  # Qt closes no window while it asks whether to
+
+    def _rest(self) -> None:
+        """Do nothing any more, and keep how the window was."""
         self.timeline.player.pause()
         self.warming.end()
         self.preferences.keep_window(self.saveGeometry(), self.middle.layout_of_window())
-        self.autosave.end()
-        QTimer.singleShot(0, self.close)  # Qt closes no window while it asks whether to

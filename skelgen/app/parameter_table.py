@@ -29,14 +29,25 @@ From Python: `skelgen.reconstruct(take, parameters={"joints": {"alpha": 0.2}})`.
 """
 
 
+_CAPTURE = """They belong to a stereo capture and are set in its [settings](capture/settings.md):
+`<detection><parameter name="min_area" value="25"/></detection>`."""
+
+
 def parameters_markdown() -> str:
     """Return the text of docs/parameters.md."""
-    return "\n".join([_HEAD, *(_section(declared) for declared in all_parameter_classes())])
+    from skelgen.capture.detection import DetectionParameters  # noqa: PLC0415 - a second, and few ask for it
+
+    sections = [_section(declared) for declared in all_parameter_classes()]
+    return "\n".join([_HEAD, *sections, _section(DetectionParameters, _CAPTURE)])
 
 
-def _section(declared: type[StageParameters]) -> str:
+def _section(declared: type[StageParameters], set_by: str = "") -> str:
+    """One table; parameters that are set elsewhere than in config.xml have no place there."""
     summary = (declared.__doc__ or "").partition("\n")[0]
     rows = [COLUMNS, tuple("---" for _ in COLUMNS), *(_row(entry, declared) for entry in declared.declarations())]
+    if set_by:
+        summary, place = f"{summary}\n{set_by}", COLUMNS.index("in config.xml")
+        rows = [row[:place] + row[place + 1 :] for row in rows]
     table = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
     return f"## {declared.stage}\n\n{summary}\n\n{table}\n"
 

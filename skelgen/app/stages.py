@@ -76,7 +76,7 @@ class Stage:
         Whether the take already holds this stage's result.
     compute : callable (project, parameters, wishes, monitor) -> Results
         The work; `parameters` is None where the result is given.
-    attach : callable (project, *results, report) -> Project
+    attach : callable ``(project, *results, report) -> Project``
         Puts the results into the project.
     """
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
+from skelgen.app.report.wording import counted
 from skelgen.model import PointCloud, Poses, Project, Take
 
 MOST_POINTERS = 200
@@ -46,10 +47,10 @@ def take_sentences(take: Take) -> tuple[str, ...]:
         if isinstance(take, PointCloud)
         else f"{take.n_bodies} bodies with orientation"
         if isinstance(take, Poses)
-        else f"{take.n_markers} markers with labels"
+        else f"{counted(take.n_markers, 'marker')} with labels"
     )
     seconds = max(take.n_frames - 1, 0) / take.rate
-    return (f"{take.n_frames} frames at {take.rate:g} Hz, {seconds:.1f} s: {what}.",)
+    return (f"{counted(take.n_frames, 'frame')} at {take.rate:g} Hz, {seconds:.1f} s: {what}.",)
 
 
 def stage_sentences(project: Project, stage: str) -> tuple[str, ...]:
@@ -116,7 +117,7 @@ def _label_pointers(project: Project) -> Iterator[Pointer]:
 def _about_labels(project: Project) -> Iterator[str]:
     markers = project.trajectories
     share = float(markers.seen.mean()) if markers.seen.size else 0.0
-    yield f"{markers.n_markers} markers, seen in {100 * share:.1f} % of the frames on average."
+    yield f"{counted(markers.n_markers, 'marker')}, seen in {100 * share:.1f} % of the frames on average."
     if project.has_labelling:
         doubts = len(project.labelling.doubts)
         spans = f"{doubts} spans are doubtful" if doubts != 1 else "1 span is doubtful"
@@ -128,16 +129,22 @@ def _about_labels(project: Project) -> Iterator[str]:
 def _about_limbs(project: Project) -> Iterator[str]:
     limbs = project.limbs
     sizes = np.bincount(limbs.limb_of_marker[limbs.limb_of_marker >= 0], minlength=limbs.n_limbs)
-    yield f"{limbs.n_limbs} limbs with {sizes.min(initial=0)} to {sizes.max(initial=0)} markers."
+    yield f"{counted(limbs.n_limbs, 'limb')} with {_sizes(sizes.tolist())}." if limbs.n_limbs else "No limbs."
     if len(limbs.left_out):
         names = ", ".join(project.trajectories.names[marker] for marker in limbs.left_out)
         yield f"Left out: {names}."
 
 
+def _sizes(sizes: list[int]) -> str:
+    """How many markers limbs have."""
+    least, most = min(sizes), max(sizes)
+    return f"{least} to {most} markers" if least < most else f"{counted(most, 'marker')} each"
+
+
 def _about_joints(project: Project) -> Iterator[str]:
     topology = project.topology
     n_trees = len(topology.roots)
-    yield f"{len(topology.edges)} joints in {n_trees} {'tree' if n_trees == 1 else 'trees'}."
+    yield f"{counted(len(topology.edges), 'joint')} in {counted(n_trees, 'tree')}."
     margins = topology.margins
     if np.isfinite(margins).any():
         worst = int(np.nanargmin(margins))
@@ -151,8 +158,8 @@ def _about_joints(project: Project) -> Iterator[str]:
 
 def _about_skeleton(project: Project) -> Iterator[str]:
     kinds = [joint.kind for joint in project.skeleton.joints]
-    counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-    yield f"{len(kinds)} joints: {counted}." if kinds else "One limb without joints."
+    listed_kinds = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+    yield f"{counted(len(kinds), 'joint')}: {listed_kinds}." if kinds else "One limb without joints."
     residuals = project.motion.residuals
     seen = residuals[~np.isnan(residuals)]
     if len(seen):

@@ -1,22 +1,32 @@
 r"""Joint angles from the poses of two targets, with their errors (Gaschler 2011, 5.1.3 and 5.2.4).
 
-The joint's frames in both bodies, carried into the world by their poses, differ by a turn and a shift. For a ball the
-turn that best lays six points on the axes of one frame on those of the other (Procrustes, by singular value
-decomposition) is the angle, as a rotation vector; for a hinge it is the turn about z, by least squares in the plane.
-What is left of the distance between those points is the residual.
+The joint's frames in both bodies, carried into the world by their poses, differ by a turn and a shift. The seed takes
+the turn that best lays points on the axes of one frame on those of the other, all weighed alike; the shift then says
+nothing. Here both poses come with covariances, and the joint holds the bodies together: at its centre, a hinge along
+its axis as well. Of all errors of the poses the most likely are taken that explain by how much the joint is torn apart,
 
-A small turn of either body turns the joint by as much: both covariances add, and go through the slope of the angles.
+.. math::
+    e = \Sigma H^T (H \Sigma H^T + P)^{-1} r ,
+
+with the gap and tilt r, their slope H by the errors, the covariance :math:`\Sigma` of both poses, and P of the joint's
+own calibration. What is left of the turn is the angle: a rotation vector for a ball, the turn about z for a hinge. Its
+covariance is that of the errors once r is known.
+
+A joint that is torn apart further than that, because it has play, is believed as much less as its gap asks for, up to
+not at all: then the angle is the seed's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from skelgen.capture.blobs import FoundBody
-from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation
+from skelgen.capture.error_propagation.angles import block_diagonal, held_slope, turn_slope
+from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
 from skelgen.kinematics.angles import angle_deviations, joint_angles
 from skelgen.model import Joint
 from skelgen.model.arrays import Floats
@@ -25,6 +35,13 @@ from skelgen.model.rig import JointModel
 SIZE = 100.0
 """mm from the joint to the points that stand for its frames: the size of marker targets."""
 
+LIKELY = {3: 7.81, 5: 11.07}
+"""Squared deviation of gap and tilt that 95 % of whole joints stay below (chi-squared, by degrees of freedom)."""
+
+EXACT = 1e-6
+"""mm; the least deviation of a gap, so that poses without errors can be weighed."""
+
+_STEPS = 20
 _POINTS = SIZE * np.concatenate([np.eye(3), -np.eye(3)])
 _Z = np.array([0.0, 0.0, 1.0])
 
@@ -61,22 +78,73 @@ def find_angles(joint: JointModel, bodies: Mapping[str, FoundBody]) -> JointAngl
     if joint.parent not in bodies or joint.child not in bodies:
         return None
     parent, child = bodies[joint.parent], bodies[joint.child]
-    in_parent = parent.world_from_body @ joint.parent_from_joint
-    in_child = child.world_from_body @ joint.child_from_joint
-    back = in_parent[:3, :3].T
-    turn = nearest_rotation(back @ in_child[:3, :3])
-    shift = back @ (in_child[:3, 3] - in_parent[:3, 3])
-    spread = back @ (parent.covariance[:3, :3] + child.covariance[:3, :3]) @ back.T
-    kind = _kinematic(joint)
-    angles = joint_angles(kind, turn[np.newaxis])[0]
-    std = angle_deviations(kind, turn[np.newaxis], spread[np.newaxis])[0]
-    allowed = matrix_from_vector(angles if joint.kind == "ball" else angles * _Z)
-    away = _POINTS @ (turn - allowed).T + shift
-    return JointAngle(joint.name, angles, std, float(np.linalg.norm(away, axis=1).mean()))
+    poses = parent.world_from_body, child.world_from_body
+    in_parent, in_child = poses[0] @ joint.parent_from_joint, poses[1] @ joint.child_from_joint
+    turn = in_parent[:3, :3].T @ in_child[:3, :3]
+    gap, tilt = in_child[:3, 3] - in_parent[:3, 3], _tilt(joint, turn)
+    error, spread = _most_likely(
+        joint, poses, block_diagonal(parent.covariance, child.covariance), np.concatenate([gap, tilt])
+    )
+    kind, held = _kinematic(joint.kind), (matrix_from_vector(-error) @ turn)[np.newaxis]
+    angles, std = joint_angles(kind, held)[0], angle_deviations(kind, held, spread[np.newaxis])[0]
+    return JointAngle(joint.name, angles, std, _residual(turn, in_parent[:3, :3].T @ gap, tilt))
 
 
-def _kinematic(joint: JointModel) -> Joint:
-    """The joint as `skelgen.kinematics` knows it, in its own frame."""
+def _tilt(joint: JointModel, turn: Floats) -> Floats:
+    """Turns about x and y that the least squares angle of a hinge leaves [rad], shape (2,); none for a ball."""
+    if joint.kind == "ball":
+        return np.zeros(0)
+    angle = joint_angles(_kinematic(joint.kind), turn[np.newaxis])[0]
+    return vector_from_matrix(turn @ matrix_from_vector(-angle * _Z))[:2]
+
+
+def _residual(turn: Floats, gap: Floats, tilt: Floats) -> float:
+    """Mean distance [mm] between the points of both frames once they are turned onto each other."""
+    if not len(tilt):
+        return float(np.linalg.norm(gap))
+    tilted = matrix_from_vector(np.array([*tilt, 0.0]))
+    return float(np.linalg.norm(_POINTS @ (turn - tilted.T @ turn).T + gap, axis=1).mean())
+
+
+def _most_likely(
+    joint: JointModel, poses: tuple[Floats, Floats], covariance: Floats, torn: Floats
+) -> tuple[Floats, Floats]:
+    """What the joint's turn errs by [rad], in its frame in the parent, and the covariance that remains."""
+    turn, held = turn_slope(joint, poses), held_slope(joint, poses)
+    gain = covariance @ held.T
+    spread = held @ gain + _calibrated(joint, poses)
+    if torn @ np.linalg.solve(spread, torn) > LIKELY[len(torn)]:
+        spread = _with_play(spread, torn)
+    gain = turn @ np.linalg.solve(spread, gain.T).T
+    return gain @ torn, turn @ covariance @ turn.T - gain @ held @ covariance @ turn.T
+
+
+def _calibrated(joint: JointModel, poses: tuple[Floats, Floats]) -> Floats:
+    """Covariance of a gap, and of tilts for a hinge, that the joint's calibration leaves."""
+    n = 5 if joint.kind == "hinge" else 3
+    out = ((joint.axis_std**2).sum() + (EXACT / SIZE) ** 2) * np.eye(n)
+    out[:3, :3] = EXACT**2 * np.eye(3)
+    for pose, std in zip(poses, joint.std, strict=True):
+        out[:3, :3] += (pose[:3, :3] * std**2) @ pose[:3, :3].T
+    return np.asarray(out)
+
+
+def _with_play(spread: Floats, torn: Floats) -> Floats:
+    """The covariance of gap and tilt, with as much play of the joint as makes them likely."""
+    scale = np.where(np.arange(len(torn)) < 3, 1.0, SIZE)
+    values, axes = np.linalg.eigh(spread * scale[:, np.newaxis] * scale)
+    squares, limit, play = (axes.T @ (scale * torn)) ** 2, LIKELY[len(torn)], 0.0
+    for _ in range(_STEPS):  # Newton's method; it never overshoots, as the deviation falls ever slower with the play
+        ratios = squares / (values + play)
+        excess = ratios.sum() - limit
+        if excess <= 1e-3 * limit:
+            break
+        play += excess / (ratios / (values + play)).sum()
+    return spread + np.diag(play / scale**2)
+
+
+@cache
+def _kinematic(kind: str) -> Joint:
+    """A joint as `skelgen.kinematics` knows it, in its own frame."""
     origin = np.zeros(3)
-    axis = _Z if joint.kind == "hinge" else None
-    return Joint(0, 1, origin, origin, joint.kind, axis, origin)
+    return Joint(0, 1, origin, origin, kind, _Z if kind == "hinge" else None, origin)

@@ -14,14 +14,17 @@ from time import perf_counter
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+
 from skelgen.capture.angles import JointAngle, find_angles
 from skelgen.capture.blobs import Balls, FoundBody, StereoPoints
 from skelgen.capture.bodies import BodyFinder, BodyParameters
 from skelgen.capture.frames import FramePair, FrameSource, Image
 from skelgen.capture.health import RigWatch
 from skelgen.capture.prediction import Prediction, PredictionParameters
+from skelgen.capture.trial import trial_pair, trial_points
 from skelgen.errors import InputError
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import Camera, CaptureSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +71,12 @@ class PointFinder:
     """
 
     def __init__(self, settings: CaptureSettings, executor: Executor | None = None) -> None:
-        from skelgen.capture.detection import DetectionParameters, detect_balls  # noqa: PLC0415 - numba takes a second
+        from skelgen.capture.detection import DetectionParameters, centred, detect_balls  # noqa: PLC0415 - numba takes a second
         from skelgen.capture.optics.matching import match_and_triangulate  # noqa: PLC0415
 
         self.rig, self._executor = settings.rig, executor
         self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
-        self._detect, self._triangulate = detect_balls, match_and_triangulate
+        self._detect, self._centred, self._triangulate = detect_balls, centred, match_and_triangulate
 
     def find(self, pair: FramePair) -> tuple[Balls, Balls, StereoPoints]:
         """Return the balls of both images and the points that they may be.
@@ -85,11 +88,11 @@ class PointFinder:
         """
         self._check_sizes(pair)
         run = map if self._executor is None else self._executor.map
-        left, right = run(self._balls, (pair.left, pair.right))
+        left, right = run(self._balls, (pair.left, pair.right), (self.rig.left, self.rig.right))
         return left, right, self._triangulate(left, right, self.rig)
 
-    def _balls(self, image: Image) -> Balls:
-        return self._detect(image, self._parameters)
+    def _balls(self, image: Image, camera: Camera) -> Balls:
+        return self._centred(camera, self._detect(image, self._parameters))
 
     def _check_sizes(self, pair: FramePair) -> None:
         for side, image, camera in (("left", pair.left, self.rig.left), ("right", pair.right, self.rig.right)):
@@ -148,7 +151,15 @@ class MotionCapture:
         self.n_dropped = 0
 
     def __enter__(self) -> Self:
-        """Nothing more is opened."""
+        """Load what is compiled, which takes a second: a camera that already runs would lose pairs meanwhile."""
+        self._points.find(trial_pair(self.settings.rig))
+        for body in self.settings.bodies:
+            self._bodies.find(trial_points(body))
+        exact = {
+            body.name: FoundBody(body.name, np.eye(4), np.eye(6), np.arange(0), 0.0) for body in self.settings.bodies
+        }
+        for joint in self.settings.joints:
+            find_angles(joint, exact)
         return self
 
     def __exit__(
@@ -173,15 +184,27 @@ class MotionCapture:
         """Return what one pair tells."""
         start = perf_counter()
         left, right, points = self._points.find(pair)
-        expected = None if self._prediction is None else self._prediction.expected(pair.time)
-        found = self._bodies.find(points, expected)
-        if self._prediction is not None:
-            found = self._prediction.corrected(pair.time, found)
-        bodies = {body.name: body for body in found}
-        angles = {joint.name: find_angles(joint, bodies) for joint in self.settings.joints}
-        told = {name: angle for name, angle in angles.items() if angle is not None}
+        bodies, angles = self.recognise(points, pair.time)
         notices = self._watch.notices(pair, left, right, points)
         self.n_frames += 1
         self.n_dropped += pair.dropped
         latency = perf_counter() - start
-        return Captured(pair, left, right, points, bodies, told, notices, latency)
+        return Captured(pair, left, right, points, bodies, angles, notices, latency)
+
+    def recognise(self, points: StereoPoints, time: float) -> tuple[dict[str, FoundBody], dict[str, JointAngle]]:
+        """Return the bodies and joint angles that the points of one frame tell, by name: the second half of `see`.
+
+        Parameters
+        ----------
+        points : StereoPoints
+            Of the frame.
+        time : float, s
+            Of the frame, for the prediction.
+        """
+        expected = None if self._prediction is None else self._prediction.expected(time)
+        found = self._bodies.find(points, expected)
+        if self._prediction is not None:
+            found = self._prediction.corrected(time, found)
+        bodies = {body.name: body for body in found}
+        angles = {joint.name: find_angles(joint, bodies) for joint in self.settings.joints}
+        return bodies, {name: angle for name, angle in angles.items() if angle is not None}

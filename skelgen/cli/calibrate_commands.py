@@ -16,12 +16,10 @@ from skelgen.errors import InputError
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
-    from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, StereoRig
+    from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig
 
 SETTINGS = Path("rig.xml")
 STRUCTURE = "arm"
-
-_NUMBERS = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
 
 
 def stereo(
@@ -40,6 +38,7 @@ def stereo(
 
     from skelgen.capture.calibration.board import board_from_text
     from skelgen.capture.calibration.stereo import calibrate_stereo
+    from skelgen.capture.calibration.table import camera_rows
 
     screen = Screen(quiet, as_json)
     what = board_from_text(board, square)
@@ -47,7 +46,7 @@ def stereo(
     with screen.watching() as monitor:
         found = calibrate_stereo(left, right, (what.columns, what.rows), square, lens, monitor)
     write_settings(_with_rig(output, found.rig), output)
-    screen.table("Cameras", _camera_rows(found))
+    screen.table("Cameras", [dict(zip(("", "left", "right"), row, strict=True)) for row in camera_rows(found)])
     screen.table("Pairs", _pair_rows(found))
     for sentence in found.verdict.sentences:
         screen.say(sentence)
@@ -124,29 +123,6 @@ def _with_rig(output: Path, rig: StereoRig) -> CaptureSettings:
     return replace(read_settings(output), rig=rig) if output.exists() else CaptureSettings(rig)
 
 
-def _camera_rows(found: StereoCalibration) -> list[dict[str, Any]]:
-    left, right = (
-        [_with_std(*pair) for pair in zip(_intrinsic(eye), std, strict=True)]
-        for eye, std in ((found.rig.left, found.left_std), (found.rig.right, found.right_std))
-    )
-    rows = [{"": name, "left": a, "right": b} for name, a, b in zip(_NUMBERS, left, right, strict=True)]
-    shifts = zip("xyz", found.rig.right_from_left[:3, 3], found.translation_std, strict=True)
-    rows += [{"": f"translation {axis} [mm]", "left": "", "right": _with_std(*rest)} for axis, *rest in shifts]
-    return [*rows, {"": "baseline [mm]", "left": "", "right": _with_std(found.rig.baseline, found.baseline_std)}]
-
-
-def _intrinsic(eye: Camera) -> list[float]:
-    return [*eye.matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *eye.distortion.tolist()]
-
-
-def _with_std(value: float, std: float) -> str:
-    """The value with two digits of its standard deviation; what was held has none."""
-    if std == 0:
-        return f"{value:g}"
-    digits = max(0, 1 - math.floor(math.log10(std)))
-    return f"{value:.{digits}f} ± {std:.{digits}f}"
-
-
 def _pair_rows(found: StereoCalibration) -> list[dict[str, Any]]:
     return [
         {
@@ -166,16 +142,18 @@ def _rounded(value: float) -> float | None:
 
 
 def _mapping(found: StereoCalibration, output: Path) -> dict[str, Any]:
-    left, right = (_intrinsic(eye) for eye in (found.rig.left, found.rig.right))
+    from skelgen.capture.calibration.table import INTRINSIC, intrinsic
+
+    left, right = (intrinsic(eye) for eye in (found.rig.left, found.rig.right))
     return {
         "file": str(output),
         "grade": found.verdict.grade,
         "verdict": list(found.verdict.sentences),
         "rms_px": found.rms,
-        "left": dict(zip(_NUMBERS, left, strict=True)),
-        "left_std": dict(zip(_NUMBERS, found.left_std.tolist(), strict=True)),
-        "right": dict(zip(_NUMBERS, right, strict=True)),
-        "right_std": dict(zip(_NUMBERS, found.right_std.tolist(), strict=True)),
+        "left": dict(zip(INTRINSIC, left, strict=True)),
+        "left_std": dict(zip(INTRINSIC, found.left_std.tolist(), strict=True)),
+        "right": dict(zip(INTRINSIC, right, strict=True)),
+        "right_std": dict(zip(INTRINSIC, found.right_std.tolist(), strict=True)),
         "baseline_mm": found.rig.baseline,
         "baseline_std_mm": found.baseline_std,
         "pairs": _pair_rows(found),

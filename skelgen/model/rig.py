@@ -21,6 +21,9 @@ SEED_NOISE = 0.1
 """Standard deviation [px] of a ball's centre along one axis, calibration included (Gaschler 2011, chapter 6.1)."""
 JOINT_KINDS = ("ball", "hinge")
 
+ParameterValue = float | bool | str
+"""What a parameter of the detection may be set to."""
+
 _ROTATION_TOLERANCE = 1e-6  # of R R^T = 1: a file with 7 digits gives 1e-7
 
 
@@ -186,7 +189,7 @@ class CaptureSettings:
         Joints between those bodies; their names differ.
     source : str
         Where frames come from, e.g. ``firewire:``; empty if it is told elsewhere.
-    detection : mapping of str to float
+    detection : mapping of str to number, bool or str
         Parameters of the detection that differ from their defaults.
     """
 
@@ -194,7 +197,7 @@ class CaptureSettings:
     bodies: Sequence[BodyTarget] = ()
     joints: Sequence[JointModel] = ()
     source: str = ""
-    detection: Mapping[str, float] = field(default_factory=dict)
+    detection: Mapping[str, ParameterValue] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         names = check_names([body.name for body in self.bodies], len(self.bodies), "target")

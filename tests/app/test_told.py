@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,7 +28,19 @@ def test_every_stage_tells_what_it_found(done):
     for stage in STAGES:
         assert 1 <= len(stage_sentences(done, stage)) <= 3
         assert stage_sentences(Project(done.take), stage) == ()
-    assert f"{done.limbs.n_limbs} limbs" in stage_sentences(done, "limbs")[0]
+    assert stage_sentences(done, "limbs")[0] == f"{done.limbs.n_limbs} limbs with 3 markers each."
+
+
+def test_limbs_of_two_sizes_are_told_in_two_numbers(done):
+    limbs = np.array(done.limbs.limb_of_marker)
+    limbs[np.flatnonzero(limbs == 0)[0]] = 1
+    other = replace(done.limbs, limb_of_marker=limbs)
+    assert stage_sentences(replace(done, _limbs=other), "limbs")[0].endswith(" limbs with 2 to 4 markers.")
+
+
+def test_one_tree_is_told_in_the_singular():
+    project = run_stages(Project(simulate("rods", n_frames=60, noise=0.2).take))
+    assert stage_sentences(project, "joints")[0] == "2 joints in 1 tree."
 
 
 def test_doubts_point_to_their_frame_and_marker(done):

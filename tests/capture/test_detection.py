@@ -21,7 +21,7 @@ from skelgen.capture.detection.spots import AREA, FULL
 from skelgen.capture.detection.thresholds import dark_noise, find_thresholds, level_of
 from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.rig import RenderParameters, render_view
-from skelgen.errors import InputError, MissingResultError
+from skelgen.errors import CaptureError, InputError
 
 WANTED = 0.02  # px: what the project asks of a centre at the seed's conditions
 TOUCHING = 0.15  # px: three standard deviations of a ball that is half behind another
@@ -192,6 +192,18 @@ def test_three_balls_in_a_triangle_are_separated():
     assert np.linalg.norm(errors(balls, truth)[0], axis=1).max() < TOUCHING
 
 
+@pytest.mark.parametrize("bend", [0.0, 25.0, 50.0, 80.0])
+@pytest.mark.parametrize("apart", [12.0, 14.0])
+def test_three_balls_in_a_row_are_separated(bend, apart):
+    """They leave gaps on both sides, which a small disc would fill."""
+    angle = np.radians(bend)
+    row = apart * np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [np.cos(angle), np.sin(angle), 0.0]])
+    image, truth = render_view(seed_rig().left, np.add(row, [20.0, -30.0, 1000.0]), RenderParameters(reflections=0))
+    balls = detect_balls(image)
+    assert len(balls) == 3
+    assert np.linalg.norm(errors(balls, truth)[0], axis=1).max() < TOUCHING
+
+
 def test_separation_can_be_switched_off():
     points = np.array([[0.0, 0.0, 1000.0], [11.0, 0.0, 1000.0]])
     image, _ = render_view(seed_rig().left, points, RenderParameters(reflections=0))
@@ -220,7 +232,7 @@ def test_compiled_and_plain_fits_agree():
     window[:3, :5] = np.nan
     unknowns = np.array([6.2, 5.9, 4.0, 0.9, 10.8, 7.3, 3.5, 1.0, 0.7])
     for one, other in zip(compiled.normal_equations(window, unknowns), normal_equations(window, unknowns), strict=True):
-        assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
+        assert one == pytest.approx(other, rel=1e-5, abs=1e-5)  # the compiled one leaves out far edges, 3e-7 each
 
 
 def test_derivatives_of_the_discs_are_those_of_their_brightness():
@@ -312,7 +324,7 @@ def test_a_single_row_is_an_image():
 
 def test_without_opencv_its_way_of_labelling_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "cv2", None)
-    with pytest.raises(MissingResultError, match="skelgen\\[capture\\]"):
+    with pytest.raises(CaptureError, match="skelgen\\[capture\\]"):
         opencv.histogram(DARK, 4)
 
 

@@ -51,8 +51,9 @@ def test_threads_change_nothing(source, pairs, prediction):
 def test_lost_pairs_are_counted_and_told(source, pairs):
     with MotionCapture(source.settings, threads=False) as capture:
         captured = capture.see(replace(pairs[0], dropped=3))
-    assert captured.notices == ("3 pairs were lost before frame 0",)
-    assert (capture.n_frames, capture.n_dropped) == (1, 3)
+        assert captured.notices == ("3 pairs were lost before frame 0",)
+        assert capture.see(replace(pairs[1], dropped=1)).notices == (f"1 pair was lost before frame {pairs[1].index}",)
+    assert (capture.n_frames, capture.n_dropped) == (2, 4)
 
 
 def test_pairs_before_a_break_are_delivered(source, pairs):

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from skelgen.capture.detection import detect_balls
 from skelgen.capture.optics.projection import project
 from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.rig import (
@@ -217,6 +218,16 @@ def test_who_is_slow_loses_pairs_of_a_paced_source_and_is_told():
             pairs.append(pair)
     assert sum(pair.dropped for pair in pairs) == source.n_dropped > 0
     assert all(later.index - pair.index == 1 + later.dropped for pair, later in itertools.pairwise(pairs))
+
+
+def test_a_structure_far_away_is_lit_and_marked_so_that_its_balls_are_found():
+    source = simulated_rig("human", n_frames=20, seed=1)
+    found, visible = 0, 0
+    for index in range(0, 20, 5):
+        pair, truth = source.render(index)
+        found += len(detect_balls(pair.left))
+        visible += int((truth.left.visible > 0.5).sum())
+    assert found == pytest.approx(visible, rel=0.15)
 
 
 def test_a_frame_that_is_not_there_is_refused():

@@ -9,8 +9,10 @@ import pytest
 from PySide6.QtCore import QPoint, Qt
 from skelgen_gui.graph import GraphView
 from skelgen_gui.graph.facts import find_graph, tree_path
+from skelgen_gui.graph.labels import place_words
 from skelgen_gui.graph.layout import body_places, tree_places
 from skelgen_gui.graph.nearest import nearest_line, nearest_point
+from skelgen_gui.graph.painting import NODE
 from skelgen_gui.palette import colour_of_limb, doubt_colour
 from skelgen_gui.session import Selection, Session
 from skelgen_gui.theme import theme_palette
@@ -208,3 +210,22 @@ def test_before_the_joints_it_can_be_painted_and_clicked(shown, qtbot, small_pro
     for key in (Qt.Key.Key_Down, Qt.Key.Key_J):
         qtbot.keyClick(view, key)
     assert session.selection == Selection()
+
+
+def test_words_beside_joints_cover_no_disc_and_not_each_other():
+    middles = np.array([[50.0, 50.0], [50.0, 80.0], [50.0, 110.0]])
+    discs = np.array([[75.0, 50.0], [50.0, 20.0]])
+    size = np.array([30.0, 14.0])
+    up = np.array([0.0, 15.0])
+    lines = np.stack([middles - up, middles + up], axis=1)
+    placed = place_words(middles, np.tile(size, (3, 1)), discs, NODE, lines)
+    for words in placed:
+        assert (np.abs(discs - words) >= size / 2 + NODE).any(axis=1).all()
+        others = placed[(placed != words).any(axis=1)]
+        assert (np.abs(others - words) >= size).any(axis=1).all()
+
+
+def test_a_joint_without_words_needs_no_place():
+    middles = np.array([[5.0, 5.0]])
+    placed = place_words(middles, np.zeros((1, 2)), np.zeros((0, 2)), NODE, np.zeros((0, 2, 2)))
+    np.testing.assert_array_equal(placed, middles)

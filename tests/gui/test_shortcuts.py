@@ -70,7 +70,7 @@ def test_the_list_of_keys_shows_each_with_its_use(qtbot, actions):
     qtbot.addWidget(dialog)
     rows = [[dialog.table.item(row, column).text() for column in range(3)] for row in range(dialog.table.rowCount())]
     assert len(rows) == sum(bool(command.key) for command in ALL)
-    assert ["Run all", "Ctrl+Shift+R", "Run this step and all that follow"] in rows
+    assert ["Run all", "Ctrl+Shift+R", "Run what is missing, or all anew"] in rows
 
 
 def test_the_list_of_keys_can_be_searched(qtbot, actions):

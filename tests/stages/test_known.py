@@ -130,15 +130,17 @@ def test_larger_body_is_another_body(known, labelled):
         fit_known(new.take, known)
 
 
-def test_markers_put_on_anew_are_another_body(known):
+def test_another_body_is_said_where_many_markers_sit_elsewhere(known):
     rng = np.random.default_rng(0)
 
     def change(limb):
         return dataclasses.replace(limb, markers=np.asarray(limb.markers) + rng.normal(size=(3, 3)) * 2)
 
     fit = fit_known(take_of(with_limb("*", change)).take, known)
-    assert fit.is_other_body
-    assert "another body, or the markers were put on anew" in fit.sentences[1]
+    said = "; ".join(fit.sentences)
+    assert (
+        "this is another body, or the markers were put on anew" in said or "have slipped, this is another body" in said
+    )
 
 
 def test_limb_without_markers_is_posed_by_its_neighbours(known):

@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError, ParameterError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, JointModel, StereoRig
+from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, JointModel, ParameterValue, StereoRig
 from skelgen.parameters import Declaration, StageParameters
 from skelgen_formats.capture_settings.layout import (
     ANY,
@@ -39,8 +39,8 @@ def read_settings(path: Path | str, detection: type[StageParameters] | None = No
     path : Path or str
         The file.
     detection : StageParameters class, optional
-        What the detection declares; its parameters are then checked with their lines. Without it any name that has a
-        number is taken.
+        What the detection declares; its parameters are then checked with their lines. Without it any name and
+        value is taken.
 
     Returns
     -------
@@ -135,7 +135,7 @@ def _joint(path: Path, element: Any, bodies: list[str]) -> JointModel:
     return _built(path, element, lambda: JointModel(name, kind, parent, child, poses[0], poses[1], std, axis_std))
 
 
-def _detection(path: Path, root: Any, declared: type[StageParameters] | None) -> dict[str, float]:
+def _detection(path: Path, root: Any, declared: type[StageParameters] | None) -> dict[str, ParameterValue]:
     element = root.find("detection")
     if element is None:
         return {}
@@ -143,17 +143,21 @@ def _detection(path: Path, root: Any, declared: type[StageParameters] | None) ->
     return {child.get("name"): _detection_value(path, child, known) for child in _distinct(path, element.iterfind("*"))}
 
 
-def _detection_value(path: Path, element: Any, known: dict[str, Declaration] | None) -> float:
-    name = element.get("name")
+def _detection_value(path: Path, element: Any, known: dict[str, Declaration] | None) -> ParameterValue:
+    name, text = element.get("name"), element.get("value")
     if known is None:
-        return _number(path, element, "value")
+        try:
+            return float(text)
+        except ValueError:
+            return str(text)
     if name not in known:
         names = ", ".join(closest_first(name, list(known)))
         raise _error(path, element, f"the detection has no parameter {name!r}; it has {names}")
     try:
-        return float(known[name].check(element.get("value")))
+        value: ParameterValue = known[name].check(text)
     except ParameterError as error:
         raise _error(path, element, str(error)) from error
+    return value
 
 
 def _distinct(path: Path, elements: Iterable[Any]) -> list[Any]:

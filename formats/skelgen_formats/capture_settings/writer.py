@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, JointModel
+from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, JointModel, ParameterValue
 from skelgen_formats.capture_settings.layout import LEFT, RIGHT, ROOT, UNIT, VERSION
 from skelgen_formats.xml_files import write_lines
 
@@ -47,12 +47,20 @@ def _inside(settings: CaptureSettings) -> Iterator[str]:
     if settings.detection:
         yield "  <detection>"
         for name, value in settings.detection.items():
-            yield f'    <parameter name={quoteattr(name)} value="{float(value)!r}"/>'
+            yield f"    <parameter name={quoteattr(name)} value={quoteattr(_parameter(value))}/>"
         yield "  </detection>"
     for body in settings.bodies:
         yield from _body(body)
     for joint in settings.joints:
         yield from _joint(joint)
+
+
+def _parameter(value: ParameterValue) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return repr(float(value))  # NumPy's call themselves by their type
+    return str(value)
 
 
 def _camera(side: str, camera: Camera) -> Iterator[str]:

@@ -16,6 +16,8 @@ from skelgen_gui.capture.recorder import RecordRow
 from skelgen_gui.capture.results import AngleTable, BodyTable, Numbers, Sentences
 from skelgen_gui.jobs import Jobs
 
+_LEAST_HEIGHT = 48  # px, of the sentences: two lines
+
 
 class LivePanel(QWidget):
     """Runs a capture as a job, and shows its numbers.
@@ -98,11 +100,12 @@ class LivePanel(QWidget):
     def _lay_out(self) -> None:
         results = QGroupBox(self.tr("What is seen"), self)
         column = QVBoxLayout(results)
-        for widget, share in ((self.numbers, 0), (self.angles, 3), (self.bodies, 2)):
+        for widget, share in ((self.numbers, 0), (self.angles, 4), (self.bodies, 3)):
             column.addWidget(widget, share)
         heading = QLabel(self.tr("What to know"), self)
         column.addWidget(heading)
         column.addWidget(self.sentences, 2)
+        self.sentences.setMinimumHeight(_LEAST_HEIGHT)
         buttons = QHBoxLayout()
         buttons.addWidget(self.go)
         layout = QVBoxLayout(self)

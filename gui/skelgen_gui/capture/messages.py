@@ -126,3 +126,33 @@ class Orders:
 
     stop: Event = field(default_factory=Event)
     record: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class BoardShot:
+    """What the window shows of one pair of images of a board.
+
+    Attributes
+    ----------
+    left, right : Eye
+        Both pictures.
+    """
+
+    left: Eye
+    right: Eye
+
+
+@dataclass(eq=False)
+class GatheringOrders:
+    """What the window tells while views are gathered.
+
+    Attributes
+    ----------
+    stop : Event
+        It shall end.
+    take : Event
+        The next pair that shows the whole board shall be kept, whether or not it moves or is like others.
+    """
+
+    stop: Event = field(default_factory=Event)
+    take: Event = field(default_factory=Event)

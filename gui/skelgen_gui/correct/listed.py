@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtWidgets import QCheckBox, QListWidget, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QLabel, QListWidget, QPushButton, QVBoxLayout, QWidget
 
 from skelgen_gui.correct.actions import CorrectionActions
 from skelgen_gui.runner import Runner
@@ -27,6 +27,9 @@ class CorrectionList(QWidget):
         self._session, self._actions, self._runner = session, actions, runner
         self.entries = QListWidget(self)
         self.entries.setWordWrap(True)
+        self.hint = QLabel(self)
+        self.hint.setWordWrap(True)
+        self.hint.setText(self.tr("Select markers, a joint or a limb, then right click or choose Edit, Correct."))
         self.entries.setAccessibleName(self.tr("Corrections by hand"))
         self.entries.setToolTip(self.tr("What later runs obey"))
         self.take_back = QPushButton(self.tr("Take back"), self)
@@ -37,7 +40,7 @@ class CorrectionList(QWidget):
         self.at_once.setAccessibleName(self.at_once.text())
         self.at_once.setChecked(runner.computes_at_once)
         layout = QVBoxLayout(self)
-        for widget in (self.entries, self.take_back, self.at_once):
+        for widget in (self.hint, self.entries, self.take_back, self.at_once):
             layout.addWidget(widget)
         session.project_changed.connect(self._follow)
         self.entries.currentRowChanged.connect(self._follow_row)
@@ -49,6 +52,7 @@ class CorrectionList(QWidget):
         project = self._session.project
         self.entries.clear()
         self.entries.addItems([] if project is None else [one.sentence for one in project.corrections])
+        self.hint.setVisible(not self.entries.count())
         self._follow_row(self.entries.currentRow())
 
     def _follow_row(self, row: int) -> None:

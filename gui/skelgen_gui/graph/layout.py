@@ -12,7 +12,7 @@ from skelgen.model.arrays import Floats, Ints
 _SAMPLES = 200  # frames that tell which way is up
 _ROUNDS = 60  # of pushing limbs apart; more than enough for 100 limbs
 _WIDEST = 1.6  # factor
-_APART = 0.8  # of the mean distance that limbs on a grid would have
+_APART = 1.1  # of the mean distance that limbs on a grid would have
 
 
 def body_places(project: Project) -> Floats:

@@ -9,6 +9,7 @@ from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPalette, QPen
 from skelgen.model.arrays import Floats
 from skelgen_gui.batch import draw_lines
 from skelgen_gui.graph.facts import GraphFacts, JointFact
+from skelgen_gui.graph.labels import place_words
 from skelgen_gui.graph.signs import joint_sign
 from skelgen_gui.palette import colour_of_limb, doubt_colour
 from skelgen_gui.theme import is_dark
@@ -21,6 +22,7 @@ _SHADES = 12  # opacities that are drawn: lines of one opacity take one call
 _TREE, _THIN = 4.0, 1.2
 _SIGN = 6.0
 _HALO = 5.0
+_WORDS_PAD = 4.0
 _Role = QPalette.ColorRole
 
 
@@ -80,7 +82,7 @@ class GraphPainting:
         self._painter.drawLine(*self._ends(pair))
 
     def signs(self) -> None:
-        """Paint the kind of each joint in its middle, and how much dearer the next best would be."""
+        """Paint the kind of each joint in its middle."""
         ground, text = self._palette.color(_Role.Window), self._palette.color(_Role.Text)
         for joint in self._facts.joints:
             start, end = self._ends((joint.parent, joint.child))
@@ -90,18 +92,24 @@ class GraphPainting:
             self._painter.drawPath(joint_sign(joint.kind, middle, _SIGN))
             self._painter.setPen(Qt.PenStyle.NoPen)
             self._painter.drawPath(joint_sign(joint.kind, middle, _SIGN))
-            self._margin(joint, middle)
 
-    def _margin(self, joint: JointFact, middle: QPointF) -> None:
-        if not joint.label:
-            return
-        width, height = self._metrics.horizontalAdvance(joint.label), self._metrics.height()
-        room = QRectF(middle.x() + _SIGN + 4, middle.y() - height / 2, width + 4, height)
+    def margins(self) -> None:
+        """Write beside each joint how much dearer the next best would be."""
+        joints = self._facts.joints
+        edges = np.array([(joint.parent, joint.child) for joint in joints], dtype=np.intp).reshape(-1, 2)
+        lines, height = self._places[edges], self._metrics.height()
+        sizes = np.array([(self._width(joint.label), height if joint.label else 0.0) for joint in joints])
+        placed = place_words(lines.mean(axis=1), sizes.reshape(-1, 2), self._places, NODE, lines)
         ground = QColor(self._palette.color(_Role.Window))
         ground.setAlphaF(0.8)
-        self._painter.fillRect(room, ground)
-        self._painter.setPen(doubt_colour(self._palette) if joint.is_doubtful else self._palette.color(_Role.Text))
-        self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, joint.label)
+        for joint, (x, y), (width, _) in zip(joints, placed.tolist(), sizes.tolist(), strict=True):
+            room = QRectF(x - width / 2, y - height / 2, width, height)
+            self._painter.fillRect(room, ground)
+            self._painter.setPen(doubt_colour(self._palette) if joint.is_doubtful else self._palette.color(_Role.Text))
+            self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, joint.label)
+
+    def _width(self, label: str) -> float:
+        return self._metrics.horizontalAdvance(label) + _WORDS_PAD if label else 0.0
 
     def limbs(self, selected: set[int], pointed: int | None) -> None:
         """Paint the limbs with their numbers."""

@@ -21,7 +21,8 @@ from skelgen_gui.pictures import ZOOM, notches, paint_words
 from skelgen_gui.session import Selection, Session
 from skelgen_gui.tips import tell
 
-_MARGIN = 40.0  # px about the graph
+_MARGIN = 28.0  # px about the graph
+_FOOT = 36.0  # px below it, for what the signs mean
 _NEAR_JOINT, _NEAR_PAIR = 9.0, 4.0  # px within which a line is caught
 _ZOOMS = (0.5, 20.0)
 _NAMES_ROOM = 60  # characters of markers' names
@@ -82,9 +83,9 @@ class GraphView(QWidget):
     def places(self) -> Floats:
         """Middle of each limb in this widget [px], shape (n_limbs, 2)."""
         unit = self._layouts[self.layout_box.currentIndex()]
-        room = np.array([self.width() - 2 * _MARGIN, self.height() - 2 * _MARGIN])
+        room = np.array([self.width() - 2 * _MARGIN, self.height() - _FOOT - 2 * _MARGIN])
         size = np.maximum(room if self.layout_box.currentIndex() else np.full(2, room.min()), 1.0)
-        middle = np.array([self.width() / 2 + self._shift.x(), self.height() / 2 + self._shift.y()])
+        middle = np.array([self.width() / 2 + self._shift.x(), (self.height() - _FOOT) / 2 + self._shift.y()])
         return np.asarray(middle + (unit - 0.5) * size * self._zoom)
 
     def sizeHint(self) -> QSize:
@@ -144,7 +145,7 @@ class GraphView(QWidget):
         """Zoom about the pointer."""
         before = self._zoom
         self._zoom = min(max(before * ZOOM ** notches(event)[1], _ZOOMS[0]), _ZOOMS[1])
-        from_middle = event.position() - QPointF(self.width() / 2, self.height() / 2)
+        from_middle = event.position() - QPointF(self.width() / 2, (self.height() - _FOOT) / 2)
         self._shift = from_middle - (from_middle - self._shift) * (self._zoom / before)
         self.update()
         event.accept()
@@ -176,6 +177,7 @@ class GraphView(QWidget):
             painting.rival(self._marked_joint(self._facts))
             painting.signs()
             painting.limbs(self._selected_limbs(), self._pointed_limb)
+            painting.margins()
             painting.legend(self._kinds, self.tr("2× : the next best joint costs twice as much"), QRectF(self.rect()))
         painter.end()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
@@ -19,7 +20,7 @@ from PySide6.QtWidgets import (
 
 from skelgen.app.files import given_identities
 from skelgen.app.told import take_sentences
-from skelgen.errors import SkelgenError
+from skelgen.model import Project
 from skelgen_gui.pages.context import Context
 from skelgen_gui.tips import rich
 
@@ -47,6 +48,8 @@ class OpenPage(QWidget):
         self._describe()
         self._lay_out()
         context.session.project_changed.connect(self._follow)
+        context.jobs.begun.connect(self._follow_jobs)
+        context.jobs.ended.connect(self._follow_jobs)
         context.preferences.recent_changed.connect(self._follow_recent)
         self.browse.clicked.connect(context.files.choose)
         self.identities.clicked.connect(self._choose_identities)
@@ -85,19 +88,28 @@ class OpenPage(QWidget):
     def _choose_identities(self) -> None:
         project = self._context.session.project
         name, _ = QFileDialog.getOpenFileName(self, self.tr("Identities"), "", self.tr("Identities (*.csv)"))
-        if not name or project is None:
-            return
-        try:
-            stated = given_identities(Path(name))
-        except SkelgenError as error:
-            self._context.tell_error(error)
-            return
-        changed = replace(project, identities=stated).before("labels")
-        self._context.document.change(self.tr("identities of {0}").format(Path(name).name), changed)
+        if name and project is not None:
+            self._read_identities(Path(name), project)
+
+    def _read_identities(self, path: Path, project: Project) -> None:
+        def work(monitor: Any) -> Project:
+            monitor.begin("reading")
+            return replace(project, identities=given_identities(path)).before("labels")
+
+        def done(changed: Project) -> None:
+            self._context.document.change(self.tr("identities of {0}").format(path.name), changed)
+
+        self._context.jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._context.tell_error)
+
+    def _follow_jobs(self) -> None:
+        """One thing is done at a time."""
+        is_busy = self._context.jobs.is_busy
+        self.browse.setEnabled(not is_busy)
+        self.identities.setEnabled(not is_busy and self._context.session.project is not None)
 
     def _follow(self) -> None:
         project = self._context.session.project
-        self.identities.setEnabled(project is not None)
+        self._follow_jobs()
         if project is None:
             self.take.setText(self.tr("Nothing is open."))
             self.notices.clear()

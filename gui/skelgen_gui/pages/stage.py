@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import (
     QButtonGroup,
     QFileDialog,
@@ -39,6 +39,9 @@ from skelgen_gui.session import Selection
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
 """Stages whose number the user may know, and the correction that says so."""
 
+_BESIDE_BAR = 6  # px, between the form and the bar that scrolls it
+_APART = 2  # px, between what is to be looked at
+
 _POINTER = Qt.ItemDataRole.UserRole
 _Told = tuple[tuple[str, ...], tuple[Pointer, ...]]
 
@@ -63,6 +66,7 @@ class StagePage(QWidget):
         self.runs, self.uses_saved = QRadioButton(self.tr("Run this step"), self), QRadioButton(self)
         self.path, self._browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
         self.go = QPushButton(self)
+        self._box = QGroupBox(self.tr("What came out"), self)
         self.result = QLabel(self)
         self.warnings = QListWidget(self)
         self.deriver = Deriver(self)
@@ -71,6 +75,10 @@ class StagePage(QWidget):
         self._connect()
         self._follow_values()
         self._follow_project()
+
+    @property
+    def _summary(self) -> str:
+        return QCoreApplication.translate("Pages", find_stage(self._stage).summary)
 
     def _made_number(self) -> FoundOrGiven | None:
         titles = {"labels": self.tr("Number of markers"), "limbs": self.tr("Number of limbs")}
@@ -92,6 +100,9 @@ class StagePage(QWidget):
         self.warnings.setAccessibleName(self.tr("What to look at; Enter goes there"))
         self.warnings.setToolTip(self.tr("Choose a line to go to its frame and markers"))
         self.warnings.setWordWrap(True)
+        self.warnings.setAlternatingRowColors(True)
+        self.warnings.setSpacing(_APART)
+        self.warnings.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.runs.setChecked(True)
 
     def _lay_out(self) -> None:
@@ -106,7 +117,8 @@ class StagePage(QWidget):
         choice.addLayout(saved)
         inner = QWidget(self)
         column = QVBoxLayout(inner)
-        summary = QLabel(find_stage(self._stage).summary, self)
+        column.setContentsMargins(0, 0, _BESIDE_BAR, 0)
+        summary = QLabel(self._summary, self)
         summary.setWordWrap(True)
         column.addWidget(summary)
         column.addLayout(choice)
@@ -118,17 +130,17 @@ class StagePage(QWidget):
         area.setFrameShape(QScrollArea.Shape.NoFrame)
         area.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # what is in it is reached by Tab, and scrolled to
         area.setWidget(inner)
-        layout = QVBoxLayout(self)
-        layout.addWidget(area, 3)
-        layout.addWidget(self.go)
-        layout.addWidget(self._outcome(), 2)
+        self._column = QVBoxLayout(self)
+        self._column.setContentsMargins(0, 0, 0, 0)
+        self._column.addWidget(area, 3)
+        self._column.addWidget(self.go)
+        self._column.addWidget(self._box)
+        self._fill_box()
 
-    def _outcome(self) -> QGroupBox:
-        box = QGroupBox(self.tr("What came out"), self)
-        layout = QVBoxLayout(box)
+    def _fill_box(self) -> None:
+        layout = QVBoxLayout(self._box)
         layout.addWidget(self.result)
         layout.addWidget(self.warnings, 1)
-        return box
 
     def _connect(self) -> None:
         session, jobs = self._context.session, self._context.jobs
@@ -192,13 +204,13 @@ class StagePage(QWidget):
         project = self._context.session.project
         is_ready = bool(self.path.text()) if self.uses_saved.isChecked() else not self.form.problem()
         self.go.setEnabled(project is not None and is_ready and not self._context.jobs.is_busy)
-        title = find_stage(self._stage).name
+        title = QCoreApplication.translate("Pages", self._stage)
         self.go.setText(
             self.tr("Use the saved {0}").format(title)
             if self.uses_saved.isChecked()
             else self.tr("Run {0}").format(title)
         )
-        self.go.setToolTip(find_stage(self._stage).summary)
+        self.go.setToolTip(self._summary)
         for widget in (self.path, self._browse):
             widget.setEnabled(self.uses_saved.isChecked())
 
@@ -235,6 +247,8 @@ class StagePage(QWidget):
         for pointer in pointers:
             item = QListWidgetItem(pointer.sentence, self.warnings)
             item.setData(_POINTER, pointer)
+        self.warnings.setVisible(bool(pointers))
+        self._column.setStretchFactor(self._box, 2 if pointers else 0)
 
     def _look(self, item: QListWidgetItem) -> None:
         pointer: Pointer = item.data(_POINTER)

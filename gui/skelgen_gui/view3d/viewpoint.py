@@ -22,9 +22,33 @@ DISTANCES = (1.0, 1e7)
 FIT_MARGIN = 0.9
 """Part of the window that what is fitted may take."""
 
+BORDER = 34.0
+"""Pixels above and below that what is fitted leaves free, as far as there is room: buttons and scales are there."""
+
+_MOST_BORDER = 0.1  # of the height: in small pictures
 _ALONE = 200.0  # mm, half the size of what is fitted if it has none: a single point
 
 Point = tuple[float, float, float]
+
+DOWN = 3
+"""Added to a coordinate axis that points down: y of the world of a camera is 1 + 3."""
+
+
+def level_axes(up: int) -> tuple[int, int]:
+    """Return the two level coordinate axes; turning from the first to the second is turning left, seen from above.
+
+    Parameters
+    ----------
+    up : int
+        The coordinate axis that points up, 0 .. 2, or down, with `DOWN` added.
+    """
+    first, second = (up + 1) % 3, (up + 2) % 3
+    return (second, first) if up >= DOWN else (first, second)
+
+
+def sign_of(up: int) -> int:
+    """Return 1 for an axis that points up, -1 for one that points down."""
+    return -1 if up >= DOWN else 1
 
 
 @dataclass(frozen=True)
@@ -40,7 +64,8 @@ class Viewpoint:
     distance : float, mm
         From the target to the viewer.
     up : int
-        Coordinate axis that points up. Azimuths turn about it, from the next axis (cyclically) towards the one after.
+        Coordinate axis that points up, or with `DOWN` added down. Azimuths turn about it, from the first of the
+        `level_axes` towards the second.
     """
 
     target: Point = (0.0, 0.0, 0.0)
@@ -52,7 +77,8 @@ class Viewpoint:
     @cached_property
     def basis(self) -> Floats:
         """Unit vectors to the right, up in the picture, and toward the viewer, shape (3, 3), one a row."""
-        first, second, upward = np.eye(3)[[(self.up + 1) % 3, (self.up + 2) % 3, self.up]]
+        first, second, upward = np.eye(3)[[*level_axes(self.up), self.up % 3]]
+        upward = sign_of(self.up) * upward
         level = math.cos(self.azimuth) * first + math.sin(self.azimuth) * second
         right = -math.sin(self.azimuth) * first + math.cos(self.azimuth) * second
         toward = math.cos(self.elevation) * level + math.sin(self.elevation) * upward
@@ -130,7 +156,8 @@ class Viewpoint:
         middle = (low + high) / 2
         away = seen - middle if (high - low).max() > 0 else np.full((1, 3), _ALONE)
         tangent = math.tan(FIELD_OF_VIEW / 2) * FIT_MARGIN
-        tangents = np.array([tangent * max(width, 1.0) / max(height, 1.0), tangent])
+        room = 1 - 2 * min(BORDER / max(height, 1.0), _MOST_BORDER)
+        tangents = np.array([tangent * max(width, 1.0) / max(height, 1.0), tangent * room])
         distance = float((np.abs(away[:, :2]) / tangents + away[:, 2:]).max())
         nearest = float(away[:, 2].max()) / (1 - NEAREST)
         distance = min(max(distance, nearest, DISTANCES[0]), DISTANCES[1])

@@ -21,6 +21,7 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QWidget
 
 from skelgen.model.arrays import Floats
+from skelgen_gui.pictures import paint_words
 from skelgen_gui.session import Selection, Session
 from skelgen_gui.view3d.buttons import ViewButtons
 from skelgen_gui.view3d.commands import Commands
@@ -125,9 +126,18 @@ class View3D(QWidget):
         self.shown_changed.emit(shown)
         self.update()
 
-    def show_cameras(self, frustums: Sequence[Floats]) -> None:
-        """Show cameras, each as lines of shape (n, 2, 3) in mm, as `frustum` gives them."""
+    def show_cameras(self, frustums: Sequence[Floats], up: int | None = None) -> None:
+        """Show cameras, and look at them and the take anew.
+
+        Parameters
+        ----------
+        frustums : sequence of ndarray, shape (n, 2, 3), mm
+            Each camera as lines, as `frustum` gives them.
+        up : int, optional
+            The coordinate axis that points up, or with `DOWN` added down, if the cameras tell.
+        """
         self._frustums = np.concatenate([NO_FRUSTUMS, *frustums])
+        self._outlook.show_cameras(self._frustums.reshape(-1, 3), up)
         self.update()
 
     def fit(self) -> None:
@@ -192,6 +202,9 @@ class View3D(QWidget):
             self._painted = self._paint_scenes(painter, easel, canvas, floor)
             if self._drag is not None and self._drag.kind is DragKind.BAND:
                 easel.paint_band(painter, self._drag.band)
+            elif self._session.project is None:
+                words = self.tr("Drop a recording or a project here, or choose File, Open")
+                paint_words(painter, QRectF(self.rect()), words, self.palette())
             elif self._drag is None and (text := self.note()):
                 easel.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
 

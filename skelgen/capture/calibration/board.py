@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skelgen.capture.frames import Image
-from skelgen.errors import InputError, ParameterError
+from skelgen.capture.opencv import opencv
+from skelgen.errors import ParameterError
 from skelgen.model.arrays import Floats, Ints
 
 REFINING_PART = 0.3
@@ -85,25 +85,6 @@ class BoardView:
 
     corners: Floats
     edge: float
-
-
-def opencv() -> Any:
-    """Return OpenCV, or say how it is installed."""
-    try:
-        import cv2  # noqa: PLC0415 - a third of a second, and optional
-    except ImportError as error:
-        raise InputError("this needs OpenCV: pip install 'skelgen[capture]'") from error
-    return cv2
-
-
-def read_grey(path: Path | str) -> Image:
-    """Return the image of a file in shades of grey, shape (height, width), or raise `InputError`."""
-    if not Path(path).is_file():
-        raise InputError(f"there is no image {path}")
-    image = opencv().imread(str(path), 0)
-    if image is None:
-        raise InputError(f"{path} is no image that can be read; give PNG, JPEG, BMP, PGM or TIFF files")
-    return np.asarray(image, dtype=np.uint8)
 
 
 def find_board(image: Image, board: Board) -> BoardView | None:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.capture.calibration.adjustment import N_INTRINSIC, N_MATRIX, Bundle
-from skelgen.capture.calibration.board import Board, BoardView, opencv
+from skelgen.capture.calibration.board import Board, BoardView
 from skelgen.capture.calibration.outliers import LEAST_VIEWS, Robust, adjust_robustly, bundle_of
+from skelgen.capture.opencv import opencv
 from skelgen.errors import InputError, ParameterError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.arrays import Bools, Floats

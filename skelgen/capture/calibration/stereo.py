@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.capture.calibration.adjustment import N_INTRINSIC, Adjusted, Bundle
-from skelgen.capture.calibration.board import Board, BoardView, board_that_is_there, find_board, read_grey
+from skelgen.capture.calibration.board import Board, BoardView, board_that_is_there, find_board
 from skelgen.capture.calibration.outliers import LEAST_VIEWS
 from skelgen.capture.calibration.pairing import pair_cameras
 from skelgen.capture.calibration.single import AUTO, adjust_lens, guess_camera
 from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
 from skelgen.capture.frames import Image
+from skelgen.capture.image_files import read_image
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import SEED_NOISE, StereoRig
@@ -111,7 +112,7 @@ def calibrate_stereo(
     names = [_name(picture, index) for index, picture in enumerate(left_images)]
     if not any(view is not None for pair in views for view in pair):
         examples = [_grey(picture) for picture in (*left_images[:_TRIED], *right_images[:_TRIED])]
-        raise InputError(_absence(examples, what))
+        raise InputError(absence(examples, what))
     return calibrate_views(names, views, what, size, lens)
 
 
@@ -188,7 +189,7 @@ def _told(adjusted: Adjusted, seen: tuple[PairSeen, ...]) -> StereoCalibration:
 
 
 def _grey(picture: Picture) -> Image:
-    return picture if isinstance(picture, np.ndarray) else read_grey(picture)
+    return picture if isinstance(picture, np.ndarray) else read_image(Path(picture))
 
 
 def _name(picture: Picture, index: int) -> str:
@@ -211,7 +212,8 @@ def _common_size(left: Sequence[Picture], right: Sequence[Picture]) -> tuple[int
     return next(iter(sizes))
 
 
-def _absence(images: Sequence[Image], board: Board) -> str:
+def absence(images: Sequence[Image], board: Board) -> str:
+    """Return why images show no whole board: perhaps another one is there; what to do, in one sentence."""
     what = f"no image shows a whole board of {board.columns}x{board.rows} inner corners"
     other = board_that_is_there(images, board)
     if other is not None:

@@ -40,6 +40,7 @@ from skelgen.model.arrays import Floats
 
 _Table = NDArray[np.int64]
 
+_FAR = 5.0  # standard deviations: 3e-7 is left
 _NOBODY = -1  # parent of a root: the seed's null pointer
 
 
@@ -173,6 +174,8 @@ def normal_equations(window: Floats, unknowns: Floats) -> tuple[Floats, Floats, 
             residual = _derivatives(unknowns, x, y, row) - window[y, x]
             cost += residual * residual
             for i in range(n_unknowns):
+                if row[i] == 0.0:  # a pixel that this disc does not reach
+                    continue
                 slope[i] += row[i] * residual
                 for j in range(i + 1):
                     normal[i, j] += row[i] * row[j]
@@ -183,14 +186,28 @@ def normal_equations(window: Floats, unknowns: Floats) -> tuple[Floats, Floats, 
 
 
 @compile_function
+def _length(x: float, y: float) -> float:
+    """Length of a vector of pixels, which needs none of the care of `math.hypot`."""
+    return math.sqrt(x * x + y * y)
+
+
+@compile_function
+def _part_covered(depth: float) -> float:
+    """The normal distribution; beyond `_FAR` deviations it is 0 or 1, as most pixels of a window are."""
+    if depth > _FAR:
+        return 1.0
+    return 0.5 * math.erfc(-depth * math.sqrt(0.5)) if depth > -_FAR else 0.0
+
+
+@compile_function
 def _derivatives(unknowns: Floats, x: int, y: int, row: Floats) -> float:
     """Fill the derivatives of a pixel's brightness by all unknowns; returns the brightness."""
     width, last = unknowns[-1], len(unknowns) - 1
     free, total, light = 1.0, 0.0, 0.0
     for first in range(0, last, PER_DISC):
-        distance = max(math.hypot(x - unknowns[first], y - unknowns[first + 1]), TINY)
+        distance = max(_length(x - unknowns[first], y - unknowns[first + 1]), TINY)
         depth = (unknowns[first + 2] - distance) / width
-        part = max(0.5 * math.erfc(-depth * math.sqrt(0.5)), TINY)
+        part = max(_part_covered(depth), TINY)
         row[first], row[first + 1], row[first + 2], row[first + 3] = distance, depth, part, max(1.0 - part, TINY)
         free *= row[first + 3]
         total += part
@@ -200,7 +217,9 @@ def _derivatives(unknowns: Floats, x: int, y: int, row: Floats) -> float:
     for first in range(0, last, PER_DISC):
         distance, depth, part = row[first], row[first + 1], row[first + 2]
         by_part = free / row[first + 3] * mean + covered * (unknowns[first + 3] - mean) / total
-        rise = by_part * math.exp(-depth * depth / 2.0) / math.sqrt(2.0 * math.pi) / width
+        rise = 0.0
+        if abs(depth) < _FAR:
+            rise = by_part * math.exp(-depth * depth / 2.0) / math.sqrt(2.0 * math.pi) / width
         row[first] = rise * (x - unknowns[first]) / distance
         row[first + 1] = rise * (y - unknowns[first + 1]) / distance
         row[first + 2], row[first + 3] = rise, covered * part / total
@@ -254,7 +273,7 @@ def _settle(
         spread, slope, pull_x, pull_y = 0.0, 0.0, 0.0, 0.0
         for row in range(top, bottom + 1):
             for column in range(left, right + 1):
-                distance = max(math.hypot(column - x, row - y), NEAREST)
+                distance = max(_length(column - x, row - y), NEAREST)
                 off = distance - radius
                 ring = math.exp(-off * off / (2.0 * RING * RING))
                 light = (image[row, column] - background) * ring

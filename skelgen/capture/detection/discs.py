@@ -25,7 +25,8 @@ FIRST_WIDTH = 0.6
 """Width [px] that the fit starts from: the blur of a lens, sharpened by the thresholds."""
 
 _MAX_STEPS = 25
-_SETTLED = 1e-3  # px: a step below it changes no centre that matters
+_PATIENCE, _FAR_OFF = 5, 4.0  # steps after which, and square of the limit from which, a fit is given up
+_SETTLED = 3e-3  # px: the step after one below it, and no centre changes by a tenth of that
 _FIRST_DAMPING, _LESS, _MORE, _MOST_DAMPING = 1e-3, 0.2, 8.0, 1e6
 _WIDTHS = (0.15, 3.0)  # px: sharper than a pixel shows, and blurred beyond use
 
@@ -65,7 +66,9 @@ class Discs:
     rms: float
 
 
-def fit_discs(window: Floats, centres: Floats, radii: Floats, equations: NormalEquations) -> Discs | None:
+def fit_discs(
+    window: Floats, centres: Floats, radii: Floats, equations: NormalEquations, limit: float = np.inf
+) -> Discs | None:
     """Fit discs to the pixels of a window.
 
     Parameters
@@ -78,33 +81,35 @@ def fit_discs(window: Floats, centres: Floats, radii: Floats, equations: NormalE
         How large they are at first.
     equations : NormalEquations
         The compiled twin or the plain one.
+    limit : float
+        Root mean square residual that is wanted; a fit that is still far from it after some steps is given up.
 
     Returns
     -------
     Discs or None
-        None where the pixels do not determine the discs.
+        None where the pixels do not determine the discs, or the fit was given up.
     """
     peak = float(np.nanmax(window))
     discs = np.column_stack([centres, radii, np.full(len(radii), peak)])
     unknowns = np.append(discs.ravel(), FIRST_WIDTH)
     normal, slope, cost, n_pixels = equations(window, unknowns)
     damping = _FIRST_DAMPING
-    for _ in range(_MAX_STEPS):
-        step = _solved(normal + damping * np.diag(np.diag(normal) + 1e-9), -slope)
+    for n_steps in range(_MAX_STEPS):
+        step = _solved(normal + damping * np.diag(np.diag(normal) + TINY), -slope)
         if step is None:
             return None
         tried = _bounded(unknowns + step)
+        is_settled = np.abs(tried - unknowns).max() < _SETTLED
         next_normal, next_slope, next_cost, _ = equations(window, tried)
         if next_cost < cost:
-            is_settled = np.abs(tried - unknowns).max() < _SETTLED
             unknowns, normal, slope, cost = tried, next_normal, next_slope, next_cost
             damping *= _LESS
-            if is_settled:
-                break
         else:
             damping *= _MORE
-            if damping > _MOST_DAMPING:
-                break
+        if is_settled or damping > _MOST_DAMPING:
+            break
+        if n_steps >= _PATIENCE and cost > _FAR_OFF * limit**2 * n_pixels:
+            return None
     return _discs(unknowns, normal, cost, n_pixels)
 
 

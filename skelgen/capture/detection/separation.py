@@ -25,6 +25,11 @@ _BETTER = 0.5  # rms of more discs over that of fewer, above which the fewer are
 _LEAST_RADIUS = 1.2  # px: below it a disc is noise on an outline
 _MOST_UNLIKE = 2.0  # largest radius over the smallest of balls of one size
 _LEAST_SEEN = 0.2  # of a disc that no other covers
+_LEAST_APART = 0.33  # of a radius between two centres: nearer ones would leave less than that to be seen
+_HELD_BY_TWO = 0.85  # of a spot's pixels by two discs, below which it is not two balls
+_CLEARLY_TWO = 1.35  # longest axis over the shortest of a spot that is not one ball
+_UNIT_DISC = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 13)] * 2), axis=-1).reshape(-1, 2)
+_UNIT_DISC = _UNIT_DISC[(_UNIT_DISC**2).sum(axis=1) <= 1.0]
 _MOST_STD = 0.5  # px: no better than where the spot is
 
 
@@ -51,18 +56,39 @@ def find_discs(
     """
     peak = float(np.nanmax(window))
     limit = _MOST_RMS * peak + _NOISE_ALLOWED * noise
-    best: Discs | None = None
-    inscribed = inscribed_discs(window >= _EDGE * peak, at_border)
-    largest = inscribed[0][:1], inscribed[1][:1]
-    for centres, radii in sorted((largest, _halves(window), inscribed), key=lambda guess: len(guess[1])):
-        if best is not None and (best.rms < limit / 2 or len(radii) <= len(best.radii)):
+    halves, elongation = _halves(window)
+    if elongation < _CLEARLY_TWO or any(at_border):
+        one = _fitted(window, _whole(window), equations, limit)
+        if one is not None:
+            return one
+    inside = window >= _EDGE * peak
+    are_two = elongation > _CLEARLY_TWO and _held_part(inside, *halves) > _HELD_BY_TWO
+    best = _fitted(window, halves, equations, limit) if are_two else None
+    if best is not None and best.rms < limit / 2:  # most spots are two balls: nothing else need be tried
+        return best
+    inscribed = inscribed_discs(inside, at_border)
+    guesses = [inscribed] if are_two else [halves, inscribed]
+    for guess in sorted(guesses, key=lambda guess: len(guess[1])):
+        if best is not None and len(guess[1]) <= len(best.radii):
             continue
-        found = fit_discs(window, centres, radii, equations)
-        if found is None or found.rms > limit or not _are_balls(found):
-            continue
-        if best is None or found.rms < _BETTER * best.rms:
+        found = _fitted(window, guess, equations, limit)
+        if found is not None and (best is None or found.rms < _BETTER * best.rms):
             best = found
     return best
+
+
+def _fitted(window: Floats, guess: tuple[Floats, Floats], equations: NormalEquations, limit: float) -> Discs | None:
+    """Discs fitted from a guess, if they leave little and are plausible; one that only fills a gap is left out."""
+    while True:
+        found = fit_discs(window, *guess, equations, limit)
+        if found is None or found.rms > limit:
+            return None
+        if _are_balls(found):
+            return found
+        if len(found.radii) <= 2:
+            return None
+        kept = np.arange(len(found.radii)) != np.argmin(found.radii**2 * _seen_parts(found))
+        guess = found.centres[kept], found.radii[kept]
 
 
 def inscribed_discs(inside: Bools, at_border: tuple[bool, bool, bool, bool]) -> tuple[Floats, Floats]:
@@ -92,7 +118,9 @@ def inscribed_discs(inside: Bools, at_border: tuple[bool, bool, bool, bool]) -> 
     chosen: list[int] = []
     is_held = np.zeros(len(places), dtype=np.bool_)
     while len(chosen) < MOST_DISCS and is_held.mean() < _ENOUGH_HELD:
-        added = (holds & ~is_held).sum(axis=1)
+        away = np.linalg.norm(candidates[:, np.newaxis] - candidates[chosen], axis=2)
+        is_apart = (away >= _LEAST_APART * radii[:, np.newaxis]).all(axis=1)
+        added = (holds & ~is_held).sum(axis=1) * is_apart
         best = int(np.argmax(added))
         if chosen and added[best] < _ENOUGH_NEW * holds[best].sum():
             break
@@ -101,16 +129,35 @@ def inscribed_discs(inside: Bools, at_border: tuple[bool, bool, bool, bool]) -> 
     return candidates[chosen], radii[chosen]
 
 
-def _halves(window: Floats) -> tuple[Floats, Floats]:
-    """Two equal discs with the second moments of a window."""
+def _held_part(inside: Bools, centres: Floats, radii: Floats) -> float:
+    """Part of a shape that discs hold."""
+    rows, columns = np.nonzero(inside)
+    across, down = columns[:, np.newaxis] - centres[:, 0], rows[:, np.newaxis] - centres[:, 1]
+    return float((across**2 + down**2 <= radii**2).any(axis=1).mean())
+
+
+def _whole(window: Floats) -> tuple[Floats, Floats]:
+    """One disc as large as a window's light."""
     weights = np.nan_to_num(window)
-    y, x = np.indices(window.shape)
-    places, total = np.stack([x, y]).reshape(2, -1), weights.sum()
-    centre = places @ weights.ravel() / total
-    aside = places - centre[:, np.newaxis]
-    variances, axes = np.linalg.eigh(aside * weights.ravel() @ aside.T / total)
-    shift = np.sqrt(max(variances[1] - variances[0], 0.0)) * axes[:, 1]
-    return np.stack([centre - shift, centre + shift]), np.full(2, 2 * np.sqrt(max(variances[0], 0.0)))
+    total = weights.sum()
+    centre = np.array([weights.sum(axis=0) @ np.arange(window.shape[1]), weights.sum(axis=1) @ np.arange(len(window))])
+    return centre[np.newaxis] / total, np.array([np.sqrt(total / np.pi)])
+
+
+def _halves(window: Floats) -> tuple[tuple[Floats, Floats], float]:
+    """Two equal discs with the second moments of a window, and its longest axis over its shortest."""
+    weights = np.nan_to_num(window)
+    x, y = np.arange(window.shape[1]), np.arange(window.shape[0])
+    by_x, by_y = weights.sum(axis=0), weights.sum(axis=1)
+    total = by_x.sum()
+    centre = np.array([by_x @ x, by_y @ y]) / total
+    off_x, off_y = x - centre[0], y - centre[1]
+    mixed = off_y @ weights @ off_x
+    moments = np.array([[by_x @ off_x**2, mixed], [mixed, by_y @ off_y**2]]) / total
+    (short, long), axes = np.linalg.eigh(moments)
+    short = max(short, _LEAST_RADIUS**2 / 4)
+    shift = np.sqrt(max(long - short, 0.0)) * axes[:, 1]
+    return (np.stack([centre - shift, centre + shift]), np.full(2, 2 * np.sqrt(short))), float(np.sqrt(long / short))
 
 
 def _distance_from_outline(inside: Bools, at_border: tuple[bool, bool, bool, bool]) -> Floats:
@@ -141,14 +188,14 @@ def _are_balls(found: Discs) -> bool:
         and radii.max() <= _MOST_UNLIKE * radii.min()
         and found.std.max() <= _MOST_STD
         and found.brightness.min() > 0.0
-        and all(_seen_part(found, disc) >= _LEAST_SEEN for disc in range(len(radii)))
+        and (len(radii) == 1 or _seen_parts(found).min() >= _LEAST_SEEN)
     )
 
 
-def _seen_part(found: Discs, disc: int) -> float:
-    """Part of a disc that no other disc covers, on a grid of points."""
-    steps = np.linspace(-1.0, 1.0, 15)
-    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    points = found.centres[disc] + found.radii[disc] * grid[(grid**2).sum(axis=1) <= 1.0]
-    gaps = np.linalg.norm(points[:, np.newaxis] - found.centres, axis=2) - found.radii
-    return float((np.delete(gaps, disc, axis=1) > 0.0).all(axis=1).mean())
+def _seen_parts(found: Discs) -> Floats:
+    """Part of each disc that no other one covers, on a grid of points, shape (n_discs,)."""
+    n_discs = len(found.radii)
+    points = found.centres[:, np.newaxis] + found.radii[:, np.newaxis, np.newaxis] * _UNIT_DISC
+    gaps = np.linalg.norm(points[:, :, np.newaxis] - found.centres, axis=3) - found.radii
+    gaps[np.arange(n_discs), :, np.arange(n_discs)] = np.inf
+    return np.asarray((gaps > 0.0).all(axis=2).mean(axis=1))

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
+
 from skelgen.capture.frames import FramePair
 from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.rig.parameters import RenderParameters
@@ -14,6 +16,8 @@ from skelgen.capture.rig.render import PairTruth, render_pair
 from skelgen.capture.rig.scene import Scene, scene_of_structure, show_alone
 from skelgen.errors import InputError
 from skelgen.model.rig import CaptureSettings, StereoRig
+
+_SMALLEST_BALL = 7.0  # px across: half as much again as the seed's 4 x 4, with room for what is farther away
 
 
 class SimulatedRig:
@@ -164,8 +168,10 @@ def simulated_rig(
     ----------
     structure : str
         ``arm``, the seed's test rig, or what `skelgen.simulation.find_structure` knows.
-    rig, parameters, paced
+    rig, paced
         As in `SimulatedRig`.
+    parameters : RenderParameters, optional
+        Balls, light and sensors; by default `suited_parameters`.
     seed : int
         Of motion and noise.
     show : sequence of str
@@ -180,4 +186,23 @@ def simulated_rig(
     """
     cameras = rig or seed_rig()
     scene = scene_of_structure(structure, cameras, seed=seed, **options)
-    return SimulatedRig(show_alone(scene, show) if show else scene, cameras, parameters, seed=seed, paced=paced)
+    suited = parameters or suited_parameters(scene, cameras)
+    return SimulatedRig(show_alone(scene, show) if show else scene, cameras, suited, seed=seed, paced=paced)
+
+
+def suited_parameters(scene: Scene, rig: StereoRig) -> RenderParameters:
+    """Return the seed's conditions with shutter and balls as somebody chooses them for a scene that is farther away.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is to be seen.
+    rig : StereoRig
+        The cameras.
+    """
+    parameters = RenderParameters()
+    distance = float(np.nanmedian(np.linalg.norm(scene.points, axis=-1)))
+    least = _SMALLEST_BALL * distance / rig.left.matrix[0, 0]
+    return parameters.replace(
+        bright_distance=max(parameters.bright_distance, distance), diameter=max(parameters.diameter, least)
+    )

@@ -51,6 +51,11 @@ class ImagePairs:
         """Number of pairs that are there whole."""
         return len(self._pairs)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the left images, in the order of the pairs."""
+        return tuple(pair.left.name for pair in self._pairs)
+
     def __enter__(self) -> Self:
         return self
 

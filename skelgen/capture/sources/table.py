@@ -86,9 +86,12 @@ def _open_gentl(text: SourceText) -> FrameSource:
 
 
 def _open_simulated(text: SourceText) -> FrameSource:
-    from skelgen.capture.rig import simulated_rig  # noqa: PLC0415
+    from skelgen.capture.rig import SimulatedBoard, simulated_rig  # noqa: PLC0415
 
     options = SimulatedOptions.from_mapping(text.options, str(text)).as_mapping()
+    if text.place == "board":
+        del options["show"]
+        return SimulatedBoard(n_frames=options.pop("frames"), **options)
     shown = [name.strip() for name in options.pop("show").split(",") if name.strip()]
     return simulated_rig(text.place or "arm", n_frames=options.pop("frames"), show=shown, **options)
 
@@ -100,7 +103,13 @@ SOURCES = (
     SourceKind("firewire", "firewire:GUID1,GUID2", "cameras on an IEEE 1394 bus", FireWireOptions, _open_firewire),
     SourceKind("gige", "gige:10.0.0.2,10.0.0.3", "GigE Vision cameras", GenicamOptions, _open_gige),
     SourceKind("gentl", "gentl:producer.cti", "cameras of a GenTL producer", GenicamOptions, _open_gentl),
-    SourceKind("simulated", "simulated:arm", "the simulated rig", SimulatedOptions, _open_simulated),
+    SourceKind(
+        "simulated",
+        "simulated:arm",
+        "the simulated rig (simulated:board: a chessboard)",
+        SimulatedOptions,
+        _open_simulated,
+    ),
 )
 """All kinds of frame sources."""
 

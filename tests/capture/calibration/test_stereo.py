@@ -9,7 +9,7 @@ pytest.importorskip("cv2")
 
 from skelgen.capture.calibration.stereo import calibrate_stereo, calibrate_views
 from skelgen.capture.optics.seed_rig import seed_rig
-from skelgen.errors import InputError
+from skelgen.errors import FormatError, InputError
 
 SIZE = (640, 480)
 NAMES = [str(number) for number in range(1, 31)]
@@ -151,5 +151,5 @@ def test_a_missing_partner_and_no_images_are_told():
 def test_a_file_that_is_no_image_is_named(tmp_path):
     path = tmp_path / "left01.jpg"
     path.write_text("no image")
-    with pytest.raises(InputError, match=r"left01\.jpg is no image"):
+    with pytest.raises(FormatError, match=r"left01\.jpg: is no image"):
         calibrate_stereo([path], [path])

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from threading import get_ident
 
 import numpy as np
 import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
 from PySide6.QtWidgets import QFileDialog, QMessageBox
+from skelgen_gui.pages import open as open_page
 from skelgen_gui.session import Selection
 
 import skelgen
+from skelgen.app.files import given_identities as read
 from skelgen.simulation import simulate
 
 WAIT = 60_000  # ms; a loaded machine runs all stages of a small take in a few seconds
@@ -97,6 +100,37 @@ def test_a_saved_result_is_taken_instead_of_a_run(qtbot, window, person, rods, t
     qtbot.mouseClick(page.go, Qt.MouseButton.LeftButton)
     person.waits(lambda: window.session.project.has("labels"))
     assert "taken from a saved project" in window.session.project.reports["labels"].notices
+
+
+def identities_file(take, path):
+    """A file that says which point is `wrist` in the first frame."""
+    x, y, z = take.positions[0, 0].tolist()
+    path.write_text(f"frame,x,y,z,name\n0,{x},{y},{z},wrist\n", encoding="utf-8")
+    return path
+
+
+def test_identities_are_read_beside_the_window_and_can_be_undone(qtbot, window, person, rods, tmp_path, monkeypatch):
+    person.opens(rods)
+    path = identities_file(window.session.project.take, tmp_path / "known.csv")
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *args: (str(path), ""))
+    page, threads = window.pages.page("open"), []
+    monkeypatch.setattr(open_page, "given_identities", lambda file: threads.append(get_ident()) or read(file))
+    qtbot.mouseClick(page.identities, Qt.MouseButton.LeftButton)
+    assert window.jobs.is_busy
+    assert not page.identities.isEnabled()
+    person.waits(lambda: window.session.project.identities is not None)
+    assert threads != [get_ident()]
+    person.does("undo")
+    assert window.session.project.identities is None
+
+
+def test_a_broken_file_of_identities_is_told(qtbot, window, person, rods, tmp_path, monkeypatch):
+    person.opens(rods)
+    (tmp_path / "known.csv").write_text("neither,nor\n", encoding="utf-8")
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *args: (str(tmp_path / "known.csv"), ""))
+    qtbot.mouseClick(window.pages.page("open").identities, Qt.MouseButton.LeftButton)
+    assert "known.csv" in person.is_told()
+    assert window.session.project.identities is None
 
 
 def test_a_second_result_is_overlaid_until_that_is_stopped(window, person, rods, tmp_path, monkeypatch):

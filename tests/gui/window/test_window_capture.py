@@ -94,6 +94,7 @@ def test_what_was_recorded_while_capturing_is_opened_and_labelled(qtbot, window,
     person.waits()
     assert window.pages.current.key == "labels"
     assert window.middle.currentWidget() is window.tabs
+    assert len(window.cameras.shown) == 2  # the 3-D view shows who took it
     person.does("run_step")
     person.waits(lambda: window.session.project.has("labels"))
     assert window.session.project.trajectories.n_markers == 15
@@ -153,6 +154,18 @@ def test_closing_the_window_while_capturing_asks_and_keeps_the_recording(qtbot, 
     qtbot.waitUntil(lambda: not window.isVisible(), timeout=WAIT)
     assert not window.jobs.is_busy
     assert skelgen.read(tmp_path / "take.mfml").n_frames > 0
+
+
+def test_cameras_are_kept_with_the_project(window, person, rods, tmp_path):
+    from skelgen.capture.optics.seed_rig import seed_rig
+
+    person.opens(rods)
+    window.cameras.show_rig(seed_rig())
+    person.saves_as(tmp_path / "rods.skelgen")
+    person.opens(rods)
+    assert window.cameras.shown == ()
+    person.opens(tmp_path / "rods.skelgen")
+    assert len(window.cameras.shown) == 2
 
 
 def test_an_existing_recording_is_never_overwritten(qtbot, page, starts, tmp_path):

@@ -1,0 +1,142 @@
+"""The assistant that calibrates cameras, as a person uses it: gather views, calibrate, save, capture with it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFileDialog
+from skelgen_gui.capture.pictures import BOARD
+
+WAIT = 120_000  # ms; a loaded machine finds a dozen boards in seconds
+BOARDS = Path(__file__).parents[4] / "shared" / "data" / "stereo_chessboard"
+MOVING = "simulated:board?rate=4&frames=14"  # still in every third and fourth pair of a second
+
+
+@pytest.fixture
+def page(window):
+    page = window.pages.page("capture")
+    page.tabs.setCurrentWidget(page.assistant)
+    return page
+
+
+@pytest.fixture
+def gathers(qtbot, window, page):
+    """Look at a source until it ends or fails."""
+
+    def gather(source):
+        page.assistant.form.source.show_source(source)
+        qtbot.mouseClick(page.assistant.go, Qt.MouseButton.LeftButton)
+        qtbot.waitUntil(lambda: not window.jobs.is_busy, timeout=WAIT)
+        return page.assistant.book.views
+
+    return gather
+
+
+@pytest.fixture
+def few_boards(tmp_path):
+    """A folder with six of the real pairs."""
+    if not BOARDS.exists():
+        pytest.skip("the chessboards are not here: ../shared/data is absent")
+    for number in ("01", "02", "03", "04", "05", "06"):
+        for side in ("left", "right"):
+            name = f"{side}{number}.jpg"
+            (tmp_path / name).write_bytes((BOARDS / name).read_bytes())
+    return tmp_path
+
+
+def calibrates(qtbot, window, page):
+    qtbot.mouseClick(page.assistant.calibrate, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: not window.jobs.is_busy, timeout=WAIT)
+
+
+def test_real_boards_are_drawn_calibrated_judged_and_saved(
+    qtbot, window, page, gathers, few_boards, has_colour, monkeypatch
+):
+    views = gathers(f"folder:{few_boards}")
+    assistant = page.assistant
+    assert [view.name for view in views] == [f"left0{number}.jpg" for number in range(1, 7)]
+    assert has_colour(page.view.pictures, BOARD, least=50)
+    assert "6 good views" in assistant.state.text()
+    assert "Still empty in the left image" in assistant.state.text()
+    calibrates(qtbot, window, page)
+    assert "6 pairs are few" in assistant.verdict.text()
+    assert assistant.cameras.item(0, 0).text() == "fx [px]"
+    assert abs(float(assistant.cameras.item(0, 1).text().split(" ± ")[0]) - 533) < 5  # of 13 pairs
+    saved = few_boards / "rig.xml"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *args: (str(saved), ""))
+    qtbot.mouseClick(assistant.save, Qt.MouseButton.LeftButton)
+    assert saved.exists()
+    assert page.live.choice.settings.path == str(saved)
+
+
+def test_a_moving_board_gives_a_view_where_it_is_held_still(page, gathers):
+    views = gathers(MOVING)
+    assert len(views) == 3
+    assert all(view.is_whole for view in views)
+    assert page.assistant.views.rowCount() == 3
+
+
+def test_the_simulated_board_gives_the_rig_that_sees_it(qtbot, window, page, gathers):
+    from skelgen.capture.optics.seed_rig import seed_rig
+
+    gathers("simulated:board?rate=4&frames=36")
+    calibrates(qtbot, window, page)
+    found = page.assistant.found
+    assert abs(found.rig.baseline - seed_rig().baseline) < 4 * found.baseline_std
+    assert page.assistant.views.item(0, 3).text() == "yes"
+    assert page.view.space.accessibleName()
+
+
+def test_a_view_is_taken_at_once_if_the_person_says_so(qtbot, window, page):
+    page.assistant.form.source.show_source("simulated:board?rate=30&frames=3000")
+    qtbot.mouseClick(page.assistant.go, Qt.MouseButton.LeftButton)
+    qtbot.mouseClick(page.assistant.take, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: len(page.assistant.book.views) > 0, timeout=WAIT)
+    qtbot.mouseClick(page.assistant.go, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: not window.jobs.is_busy, timeout=WAIT)
+    assert page.assistant.go.text() == "Start"
+
+
+def test_views_are_taken_away_by_key_and_all_at_once(qtbot, page, gathers):
+    gathers(MOVING)
+    page.assistant.views.selectRow(1)
+    qtbot.keyClick(page.assistant.views, Qt.Key.Key_Delete)
+    assert [view.name for view in page.assistant.book.views] == ["1", "3"]
+    qtbot.mouseClick(page.assistant.clear, Qt.MouseButton.LeftButton)
+    assert page.assistant.book.views == ()
+    assert not page.assistant.calibrate.isEnabled()
+
+
+def test_another_board_than_the_one_that_is_there_gives_a_sentence(qtbot, page, gathers):
+    page.assistant.form.columns.setValue(11)
+    page.assistant.form.rows.setValue(8)
+    views = gathers("simulated:board?frames=2")
+    assert not any(view.is_whole for view in views)
+    assert "but one of 9x6 is there: count the corners" in page.assistant.verdict.text()
+    assert not page.assistant.save.isEnabled()
+
+
+def test_too_few_views_give_a_sentence(qtbot, window, page, gathers):
+    gathers("simulated:board?rate=4&frames=4")
+    calibrates(qtbot, window, page)
+    assert "at least 3 pairs are needed" in page.assistant.verdict.text()
+    assert page.assistant.found is None
+
+
+def test_without_opencv_the_assistant_says_which_extra_to_install(page, gathers, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    gathers("simulated:board?frames=2")
+    assert "needs OpenCV: pip install 'skelgen[capture]'" in page.assistant.verdict.text()
+
+
+def test_a_source_that_is_not_there_gives_a_sentence(page, gathers, tmp_path):
+    gathers(f"folder:{tmp_path / 'nowhere'}")
+    assert "no such folder" in page.assistant.verdict.text()
+
+
+def test_without_a_source_the_assistant_says_what_to_choose(page, gathers):
+    gathers("")
+    assert page.assistant.verdict.text().startswith("Choose where the images come from")

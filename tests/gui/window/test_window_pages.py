@@ -1,0 +1,82 @@
+"""The list of steps and the pages: what is done is ticked, nothing jumps, nothing is cut off."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QScrollArea
+from skelgen_gui.pages.stage import StagePage
+from skelgen_gui.step_icon import SIZE
+
+from skelgen.model.corrections import Correction
+
+STAGES = ("labels", "limbs", "joints", "skeleton")
+
+
+def done(window):
+    """Keys of the steps that are ticked, and what is read aloud of them."""
+    rows = enumerate(window.pages.entries)
+    texts = {entry.key: window.pages.list.item(row).data(Qt.ItemDataRole.AccessibleTextRole) for row, entry in rows}
+    return {key for key, text in texts.items() if text.endswith(": done")}
+
+
+def test_steps_are_ticked_once_their_results_are_there(window, person, rods):
+    assert done(window) == set()
+    person.opens(rods)
+    window.runner.run("limbs")
+    person.waits(lambda: window.session.project.has("limbs"))
+    assert done(window) == {"labels", "limbs"}
+    person.runs_all()
+    assert done(window) == set(STAGES)
+
+
+def test_a_tick_is_seen(window, person, rods):
+    row = [entry.key for entry in window.pages.entries].index("labels")
+
+    def icon():
+        return window.pages.list.item(row).icon().pixmap(round(SIZE)).toImage()
+
+    before = icon()
+    person.opens(rods)
+    person.runs_all()
+    assert icon() != before
+    places = ((x, y) for x in range(icon().width()) for y in range(icon().height()))
+    colours = [icon().pixelColor(x, y) for x, y in places]
+    assert any(colour.green() > colour.red() + 50 for colour in colours)  # the green disc
+
+
+def test_the_views_keep_their_place_when_another_page_is_shown(window, person, rods):
+    person.opens(rods)
+    person.runs_all()
+    widths = set()
+    for entry in window.pages.entries:
+        window.pages.page(entry.key)
+        person.waits()
+        widths.add(window.pages.width())
+    assert len(widths) == 1
+
+
+def test_forms_of_the_stages_fit_beside_their_bars(qtbot, window, person, rods):
+    person.opens(rods)
+    person.runs_all()
+    for stage in STAGES:
+        page = window.pages.page(stage)
+        person.waits()
+        area = page.findChild(QScrollArea)
+        qtbot.waitUntil(lambda area=area: area.viewport().width() > 0)
+        assert area.horizontalScrollBar().maximum() == 0, stage
+
+
+def test_a_step_with_nothing_to_look_at_shows_no_empty_list(window, person, rods):
+    person.opens(rods)
+    person.runs_all()
+    for page in window.pages.findChildren(StagePage):
+        assert page.warnings.isHidden() == (page.warnings.count() == 0)
+
+
+def test_the_empty_list_of_corrections_says_how_to_make_one(window, person, rods):
+    listed = window.findChild(type(window.pages.parent()), "corrections").widget()
+    person.opens(rods)
+    person.runs_all()
+    assert not listed.hint.isHidden()
+    window.document.correct(Correction("root", window.session.project.trajectories.names[:1]))
+    assert listed.hint.isHidden()
