@@ -16,7 +16,7 @@ from skelgen.errors import InputError
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
-    from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig
+    from skelgen.model.rig import BodyTarget, CaptureSettings
 
 SETTINGS = Path("rig.xml")
 STRUCTURE = "arm"
