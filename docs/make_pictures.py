@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QSettings
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QDockWidget
 from skelgen_gui.preferences import Preferences
 from skelgen_gui.session import Selection
 from skelgen_gui.theme import Theme, prepare_high_dpi
@@ -71,6 +71,11 @@ def take_pictures(app: QApplication, window: Window) -> None:
         window.tabs.setCurrentIndex(tab)
         save(app, window, name)
     window.tabs.setCurrentIndex(0)
+    docks = {dock.objectName(): dock for dock in window.findChildren(QDockWidget)}
+    window.pages.page("export")
+    docks["curves"].raise_()
+    save(app, window, "export")
+    docks["timeline"].raise_()
     window.pages.page("labels")
     window.session.select(Selection(frozenset({0, 1})))
     save(app, window, "labels")
