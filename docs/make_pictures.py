@@ -65,7 +65,7 @@ def take_pictures(app: QApplication, window: Window) -> None:
     """Save a picture of every view."""
     window.session.show_frame(window.session.n_frames // 3)
     window.session.select(Selection(joint=0))
-    window.view3d.fit_take()
+    window.view3d.fit()
     for name, page, tab in (("window", "skeleton", 0), ("distances", "limbs", 1), ("joints", "joints", 2)):
         window.pages.page(page)
         window.tabs.setCurrentIndex(tab)
