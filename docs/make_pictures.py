@@ -72,7 +72,7 @@ def take_pictures(app: QApplication, window: Window) -> None:
         save(app, window, name)
     window.tabs.setCurrentIndex(0)
     docks = {dock.objectName(): dock for dock in window.findChildren(QDockWidget)}
-    window.pages.page("export")
+    window.pages.page("export").target.folder_line.setText("results")  # not this machine's folder
     docks["curves"].raise_()
     save(app, window, "export")
     docks["timeline"].raise_()
