@@ -20,6 +20,7 @@ import skelgen
 from skelgen.app.stage_names import STAGE_NAMES, StageName
 from skelgen.cli import (
     batch_command,
+    benchmark_command,
     calibrate_commands,
     capture_commands,
     file_commands,
@@ -131,6 +132,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("report", file_commands.report, tuple),
         ("fill", file_commands.fill, tuple),
         ("motion-capture", capture_commands.motion_capture, tuple),
+        ("benchmark", benchmark_command.benchmark, tuple),
         ("gui", window_command.gui, tuple),
     ]
 

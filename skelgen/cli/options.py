@@ -124,10 +124,10 @@ def _parameters(function: Callable[..., None]) -> list[inspect.Parameter]:
 def _format_options(panel: str, *, reading: bool) -> list[inspect.Parameter]:
     from skelgen_formats.registry import known_formats
 
+    from skelgen.app.files import readable_formats
+
     found: dict[str, inspect.Parameter] = {}
-    for entry in known_formats():
-        if (entry.read if reading else entry.write) is None:
-            continue
+    for entry in readable_formats() if reading else [entry for entry in known_formats() if entry.write is not None]:
         for option in entry.options:
             if reading and not option.reading:
                 continue

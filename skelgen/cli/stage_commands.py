@@ -127,7 +127,8 @@ def run(
     screen = Screen(quiet, as_json)
     take = find_result(take)
     settings = settings_with(Settings(config), assignments or ())
-    project = open_input(take, format_name, seed, identities, **given(reader_values))
+    with screen.watching() as monitor:
+        project = open_input(take, format_name, seed, identities, monitor=monitor, **given(reader_values))
     wishes = Wishes(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
     folder = output or _folder_for(take)
     _run_and_write(screen, project, (from_stage, until_stage), settings, wishes, folder, stem_of(take))
@@ -184,12 +185,14 @@ def stage_command(stage: StageName) -> Callable[..., None]:
         chosen = given(values)
         settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})
         reader_values = {name: value for name, value in chosen.items() if name not in names}
-        project = open_input(take or source, format_name, seed, identities, **reader_values)
+        screen = Screen(quiet, as_json)
+        with screen.watching() as monitor:
+            project = open_input(take or source, format_name, seed, identities, monitor=monitor, **reader_values)
         folder = output or (_folder_for(take) if take else Path())
         stem = stem_of(take or target)
         result_name = target.name if stage.command == "fit" and not take else ""
         span = (stage.name, stage.name)
-        _run_and_write(Screen(quiet, as_json), project, span, settings, wishes, folder, stem, result_name)
+        _run_and_write(screen, project, span, settings, wishes, folder, stem, result_name)
 
     command.__doc__ = stage.summary
     return command
