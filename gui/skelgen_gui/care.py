@@ -46,9 +46,12 @@ class FileCare(QObject):
     -------
     opened(object)
         A project was opened.
+    restored(object)
+        What a window that died left behind is open now.
     """
 
     opened = Signal(object)
+    restored = Signal(object)
 
     def __init__(
         self,
@@ -97,6 +100,7 @@ class FileCare(QObject):
         def done(project: Project) -> None:
             self._document.open(project)
             self.opened.emit(project)
+            self.restored.emit(remains)
 
         self._read(remains.folder, lambda _: remains.project(), done)
 

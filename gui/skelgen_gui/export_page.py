@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
-from PySide6.QtCore import Qt, QUrl
+from PySide6.QtCore import QCoreApplication, Qt, QUrl
 from PySide6.QtGui import QDesktopServices, QShowEvent, QStandardItemModel
 from PySide6.QtWidgets import (
     QComboBox,
@@ -98,7 +98,7 @@ class ExportPage(QWidget):
 
     def _describe(self) -> None:
         for entry in self.formats:
-            self.choice.addItem(entry.title)
+            self.choice.addItem(QCoreApplication.translate("Formats", entry.title))
         self.choice.setAccessibleName(self.tr("Format"))
         self.choice.setToolTip(self.tr("What is written; formats that need more results are grey"))
         for label, name in (
@@ -168,14 +168,14 @@ class ExportPage(QWidget):
         obstacles = [obstacle_to(project, entry, {}) if project is not None else "" for entry in self.formats]
         for row, obstacle in enumerate(obstacles):
             model.item(row).setEnabled(not obstacle)
-            model.item(row).setToolTip(obstacle or self.formats[row].note)
+            model.item(row).setToolTip(obstacle or QCoreApplication.translate("Formats", self.formats[row].note))
         if obstacles[self.choice.currentIndex()] and not all(obstacles):
             self.choice.setCurrentIndex(obstacles.index(""))
 
     def _follow_choice(self) -> None:
         """Show the options of another format."""
         entry = self.formats[self.choice.currentIndex()]
-        self.note.setText(entry.note)
+        self.note.setText(QCoreApplication.translate("Formats", entry.note))
         self.form.hide()
         self.form.deleteLater()
         self.form = ParameterForm([option.declaration for option in entry.options], self)

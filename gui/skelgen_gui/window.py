@@ -172,6 +172,7 @@ class Window(QMainWindow):
     def _connect(self) -> None:
         self.session.state_changed.connect(self._follow_state)
         self.care.opened.connect(self._show_opened)
+        self.care.restored.connect(self.autosave.take_over)
         self.runner.finished.connect(self._show_finished)
         self.autosave.failed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)

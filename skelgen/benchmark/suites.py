@@ -32,7 +32,7 @@ def run_benchmark(names: Sequence[str] = (), *, quick: bool = False, monitor: Mo
     names : sequence of str
         Suites, see `SUITES`; all if left out.
     quick : bool
-        Fewer seeds and frames: two to three minutes instead of about twenty.
+        Fewer seeds and frames: two to three minutes.
     monitor : Monitor
         Told which suite runs and how far it is.
 

@@ -25,6 +25,7 @@ from skelgen.cli import (
     capture_commands,
     file_commands,
     simulate_command,
+    skeleton_command,
     stage_commands,
     window_command,
 )
@@ -97,6 +98,7 @@ def _calibrate() -> typer.Typer:
     group.command("stereo")(calibrate_commands.stereo)
     group.command("body")(capture_commands.calibrate_body)
     group.command("joints")(capture_commands.calibrate_joints)
+    group.command("skeleton")(skeleton_command.skeleton)
     group.command("simulated")(calibrate_commands.simulated)
     return group
 

@@ -39,7 +39,7 @@ def benchmark(
 
     screen = Screen(quiet, as_json)
     started = time.monotonic()
-    with replacing(output) as page:  # a page that cannot be written shall not cost twenty minutes
+    with replacing(output) as page:  # a page that cannot be written shall not cost the whole benchmark
         with screen.watching() as monitor:
             sections = run_benchmark(suites or (), quick=quick, monitor=monitor)
         measured = f"{time.strftime('%Y-%m-%d')}, {time.monotonic() - started:.0f} s"

@@ -215,9 +215,11 @@ class _Counts:
             self._missed.pop(name, None)
 
     def say(self, silent: bool) -> None:
-        if self.n_pairs and self._missed:
+        if not self.n_pairs:  # it did not begin, and an error says why
+            return
+        if self._missed:
             print(f"note: never found: {', '.join(self._missed)}", file=sys.stderr)
-        kept = [str(path) for path in self._record if self.n_pairs and path.exists()]
+        kept = [str(path) for path in self._record if path.exists()]
         if not silent or self._n_lost:
             written = f"; recorded: {', '.join(kept)}" if kept else ""
             print(f"{self.n_pairs} pairs captured, {self._n_lost} lost{written}", file=sys.stderr)

@@ -50,6 +50,15 @@ Root = Annotated[
         "--root", metavar="NAME", help="Root of the tree: a body, a marker, or limb0 ...", show_default="found"
     ),
 ]
+KnownSkeleton = Annotated[
+    Path | None,
+    typer.Option(
+        "--skeleton",
+        metavar="PROJECT",
+        help="Label and pose by the skeleton of another take of the same body: a .skelgen project, or a run's folder.",
+        show_default=False,
+    ),
+]
 Config = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="Parameters of all stages: config.xml.", show_default=False),

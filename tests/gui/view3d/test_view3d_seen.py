@@ -35,7 +35,7 @@ def test_markers_have_the_colours_of_their_limbs_where_they_are_projected(view, 
     assert len({int(limbs[marker]) for marker in lone}) > 5
     for marker in lone:
         wanted = QColor(limb_colour(int(limbs[marker]), dark=dark))
-        assert hue_gap(image.pixelColor(view.place_of_marker(marker).toPoint()), wanted) < SAME_HUE
+        assert hue_gap(eye.colour_at(image, view.place_of_marker(marker)), wanted) < SAME_HUE
 
 
 def test_the_place_of_a_marker_is_that_of_its_projection(view, session, eye):
@@ -99,8 +99,8 @@ def test_unseen_markers_are_hollow_and_doubtful_ones_have_a_ring(view, session, 
     positions[20, marker] = np.nan
     session.change(replace(project, _trajectories=replace(project.trajectories, positions=positions)))
     view.show_only(replace(eye.MARKERS, filled=True))
-    hollow = eye.picture_of(view).pixelColor(view.place_of_marker(marker).toPoint())
-    assert hollow.saturation() < sure.pixelColor(place.toPoint()).saturation() / 2
+    hollow = eye.colour_at(eye.picture_of(view), view.place_of_marker(marker))
+    assert hollow.saturation() < eye.colour_at(sure, place).saturation() / 2
 
 
 def test_selecting_draws_a_ring_around_a_marker_and_around_those_of_a_limb(view, session, eye):

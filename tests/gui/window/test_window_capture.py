@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDockWidget, QMessageBox
+from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.capture.pictures import group_colour
 
 import skelgen
+from skelgen.capture.rig import simulated_rig
 
 WAIT = 120_000  # ms; what is compiled for the first time takes a minute
 SHORT = "simulated:arm?frames=60"
@@ -98,6 +102,15 @@ def test_what_was_recorded_while_capturing_is_opened_and_labelled(qtbot, window,
     person.does("run_step")
     person.waits(lambda: window.session.project.has("labels"))
     assert window.session.project.trajectories.n_markers == 15
+
+
+def test_settings_with_a_source_are_opened_like_a_take(window, person, tmp_path):
+    path = tmp_path / "settings.xml"
+    write_settings(replace(simulated_rig("arm", n_frames=2).settings, source="simulated:arm?frames=20"), path)
+    person.opens(path)
+    take = window.session.project.take
+    assert (take.name, take.n_frames) == ("settings.xml", 20)
+    assert take.points_per_frame.min() >= 10
 
 
 def test_a_source_that_fails_is_told_in_a_sentence(qtbot, page, tmp_path):
