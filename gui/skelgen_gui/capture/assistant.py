@@ -216,10 +216,11 @@ class Assistant(QWidget):
         self.take.clicked.connect(self._take_this)
         self.form.start_wanted.connect(self._start_anew)
         self.form.changed.connect(self._start_over)
+        self.form.size_changed.connect(self._forget_result)
         self.remove.clicked.connect(lambda: self._remove(self.views.selected_views))
         self.clear.clicked.connect(self._start_over)
         self.views.removal_wanted.connect(self._remove)
-        self.views.itemSelectionChanged.connect(self._follow)
+        self.views.itemSelectionChanged.connect(self._mark)
         self.calibrate.clicked.connect(self.run_calibration)
         self.save.clicked.connect(self.save_settings)
         self._jobs.begun.connect(self._follow)
@@ -250,6 +251,11 @@ class Assistant(QWidget):
         self.book.remove(views)
         self._forget_result()
         self._show_views()
+
+    def _mark(self) -> None:
+        """Show which corners are those of the chosen views."""
+        self.coverage.mark_views(self.views.selected_views)
+        self._follow()
 
     def _take_newest(self) -> None:
         newest, _ = self.feed.take()
@@ -287,6 +293,7 @@ class Assistant(QWidget):
 
     def _forget_result(self) -> None:
         self.found, self._fits = None, {}
+        self.views.show_views(self.book.views, self._fits)
         self.verdict.clear()
         self.cameras.hide()
 

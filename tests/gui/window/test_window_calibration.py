@@ -100,6 +100,22 @@ def test_a_view_is_taken_at_once_if_the_person_says_so(qtbot, window, page):
     assert page.assistant.go.text() == "Start"
 
 
+def test_another_size_of_the_squares_keeps_the_views_and_another_board_does_not(page, gathers):
+    gathers(MOVING)
+    page.assistant.form.square.setValue(30.0)
+    assert len(page.assistant.book.views) == 3
+    page.assistant.form.rows.setValue(7)
+    assert page.assistant.book.views == ()
+
+
+def test_a_chosen_view_stands_out_in_the_coverage(page, gathers, has_colour):
+    gathers(MOVING)
+    colour = page.palette().color(page.palette().ColorRole.Highlight)
+    assert not has_colour(page.assistant.coverage, colour)
+    page.assistant.views.selectRow(0)
+    assert has_colour(page.assistant.coverage, colour, least=10)
+
+
 def test_views_are_taken_away_by_key_and_all_at_once(qtbot, page, gathers):
     gathers(MOVING)
     page.assistant.views.selectRow(1)
