@@ -104,6 +104,7 @@ class Assistant(QWidget):
         if not text:
             self.verdict.show_problem(self.tr("Choose where the images come from, or the simulated board."))
             return
+        self._forget_result()
         orders = self._orders = GatheringOrders()
 
         def work(monitor: Any) -> None:
@@ -114,7 +115,6 @@ class Assistant(QWidget):
             except Cancelled:
                 return
 
-        self._forget_result()
         if not self._jobs.start(title, work, self._finish, self._fail):
             self._orders = None
         self._follow()
@@ -318,6 +318,8 @@ class Assistant(QWidget):
     def _follow(self) -> None:
         """What can be done depends on what runs and what is there."""
         is_busy, has_views = self._jobs.is_busy, bool(self.book.views)
+        if not is_busy:
+            self._orders = None  # one that was cancelled before it began says nothing
         self.go.setText(self.tr("Stop") if self.is_gathering else self.tr("Start"))
         self.go.setAccessibleName(self.tr("Stop looking") if self.is_gathering else self.tr("Look for the board"))
         self.go.setToolTip(self.go.accessibleName())

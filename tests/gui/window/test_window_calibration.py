@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
@@ -133,6 +134,17 @@ def test_another_board_than_the_one_that_is_there_gives_a_sentence(qtbot, page, 
     assert not any(view.is_whole for view in views)
     assert "but one of 9x6 is there: count the corners" in page.assistant.verdict.text()
     assert not page.assistant.save.isEnabled()
+
+
+def test_views_of_another_size_are_not_mixed_in(page, gathers, tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    for side in ("left1.png", "right1.png"):
+        cv2.imwrite(str(tmp_path / side), np.zeros((100, 200), np.uint8))
+    gathers("simulated:board?rate=4&frames=8")
+    n_views = len(page.assistant.book.views)
+    gathers(f"folder:{tmp_path}")
+    assert "another size than those of the views before" in page.assistant.verdict.text()
+    assert len(page.assistant.book.views) == n_views > 0
 
 
 def test_too_few_views_give_a_sentence(qtbot, window, page, gathers):
