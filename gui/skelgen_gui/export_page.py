@@ -40,6 +40,7 @@ from skelgen_gui.theme import PROBLEM_ROLE
 from skelgen_gui.watched import Watched
 
 _PER_MILLE = 1000  # steps of the progress bar
+_BESIDE_BAR = 6  # px, between the form and the bar that scrolls it
 _NAME_WITHOUT_TAKE = "result"
 
 
@@ -128,11 +129,9 @@ class ExportPage(QWidget):
             buttons.addWidget(widget)
         buttons.addStretch(1)
         layout = QVBoxLayout(inside)
+        layout.setContentsMargins(0, 0, _BESIDE_BAR, 0)
         for part in parts:
             layout.addWidget(part)
-        layout.addLayout(buttons)
-        layout.addWidget(self.progress)
-        layout.addWidget(self.status)
         layout.addStretch(1)
         area = QScrollArea(self)
         area.setWidgetResizable(True)
@@ -142,6 +141,9 @@ class ExportPage(QWidget):
         outer = QVBoxLayout(self)
         outer.setContentsMargins(0, 0, 0, 0)
         outer.addWidget(area)
+        outer.addLayout(buttons)  # where they are seen however long the preview is
+        outer.addWidget(self.progress)
+        outer.addWidget(self.status)
 
     def _connect(self) -> None:
         self._session.project_changed.connect(self._follow_project)

@@ -6,6 +6,7 @@ It only puts parts together: pages come from their table, commands from theirs, 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from skelgen_gui.matrix import MatrixView
 from skelgen_gui.middle import Middle
 from skelgen_gui.page_stack import PageStack
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
-from skelgen_gui.preferences import Preferences
+from skelgen_gui.preferences import AXES, Preferences
 from skelgen_gui.recovery import Autosave, Remains
 from skelgen_gui.runner import Runner
 from skelgen_gui.session import Selection, Session
@@ -83,6 +84,7 @@ class Window(QMainWindow):
         self.restoreGeometry(preferences.geometry)
         self.restoreState(preferences.layout)
         self._follow_state()
+        self._follow_preferences()
         self._is_closing = False
 
     def open(self, path: Path) -> None:
@@ -162,6 +164,12 @@ class Window(QMainWindow):
         timeline.raise_()
         self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
 
+    def _follow_preferences(self) -> None:
+        """Let the axis point up that the user wants up."""
+        wanted = self.preferences.values.up_axis
+        up = AXES.index(wanted) if wanted in AXES else None
+        self.view3d.show_only(replace(self.view3d.shown, up=up))
+
     def _dock(self, name: str, title: str, widget: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
         dock = QDockWidget(title, self)
         dock.setObjectName(name)
@@ -171,6 +179,7 @@ class Window(QMainWindow):
 
     def _connect(self) -> None:
         self.session.state_changed.connect(self._follow_state)
+        self.preferences.changed.connect(self._follow_preferences)
         self.care.opened.connect(self._show_opened)
         self.care.restored.connect(self.autosave.take_over)
         self.runner.finished.connect(self._show_finished)

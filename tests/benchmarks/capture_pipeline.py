@@ -27,7 +27,8 @@ from skelgen.model.arrays import Floats
 from skelgen.model.rig import CaptureSettings
 from skelgen.simulation.truth import Truth
 
-STRUCTURES = ("arm", "rods", "tree:4", "human")
+SEEN_THROUGH = ", nothing hidden"
+STRUCTURES = ("arm", "rods", "tree:4", "human", "human" + SEEN_THROUGH)
 N_FRAMES = 600
 BENT = 0.3  # px
 DEVIATIONS, LEAST = 5.0, 5.0  # of a point, and mm: a point farther from all balls is none
@@ -146,7 +147,8 @@ def main(seeds: int, structures: Sequence[str]) -> None:
     pairs, results = [], []
     for structure in structures:
         for seed in range(seeds):
-            source = simulated_rig(structure, n_frames=N_FRAMES, seed=seed)
+            name, hides = structure.removesuffix(SEEN_THROUGH), not structure.endswith(SEEN_THROUGH)
+            source = simulated_rig(name, n_frames=N_FRAMES, seed=seed, hide=hides)
             for pixels in (0.0, BENT):
                 reading = read(source, bent(source.settings, pixels) if pixels else source.settings)
                 after = wrong_in(reading.cloud, source), reading.cloud.n_points

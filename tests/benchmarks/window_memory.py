@@ -46,7 +46,7 @@ def main() -> None:
         window.resize(*SIZE)
         window.show()
         project = skelgen.reconstruct(simulate(STRUCTURE, n_frames=N_FRAMES, noise=0.5, dropouts=0.05).take)
-        window.document.open(project)
+        window.document.open(project, Path(folder) / "human.skelgen")  # as if it were saved: nobody is asked at the end
         until(app, lambda: is_idle(window))
         rows = list(play(app, window, n_updates))
         grown = rows[-1] - rows[0]

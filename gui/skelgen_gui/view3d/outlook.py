@@ -67,8 +67,10 @@ class Outlook:
 
     def show_cameras(self, points: Floats, up: int | None) -> None:
         """Let cameras, points [mm] of shape (n, 3), belong to the take; they may say which axis points up."""
+        is_without = not len(points) and not len(self._cameras) and up == self._up_of_cameras
         self._cameras, self._up_of_cameras = points, up
-        self.look_home()
+        if not is_without:
+            self.look_home()
 
     def resize(self, width: int, height: int) -> None:
         """Use a picture of another size [px]."""

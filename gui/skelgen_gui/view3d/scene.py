@@ -119,6 +119,9 @@ class Scene:
     def sample(self) -> Floats:
         """Positions in some frames spread over the take, shape (n_samples, n, 3); NaN where there are none."""
         frames = np.unique(np.linspace(0, self.n_frames - 1, min(SAMPLES, self.n_frames)).astype(np.intp))
+        take = self.project.take
+        if isinstance(take, Trajectories):
+            return np.asarray(take.positions[frames])
         rows = [self._points(int(frame)) for frame in frames]
         sample = np.full((len(rows), max((len(row) for row in rows), default=0), 3), np.nan)
         for index, row in enumerate(rows):
