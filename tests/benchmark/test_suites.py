@@ -118,6 +118,17 @@ def test_joints_are_laid_beside_the_bound_and_score(monkeypatch):
     assert "SCoRE" in section.figures[0].drawing
 
 
+@pytest.mark.parametrize("name", ["stereo", "speed"])
+def test_rows_have_a_text_for_every_column(name):
+    if name == "stereo":
+        pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen[capture]'")
+    section = SUITES[name](SMALL, SILENT)
+    for measured in section.tables:
+        assert {len(row) for row in measured.rows} == {len(measured.columns)}
+        assert len(set(measured.columns)) == len(measured.columns)
+    assert section.figures
+
+
 def test_suite_that_does_not_exist_is_refused_before_anything_runs():
     with pytest.raises(InputError, match="there is no suite 'speeed'; suites are labels, exact"):
         run_benchmark(["speeed"])

@@ -23,9 +23,14 @@ SEEDS = (1, 2, 3)
 OTHER_MOTION = 100  # added to the seed of the other take
 KNOWN_CASES = (("human", 0.0), ("human", 2.0), ("quadruped", 2.0), ("seed-human", 0.0))  # structure, soft tissue [mm]
 FAULTS = {"n_frames": 600, "noise": 0.5, "labelled": False, "n_cameras": 8, "ghosts": 0.3}
-JOINT_CASES = (("human", 0.0), ("human", 2.0), ("quadruped", 0.0))
+JOINT_CASES = (("human", 0.0, True), ("human", 2.0, False))  # structure, soft tissue [mm], labelled
 JOINT_FRAMES = 300
-RECORDINGS = ("human/nick_freeform_001.c3d", "rods_pendulum/pendulum_01.c3d", "arm/arm-4-4-4_clean_30fps.c3d")
+RECORDINGS = (
+    "human/nick_freeform_001.c3d",
+    "arm/arm-4-4-4_clean_30fps.c3d",
+    "rods_pendulum/pendulum_01.c3d",
+    "wheelchair/walkingOptiTrack.c3d",
+)
 LONGEST = 1200  # frames of a half
 WANTED_IDF1 = 0.99
 WANTED_RECALL = 0.9  # of a recording's labels
@@ -69,9 +74,9 @@ def show_together() -> None:
     show("Two takes of 300 frames, 1 mm noise, mean of both (wanted: better together)", columns, rows)
 
 
-def _together(name: str, soft_tissue: float, seed: int) -> tuple[str, ...]:
+def _together(name: str, soft_tissue: float, labelled: bool, seed: int) -> tuple[str, ...]:
     body = find_structure(name, seed)
-    options = {"n_frames": JOINT_FRAMES, "noise": 1.0, "soft_tissue": soft_tissue}
+    options = {"n_frames": JOINT_FRAMES, "noise": 1.0, "soft_tissue": soft_tissue, "labelled": labelled}
     takes = [simulate(body, seed=seed + first, **options) for first in (0, OTHER_MOTION)]
     started = time.process_time()
     both = calibrate_together([one.take for one in takes])

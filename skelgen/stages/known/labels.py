@@ -31,6 +31,9 @@ GATE = 5.0
 LEAST_EXPLAINED = 0.5
 """Of the positions that markers of the skeleton or points of the take could give: less is no take of this body."""
 
+ROUNDS = 3
+"""Turns of points to markers and of poses: a point that is found poses its limb, which finds others."""
+
 JUDGED_FRAMES = 200
 """Frames in which two proposals are compared."""
 
@@ -177,10 +180,12 @@ def _placed(
     if (owner < 0).all():
         return owner, pose_known(skeleton, points.positions(owner, n_markers)[:0])
     poses = pose_known(skeleton, points.positions(owner, n_markers), monitor=monitor)
-    better = _reassigned(points, owner, poses.markers(skeleton), gates)
-    if (better < 0).all():
-        return better, poses
-    return better, pose_known(skeleton, points.positions(better, n_markers), monitor=monitor)
+    for _ in range(ROUNDS):
+        before, owner = owner, _reassigned(points, owner, poses.markers(skeleton), gates)
+        if (owner < 0).all() or np.array_equal(before, owner):
+            break
+        poses = pose_known(skeleton, points.positions(owner, n_markers), monitor=monitor)
+    return owner, poses
 
 
 def _reassigned(points: TrackedPoints, owner: Ints, predicted: Floats, gates: Floats) -> Ints:

@@ -169,6 +169,16 @@ def test_closing_the_window_while_capturing_asks_and_keeps_the_recording(qtbot, 
     assert skelgen.read(tmp_path / "take.mfml").n_frames > 0
 
 
+def test_a_capture_that_is_cancelled_before_it_begins_can_be_started_again(qtbot, window, page):
+    page.live.choice.source.setEditText(SHORT)
+    page.live.start()
+    window.jobs.cancel()
+    qtbot.waitUntil(lambda: not window.jobs.is_busy, timeout=WAIT)
+    assert not page.live.is_running
+    assert page.live.go.text() == "Start"
+    assert page.live.go.isEnabled()
+
+
 def test_cameras_are_kept_with_the_project(window, person, rods, tmp_path):
     from skelgen.capture.optics.seed_rig import seed_rig
 
