@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QSettings
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QDockWidget
 from skelgen_gui.preferences import Preferences
 from skelgen_gui.session import Selection
 from skelgen_gui.theme import Theme, prepare_high_dpi
@@ -65,12 +65,17 @@ def take_pictures(app: QApplication, window: Window) -> None:
     """Save a picture of every view."""
     window.session.show_frame(window.session.n_frames // 3)
     window.session.select(Selection(joint=0))
-    window.view3d.fit_take()
+    window.view3d.fit()
     for name, page, tab in (("window", "skeleton", 0), ("distances", "limbs", 1), ("joints", "joints", 2)):
         window.pages.page(page)
         window.tabs.setCurrentIndex(tab)
         save(app, window, name)
     window.tabs.setCurrentIndex(0)
+    docks = {dock.objectName(): dock for dock in window.findChildren(QDockWidget)}
+    window.pages.page("export").target.folder_line.setText("results")  # not this machine's folder
+    docks["curves"].raise_()
+    save(app, window, "export")
+    docks["timeline"].raise_()
     window.pages.page("labels")
     window.session.select(Selection(frozenset({0, 1})))
     save(app, window, "labels")

@@ -10,6 +10,7 @@ from pathlib import Path
 import skelgen
 
 PACKAGES = (
+    "skelgen.benchmark",
     "skelgen.app",
     "skelgen.stages",
     "skelgen.kinematics",

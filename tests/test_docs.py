@@ -78,3 +78,14 @@ def test_continuous_integration_runs_the_test_command_of_the_readme():
     commands = re.findall(r"^    (bash \.ci/\w+)$", text, flags=re.MULTILINE)
     assert commands == ["bash .ci/demo", "bash .ci/test"]
     assert commands[1] in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+
+
+def test_notes_quoted_by_symptom_are_those_of_the_program():
+    """Quotations of `…`-separated pieces: every piece stands in a text of the sources, whatever its line breaks."""
+    page = (ROOT / "docs" / "how-to" / "wrong-skeleton.md").read_text(encoding="utf-8")
+    files = [file for folder in ("skelgen", "formats") for file in (ROOT / folder).rglob("*.py")]
+    texts = "\n".join(re.sub(r'"\s*\n\s*f?"', "", file.read_text(encoding="utf-8")) for file in files)
+    quoted = re.findall(r"^> (.*)$", page, flags=re.MULTILINE)
+    pieces = [piece.strip(" ,()") for line in quoted for piece in re.split("…", line)]
+    assert len(quoted) > 15
+    assert [piece for piece in pieces if piece and piece not in texts] == []

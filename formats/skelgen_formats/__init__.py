@@ -1,5 +1,6 @@
 """File formats: one module each, and the table of all of them."""
 
+from skelgen_formats.acclaim import FORMAT as ACCLAIM
 from skelgen_formats.angles_csv import FORMAT as ANGLES_CSV
 from skelgen_formats.bvh import FORMAT as BVH
 from skelgen_formats.c3d import FORMAT as C3D
@@ -41,6 +42,7 @@ FORMATS: tuple[Format, ...] = (
     URDF,
     MJCF,
     BVH,
+    ACCLAIM,
     GLTF,
     USD,
     SUMMARY_JSON,

@@ -14,6 +14,8 @@ Generated from the formats' declarations by `skelgen_formats.table.formats_markd
 
 A file is recognised by its content first and by its suffix second; `--format NAME` skips that. Inside skelgen
 everything is in mm, s and rad; a reader converts from the unit that the file names. Unseen markers are NaN inside.
+Beside these formats `skelgen` reads its own [project file](project-file.md), and settings of a stereo capture, whose
+images become points ([from images to a skeleton](capture/pipeline.md)).
 What is read "as motion" holds bones without markers: `skelgen simulate --motion` [puts markers on
 them](how-to/motions.md).
 """
@@ -26,7 +28,7 @@ All else that a project holds is lost; the project file `.skelgen` keeps everyth
 
 def formats_table() -> list[tuple[str, ...]]:
     """Return one row of texts per format, in the order of `COLUMNS`."""
-    return [_row(entry) for entry in known_formats()]
+    return [format_row(entry) for entry in known_formats()]
 
 
 def formats_markdown() -> str:
@@ -46,7 +48,8 @@ def _kept_table() -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
-def _row(entry: Format) -> tuple[str, ...]:
+def format_row(entry: Format) -> tuple[str, ...]:
+    """Return the texts of one format, in the order of `COLUMNS`."""
     return (
         entry.name,
         entry.title,

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
 from skelgen.app.files import file_filter, open_input
 from skelgen.app.store import SUFFIX, is_project_file, save_project
 from skelgen.model import Project
+from skelgen.progress import Monitor
 from skelgen_gui.document import Document
 from skelgen_gui.jobs import Jobs
 from skelgen_gui.preferences import Preferences
@@ -45,9 +46,12 @@ class FileCare(QObject):
     -------
     opened(object)
         A project was opened.
+    restored(object)
+        What a window that died left behind is open now.
     """
 
     opened = Signal(object)
+    restored = Signal(object)
 
     def __init__(
         self,
@@ -88,7 +92,7 @@ class FileCare(QObject):
 
     def compare(self, path: Path) -> None:
         """Overlay the result of another project."""
-        self._read(path, partial(open_input, path), self._document.session.compare_with)
+        self._read(path, partial(_opened, path), self._document.session.compare_with)
 
     def restore(self, remains: Remains) -> None:
         """Open what a window that died left behind; it stays unsaved until the user saves it."""
@@ -96,8 +100,9 @@ class FileCare(QObject):
         def done(project: Project) -> None:
             self._document.open(project)
             self.opened.emit(project)
+            self.restored.emit(remains)
 
-        self._read(remains.folder, remains.project, done)
+        self._read(remains.folder, lambda _: remains.project(), done)
 
     def save(self, then: Callable[[], None] | None = None) -> None:
         """Save in the project's file; ask for one if there is none."""
@@ -151,12 +156,12 @@ class FileCare(QObject):
             self._preferences.remember(path)
             self.opened.emit(project)
 
-        self._read(path, partial(open_input, path), done)
+        self._read(path, partial(_opened, path), done)
 
-    def _read(self, path: Path, read: Callable[[], Project], done: Callable[[Project], None]) -> None:
-        def work(monitor: Any) -> Project:
+    def _read(self, path: Path, read: Callable[[Monitor], Project], done: Callable[[Project], None]) -> None:
+        def work(monitor: Monitor) -> Project:
             monitor.begin("reading")
-            return read()
+            return read(monitor)
 
         self._jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._tell_error)
 
@@ -178,3 +183,7 @@ class FileCare(QObject):
                 then()
 
         self._jobs.start(self.tr("Saving {0}").format(path.name), work, done, self._tell_error)
+
+
+def _opened(path: Path, monitor: Monitor) -> Project:
+    return open_input(path, monitor=monitor)

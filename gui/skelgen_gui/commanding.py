@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QObject
+from PySide6.QtGui import QAction
 from PySide6.QtWidgets import QDockWidget, QMenu, QMessageBox, QToolBar
 
 from skelgen_gui.error_text import versions
@@ -72,10 +73,18 @@ class Commanding(QObject):
         menu.addActions([commands.fit, commands.fit_take, commands.front, commands.side, commands.top])
         menu.addSeparator()
         commands.fill(menu)
+        menu.addAction(self._cameras_action(menu))
         menu.addSeparator()
         for dock in self._window.findChildren(QDockWidget):
             menu.addAction(dock.toggleViewAction())
         return menu
+
+    def _cameras_action(self, menu: QMenu) -> QAction:
+        action = QAction(self.tr("Cameras of a capture…"), menu)
+        action.setToolTip(self.tr("Show the cameras in the settings of a capture that this recording was made with"))
+        action.setStatusTip(action.toolTip())
+        action.triggered.connect(self._window.cameras.choose)
+        return action
 
     def _acts(self) -> dict[str, Callable[[], object]]:
         """What the commands of the table do, by their ids."""

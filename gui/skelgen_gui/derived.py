@@ -7,12 +7,14 @@ when a widget goes, so that neither could go on.
 from __future__ import annotations
 
 import threading
+import weakref
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QObject, QTimer, Signal
+from shiboken6 import Shiboken
 
 _T = TypeVar("_T")
 
@@ -28,6 +30,36 @@ class _Failure:
     error: Exception
 
 
+@dataclass(frozen=True)
+class _Letter:
+    """A result on its way."""
+
+    deriver: weakref.ref[Deriver]
+    number: int
+    result: object
+
+
+class _Post(QObject):
+    """Carries results to the window's thread. It is never deleted: a deriver may be, while its thread hands over."""
+
+    arrived = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.arrived.connect(self._deliver)
+
+    def _deliver(self, letter: _Letter) -> None:
+        deriver = letter.deriver()
+        if deriver is not None and Shiboken.isValid(deriver):
+            deriver.hand_over(letter.number, letter.result)
+
+
+@cache
+def _the_post() -> _Post:
+    """Return the one post, made in the window's thread."""
+    return _Post()
+
+
 class Deriver(QObject):
     """Calls pure functions in a thread, one at a time in all the window, and hands over the last one's result.
 
@@ -40,7 +72,6 @@ class Deriver(QObject):
     """
 
     settled = Signal()
-    _returned = Signal(int, object)
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -51,7 +82,7 @@ class Deriver(QObject):
         self._then: Callable[[Any], None] | None = None
         self._soon = QTimer(self, interval=PAINT_FIRST, singleShot=True)
         self._soon.timeout.connect(self._begin)
-        self._returned.connect(self._hand_over)
+        self._post = _the_post()
 
     @property
     def is_busy(self) -> bool:
@@ -119,10 +150,10 @@ class Deriver(QObject):
             result = function()
         except Exception as error:  # all: a bug must reach the window's error dialog
             result = _Failure(error)
-        with suppress(RuntimeError):  # the widget that wished it may be gone by now
-            self._returned.emit(number, result)
+        self._post.arrived.emit(_Letter(weakref.ref(self), number, result))
 
-    def _hand_over(self, number: int, result: object) -> None:
+    def hand_over(self, number: int, result: object) -> None:
+        """Call who waits for a result, in the window's thread, unless something else was wished since."""
         if number == self._number and self._then is not None:
             then, self._then = self._then, None
             if isinstance(result, _Failure):

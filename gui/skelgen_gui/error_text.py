@@ -7,10 +7,12 @@ import platform
 import traceback
 
 import PySide6
-from PySide6.QtCore import qVersion
+from PySide6.QtCore import QCoreApplication, qVersion
 
 import skelgen
 from skelgen.errors import SkelgenError
+
+translate = QCoreApplication.translate
 
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "networkx", "numba", "ezc3d")
 
@@ -21,7 +23,8 @@ def sentence_of(error: BaseException) -> str:
         return str(error)
     kind = type(error).__name__
     reason = " ".join(f"{kind}: {error}".split()) if str(error) else kind
-    return f"The program has a fault ({reason}). What is open stays open; please report the details."
+    told = translate("Errors", "The program has a fault ({0}). What is open stays open; please report the details.")
+    return told.format(reason)
 
 
 def details_of(error: BaseException) -> str:
@@ -47,4 +50,4 @@ def _installed(package: str) -> str:
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
-        return "is not installed"
+        return translate("Errors", "is not installed")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
-from PySide6.QtCore import Qt, QUrl
+from PySide6.QtCore import QCoreApplication, Qt, QUrl
 from PySide6.QtGui import QDesktopServices, QShowEvent, QStandardItemModel
 from PySide6.QtWidgets import (
     QComboBox,
@@ -40,6 +40,7 @@ from skelgen_gui.theme import PROBLEM_ROLE
 from skelgen_gui.watched import Watched
 
 _PER_MILLE = 1000  # steps of the progress bar
+_BESIDE_BAR = 6  # px, between the form and the bar that scrolls it
 _NAME_WITHOUT_TAKE = "result"
 
 
@@ -98,7 +99,7 @@ class ExportPage(QWidget):
 
     def _describe(self) -> None:
         for entry in self.formats:
-            self.choice.addItem(entry.title)
+            self.choice.addItem(QCoreApplication.translate("Formats", entry.title))
         self.choice.setAccessibleName(self.tr("Format"))
         self.choice.setToolTip(self.tr("What is written; formats that need more results are grey"))
         for label, name in (
@@ -128,11 +129,9 @@ class ExportPage(QWidget):
             buttons.addWidget(widget)
         buttons.addStretch(1)
         layout = QVBoxLayout(inside)
+        layout.setContentsMargins(0, 0, _BESIDE_BAR, 0)
         for part in parts:
             layout.addWidget(part)
-        layout.addLayout(buttons)
-        layout.addWidget(self.progress)
-        layout.addWidget(self.status)
         layout.addStretch(1)
         area = QScrollArea(self)
         area.setWidgetResizable(True)
@@ -142,6 +141,9 @@ class ExportPage(QWidget):
         outer = QVBoxLayout(self)
         outer.setContentsMargins(0, 0, 0, 0)
         outer.addWidget(area)
+        outer.addLayout(buttons)  # where they are seen however long the preview is
+        outer.addWidget(self.progress)
+        outer.addWidget(self.status)
 
     def _connect(self) -> None:
         self._session.project_changed.connect(self._follow_project)
@@ -168,14 +170,14 @@ class ExportPage(QWidget):
         obstacles = [obstacle_to(project, entry, {}) if project is not None else "" for entry in self.formats]
         for row, obstacle in enumerate(obstacles):
             model.item(row).setEnabled(not obstacle)
-            model.item(row).setToolTip(obstacle or self.formats[row].note)
+            model.item(row).setToolTip(obstacle or QCoreApplication.translate("Formats", self.formats[row].note))
         if obstacles[self.choice.currentIndex()] and not all(obstacles):
             self.choice.setCurrentIndex(obstacles.index(""))
 
     def _follow_choice(self) -> None:
         """Show the options of another format."""
         entry = self.formats[self.choice.currentIndex()]
-        self.note.setText(entry.note)
+        self.note.setText(QCoreApplication.translate("Formats", entry.note))
         self.form.hide()
         self.form.deleteLater()
         self.form = ParameterForm([option.declaration for option in entry.options], self)

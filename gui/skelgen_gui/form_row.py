@@ -26,7 +26,7 @@ CHANGED_MARK = "• "
 
 def title_of(declaration: Declaration) -> str:
     """Return the name as a person reads it."""
-    return declaration.name.replace("_", " ").capitalize()
+    return QCoreApplication.translate("Parameters", declaration.name.replace("_", " ").capitalize())
 
 
 class FormRow(QObject):

@@ -74,6 +74,7 @@ def _heed_signals(app: QApplication, window: Window) -> None:
 
 def _begin(window: Window, files: Sequence[str]) -> None:
     for remains in find_remains():
-        window.offer(remains)
+        if not window.jobs.is_busy:  # one of them is being restored: the others are offered next time
+            window.offer(remains)
     if files and not window.jobs.is_busy:
         window.open(Path(files[0]))

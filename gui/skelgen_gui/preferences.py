@@ -22,6 +22,10 @@ _RECENT = "recent"
 _WINDOW = "window"
 
 
+FOUND, AXES = "found", ("x", "y", "z")
+"""What may point up: what the recording tells, or a coordinate axis."""
+
+
 @dataclass(frozen=True)
 class Wanted(StageParameters):
     """How the window looks and behaves; declared as the parameters of stages are, so that one form shows both."""
@@ -35,9 +39,9 @@ class Wanted(StageParameters):
         basic=True,
     )
     up_axis: str = declare(
-        "z",
-        "Axis of recordings that points up in the 3-D view; some programs record with y up.",
-        choices=("z", "y", "x"),
+        FOUND,
+        "Axis of recordings that points up in the 3-D view: as the recording tells, or always the same.",
+        choices=(FOUND, *AXES),
         basic=True,
     )
     embed: bool = declare(

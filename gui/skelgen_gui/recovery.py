@@ -113,6 +113,7 @@ class Autosave(QObject):
         self._session = session
         self._folder = (folder or recovery_folder()) / f"{os.getpid()}-{id(self):x}"
         self._kept: Project | None = None
+        self._inherited: list[Remains] = []
         self._problem = ""
         self._thread: threading.Thread | None = None
         self._preferences = preferences
@@ -120,17 +121,31 @@ class Autosave(QObject):
         self._timer.timeout.connect(self.save)
         self._tried.connect(self._note)
         preferences.changed.connect(self._follow)
+        session.state_changed.connect(self._drop_what_is_saved)
         self._follow()
 
     def save(self) -> None:
         """Keep the project now, on a thread of its own, if it has changes that are not kept yet."""
         project = self._session.project
+        self._drop_what_is_saved()
         if self._thread is not None and self._thread.is_alive():
             return
         if project is None or not self._session.is_dirty or project is self._kept:
             return
         self._thread = threading.Thread(target=self._keep, args=(project, self._session.path))
         self._thread.start()
+
+    def take_over(self, remains: Remains) -> None:
+        """Keep what was restored, which is open now, and only then remove what it was restored from."""
+        self._inherited.append(remains)
+        self.save()
+
+    def _drop_what_is_saved(self) -> None:
+        """Remove what was kept once the user has saved: nobody wants to be offered an older state."""
+        is_writing = self._thread is not None and self._thread.is_alive()  # that is not waited for: the next look does
+        if self._kept is not None and not self._session.is_dirty and not is_writing:
+            self._kept = None
+            self._remove()
 
     def _follow(self) -> None:
         seconds = self._preferences.values.autosave
@@ -154,6 +169,7 @@ class Autosave(QObject):
         self._problem = problem
         if not problem:
             self._kept = project
+            self._forget_inherited()
 
     def wait(self) -> None:
         """Wait for what is being written."""
@@ -164,12 +180,23 @@ class Autosave(QObject):
         """Wait for what is being written, and leave what was kept to the next window."""
         self._timer.stop()
         self.wait()
+        if (self._folder / _NOTE).is_file():
+            self._forget_inherited()
 
     def end(self) -> None:
         """Wait for what is being written, and remove what was kept: nothing is lost any more."""
         self._timer.stop()
+        self._remove()
+        self._forget_inherited()
+
+    def _remove(self) -> None:
         self.wait()
         shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _forget_inherited(self) -> None:
+        for remains in self._inherited:
+            remains.forget()
+        self._inherited.clear()
 
 
 def _write(project: Project, path: Path | None, folder: Path) -> None:

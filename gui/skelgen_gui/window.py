@@ -6,6 +6,7 @@ It only puts parts together: pages come from their table, commands from theirs, 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QTabWidget, QWidget
 
 from skelgen.model import Project
+from skelgen_gui.cameras import VIEW, Cameras
 from skelgen_gui.care import FileCare
 from skelgen_gui.commanding import Commanding
 from skelgen_gui.correct.actions import CorrectionActions
@@ -26,7 +28,7 @@ from skelgen_gui.matrix import MatrixView
 from skelgen_gui.middle import Middle
 from skelgen_gui.page_stack import PageStack
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
-from skelgen_gui.preferences import Preferences
+from skelgen_gui.preferences import AXES, Preferences
 from skelgen_gui.recovery import Autosave, Remains
 from skelgen_gui.runner import Runner
 from skelgen_gui.session import Selection, Session
@@ -35,6 +37,7 @@ from skelgen_gui.status import StatusLine
 from skelgen_gui.timeline.curves import Curves
 from skelgen_gui.timeline.widget import Timeline
 from skelgen_gui.tips import rich
+from skelgen_gui.view3d.scene import Scene
 from skelgen_gui.view3d.widget import View3D
 from skelgen_gui.warming import Warming
 
@@ -64,6 +67,7 @@ class Window(QMainWindow):
         self.document = Document(self.session, self)
         self.runner = Runner(self.document, self.jobs, self.errors.report, self)
         self.care = FileCare(self.document, self.jobs, preferences, self.view_state, self.errors.report, self)
+        self.cameras = Cameras(self.errors.report, self)
         self.autosave = Autosave(self.session, preferences, recovery, self)
         self.corrections = CorrectionActions(self.document, self.runner, self.errors.report, self)
         self.actions_by_id = make_actions(self)
@@ -80,6 +84,7 @@ class Window(QMainWindow):
         self.restoreGeometry(preferences.geometry)
         self.restoreState(preferences.layout)
         self._follow_state()
+        self._follow_preferences()
         self._is_closing = False
 
     def open(self, path: Path) -> None:
@@ -112,11 +117,19 @@ class Window(QMainWindow):
             "frame": self.session.frame,
             "forms": self.runner.as_view(),
             "tab": self.tabs.currentIndex(),
+            VIEW: self.cameras.as_view(),
         }
 
     def _context(self) -> Context:
         return Context(
-            self.session, self.document, self.jobs, self.runner, self.preferences, self.errors.report, self.care
+            self.session,
+            self.document,
+            self.jobs,
+            self.runner,
+            self.preferences,
+            self.errors.report,
+            self.care,
+            self.cameras,
         )
 
     def _make_views(self) -> None:
@@ -151,6 +164,12 @@ class Window(QMainWindow):
         timeline.raise_()
         self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
 
+    def _follow_preferences(self) -> None:
+        """Let the axis point up that the user wants up."""
+        wanted = self.preferences.values.up_axis
+        up = AXES.index(wanted) if wanted in AXES else None
+        self.view3d.show_only(replace(self.view3d.shown, up=up))
+
     def _dock(self, name: str, title: str, widget: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
         dock = QDockWidget(title, self)
         dock.setObjectName(name)
@@ -160,10 +179,13 @@ class Window(QMainWindow):
 
     def _connect(self) -> None:
         self.session.state_changed.connect(self._follow_state)
+        self.preferences.changed.connect(self._follow_preferences)
         self.care.opened.connect(self._show_opened)
+        self.care.restored.connect(self.autosave.take_over)
         self.runner.finished.connect(self._show_finished)
         self.autosave.failed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
+        self.cameras.changed.connect(self._show_cameras)
         self.pages.shown.connect(self._show_view)
         self._show_view(self.pages.current.key)
 
@@ -176,12 +198,18 @@ class Window(QMainWindow):
     def _show_opened(self, project: Project) -> None:
         """Show an opened project as it was left."""
         self.runner.begin_with(project.view.get("forms", {}))
+        self.cameras.begin_with(project)
         keys = [entry.key for entry in self.pages.entries]
         page = str(project.view.get("page", ""))
         self.pages.page(page if page in keys else keys[min(self.pages.home + 1, len(keys) - 1)])
         self.tabs.setCurrentIndex(int(project.view.get("tab", 0)))
         self.session.show_frame(int(project.view.get("frame", 0)))
         self.view3d.fit_take()
+
+    def _show_cameras(self) -> None:
+        project = self.session.project
+        frustums = self.cameras.frustums(None if project is None else Scene(project).usual)
+        self.view3d.show_cameras(frustums, self.cameras.up)
 
     def _show_view(self, key: str) -> None:
         """Give the middle to the view of a page, if it brings one."""

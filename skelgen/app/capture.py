@@ -22,6 +22,7 @@ from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, JointWish, calibrate_joints
 from skelgen.capture.frames import FrameSource
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
+from skelgen.capture.markers import misfit_in_space
 from skelgen.capture.prediction import PredictionParameters
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
@@ -206,9 +207,7 @@ class Recording:
             return
         kept = resolved_points(captured.points, captured.bodies.values())
         places = captured.points.points[kept]
-        left = self._settings.rig.left
-        depths = places @ left.camera_from_world[2, :3] + left.camera_from_world[2, 3]
-        errors = captured.points.epipolar_distance[kept] * depths / left.matrix[0, 0]  # px to mm where the point is
+        errors = misfit_in_space(places, captured.points.epipolar_distance[kept], self._settings.rig.left)
         self._recorder.add(captured.pair.time, places, errors)
 
 

@@ -1,4 +1,4 @@
-"""Any file that the program reads or writes: the registered formats and the project file side by side."""
+"""Any file that the program reads or writes: registered formats, stereo recordings, the project file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.registry import (
+    Format,
+    checked_options,
     find_format,
     format_for_writing,
     known_formats,
@@ -16,12 +18,14 @@ from skelgen_formats.registry import (
     recognise,
     write_file,
 )
-from skelgen_formats.table import COLUMNS, formats_table
+from skelgen_formats.table import COLUMNS, format_row, formats_table
 
 from skelgen.app.references import source_of
+from skelgen.app.stereo import STEREO, is_stereo, read_stereo
 from skelgen.app.store import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.errors import InputError, WriteError
 from skelgen.model import Identities, Project, Take
+from skelgen.progress import SILENT, Monitor
 
 PROJECT_FORMAT = "skelgen"
 """Name of the project file among the formats."""
@@ -35,6 +39,8 @@ def open_input(
     format: str | None = None,
     seed: int | None = None,
     identities: Path | None = None,
+    *,
+    monitor: Monitor = SILENT,
     **options: Any,
 ) -> Project:
     """Open what every stage starts from: a take in any format, or a project file with its results.
@@ -49,6 +55,8 @@ def open_input(
         Seed of the project; by default that of the project file, or 0 for a take.
     identities : Path, optional
         File of identities stated by hand; by default those of the project file.
+    monitor : Monitor
+        Told of progress where reading takes long; may cancel.
     **options
         What the format's reader can be told.
 
@@ -68,6 +76,9 @@ def open_input(
         project = open_project(find_result(path))
         stated = given_identities(identities) or project.identities
         return replace(project, seed=project.seed if seed is None else seed, identities=stated)
+    if is_stereo(path, format):
+        taken = read_stereo(path, **checked_options(STEREO, options, reading=True), monitor=monitor)
+        return Project(taken, seed or 0, identities=given_identities(identities))
     take = read_take(path, format, **options)
     source = source_of(Path(path), format or recognise(Path(path)).name, options)
     return Project(take, seed or 0, identities=given_identities(identities), source=source)
@@ -92,7 +103,12 @@ def _is_project(path: Path | str, format: str | None) -> bool:
 
 
 def convert_file(
-    source: Path, target: Path, from_format: str | None, to_format: str | None, options: Mapping[str, Any]
+    source: Path,
+    target: Path,
+    from_format: str | None,
+    to_format: str | None,
+    options: Mapping[str, Any],
+    monitor: Monitor = SILENT,
 ) -> tuple[tuple[str, ...], list[Path]]:
     """Read one file and write another.
 
@@ -104,6 +120,8 @@ def convert_file(
         Names of the formats; None recognises them.
     options : mapping of str to value
         For the reader what its format knows, for the writer all else; what that does not know is an error.
+    monitor : Monitor
+        Told of progress where reading takes long; may cancel.
 
     Returns
     -------
@@ -113,7 +131,8 @@ def convert_file(
         The files written.
     """
     known = _option_names(from_format or name_of_format(source))
-    project = open_input(source, from_format, **{name: value for name, value in options.items() if name in known})
+    reading = {name: value for name, value in options.items() if name in known}
+    project = open_input(source, from_format, monitor=monitor, **reading)
     remaining = {name: value for name, value in options.items() if name not in known}
     value = project if project.has("labels") else project.take
     files = write_any(value, target, to_format, **remaining)
@@ -131,17 +150,24 @@ def _remarks(value: Project | Take, target: Path, to_format: str | None, options
 
 def name_of_format(path: Path) -> str:
     """Return the name of the format in which a file is read."""
-    return PROJECT_FORMAT if is_project_file(path) else recognise(path).name
+    if is_project_file(path):
+        return PROJECT_FORMAT
+    return STEREO.name if is_stereo(path) else recognise(path).name
+
+
+def readable_formats() -> tuple[Format, ...]:
+    """Return all formats that takes are read from: those of files, and the stereo recording."""
+    return (*(entry for entry in known_formats() if entry.read is not None), STEREO)
 
 
 def format_rows() -> list[dict[str, str]]:
     """Return one row per format, with the columns of `skelgen_formats.table` as keys; the project file comes last."""
-    return [dict(zip(COLUMNS, row, strict=True)) for row in (*formats_table(), _PROJECT_ROW)]
+    return [dict(zip(COLUMNS, row, strict=True)) for row in (*formats_table(), format_row(STEREO), _PROJECT_ROW)]
 
 
 def file_filter() -> str:
     """Return what a file dialog offers to open: everything that is read, then each format by itself."""
-    readable = [(entry.title, entry.suffixes) for entry in known_formats() if entry.read is not None]
+    readable = [(entry.title, entry.suffixes) for entry in readable_formats()]
     readable.append((_PROJECT_ROW[1], (SUFFIX,)))
     everything = " ".join(dict.fromkeys(f"*{suffix}" for _, suffixes in readable for suffix in suffixes))
     single = [f"{title} ({' '.join(f'*{suffix}' for suffix in suffixes)})" for title, suffixes in readable]
@@ -151,4 +177,5 @@ def file_filter() -> str:
 def _option_names(format_name: str) -> set[str]:
     if format_name == PROJECT_FORMAT:
         return set()
-    return {option.name for option in find_format(format_name).options if option.reading}
+    entry = STEREO if format_name == STEREO.name else find_format(format_name)
+    return {option.name for option in entry.options if option.reading}

@@ -20,12 +20,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from skelgen.capture.blobs import FoundBody
 from skelgen.capture.error_propagation.angles import block_diagonal, held_slope, turn_slope
-from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vector_from_matrix
+from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
 from skelgen.kinematics.angles import angle_deviations, joint_angles
 from skelgen.model import Joint
 from skelgen.model.arrays import Floats
@@ -79,21 +80,30 @@ def find_angles(joint: JointModel, bodies: Mapping[str, FoundBody]) -> JointAngl
     parent, child = bodies[joint.parent], bodies[joint.child]
     poses = parent.world_from_body, child.world_from_body
     in_parent, in_child = poses[0] @ joint.parent_from_joint, poses[1] @ joint.child_from_joint
-    turn = nearest_rotation(in_parent[:3, :3].T @ in_child[:3, :3])
-    gap = in_child[:3, 3] - in_parent[:3, 3]
-    kind = _kinematic(joint)
-    alone = _allowed(joint, joint_angles(kind, turn[np.newaxis])[0])
-    away = _POINTS @ (turn - alone).T + in_parent[:3, :3].T @ gap
-    torn = np.concatenate([gap, vector_from_matrix(turn @ alone.T)[:2]]) if joint.kind == "hinge" else gap
-    error, spread = _most_likely(joint, poses, block_diagonal(parent.covariance, child.covariance), torn)
-    held = (matrix_from_vector(-error) @ turn)[np.newaxis]
+    turn = in_parent[:3, :3].T @ in_child[:3, :3]
+    gap, tilt = in_child[:3, 3] - in_parent[:3, 3], _tilt(joint, turn)
+    error, spread = _most_likely(
+        joint, poses, block_diagonal(parent.covariance, child.covariance), np.concatenate([gap, tilt])
+    )
+    kind, held = _kinematic(joint.kind), (matrix_from_vector(-error) @ turn)[np.newaxis]
     angles, std = joint_angles(kind, held)[0], angle_deviations(kind, held, spread[np.newaxis])[0]
-    return JointAngle(joint.name, angles, std, float(np.linalg.norm(away, axis=1).mean()))
+    return JointAngle(joint.name, angles, std, _residual(turn, in_parent[:3, :3].T @ gap, tilt))
 
 
-def _allowed(joint: JointModel, angles: Floats) -> Floats:
-    """The rotation of a joint at some angles."""
-    return matrix_from_vector(angles if joint.kind == "ball" else angles * _Z)
+def _tilt(joint: JointModel, turn: Floats) -> Floats:
+    """Turns about x and y that the least squares angle of a hinge leaves [rad], shape (2,); none for a ball."""
+    if joint.kind == "ball":
+        return np.zeros(0)
+    angle = joint_angles(_kinematic(joint.kind), turn[np.newaxis])[0]
+    return vector_from_matrix(turn @ matrix_from_vector(-angle * _Z))[:2]
+
+
+def _residual(turn: Floats, gap: Floats, tilt: Floats) -> float:
+    """Mean distance [mm] between the points of both frames once they are turned onto each other."""
+    if not len(tilt):
+        return float(np.linalg.norm(gap))
+    tilted = matrix_from_vector(np.array([*tilt, 0.0]))
+    return float(np.linalg.norm(_POINTS @ (turn - tilted.T @ turn).T + gap, axis=1).mean())
 
 
 def _most_likely(
@@ -102,7 +112,9 @@ def _most_likely(
     """What the joint's turn errs by [rad], in its frame in the parent, and the covariance that remains."""
     turn, held = turn_slope(joint, poses), held_slope(joint, poses)
     gain = covariance @ held.T
-    spread = _with_play(held @ gain + _calibrated(joint, poses), torn)
+    spread = held @ gain + _calibrated(joint, poses)
+    if torn @ np.linalg.solve(spread, torn) > LIKELY[len(torn)]:
+        spread = _with_play(spread, torn)
     gain = turn @ np.linalg.solve(spread, gain.T).T
     return gain @ torn, turn @ covariance @ turn.T - gain @ held @ covariance @ turn.T
 
@@ -131,8 +143,8 @@ def _with_play(spread: Floats, torn: Floats) -> Floats:
     return spread + np.diag(play / scale**2)
 
 
-def _kinematic(joint: JointModel) -> Joint:
-    """The joint as `skelgen.kinematics` knows it, in its own frame."""
+@cache
+def _kinematic(kind: str) -> Joint:
+    """A joint as `skelgen.kinematics` knows it, in its own frame."""
     origin = np.zeros(3)
-    axis = _Z if joint.kind == "hinge" else None
-    return Joint(0, 1, origin, origin, joint.kind, axis, origin)
+    return Joint(0, 1, origin, origin, kind, _Z if kind == "hinge" else None, origin)

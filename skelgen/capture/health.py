@@ -35,7 +35,8 @@ class RigWatch:
 
     def notices(self, pair: FramePair, left: Balls, right: Balls, points: StereoPoints) -> tuple[str, ...]:
         """Return what is new."""
-        said = [f"{pair.dropped} pairs were lost before frame {pair.index}"] if pair.dropped else []
+        lost = "1 pair was" if pair.dropped == 1 else f"{pair.dropped} pairs were"
+        said = [f"{lost} lost before frame {pair.index}"] if pair.dropped else []
         lasting = [
             f"{side} image: {balls.notice}" for side, balls in (("left", left), ("right", right)) if balls.notice
         ]
@@ -50,24 +51,40 @@ class RigWatch:
         """Whether hardly any ball has a partner, and whether exchanged cameras would explain it."""
         fewer = min(len(left), len(right))
         if fewer >= FEWEST_BALLS:
-            self._matched.append(_share(points, fewer))
+            self._matched.append(matched_share(left, right, points))
         if len(self._matched) < WINDOW or sum(self._matched) / WINDOW >= LEAST_MATCHED:
             self._swapped.clear()
             return ""
         if fewer >= FEWEST_BALLS and len(self._swapped) < WINDOW:
-            self._swapped.append(_share(self._exchanged(left, right), fewer))
+            self._swapped.append(exchanged_share(left, right, self._rig))
         if len(self._swapped) < WINDOW:
             return ""
-        if sum(self._swapped) / WINDOW > 2 * LEAST_MATCHED:
-            return "hardly any ball fits both images, but they do if exchanged: the cameras are swapped"
-        return "hardly any ball fits both images: the cameras have moved, or the settings are of another rig"
-
-    def _exchanged(self, left: Balls, right: Balls) -> StereoPoints:
-        from skelgen.capture.optics.matching import match_and_triangulate  # noqa: PLC0415 - only in trouble
-
-        return match_and_triangulate(right, left, self._rig)
+        return mismatch(sum(self._matched) / WINDOW, sum(self._swapped) / WINDOW)
 
 
-def _share(points: StereoPoints, n_balls: int) -> float:
-    """Part of the balls of an image that are part of a point."""
-    return min(len(set(points.left.tolist())), len(set(points.right.tolist()))) / n_balls
+def mismatch(matched: float, exchanged: float) -> str:
+    """Return what is wrong with a rig, in words; empty if nothing is.
+
+    Parameters
+    ----------
+    matched, exchanged : float
+        Mean parts of the balls that have a partner in the other image, as the images are and if they are exchanged.
+    """
+    if matched >= LEAST_MATCHED:
+        return ""
+    if exchanged > 2 * LEAST_MATCHED:
+        return "hardly any ball fits both images, but they do if exchanged: the cameras are swapped"
+    return "hardly any ball fits both images: the cameras have moved, or the settings are of another rig"
+
+
+def matched_share(left: Balls, right: Balls, points: StereoPoints) -> float:
+    """Return the part of the balls of an image that are part of a point; of the image with fewer balls."""
+    partners = min(len(set(points.left.tolist())), len(set(points.right.tolist())))
+    return partners / max(min(len(left), len(right)), 1)
+
+
+def exchanged_share(left: Balls, right: Balls, rig: StereoRig) -> float:
+    """Return what `matched_share` would be if the cameras were exchanged."""
+    from skelgen.capture.optics.matching import match_and_triangulate  # noqa: PLC0415 - only in trouble
+
+    return matched_share(right, left, match_and_triangulate(right, left, rig))

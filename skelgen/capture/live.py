@@ -14,12 +14,15 @@ from time import perf_counter
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+
 from skelgen.capture.angles import JointAngle, find_angles
 from skelgen.capture.blobs import Balls, FoundBody, StereoPoints
 from skelgen.capture.bodies import BodyFinder, BodyParameters
 from skelgen.capture.frames import FramePair, FrameSource, Image
 from skelgen.capture.health import RigWatch
 from skelgen.capture.prediction import Prediction, PredictionParameters
+from skelgen.capture.trial import trial_pair, trial_points
 from skelgen.errors import InputError
 from skelgen.model.rig import Camera, CaptureSettings
 
@@ -148,7 +151,15 @@ class MotionCapture:
         self.n_dropped = 0
 
     def __enter__(self) -> Self:
-        """Nothing more is opened."""
+        """Load what is compiled, which takes a second: a camera that already runs would lose pairs meanwhile."""
+        self._points.find(trial_pair(self.settings.rig))
+        for body in self.settings.bodies:
+            self._bodies.find(trial_points(body))
+        exact = {
+            body.name: FoundBody(body.name, np.eye(4), np.eye(6), np.arange(0), 0.0) for body in self.settings.bodies
+        }
+        for joint in self.settings.joints:
+            find_angles(joint, exact)
         return self
 
     def __exit__(

@@ -41,6 +41,19 @@ MOST_SURPRISE = 8.0
 N_STATE = 18
 _POSE, _VELOCITY, _ACCELERATION = slice(0, 6), slice(6, 12), slice(12, 18)  # each turn, then place
 _TURNS = np.array([True, True, True, False, False, False])
+_EACH = np.arange(6)
+_GROWTH = {
+    (0, 0): 1 / 20,
+    (0, 1): 1 / 8,
+    (0, 2): 1 / 6,
+    (1, 0): 1 / 8,
+    (1, 1): 1 / 3,
+    (1, 2): 1 / 2,
+    (2, 0): 1 / 6,
+    (2, 1): 1 / 2,
+    (2, 2): 1.0,
+}
+"""How white jerk grows in the covariances of pose, velocity and acceleration, times a power of the time step."""
 
 DOUBT = 25.0
 """Squared Mahalanobis distance per freedom of a found pose from the predicted one above which the filter starts anew:
@@ -83,6 +96,7 @@ class BodyFilter:
         self._rates = np.zeros(12)
         self._covariance = np.eye(N_STATE)
         self._scales = np.ones(2)  # of the jerk of turns and of shifts
+        self._ahead: tuple[float, Floats, Floats, Floats] | None = None  # what was predicted last, and for when
 
     def expected(self, time: float) -> ExpectedPose | None:
         """Return where the body will be at a time [s], or None if nobody knows."""
@@ -101,6 +115,7 @@ class BodyFilter:
         spread = covariance[_POSE, _POSE] + found.covariance
         if error @ np.linalg.solve(spread, error) > DOUBT * len(error):
             return self._begun(time, found)
+        self._ahead = None
         self._learn(error, spread)
         gain = np.linalg.solve(spread, covariance[_POSE]).T
         step = gain @ error
@@ -120,6 +135,7 @@ class BodyFilter:
 
     def _begun(self, time: float, found: FoundBody) -> FoundBody:
         """Start anew: where it was found, with velocities that nobody knows."""
+        self._ahead = None
         self._scales = np.ones(2)
         self._time = self._seen = time
         self._pose, self._rates = np.array(found.world_from_body), np.zeros(12)
@@ -133,12 +149,19 @@ class BodyFilter:
 
     def _predicted(self, time: float) -> tuple[Floats, Floats, Floats]:
         """Pose, rates and covariance at a later time."""
-        step = time - (self._time or 0.0)
-        carry = np.kron(np.array([[1, step, step**2 / 2], [0, 1, step], [0, 0, 1]]), np.eye(6))
+        if self._ahead is None or self._ahead[0] != time:  # asked twice a frame: before the search and after it
+            self._ahead = time, *self._carried(time - (self._time or 0.0))
+        return self._ahead[1:]
+
+    def _carried(self, step: float) -> tuple[Floats, Floats, Floats]:
+        carry = np.eye(N_STATE)
+        carry[_EACH, _EACH + 6] = carry[_EACH + 6, _EACH + 12] = step
+        carry[_EACH, _EACH + 12] = step**2 / 2
         turning, shifting = self._scales * [self._parameters.turning_jerk, self._parameters.jerk]
-        power = np.diag(np.where(_TURNS, turning, shifting) ** 2 * FRAME)
-        powers = [[step**5 / 20, step**4 / 8, step**3 / 6], [step**4 / 8, step**3 / 3, step**2 / 2]]
-        noise = np.kron(np.array([*powers, [step**3 / 6, step**2 / 2, step]]), power)
+        power = np.where(_TURNS, turning, shifting) ** 2 * FRAME
+        noise = np.zeros((N_STATE, N_STATE))
+        for (row, column), grown in _GROWTH.items():
+            noise[_EACH + 6 * row, _EACH + 6 * column] = power * step ** (5 - row - column) * grown
         moved = carry @ np.concatenate([np.zeros(6), self._rates])
         return _moved(self._pose, moved[_POSE]), moved[_POSE.stop :], carry @ self._covariance @ carry.T + noise
 

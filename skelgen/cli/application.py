@@ -20,10 +20,12 @@ import skelgen
 from skelgen.app.stage_names import STAGE_NAMES, StageName
 from skelgen.cli import (
     batch_command,
+    benchmark_command,
     calibrate_commands,
     capture_commands,
     file_commands,
     simulate_command,
+    skeleton_command,
     stage_commands,
     window_command,
 )
@@ -96,6 +98,7 @@ def _calibrate() -> typer.Typer:
     group.command("stereo")(calibrate_commands.stereo)
     group.command("body")(capture_commands.calibrate_body)
     group.command("joints")(capture_commands.calibrate_joints)
+    group.command("skeleton")(skeleton_command.skeleton)
     group.command("simulated")(calibrate_commands.simulated)
     return group
 
@@ -131,6 +134,7 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("report", file_commands.report, tuple),
         ("fill", file_commands.fill, tuple),
         ("motion-capture", capture_commands.motion_capture, tuple),
+        ("benchmark", benchmark_command.benchmark, tuple),
         ("gui", window_command.gui, tuple),
     ]
 

@@ -16,7 +16,7 @@ from skelgen.errors import InputError
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
-    from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig
+    from skelgen.model.rig import BodyTarget, CaptureSettings
 
 SETTINGS = Path("rig.xml")
 STRUCTURE = "arm"
@@ -39,13 +39,15 @@ def stereo(
     from skelgen.capture.calibration.board import board_from_text
     from skelgen.capture.calibration.stereo import calibrate_stereo
     from skelgen.capture.calibration.table import camera_rows
+    from skelgen.model.rig import CaptureSettings
 
     screen = Screen(quiet, as_json)
     what = board_from_text(board, square)
     left, right = split_pairs(images)
+    before = _settings_there(output)
     with screen.watching() as monitor:
         found = calibrate_stereo(left, right, (what.columns, what.rows), square, lens, monitor)
-    write_settings(_with_rig(output, found.rig), output)
+    write_settings(CaptureSettings(found.rig) if before is None else replace(before, rig=found.rig), output)
     screen.table("Cameras", [dict(zip(("", "left", "right"), row, strict=True)) for row in camera_rows(found)])
     screen.table("Pairs", _pair_rows(found))
     for sentence in found.verdict.sentences:
@@ -72,6 +74,8 @@ def simulated(
     from skelgen.model.rig import CaptureSettings
 
     screen = Screen(quiet, as_json)
+    if output.exists():
+        raise InputError(f"{output} is there already, perhaps with a real calibration; choose another name with -o")
     known = simulated_rig(structure, n_frames=1).settings
     reason = "" if cameras_only else _reason_against(known.bodies)
     bodies, joints = ((), ()) if cameras_only or reason else (known.bodies, known.joints)
@@ -114,13 +118,11 @@ def split_pairs(images: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     return left, right
 
 
-def _with_rig(output: Path, rig: StereoRig) -> CaptureSettings:
-    """Settings with new cameras: targets, joints and source stay if the file is there already."""
+def _settings_there(path: Path) -> CaptureSettings | None:
+    """The settings of a file that is there already: their targets, joints and source stay."""
     from skelgen_formats.capture_settings import read_settings
 
-    from skelgen.model.rig import CaptureSettings
-
-    return replace(read_settings(output), rig=rig) if output.exists() else CaptureSettings(rig)
+    return read_settings(path) if path.exists() else None
 
 
 def _pair_rows(found: StereoCalibration) -> list[dict[str, Any]]:

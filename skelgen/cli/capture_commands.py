@@ -59,7 +59,7 @@ def motion_capture(
     columns = Columns(told, poses=not no_poses, angles=not no_angles, errors=errors)
     prediction = PredictionParameters() if predict else None
     stream = capture(told, source_of(told, source), record or (), prediction, n_frames=frames)
-    counts = _Counts(record or [])
+    counts = _Counts(record or [], [body.name for body in told.bodies])
     try:
         with contextlib.ExitStack() as stack:
             stack.enter_context(contextlib.closing(stream))
@@ -204,15 +204,22 @@ def _with_std(value: float, std: float) -> str:
 class _Counts:
     """How much was captured, for the last line."""
 
-    def __init__(self, record: list[Path]) -> None:
-        self._record, self.n_pairs, self._n_lost = record, 0, 0
+    def __init__(self, record: list[Path], targets: list[str]) -> None:
+        self._record, self._missed = record, dict.fromkeys(targets)
+        self.n_pairs, self._n_lost = 0, 0
 
     def add(self, captured: Captured) -> None:
         self.n_pairs += 1
         self._n_lost += captured.pair.dropped
+        for name in captured.bodies:
+            self._missed.pop(name, None)
 
     def say(self, silent: bool) -> None:
-        kept = [str(path) for path in self._record if self.n_pairs and path.exists()]
+        if not self.n_pairs:  # it did not begin, and an error says why
+            return
+        if self._missed:
+            print(f"note: never found: {', '.join(self._missed)}", file=sys.stderr)
+        kept = [str(path) for path in self._record if path.exists()]
         if not silent or self._n_lost:
             written = f"; recorded: {', '.join(kept)}" if kept else ""
             print(f"{self.n_pairs} pairs captured, {self._n_lost} lost{written}", file=sys.stderr)

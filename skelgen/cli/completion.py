@@ -35,6 +35,6 @@ def stages_beginning(incomplete: str) -> list[str]:
 
 def formats_beginning(incomplete: str) -> list[str]:
     """Return the names of formats that begin with what was typed."""
-    from skelgen_formats.registry import known_formats
+    from skelgen.app.files import readable_formats
 
-    return [entry.name for entry in known_formats() if entry.name.startswith(incomplete)]
+    return [entry.name for entry in readable_formats() if entry.name.startswith(incomplete)]

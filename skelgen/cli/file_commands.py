@@ -34,8 +34,9 @@ def convert(
     """Read a take or a project and write it in another format."""
     from skelgen.app.files import convert_file
 
-    notices, files = convert_file(take, target, format_name, to, given(values))
     screen = Screen(quiet)
+    with screen.watching() as monitor:
+        notices, files = convert_file(take, target, format_name, to, given(values), monitor)
     screen.note(notices)
     show_files(screen, files)
 
@@ -48,7 +49,8 @@ def info(
     from skelgen.app.summary import column_rows, project_tables
 
     screen = Screen(quiet, as_json)
-    project = open_input(take, format_name, **given(values))
+    with screen.watching() as monitor:
+        project = open_input(take, format_name, monitor=monitor, **given(values))
     format_name = format_name or name_of_format(take)
     tables, columns = project_tables(project), column_rows(project.take)
     screen.note(project.take.notices)

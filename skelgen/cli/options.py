@@ -50,6 +50,15 @@ Root = Annotated[
         "--root", metavar="NAME", help="Root of the tree: a body, a marker, or limb0 ...", show_default="found"
     ),
 ]
+KnownSkeleton = Annotated[
+    Path | None,
+    typer.Option(
+        "--skeleton",
+        metavar="PROJECT",
+        help="Label and pose by the skeleton of another take of the same body: a .skelgen project, or a run's folder.",
+        show_default=False,
+    ),
+]
 Config = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="Parameters of all stages: config.xml.", show_default=False),
@@ -124,10 +133,10 @@ def _parameters(function: Callable[..., None]) -> list[inspect.Parameter]:
 def _format_options(panel: str, *, reading: bool) -> list[inspect.Parameter]:
     from skelgen_formats.registry import known_formats
 
+    from skelgen.app.files import readable_formats
+
     found: dict[str, inspect.Parameter] = {}
-    for entry in known_formats():
-        if (entry.read if reading else entry.write) is None:
-            continue
+    for entry in readable_formats() if reading else [entry for entry in known_formats() if entry.write is not None]:
         for option in entry.options:
             if reading and not option.reading:
                 continue

@@ -18,6 +18,7 @@ from skelgen.cli.options import (
     IdentitiesFile,
     InputFile,
     Jobs,
+    KnownSkeleton,
     NLimbs,
     NMarkers,
     OutputFolder,
@@ -28,6 +29,7 @@ from skelgen.cli.options import (
 )
 from skelgen.cli.screen import Screen
 from skelgen.cli.tables import show_evaluation, show_files, show_project
+from skelgen.errors import ParameterError
 
 if TYPE_CHECKING:
     from skelgen.app.configuration import Settings
@@ -79,7 +81,7 @@ _WISHES: dict[str, tuple[str, ...]] = {
     "label": ("n_markers", "identities"),
     "cluster": ("n_limbs",),
     "joints": ("n_jobs", "hierarchy", "root"),
-    "fit": (),
+    "fit": ("skeleton",),
 }
 """Which of the user's wishes a stage can heed."""
 
@@ -92,6 +94,7 @@ _WISH_OPTIONS = {
         ("n_jobs", 1, Jobs),
         ("hierarchy", None, Hierarchy),
         ("root", None, Root),
+        ("skeleton", None, KnownSkeleton),
     )
 }
 
@@ -106,6 +109,7 @@ def run(
     identities: IdentitiesFile = None,
     hierarchy: Hierarchy = None,
     root: Root = None,
+    skeleton: KnownSkeleton = None,
     seed: Seed = None,
     jobs: Jobs = 1,
     config: Config = None,
@@ -127,9 +131,14 @@ def run(
     screen = Screen(quiet, as_json)
     take = find_result(take)
     settings = settings_with(Settings(config), assignments or ())
-    project = open_input(take, format_name, seed, identities, **given(reader_values))
+    with screen.watching() as monitor:
+        project = open_input(take, format_name, seed, identities, monitor=monitor, **given(reader_values))
     wishes = Wishes(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
     folder = output or _folder_for(take)
+    if skeleton is not None:
+        told = {"--n-markers": n_markers, "--n-limbs": n_limbs, "--identities": identities, "--hierarchy": hierarchy}
+        _refuse_beside_skeleton(told | {"--root": root, "--from": from_stage, "--until": until_stage})
+        return _apply_and_write(screen, project, skeleton, settings, folder, stem_of(take))
     _run_and_write(screen, project, (from_stage, until_stage), settings, wishes, folder, stem_of(take))
 
 
@@ -178,18 +187,22 @@ def stage_command(stage: StageName) -> Callable[..., None]:
         source, target = _default_files(settings.of("files"), stage.command)
         take = find_result(take) if take else None
         wanted = {name: values.pop(name) for name in _WISHES[stage.command]}
-        identities = wanted.pop("identities", None)
+        identities, skeleton = wanted.pop("identities", None), wanted.pop("skeleton", None)
         wishes = Wishes(**(wanted | {"hierarchy": hierarchy_in(wanted.get("hierarchy"))}))
         names = {entry.name for entry in parameters_of(stage).declarations()}
         chosen = given(values)
         settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})
         reader_values = {name: value for name, value in chosen.items() if name not in names}
-        project = open_input(take or source, format_name, seed, identities, **reader_values)
+        screen = Screen(quiet, as_json)
+        with screen.watching() as monitor:
+            project = open_input(take or source, format_name, seed, identities, monitor=monitor, **reader_values)
         folder = output or (_folder_for(take) if take else Path())
         stem = stem_of(take or target)
         result_name = target.name if stage.command == "fit" and not take else ""
+        if skeleton is not None:
+            return _apply_and_write(Screen(quiet, as_json), project, skeleton, settings, folder, stem)
         span = (stage.name, stage.name)
-        _run_and_write(Screen(quiet, as_json), project, span, settings, wishes, folder, stem, result_name)
+        _run_and_write(screen, project, span, settings, wishes, folder, stem, result_name)
 
     command.__doc__ = stage.summary
     return command
@@ -225,6 +238,30 @@ def _run_and_write(
     with screen.watching() as monitor:
         project = run_stages(project, *span, settings=settings, wishes=wishes, monitor=monitor)
         files = write_outputs(project, folder, stem, result_name=result_name, monitor=monitor)
+    tables = project_tables(project)
+    show_project(screen, tables)
+    show_files(screen, files)
+    screen.json({**tables, "files": [str(file) for file in files]})
+
+
+def _refuse_beside_skeleton(wishes: dict[str, Any]) -> None:
+    for flag, wish in wishes.items():
+        if wish is not None:
+            raise ParameterError(f"{flag} cannot be told beside --skeleton, which tells markers, limbs and tree")
+
+
+def _apply_and_write(
+    screen: Screen, project: Project, skeleton: Path, settings: Settings, folder: Path, stem: str
+) -> None:
+    from skelgen.app.known_skeleton import apply_skeleton, open_known
+    from skelgen.app.outputs import write_outputs
+    from skelgen.app.summary import project_tables
+
+    screen.note(project.take.notices)
+    known = open_known(skeleton)
+    with screen.watching() as monitor:
+        project = apply_skeleton(project, known, settings=settings, monitor=monitor)
+        files = write_outputs(project, folder, stem, monitor=monitor)
     tables = project_tables(project)
     show_project(screen, tables)
     show_files(screen, files)

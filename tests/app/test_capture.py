@@ -210,7 +210,7 @@ def test_bad_settings_are_one_sentence(path, capsys, old, new, sentence):
     path.write_text(re.sub(old, new, path.read_text(), count=1))
     assert main(["motion-capture", "-n", str(path)]) == 2
     out, err = capsys.readouterr()
-    assert out == ""
+    assert out == ""  # nor labels, which would go into a file of data
     assert len(err.splitlines()) == 1
     assert sentence in err
 
@@ -241,6 +241,10 @@ def test_calibrate_joints_writes_into_the_settings(known, path, capsys):
         (["joints", "--joint", "elbow=upper:lower"], "there is no body 'upper'; bodies are torso"),
         (["joints", "--joint", "elbow=torso:upper arm:saddle"], "kinds are ball, hinge"),
         (["body", "--name", "wand", "--balls", "5"], "no frame shows exactly 5 points"),
+        (
+            ["body", "--name", "wand"],
+            "The pictures show 15 balls at once; if those are not all of body 'wand', cover the",
+        ),
     ],
 )
 def test_calibrations_refuse_in_one_sentence_and_leave_the_settings(path, capsys, arguments, sentence):

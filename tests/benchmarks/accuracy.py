@@ -6,16 +6,10 @@ from dataclasses import dataclass
 
 from shown import show, show_machine, verdict
 
-import skelgen
-from skelgen.evaluation import Evaluation, evaluate
-from skelgen.simulation import simulate
+from skelgen.benchmark.accuracy import FAULTS, STRUCTURES, WANTED_EXACT, WANTED_TIMES_BOUND, reconstructed
 
 N_FRAMES = 1000
 SEEDS = (0, 1, 2)
-STRUCTURES = ("human", "seed-human", "quadruped", "rods", "tree:8")
-FAULTS = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
-WANTED_OF_EXACT = {"marker": 0.001, "joint": 0.01}  # mm
-WANTED_TIMES_BOUND = 1.05  # the Cramer-Rao bound of the true chain, the same dropouts given
 
 
 @dataclass(frozen=True)
@@ -42,13 +36,13 @@ def show_exact() -> None:
     rows = []
     for name in STRUCTURES:
         found = outcome(name)
-        is_reached = found.marker <= WANTED_OF_EXACT["marker"] and found.worst_joint <= WANTED_OF_EXACT["joint"]
+        is_reached = found.marker <= WANTED_EXACT["marker"] and found.worst_joint <= WANTED_EXACT["joint"]
         figures = (f"{found.marker:.2g}", f"{found.worst_joint:.2g}")
         rows.append((name, *counts(found), *figures, verdict(is_reached and all_exact(found))))
     columns = ("structure", "limbs exact", "tree exact", "worst limb [mm]", "worst joint [mm]", "")
     show(
         f"Exact takes, {N_FRAMES} frames; wanted: all exact, mean deviation of a limb's markers <= "
-        f"{WANTED_OF_EXACT['marker']} mm, joint <= {WANTED_OF_EXACT['joint']} mm (hinges across their axis)",
+        f"{WANTED_EXACT['marker']} mm, joint <= {WANTED_EXACT['joint']} mm (hinges across their axis)",
         columns,
         rows,
     )
@@ -72,7 +66,7 @@ def show_noisy() -> None:
 
 def outcome(name: str, **faults: float) -> Outcome:
     """Reconstruct one structure with every seed."""
-    scores = [score(name, seed, faults) for seed in SEEDS]
+    scores = [reconstructed(name, seed, n_frames=N_FRAMES, **faults) for seed in SEEDS]
     return Outcome(
         limbs=sum(one.limbs is not None and one.limbs.is_exact for one in scores),
         trees=sum(one.topology is not None and one.topology.is_exact for one in scores),
@@ -81,12 +75,6 @@ def outcome(name: str, **faults: float) -> Outcome:
         mean_joints=tuple(one.mean_joint_error or 0.0 for one in scores),
         times_bound=tuple(one.times_bound or 0.0 for one in scores),
     )
-
-
-def score(name: str, seed: int, faults: dict[str, float]) -> Evaluation:
-    """Simulate, reconstruct, compare."""
-    case = simulate(name, seed=seed, n_frames=N_FRAMES, **faults)
-    return evaluate(skelgen.reconstruct(case.take, seed=seed), case.truth)
 
 
 def counts(found: Outcome) -> tuple[str, str]:

@@ -12,12 +12,10 @@ import numpy as np
 from shown import show, show_machine, verdict
 
 import skelgen
-from skelgen.evaluation import Evaluation, evaluate
-from skelgen.evaluation.joints import joint_distances
-from skelgen.kinematics.shape import fit_shape
-from skelgen.model.arrays import Floats
+from skelgen.benchmark.accuracy import is_exact
+from skelgen.benchmark.peer import score_error
+from skelgen.evaluation import evaluate
 from skelgen.simulation import simulate
-from skelgen.simulation.take import SimulatedTake
 
 NOISE_CASES = (
     ("human", 1000, 0.5),
@@ -48,11 +46,11 @@ def show_noise(seeds: tuple[int, ...]) -> None:
     for name, n_frames, noise in NOISE_CASES:
         for seed in seeds:
             case = simulate(name, seed=seed, n_frames=n_frames, noise=noise)
-            score = reconstructed(case, seed)
-            reached = exact(score) and (score.times_bound or np.inf) <= WANTED_TIMES_BOUND
+            score = evaluate(skelgen.reconstruct(case.take, seed=seed), case.truth)
+            reached = is_exact(score) and (score.times_bound or np.inf) <= WANTED_TIMES_BOUND
             reached = reached and WANTED_COVERAGE[0] <= (score.coverage or 0.0) <= WANTED_COVERAGE[1]
             figures = (score.mean_joint_error, score.mean_joint_bound, score.times_bound, score.coverage)
-            rows.append((name, f"{noise}", str(seed), *texts(figures), f"{peer_error(case):.3f}", verdict(reached)))
+            rows.append((name, f"{noise}", str(seed), *texts(figures), f"{score_error(case):.3f}", verdict(reached)))
     columns = (
         "structure",
         "noise [mm]",
@@ -73,51 +71,19 @@ def show_tissue(seeds: tuple[int, ...]) -> None:
     for name, n_frames, tissue in TISSUE_CASES:
         for seed in seeds:
             case = simulate(name, seed=seed, n_frames=n_frames, noise=TISSUE_NOISE, soft_tissue=tissue)
-            score, peer = reconstructed(case, seed), peer_error(case)
+            score, peer = evaluate(skelgen.reconstruct(case.take, seed=seed), case.truth), score_error(case)
             share = (score.mean_joint_error or np.inf) / peer
             figures = (score.mean_joint_error, peer, share, score.coverage)
             rows.append(
-                (name, f"{tissue}", str(seed), *texts(figures), verdict(exact(score) and share <= WANTED_OF_SCORE))
+                (name, f"{tissue}", str(seed), *texts(figures), verdict(is_exact(score) and share <= WANTED_OF_SCORE))
             )
     columns = ("structure", "soft tissue [mm]", "seed", "mean error [mm]", "SCoRE [mm]", "of SCoRE", "coverage", "")
     show(f"Soft tissue; wanted: exact, <= {WANTED_OF_SCORE} of SCoRE with limbs and tree given", columns, rows)
 
 
-def reconstructed(case: SimulatedTake, seed: int) -> Evaluation:
-    """Reconstruct with nothing given, and compare."""
-    return evaluate(skelgen.reconstruct(case.take, seed=seed), case.truth)
-
-
-def exact(score: Evaluation) -> bool:
-    """Whether limbs and tree are the true ones."""
-    return score.limbs is not None and score.topology is not None and score.limbs.is_exact and score.topology.is_exact
-
-
 def texts(figures: tuple[float | None, ...]) -> tuple[str, ...]:
     """Figures for a table."""
     return tuple("-" if one is None else f"{one:.3f}" for one in figures)
-
-
-def peer_error(case: SimulatedTake) -> float:
-    """Mean joint error [mm] of SCoRE, limbs and tree given, hinges across their axes."""
-    truth, positions = case.truth, case.take.positions
-    frames = np.arange(truth.n_frames)
-    poses = [
-        fit_shape(positions[:, truth.limb_of_marker == limb], frames).world_from_limb for limb in range(truth.n_limbs)
-    ]
-    joints = np.stack([score(poses[parent], poses[child]) for parent, child in truth.edges.tolist()], axis=1)
-    distances = joint_distances(joints, np.arange(truth.n_joints), truth)
-    return float(np.nanmean(distances))
-
-
-def score(first: Floats, second: Floats) -> Floats:
-    """Centres of rotation of two bodies by SCoRE: the mean of both bodies' points, shape (n_frames, 3)."""
-    both = ~np.isnan(first[:, 0, 0]) & ~np.isnan(second[:, 0, 0])
-    rows = np.concatenate([first[both, :3, :3], -second[both, :3, :3]], axis=2).reshape(-1, 6)
-    right = (second[both, :3, 3] - first[both, :3, 3]).ravel()
-    place = np.linalg.lstsq(rows, right, rcond=None)[0]
-    ends = (first[:, :3, :3] @ place[:3] + first[:, :3, 3], second[:, :3, :3] @ place[3:] + second[:, :3, 3])
-    return np.asarray((ends[0] + ends[1]) / 2)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,8 @@ The seed's arm, three targets of five balls with a ball joint and a hinge, swing
 Prediction is measured on a target that swings at three speeds 1.5 m away, found with the errors that such poses have:
 what is left of the errors, and by how much the smoothed poses are late (the shift in time at which they fit best). A
 target that rests and then moves at 1 m/s at once shows the worst: how many milliseconds its smoothed place is behind.
+
+The search for three targets among more and more points is timed with and without knowing where they should be.
 """
 
 from __future__ import annotations
@@ -14,15 +16,19 @@ import sys
 import time
 
 import numpy as np
+from capture_bodies import make_frame
 from shown import show, show_machine, verdict
 
 from skelgen.capture.blobs import FoundBody
+from skelgen.capture.bodies import BodyFinder, ExpectedPose, propose_targets
 from skelgen.capture.frames import FramePair
 from skelgen.capture.live import MotionCapture
+from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.prediction import BodyFilter, PredictionParameters
 from skelgen.capture.rig import simulated_rig
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats
+from skelgen.model.rig import BodyTarget
 
 PAIRS, WARM_UP = 300, 5
 SEEDS = (0, 1)
@@ -32,6 +38,8 @@ NOISE = np.array([0.003, 0.003, 0.002, 0.2, 0.2, 0.6])  # rad and mm: 0.1 px, fi
 SWINGS = (0.3, 1.0, 3.0)  # Hz, each by 150 mm and 0.6 rad
 SPEED, REST = 1000.0, 10.0  # mm/s and s: how fast a target moves that starts at once, after how long
 SWING_FRAMES, SETTLING = 1800, 60
+CROWDS, SEARCHED = (15, 40, 100), 600  # points in a frame, and frames
+FORETOLD = np.diag([0.02**2] * 3 + [5.0**2] * 3)  # rad^2 and mm^2: of a target that swings at 2 Hz
 LAGS = np.linspace(-0.02, 0.05, 701)  # s
 
 
@@ -144,6 +152,26 @@ def prediction_rows() -> list[tuple[str, ...]]:
     return [*rows, sudden_row()]
 
 
+def search_rows() -> list[tuple[str, ...]]:
+    """Median times of the search everywhere and where the targets are expected."""
+    rows, rig, rng = [], seed_rig(), np.random.default_rng(0)
+    targets = propose_targets([BodyTarget(f"body{i}", rng.uniform(-60, 60, (5, 3))) for i in range(3)])
+    finder = BodyFinder(targets)
+    for n_points in CROWDS:
+        times: tuple[list[float], list[float]] = ([], [])
+        for _ in range(SEARCHED):
+            frame = make_frame(rig, targets, rng, n_points)
+            near = {
+                target.name: ExpectedPose(pose, FORETOLD) for target, pose in zip(targets, frame.poses, strict=True)
+            }
+            for expected, spent in zip((None, near), times, strict=True):
+                start = time.process_time()
+                finder.find(frame.points, expected)
+                spent.append(1e3 * (time.process_time() - start))
+        rows.append((f"{n_points} points", *(f"{np.median(spent):.2f} ms" for spent in times)))
+    return rows
+
+
 if __name__ == "__main__":
     show_machine()
     n_pairs = int(sys.argv[1]) if len(sys.argv) > 1 else PAIRS
@@ -151,3 +179,4 @@ if __name__ == "__main__":
     show(f"pair of images to joint angles, {n_pairs} pairs", columns, latency_rows(n_pairs))
     columns = ("swing", "errors of turn left", "errors of place left", "next frame foretold within", "late by")
     show("prediction", columns, prediction_rows())
+    show("search for three targets", ("among", "everywhere", "where expected"), search_rows())

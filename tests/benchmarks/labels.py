@@ -20,9 +20,10 @@ from threadpoolctl import threadpool_limits
 import skelgen
 from skelgen.app.configuration import Settings
 from skelgen.app.pipeline import run_stages
+from skelgen.benchmark.takes import fifty_markers
 from skelgen.evaluation import evaluate
 from skelgen.model import PointCloud, Project
-from skelgen.simulation import Structure, find_structure, simulate
+from skelgen.simulation import Structure, simulate
 from skelgen.simulation.truth import Truth
 from skelgen.stages.labels import LabelParameters
 from skelgen.stages.labels.follow import follow_points, typical_spacing
@@ -30,7 +31,6 @@ from skelgen.stages.labels.found_points import find_points
 
 N_FRAMES = 1500
 FAULTS = {"noise": 0.3, "ghosts": 0.2}  # mm, false points a frame
-MORE_MARKERS = ("pelvis", "chest", "head", "left thigh", "right thigh")  # four instead of three: 50 in all
 GAP_SECONDS, GAP_EVERY_SECONDS = 0.25, 2.0
 LEAST_SEEN = 0.02  # of all frames: a marker that fewer show, hidden in the body, is not asked for
 PEER_GAP_SECONDS = 0.5  # over which the peers may close gaps
@@ -237,13 +237,6 @@ def simulated(structure: str | Structure, **options: float) -> Callable[[int], T
         return Take(made.take, made.truth.marker_of_point, made.truth)
 
     return make
-
-
-def fifty_markers() -> Structure:
-    """The human with a fourth marker on five limbs: 50 in all."""
-    more = {limb.name: limb for limb in find_structure("human:4").limbs}
-    limbs = tuple(more[limb.name] if limb.name in MORE_MARKERS else limb for limb in find_structure("human").limbs)
-    return Structure("human-50", limbs)
 
 
 def recorded(path: Path, with_gaps: bool) -> Callable[[int], Take | None]:

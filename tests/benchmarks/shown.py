@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import platform
-import resource
-import sys
-from collections.abc import Callable, Iterable
-from importlib.metadata import version
-from typing import Any
+from collections.abc import Iterable
 
+from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
+from skelgen.benchmark.sections import verdict
 from skelgen.evaluation import Table
 
-KIBI = 1024 if sys.platform != "darwin" else 1  # getrusage counts in KiB on Linux, in bytes on macOS
-PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn")
+__all__ = ["in_own_process", "peak_gigabytes", "show", "show_machine", "verdict"]
 
 
 def show(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
@@ -25,36 +19,4 @@ def show(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]]) -> N
 
 def show_machine() -> None:
     """Print on what the figures were reached."""
-    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-    print(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, {versions}\n")
-
-
-def verdict(is_reached: bool) -> str:
-    """Return what the last column says."""
-    return "reached" if is_reached else "MISSED"
-
-
-def peak_gigabytes() -> float:
-    """Most memory that this process has held [GB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * KIBI / 1e9
-
-
-def in_own_process(work: Callable[..., Any], *given: Any) -> Any:
-    """Return what a function of a module returns in a fresh process: a process never forgets its peak of memory."""
-    context = multiprocessing.get_context("spawn")
-    receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_send, args=(work, given, sender))
-    process.start()
-    sender.close()
-    try:
-        return receiver.recv()
-    except EOFError:
-        process.join()
-        raise SystemExit(f"{work.__name__}{given} ended with exit code {process.exitcode}") from None
-    finally:
-        process.join()
-
-
-def _send(work: Callable[..., Any], given: tuple[Any, ...], sender: Any) -> None:
-    sender.send(work(*given))
-    sender.close()
+    print(f"{machine_line()}\n")

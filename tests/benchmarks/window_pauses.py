@@ -120,7 +120,7 @@ def until(app: QApplication, is_done: Callable[[], bool]) -> None:
     """Let the event loop run until something holds."""
     least, most = after(LEAST_SECONDS), after(MOST_SECONDS)
     look = QTimer(interval=20)
-    look.timeout.connect(lambda: app.quit() if (least() and is_done()) or most() else None)
+    look.timeout.connect(lambda: app.exit() if (least() and is_done()) or most() else None)
     look.start()
     app.exec()
     if not is_done():

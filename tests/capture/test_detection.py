@@ -192,6 +192,18 @@ def test_three_balls_in_a_triangle_are_separated():
     assert np.linalg.norm(errors(balls, truth)[0], axis=1).max() < TOUCHING
 
 
+@pytest.mark.parametrize("bend", [0.0, 25.0, 50.0, 80.0])
+@pytest.mark.parametrize("apart", [12.0, 14.0])
+def test_three_balls_in_a_row_are_separated(bend, apart):
+    """They leave gaps on both sides, which a small disc would fill."""
+    angle = np.radians(bend)
+    row = apart * np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [np.cos(angle), np.sin(angle), 0.0]])
+    image, truth = render_view(seed_rig().left, np.add(row, [20.0, -30.0, 1000.0]), RenderParameters(reflections=0))
+    balls = detect_balls(image)
+    assert len(balls) == 3
+    assert np.linalg.norm(errors(balls, truth)[0], axis=1).max() < TOUCHING
+
+
 def test_separation_can_be_switched_off():
     points = np.array([[0.0, 0.0, 1000.0], [11.0, 0.0, 1000.0]])
     image, _ = render_view(seed_rig().left, points, RenderParameters(reflections=0))

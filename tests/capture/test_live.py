@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from threading import Barrier
 
 import numpy as np
 import pytest
@@ -48,11 +49,30 @@ def test_threads_change_nothing(source, pairs, prediction):
                 np.testing.assert_array_equal(body.world_from_body, second.bodies[name].world_from_body)
 
 
+def test_each_image_and_each_body_has_a_thread_of_its_own(source, pairs, monkeypatch):
+    """All wait for each other, which they can only do side by side."""
+    with MotionCapture(source.settings, threads=True) as capture:
+        images, bodies = Barrier(2), Barrier(3)
+        balls, candidate = capture._points._balls, capture._bodies._candidate
+
+        def meeting(work, barrier):
+            def met(*given):
+                barrier.wait(timeout=20)
+                return work(*given)
+
+            return met
+
+        monkeypatch.setattr(capture._points, "_balls", meeting(balls, images))
+        monkeypatch.setattr(capture._bodies, "_candidate", meeting(candidate, bodies))
+        assert len(capture.see(pairs[0]).bodies) == 3
+
+
 def test_lost_pairs_are_counted_and_told(source, pairs):
     with MotionCapture(source.settings, threads=False) as capture:
         captured = capture.see(replace(pairs[0], dropped=3))
-    assert captured.notices == ("3 pairs were lost before frame 0",)
-    assert (capture.n_frames, capture.n_dropped) == (1, 3)
+        assert captured.notices == ("3 pairs were lost before frame 0",)
+        assert capture.see(replace(pairs[1], dropped=1)).notices == (f"1 pair was lost before frame {pairs[1].index}",)
+    assert (capture.n_frames, capture.n_dropped) == (2, 4)
 
 
 def test_pairs_before_a_break_are_delivered(source, pairs):

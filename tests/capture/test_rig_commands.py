@@ -76,6 +76,23 @@ def test_simulated_settings_without_targets_hold_the_cameras_alone(tmp_path):
     assert (found.bodies, found.joints, found.source) == ((), (), "simulated:arm")
 
 
+def test_simulated_settings_replace_no_others(tmp_path, capsys):
+    path = tmp_path / "settings.xml"
+    path.write_text("a calibration")
+    assert main(["calibrate", "simulated", "-o", str(path)]) == 2
+    assert "is there already, perhaps with a real calibration; choose another name with -o" in capsys.readouterr().err
+    assert path.read_text() == "a calibration"
+
+
+def test_what_is_no_settings_file_is_refused_before_anything_is_calibrated(chessboards, tmp_path, capsys):
+    path = tmp_path / "settings.xml"
+    path.write_text("no settings")
+    assert main(["calibrate", "stereo", *chessboards, "-o", str(path), "-q"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, "broken XML" in err) == ("", True)
+    assert path.read_text() == "no settings"
+
+
 def test_targets_that_no_capture_could_find_are_left_out_and_told(tmp_path, capsys):
     assert main(["calibrate", "simulated", "human", "-o", str(tmp_path / "human.xml")]) == 0
     assert "targets and joints are left out: body 'pelvis' has 3 balls" in capsys.readouterr().err

@@ -159,13 +159,50 @@ def valid_file(
     return make
 
 
+SMALL_ASF = """:units
+  length 0.45
+  angle deg
+:root
+  order TX TY TZ RX RY RZ
+  position 0 20 0
+  orientation 0 0 10
+:bonedata
+  begin
+    name thigh
+    direction 0 -1 0
+    length 8
+    axis 0 0 90 XYZ
+    dof rx ry tz
+  end
+  begin
+    name shank
+    direction 0 -1 0
+    length 7
+    axis 0 20 0 XYZ
+    dof rx
+  end
+:hierarchy
+  begin
+    root thigh
+    thigh shank
+  end
+"""
+SMALL_AMC = ":DEGREES\n" + "".join(
+    f"{frame}\nroot {frame} 2 3 1 2 3\nthigh {10 * frame} 5 0\nshank {-15 * frame}\n" for frame in range(1, 6)
+)
+
+
 @pytest.fixture
 def valid_motion(tmp_path: Path, small_project: Project) -> Callable[[str], Path]:
     """A small valid file of bones in motion, by suffix."""
 
     def make(suffix: str) -> Path:
         path = tmp_path / f"motion.{suffix}"
-        write_file(small_project, path)
+        if suffix == "bvh":
+            write_file(small_project, path)
+            return path
+        for ending, text in (("asf", SMALL_ASF), ("amc", SMALL_AMC)):
+            (tmp_path / f"motion.{ending}").write_text(text)
         return path
 
     return make

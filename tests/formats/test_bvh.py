@@ -9,6 +9,7 @@ import pytest
 from skelgen_formats.bvh import write_bvh
 from skelgen_formats.registry import find_format, write_file
 
+from skelgen.benchmark.judges import bones_of_bvh
 from skelgen.errors import WriteError
 from skelgen.model import Motion
 
@@ -16,17 +17,6 @@ bvhio = pytest.importorskip("bvhio", reason="pip install bvhio, the judge of BVH
 
 POSITION_MM = 0.01  # demanded; bvhio poses in single precision, with steps of 0.0002 mm at 2 m
 ROTATION = 1e-5  # of a matrix' elements: single precision, some bones deep
-
-
-def played(path, n_frames) -> dict[str, np.ndarray]:
-    """World pose of every bone at every frame as bvhio has it, by name, shape (n_frames, 4, 4), in the file's unit."""
-    root = bvhio.readAsHierarchy(str(path))
-    poses: dict[str, list[np.ndarray]] = {}
-    for frame in range(n_frames):
-        root.loadPose(frame)
-        for joint, *_ in root.layout():
-            poses.setdefault(joint.Name, []).append(np.array(joint.SpaceWorld.to_list()).T)
-    return {name: np.array(frames, dtype=float) for name, frames in poses.items()}
 
 
 CASES = ["one root in the middle", "deep", "a single frame", "a single limb"]
@@ -44,7 +34,7 @@ def project(request, make_project):
 
 def deviation(path, motion, per_mm=1.0) -> float:
     """Largest distance [mm] between bvhio's bones and the limbs' origins."""
-    bones = played(path, motion.n_frames)
+    bones = bones_of_bvh(path, motion.n_frames)
     apart = [
         np.abs(bones[f"limb{limb}"][:, :3, 3] / per_mm - motion.world_from_limb[:, limb, :3, 3]).max()
         for limb in range(motion.world_from_limb.shape[1])
@@ -57,7 +47,7 @@ def test_bones_are_where_the_limbs_are_at_every_frame(project, tmp_path):
 
 
 def test_bones_turn_as_the_limbs_do(project, tmp_path):
-    bones = played(*write_bvh(project, tmp_path / "walk.bvh"), project.motion.n_frames)
+    bones = bones_of_bvh(*write_bvh(project, tmp_path / "walk.bvh"), project.motion.n_frames)
     for limb in range(project.skeleton.n_limbs):
         turns = bones[f"limb{limb}"][:, :3, :3]
         # Importers give bones rest poses of their own: the turn since the first frame is what all agree on.
@@ -87,7 +77,7 @@ def test_rate_is_that_wished_and_frames_fall_on_the_old_ones(small_project, tmp_
     (path,) = write_file(small_project, tmp_path / "walk.bvh", rate=50.0)
     content = bvhio.readAsBvh(str(path))
     assert (content.FrameCount, content.FrameTime) == (6, 0.02)
-    bones, truth = played(path, 6), small_project.motion.world_from_limb[::2, 1, :3, 3]
+    bones, truth = bones_of_bvh(path, 6), small_project.motion.world_from_limb[::2, 1, :3, 3]
     assert np.abs(bones["limb1"][:, :3, 3] - truth).max() < POSITION_MM
 
 

@@ -18,7 +18,7 @@ from skelgen.errors import SkelgenError
 from skelgen.simulation import recorded_body
 
 FORMATS = ("c3d", "trc", "csm", "qualisys", "motive", "poses-csv", "mfml")
-MOTIONS = ("bvh",)
+MOTIONS = ("bvh", "asf", "amc")
 MEMORY_BYTES = 32 * 2**20  # far above what reading these small files takes, far below what mutated headers announce
 
 NUMBERS = (
@@ -65,7 +65,7 @@ def reads_or_refuses(path: Path, name: str) -> None:
 def poses_or_refuses(path: Path) -> None:
     """Whether a motion is read, and then stands somewhere and can be played by a body with markers; or is refused."""
     try:
-        motion = read_motion(path)
+        motion = read_motion(path.with_suffix(".amc") if path.suffix == ".asf" else path)
         assert np.isfinite(motion.world_from_bone).all()
         recorded_body(motion)
     except SkelgenError as error:

@@ -11,64 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from skelgen_formats.bones import matrix_from_xyzw
 from skelgen_formats.gltf import write_gltf
 from skelgen_formats.registry import find_format, write_file
 
+from skelgen.benchmark.gltf_poses import GltfPoses
 from skelgen.errors import WriteError
-from skelgen.geometry.rotations import transform_from
 
 pygltflib = pytest.importorskip("pygltflib", reason="pip install pygltflib, which reads what is judged")
 
 POSITION_MM = 0.01  # demanded; single precision has steps of 0.0001 mm at 2 m
 VALIDATOR = "npm install gltf-validator in the project's folder"
 ROOT = Path(__file__).parents[2]
-DTYPES = {5126: "<f4", 5123: "<u2"}
-SHAPES = {"SCALAR": (), "VEC3": (3,), "VEC4": (4,), "MAT4": (4, 4)}
-
-
-class Reader:
-    """A posing reader after the specification: chapters 3.6 (accessors), 3.7.3 (skins) and 3.11 (animations)."""
-
-    def __init__(self, path: Path) -> None:
-        self.gltf = pygltflib.GLTF2().load_binary(str(path))
-        self.animation = self.gltf.animations[0]
-        self.times = self.values(self.animation.samplers[0].input)
-
-    def values(self, index: int) -> np.ndarray:
-        accessor = self.gltf.accessors[index]
-        shape = (accessor.count, *SHAPES[accessor.type])
-        start = self.gltf.bufferViews[accessor.bufferView].byteOffset
-        dtype = np.dtype(DTYPES[accessor.componentType])
-        return np.frombuffer(self.gltf.binary_blob(), dtype, int(np.prod(shape)), start).reshape(shape).astype(float)
-
-    def world_from_node(self) -> np.ndarray:
-        """Pose of every node at every key, shape (n_keys, n_nodes, 4, 4)."""
-        nodes = self.gltf.nodes
-        parts = {(index, "translation"): node.translation or [0, 0, 0] for index, node in enumerate(nodes)}
-        parts |= {(index, "rotation"): node.rotation or [0, 0, 0, 1] for index, node in enumerate(nodes)}
-        for channel in self.animation.channels:
-            key = (channel.target.node, channel.target.path)
-            parts[key] = self.values(self.animation.samplers[channel.sampler].output)
-        poses = np.empty((len(self.times), len(nodes), 4, 4))
-        waiting = [(root, np.eye(4)) for root in self.gltf.scenes[0].nodes]
-        while waiting:
-            index, parent = waiting.pop()
-            rotation = matrix_from_xyzw(np.asarray(parts[index, "rotation"], dtype=float))
-            poses[:, index] = parent @ transform_from(rotation, np.asarray(parts[index, "translation"], dtype=float))
-            waiting += [(child, poses[:, index]) for child in nodes[index].children or []]
-        return poses
-
-    def points(self) -> np.ndarray:
-        """Skinned points at every key, shape (n_keys, n_points, 3)."""
-        attributes = self.gltf.meshes[0].primitives[0].attributes
-        skin = self.gltf.skins[0]
-        bind = self.values(skin.inverseBindMatrices).swapaxes(-1, -2)
-        carried = self.world_from_node()[:, skin.joints] @ bind
-        bones, weights = self.values(attributes.JOINTS_0).astype(int), self.values(attributes.WEIGHTS_0)
-        matrices = (weights[..., np.newaxis, np.newaxis] * carried[:, bones]).sum(axis=2)
-        places = self.values(attributes.POSITION)
-        return (matrices[..., :3, :3] @ places[..., np.newaxis])[..., 0] + matrices[..., :3, 3]
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +77,7 @@ def test_validator_reads_what_was_written(validated, make_project, tmp_path):
 
 
 def test_nodes_are_where_the_limbs_are_at_every_frame(project, tmp_path):
-    reader = Reader(*write_gltf(project, tmp_path / "walk.glb"))
+    reader = GltfPoses(*write_gltf(project, tmp_path / "walk.glb"))
     joints = reader.gltf.skins[0].joints
     posed = reader.world_from_node()[:, joints]
     assert np.abs(posed[..., :3, 3] * 1000 - project.motion.world_from_limb[..., :3, 3]).max() < POSITION_MM
@@ -133,18 +86,18 @@ def test_nodes_are_where_the_limbs_are_at_every_frame(project, tmp_path):
 
 def test_points_are_where_the_skeleton_has_the_markers(make_project, tmp_path):
     project = make_project(parents=(3, -1, 0, -1, 2, 1), n_frames=40)
-    points = Reader(*write_gltf(project, tmp_path / "walk.glb")).points()
+    points = GltfPoses(*write_gltf(project, tmp_path / "walk.glb")).points()
     assert np.abs(points * 1000 - project.motion.marker_positions[:, :-1]).max() < POSITION_MM
 
 
 def test_keys_are_at_the_frames(make_project, tmp_path):
     project = make_project(n_frames=40, rate=59.94)
-    reader = Reader(*write_gltf(project, tmp_path / "walk.glb"))
+    reader = GltfPoses(*write_gltf(project, tmp_path / "walk.glb"))
     np.testing.assert_allclose(reader.times, project.motion.times, rtol=1e-7, atol=0)  # single precision
 
 
 def test_rotations_take_the_short_way_between_keys(make_project, tmp_path):
-    reader = Reader(*write_gltf(make_project(n_frames=60), tmp_path / "walk.glb"))
+    reader = GltfPoses(*write_gltf(make_project(n_frames=60), tmp_path / "walk.glb"))
     for channel in reader.animation.channels:
         if channel.target.path == "rotation":
             quaternions = reader.values(reader.animation.samplers[channel.sampler].output)
@@ -153,14 +106,14 @@ def test_rotations_take_the_short_way_between_keys(make_project, tmp_path):
 
 @pytest.mark.parametrize(("unit", "per_mm"), [("mm", 1.0), ("cm", 0.1)])
 def test_lengths_are_in_the_unit_wished(small_project, tmp_path, unit, per_mm):
-    reader = Reader(*write_file(small_project, tmp_path / "walk.glb", unit=unit))
+    reader = GltfPoses(*write_file(small_project, tmp_path / "walk.glb", unit=unit))
     posed = reader.world_from_node()[:, reader.gltf.skins[0].joints][..., :3, 3] / per_mm
     assert np.abs(posed - small_project.motion.world_from_limb[..., :3, 3]).max() < POSITION_MM
 
 
 def test_turned_axes_and_another_rate_are_obeyed(small_project, validated, tmp_path):
     (path,) = write_file(small_project, tmp_path / "walk.glb", axes="z-to-y", rate=50.0)
-    reader = Reader(path)
+    reader = GltfPoses(path)
     posed = reader.world_from_node()[:, reader.gltf.skins[0].joints][..., :3, 3] * 1000
     x, y, z = np.moveaxis(small_project.motion.world_from_limb[::2, :, :3, 3], -1, 0)
     assert np.abs(posed - np.stack([x, z, -y], axis=-1)).max() < POSITION_MM
@@ -168,7 +121,7 @@ def test_turned_axes_and_another_rate_are_obeyed(small_project, validated, tmp_p
 
 
 def test_names_kinds_and_deviations_stand_beside(small_project, tmp_path):
-    gltf = Reader(*write_gltf(small_project, tmp_path / "walk.glb")).gltf
+    gltf = GltfPoses(*write_gltf(small_project, tmp_path / "walk.glb")).gltf
     names = small_project.trajectories.names
     assert gltf.meshes[0].extras["marker_names"] == list(names[:-1])
     bones = {node.name: node for node in gltf.nodes}

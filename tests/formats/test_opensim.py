@@ -7,6 +7,7 @@ import pytest
 from skelgen_formats.articulated import plain_names
 from skelgen_formats.registry import find_format, write_file
 
+from skelgen.benchmark.judges import opensim_columns, opensim_postures
 from skelgen.errors import WriteError
 from skelgen.geometry.frame_rate import with_rate
 
@@ -22,24 +23,6 @@ def files(jointed_project, tmp_path):
     return write_file(jointed_project, tmp_path / "walk.osim")
 
 
-def table_of(path):
-    table = opensim.TimeSeriesTable(str(path))
-    return dict(zip(table.getColumnLabels(), table.getMatrix().to_numpy().T, strict=True))
-
-
-def postures(model, motion, frames):
-    """The model's state in each frame, its coordinates as in the motion file."""
-    state = model.initSystem()
-    coordinates = model.getCoordinateSet()
-    for frame in frames:
-        for name, values in motion.items():
-            coordinate = coordinates.get(name)
-            turns = coordinate.getMotionType() == opensim.Coordinate.Rotational
-            coordinate.setValue(state, np.deg2rad(values[frame]) if turns else values[frame], False)
-        model.realizePosition(state)
-        yield frame, state
-
-
 def in_mm(vector):
     return 1000 * np.array([vector.get(axis) for axis in range(3)])
 
@@ -49,7 +32,7 @@ def test_bodies_and_markers_are_where_the_motion_has_them(jointed_project, tmp_p
     model_file, motion_file, *_ = write_file(jointed_project, tmp_path / "walk.osim", **options)
     truth = with_rate(jointed_project, options.get("rate", 0.0))
     model = opensim.Model(str(model_file))
-    for frame, state in postures(model, table_of(motion_file), range(truth.motion.n_frames)):
+    for frame, state in opensim_postures(model, opensim_columns(motion_file), range(truth.motion.n_frames)):
         for limb in range(truth.skeleton.n_limbs):
             place = in_mm(model.getBodySet().get(f"limb{limb}").getTransformInGround(state).p())
             assert np.abs(place - truth.motion.world_from_limb[frame, limb, :3, 3]).max() < POSITION_MM
@@ -79,7 +62,7 @@ def test_inverse_kinematics_of_opensim_returns_the_angles(files, tmp_path, monke
     monkeypatch.chdir(tmp_path)  # OpenSim looks for the model where it runs
     tool = opensim.InverseKinematicsTool("walk.ik.xml")
     assert tool.run()
-    ours, theirs = table_of(files[1]), table_of(tmp_path / "walk.ik.mot")
+    ours, theirs = opensim_columns(files[1]), opensim_columns(tmp_path / "walk.ik.mot")
     assert set(ours) == set(theirs)
     for name, angles in ours.items():
         assert np.abs(theirs[name] - angles).max() < (1e-3 * POSITION_MM if name[-2] == "t" else ANGLE_DEG), name

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-
 import numpy as np
 import pytest
 from skelgen_formats.registry import find_format, write_file
 
+from skelgen.benchmark.judges import read_columns
 from skelgen.errors import WriteError
 from skelgen.geometry.frame_rate import with_rate
 
@@ -16,11 +15,6 @@ ROTATION = 1e-5  # of a matrix: 0.01 mm at a metre
 BETWEEN = 20  # times as much between frames: there a universal joint turns evenly about its axes, not about one
 
 OPTIONS = pytest.mark.parametrize("options", [{}, {"rate": 30.0}, {"joints": "as-found"}])
-
-
-def columns_of(path):
-    rows = list(csv.reader(path.read_text().splitlines()))
-    return rows[0], np.array(rows[1:], dtype=float)
 
 
 def allowed(options):
@@ -33,7 +27,7 @@ def test_yourdfpy_poses_the_robot_as_the_motion_has_it(jointed_project, tmp_path
     model, motion = write_file(jointed_project, tmp_path / "walk.urdf", **options)
     robot = yourdfpy.URDF.load(str(model))
     assert robot.validate()
-    header, numbers = columns_of(motion)
+    header, numbers = read_columns(motion)
     names = [name.rpartition("_")[0] for name in header[2:]]
     assert set(names) == set(robot.actuated_joint_names)
     truth = with_rate(jointed_project, options.get("rate", 0.0)).motion
@@ -61,7 +55,7 @@ def test_mujoco_poses_the_model_as_the_motion_has_it(jointed_project, tmp_path, 
     model_file, motion = write_file(jointed_project, tmp_path / "walk.mjcf.xml", **options)
     model = mujoco.MjModel.from_xml_path(str(model_file))
     data = mujoco.MjData(model)
-    qpos = columns_of(motion)[1][:, 2:]
+    qpos = read_columns(motion)[1][:, 2:]
     assert np.array_equal(model.key_qpos[0], qpos[0])
     truth = with_rate(jointed_project, options.get("rate", 0.0))
     for frame, row in enumerate(qpos):
@@ -78,7 +72,7 @@ def test_mujoco_poses_the_model_as_the_motion_has_it(jointed_project, tmp_path, 
 
 
 def test_quaternions_of_the_motion_never_jump(jointed_project, tmp_path):
-    header, numbers = columns_of(write_file(jointed_project, tmp_path / "walk.mjcf.xml")[1])
+    header, numbers = read_columns(write_file(jointed_project, tmp_path / "walk.mjcf.xml")[1])
     first = [index for index, name in enumerate(header) if name.endswith("_qw")]
     for column in first:
         quaternions = numbers[:, column : column + 4]
@@ -94,7 +88,7 @@ def test_any_motion_of_joints_that_wobble_is_kept(small_project, tmp_path, name)
         return
     model = mujoco.MjModel.from_xml_path(str(model_file))
     data = mujoco.MjData(model)
-    data.qpos[:] = columns_of(motion)[1][-1, 2:]
+    data.qpos[:] = read_columns(motion)[1][-1, 2:]
     mujoco.mj_kinematics(model, data)
     assert np.abs(data.body("limb0").xmat.reshape(3, 3) - small_project.motion.rotations[-1, 0]).max() < ROTATION
 

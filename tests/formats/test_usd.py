@@ -10,6 +10,7 @@ from skelgen_formats import usd
 from skelgen_formats.registry import find_format, write_file
 from skelgen_formats.usd import write_usd
 
+from skelgen.benchmark.judges import bones_of_usd
 from skelgen.errors import WriteError
 
 pytest.importorskip("pxr", reason="pip install 'skelgen[usd]', which also judges")
@@ -18,22 +19,9 @@ from pxr import Usd, UsdGeom, UsdSkel
 POSITION_MM = 0.01  # demanded; single precision has steps of 0.0002 mm at 2 m
 
 
-def posed(path) -> dict[str, np.ndarray]:
-    """World pose of every bone at every frame, by name, shape (n_frames, 4, 4), in the file's unit."""
-    stage = Usd.Stage.Open(str(path))
-    root = UsdSkel.Root(stage.GetDefaultPrim())
-    cache = UsdSkel.Cache()
-    cache.Populate(root, Usd.PrimDefaultPredicate)
-    (binding,) = [cache.GetSkelQuery(UsdSkel.Skeleton(prim)) for prim in stage.Traverse() if prim.IsA(UsdSkel.Skeleton)]
-    times = np.arange(stage.GetStartTimeCode(), stage.GetEndTimeCode() + 1)
-    poses = [np.array(binding.ComputeJointWorldTransforms(UsdGeom.XformCache(time))) for time in times]
-    names = [str(path).rpartition("/")[2] for path in binding.GetJointOrder()]
-    return dict(zip(names, np.array(poses).swapaxes(-1, -2).swapaxes(0, 1), strict=True))
-
-
 def deviation(path, motion, per_mm=1.0) -> float:
     """Largest distance [mm] between posed joints and the limbs' origins."""
-    bones = posed(path)
+    bones = bones_of_usd(path)
     found = np.stack([bones[f"limb{limb}"] for limb in range(len(bones))], axis=1)[..., :3, 3] / per_mm
     return float(np.abs(found - motion.world_from_limb[..., :3, 3]).max())
 
@@ -57,7 +45,7 @@ def test_joints_are_where_the_limbs_are_at_every_frame(project, tmp_path, suffix
 
 
 def test_joints_turn_as_the_limbs_do(project, tmp_path):
-    bones = posed(*write_usd(project, tmp_path / "walk.usdc"))
+    bones = bones_of_usd(*write_usd(project, tmp_path / "walk.usdc"))
     for limb in range(project.skeleton.n_limbs):
         # Single precision, some bones deep.
         assert np.abs(bones[f"limb{limb}"][:, :3, :3] - project.motion.rotations[:, limb]).max() < 1e-6
@@ -84,7 +72,7 @@ def test_rate_is_stated_and_frames_fall_on_the_old_ones(small_project, tmp_path)
     stage = Usd.Stage.Open(str(path))
     assert (stage.GetTimeCodesPerSecond(), stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (50.0, 0.0, 5.0)
     truth = small_project.motion.world_from_limb[::2, 1, :3, 3]
-    assert np.abs(posed(path)["limb1"][:, :3, 3] - truth).max() < POSITION_MM
+    assert np.abs(bones_of_usd(path)["limb1"][:, :3, 3] - truth).max() < POSITION_MM
 
 
 def test_markers_are_the_measured_ones_and_gaps_stay(small_project, tmp_path):

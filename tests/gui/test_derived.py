@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
+import time
 
+from PySide6.QtWidgets import QWidget
 from shiboken6 import Shiboken
 from skelgen_gui.derived import Deriver
 
@@ -71,3 +73,24 @@ def test_an_error_is_raised_in_the_window_s_thread(qtbot):
         qtbot.waitUntil(lambda: not deriver.is_busy)
     assert [error[0] for error in errors] == [ZeroDivisionError]
     assert told == []
+
+
+def test_a_widget_that_goes_while_its_result_is_handed_over_does_no_harm(qtbot):
+    """Thirty times, as the moment has to be met: the program would end."""
+    for number in range(30):
+        widget = QWidget()
+        deriver = Deriver(widget)
+        started, may_end = threading.Event(), threading.Event()
+
+        def work(started=started, may_end=may_end):
+            started.set()
+            may_end.wait(5)
+
+        deriver.derive(work, lambda _: None)
+        qtbot.waitUntil(started.is_set)
+        may_end.set()
+        if number % 2:
+            time.sleep(0.0005)
+        Shiboken.delete(widget)
+        deriver.wait()
+    qtbot.wait(20)

@@ -24,7 +24,7 @@ WAIT = 120  # s; a loaded machine starts a window in a few
 WATCHED = """
     import sys
     from PySide6.QtCore import QTimer
-    from PySide6.QtWidgets import QApplication
+    from PySide6.QtWidgets import QApplication, QMessageBox
     from skelgen_gui import main
     from skelgen_gui.errors import ErrorDialog
     from skelgen_gui.window import Window
@@ -50,16 +50,22 @@ WATCHED = """
                 window.commanding.run_all()
                 return
             elif project is not None:
-                print("opened:", project.take.n_frames, *project.reports, flush=True)
                 window.autosave.save()
+                window.autosave.wait()
+                print("opened:", project.take.n_frames, *project.reports, flush=True)
             elif COMMAND != "empty":
                 return
             else:
                 print("shown:", window.isVisible(), flush=True)
             self.timer.stop()
+            if COMMAND == "restore":
+                print("asked:", *asked, flush=True)
+                QMessageBox.question = lambda *_: QMessageBox.StandardButton.Discard
             if COMMAND != "run":
                 window.close()
 
+    asked = []
+    QMessageBox.question = lambda parent, title, text, *_: asked.append(text) or QMessageBox.StandardButton.Yes
     main.QApplication = Watched
     sys.exit(main.main(sys.argv[1:]))
 """
@@ -143,6 +149,21 @@ def test_work_that_is_not_saved_is_left_to_the_next_window_when_the_system_ends_
     (folder,) = (tmp_path / "home").rglob("recovery")
     (remains,) = find_remains(folder)
     assert remains.project().has("skeleton")
+
+
+def test_work_of_a_window_that_was_killed_is_offered_and_restored_by_the_next(
+    watched, environment, recording, tmp_path
+):
+    arguments = [sys.executable, "-c", textwrap.dedent(WATCHED), "run", str(recording)]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=environment) as child:
+        assert child.stdout.readline() == "opened: 60 labels limbs joints skeleton\n"
+        child.kill()
+    seen, code, errors = watched("restore")
+    restored, asked = seen.splitlines()
+    assert restored == "opened: 60 labels limbs joints skeleton"
+    assert "rods.c3d" in asked
+    assert (code, complaints(errors)) == (0, [])
+    assert not list((tmp_path / "home").rglob("project.skelgen"))  # nobody is asked again
 
 
 def test_the_installed_command_is_this_function():

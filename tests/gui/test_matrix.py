@@ -28,7 +28,8 @@ def matrix(walked):
 
 
 def pixel(view, place):
-    return view.grab().toImage().pixelColor(place.toPoint())
+    picture = view.grab().toImage()
+    return picture.pixelColor((place * picture.devicePixelRatio()).toPoint())
 
 
 def test_hover_names_the_pair_and_its_value(view, matrix, walked):

@@ -8,11 +8,12 @@ import signal
 import subprocess
 import sys
 import textwrap
+from datetime import datetime
 
 import pytest
 from PySide6.QtCore import QSettings
 from skelgen_gui.preferences import Preferences
-from skelgen_gui.recovery import Autosave, find_remains
+from skelgen_gui.recovery import Autosave, Remains, find_remains
 
 CHILD = """
     import sys, time
@@ -75,3 +76,34 @@ def test_a_broken_note_is_passed_over(tmp_path):
     for text in ("", "{}", json.dumps({"name": "a", "path": "", "time": "noon", "process": 1})):
         (folder / "note.json").write_text(text)
         assert find_remains(tmp_path / "kept") == ()
+
+
+def test_what_was_restored_is_removed_once_it_is_kept_anew(qtbot, session, preferences, tmp_path):
+    old = tmp_path / "kept" / "old"
+    old.mkdir(parents=True)
+    autosave = Autosave(session, preferences, tmp_path / "kept")
+    autosave.take_over(Remains(old, "walk", None, datetime.now()))
+    autosave.wait()
+    qtbot.waitUntil(lambda: not old.exists())
+    assert len(list((tmp_path / "kept").rglob("*.skelgen"))) == 1
+
+
+def test_what_was_restored_stays_while_it_cannot_be_kept(qtbot, session, preferences, tmp_path, full_disk):
+    old = tmp_path / "kept" / "old"
+    old.mkdir(parents=True)
+    autosave = Autosave(session, preferences, tmp_path / "kept")
+    with full_disk(5000), qtbot.waitSignal(autosave.failed):
+        autosave.take_over(Remains(old, "walk", None, datetime.now()))
+    autosave.wait()
+    assert old.exists()
+    autosave.end()
+    assert not old.exists()
+
+
+def test_what_the_user_has_saved_is_not_kept_any_more(qtbot, session, preferences, tmp_path):
+    autosave = Autosave(session, preferences, tmp_path / "kept")
+    autosave.save()
+    autosave.wait()
+    qtbot.waitUntil(lambda: autosave._kept is not None)
+    session.saved(tmp_path / "walk.skelgen", session.project)
+    assert not any((tmp_path / "kept").rglob("*.skelgen"))

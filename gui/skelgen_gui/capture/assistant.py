@@ -104,6 +104,7 @@ class Assistant(QWidget):
         if not text:
             self.verdict.show_problem(self.tr("Choose where the images come from, or the simulated board."))
             return
+        self._forget_result()
         orders = self._orders = GatheringOrders()
 
         def work(monitor: Any) -> None:
@@ -114,7 +115,6 @@ class Assistant(QWidget):
             except Cancelled:
                 return
 
-        self._forget_result()
         if not self._jobs.start(title, work, self._finish, self._fail):
             self._orders = None
         self._follow()
@@ -216,10 +216,11 @@ class Assistant(QWidget):
         self.take.clicked.connect(self._take_this)
         self.form.start_wanted.connect(self._start_anew)
         self.form.changed.connect(self._start_over)
+        self.form.size_changed.connect(self._forget_result)
         self.remove.clicked.connect(lambda: self._remove(self.views.selected_views))
         self.clear.clicked.connect(self._start_over)
         self.views.removal_wanted.connect(self._remove)
-        self.views.itemSelectionChanged.connect(self._follow)
+        self.views.itemSelectionChanged.connect(self._mark)
         self.calibrate.clicked.connect(self.run_calibration)
         self.save.clicked.connect(self.save_settings)
         self._jobs.begun.connect(self._follow)
@@ -250,6 +251,11 @@ class Assistant(QWidget):
         self.book.remove(views)
         self._forget_result()
         self._show_views()
+
+    def _mark(self) -> None:
+        """Show which corners are those of the chosen views."""
+        self.coverage.mark_views(self.views.selected_views)
+        self._follow()
 
     def _take_newest(self) -> None:
         newest, _ = self.feed.take()
@@ -287,6 +293,7 @@ class Assistant(QWidget):
 
     def _forget_result(self) -> None:
         self.found, self._fits = None, {}
+        self.views.show_views(self.book.views, self._fits)
         self.verdict.clear()
         self.cameras.hide()
 
@@ -311,6 +318,8 @@ class Assistant(QWidget):
     def _follow(self) -> None:
         """What can be done depends on what runs and what is there."""
         is_busy, has_views = self._jobs.is_busy, bool(self.book.views)
+        if not is_busy:
+            self._orders = None  # one that was cancelled before it began says nothing
         self.go.setText(self.tr("Stop") if self.is_gathering else self.tr("Start"))
         self.go.setAccessibleName(self.tr("Stop looking") if self.is_gathering else self.tr("Look for the board"))
         self.go.setToolTip(self.go.accessibleName())

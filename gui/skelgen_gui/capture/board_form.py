@@ -29,7 +29,9 @@ class BoardForm(QWidget):
     Signals
     -------
     changed()
-        Another board.
+        Another board: views of the one before say nothing of it.
+    size_changed()
+        Another size of its squares.
     start_wanted()
         What the form says shall be looked at.
 
@@ -40,17 +42,19 @@ class BoardForm(QWidget):
     """
 
     changed = Signal()
+    size_changed = Signal()
     start_wanted = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.columns, self.rows, self.square = QSpinBox(self), QSpinBox(self), QDoubleSpinBox(self)
         self.source = SourceField(self)
-        self.folder, self.simulated = QPushButton(self.tr("Image files…"), self), QPushButton(self)
+        self.folder, self.simulated = QPushButton(self.tr("Image folder…"), self), QPushButton(self)
         self._describe()
         self._lay_out()
-        for box in (self.columns, self.rows, self.square):
+        for box in (self.columns, self.rows):
             box.valueChanged.connect(self.changed)
+        self.square.valueChanged.connect(self.size_changed)
         self.folder.clicked.connect(self._choose_folder)
         self.simulated.clicked.connect(self._choose_simulation)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from PySide6.QtCore import QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from skelgen.capture.calibration.coverage import LEAST_CORNERS, coverage
@@ -37,7 +37,7 @@ class CoverageView(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._size = (640, 480)
-        self._corners: tuple[list[Floats], list[Floats]] = ([], [])
+        self._corners = self._marked = sides(())
         self.setAccessibleName(self.tr("Where the board has been in both images"))
         self.setToolTip(self.tr("Dots are corners of the board; coloured parts are covered, the others wait for it"))
         policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
@@ -49,6 +49,11 @@ class CoverageView(QWidget):
         self._corners = sides(views)
         if views:
             self._size = views[0].size
+        self.update()
+
+    def mark_views(self, views: Sequence[View]) -> None:
+        """Let the corners of some views stand out."""
+        self._marked = sides(views)
         self.update()
 
     def sizeHint(self) -> QSize:
@@ -66,22 +71,30 @@ class CoverageView(QWidget):
             width = (self.width() - _GAP) / 2
             for side, title in enumerate((self.tr("left"), self.tr("right"))):
                 box = QRectF(side * (width + _GAP), 0, width, self.height())
-                self._paint_side(painter, box, self._corners[side], title)
+                self._paint_parts(painter, box, self._corners[side])
+                self._paint_corners(painter, box, self._corners[side], COVERED[is_dark(self.palette())])
+                self._paint_corners(
+                    painter, box, self._marked[side], self.palette().color(QPalette.ColorRole.Highlight)
+                )
+                painter.setPen(self.palette().color(QPalette.ColorRole.Text))
+                flags = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop
+                painter.drawText(box.adjusted(6, 3, -6, -3), flags, title)
 
-    def _paint_side(self, painter: QPainter, box: QRectF, corners: list[Floats], title: str) -> None:
+    def _paint_parts(self, painter: QPainter, box: QRectF, corners: list[Floats]) -> None:
+        """Ninths, those that are covered in colour."""
         palette = self.palette()
-        paper, colour = palette.color(palette.ColorRole.Base), COVERED[is_dark(palette)]
+        paper, colour = palette.color(QPalette.ColorRole.Base), COVERED[is_dark(palette)]
         counts = coverage(corners, self._size)
         part = box.width() / _PARTS, box.height() / _PARTS
-        painter.setPen(QPen(palette.color(palette.ColorRole.Mid), 1.0))
+        painter.setPen(QPen(palette.color(QPalette.ColorRole.Mid), 1.0))
         for row in range(_PARTS):
             for column in range(_PARTS):
                 is_covered = counts[row, column] >= LEAST_CORNERS
                 painter.setBrush(blended(colour, paper, _SHARE) if is_covered else paper)
                 painter.drawRect(QRectF(box.left() + column * part[0], box.top() + row * part[1], *part))
+
+    def _paint_corners(self, painter: QPainter, box: QRectF, corners: list[Floats], colour: QColor) -> None:
         painter.setPen(QPen(colour, _DOT, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
         every = np.concatenate([np.zeros((0, 2)), *corners])
         scale = np.array([box.width() / self._size[0], box.height() / self._size[1]])
         draw_points(painter, np.array([box.left(), box.top()]) + every * scale)
-        painter.setPen(palette.color(palette.ColorRole.Text))
-        painter.drawText(box.adjusted(6, 3, -6, -3), Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop, title)

@@ -59,6 +59,8 @@ class Gathering:
         opencv()
         with ThreadPoolExecutor(2, "board") as threads, source_of_text(self._text) as source:
             monitor.begin(title)
+            if any(view.size != source.size for view in self._book.views):
+                raise InputError("these images have another size than those of the views before: clear the views first")
             names, total = _names(source), source.n_frames or 0
             before: View | None = None
             n_seen = 0

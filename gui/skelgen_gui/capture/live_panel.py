@@ -159,6 +159,8 @@ class LivePanel(QWidget):
 
     def _follow(self) -> None:
         """What can be done depends on what runs."""
+        if not self._jobs.is_busy:
+            self._orders = None  # one that was cancelled before it began says nothing
         is_running = self.is_running
         self.go.setText(self.tr("Stop") if is_running else self.tr("Start"))
         self.go.setAccessibleName(self.tr("Stop the capture") if is_running else self.tr("Start the capture"))

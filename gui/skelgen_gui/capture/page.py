@@ -14,7 +14,7 @@ from skelgen_gui.pages.context import Context
 
 if TYPE_CHECKING:
     from skelgen.model.rig import StereoRig
-    from skelgen_gui.capture.messages import BoardShot
+    from skelgen_gui.capture.messages import BoardShot, Ended
     from skelgen_gui.capture.space import Found
 
 
@@ -35,6 +35,7 @@ class CapturePage(QWidget):
     def __init__(self, context: Context) -> None:
         super().__init__()
         self.setObjectName("page-capture")
+        self._cameras = context.cameras
         self.view = CaptureView()
         self.live = LivePanel(context.jobs, context.tell_error, self)
         self.tabs = QTabWidget(self)
@@ -52,9 +53,16 @@ class CapturePage(QWidget):
         layout.addWidget(self.tabs)
         self.live.shot.connect(self.view.show_shot)
         self.live.open_wanted.connect(context.files.open)
+        self.live.ended.connect(self._remember)
         self.assistant.shot.connect(self._show_board)
         self.assistant.calibrated.connect(self._show_calibrated)
         self.assistant.saved.connect(self._use)
+
+    def _remember(self, ended: Ended) -> None:
+        """Let the 3-D view know which cameras took the recordings, for when they are opened."""
+        for recorded in ended.recorded:
+            if ended.settings is not None:
+                self._cameras.remember(recorded.path, ended.settings.rig)
 
     def _show_board(self, shot: BoardShot) -> None:
         self.view.pictures.show_pair(shot.left, shot.right)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from collections import deque
 from contextlib import closing
-from functools import cache
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 
 from skelgen.app.capture import Recording, capture, read_capture_settings, source_of
 from skelgen.capture.frames import FrameSource
-from skelgen.capture.live import Captured, MotionCapture
+from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.prediction import PredictionParameters
 from skelgen.errors import Cancelled, InputError, SkelgenError
 from skelgen.model.rig import CaptureSettings
@@ -23,6 +23,8 @@ from skelgen_gui.capture.overlay import NO_BODY, eye_with_balls
 
 SPEED_FRAMES = 60
 """Pairs over which their number a second and their latency are averaged."""
+
+_IS_WARM = Event()
 
 
 class LiveRun:
@@ -66,7 +68,7 @@ class LiveRun:
 
     def _run(self, monitor: Monitor) -> None:
         settings, source = opened(self._wish)
-        warm_up()
+        warm_up(monitor)
         self._settings, self._tape = settings, _Tape(settings, source.rate, self._feed)
         prediction = PredictionParameters() if self._wish.predicts else None
         total = source.n_frames or 0
@@ -178,14 +180,21 @@ class _Tape:
         self._n_frames = 0
 
 
-@cache
-def warm_up() -> None:
+def warm_up(monitor: Monitor) -> None:
     """Capture one simulated pair: what is compiled then is not compiled while the first pairs come, and are lost."""
+    if _IS_WARM.is_set():
+        return
     from skelgen.capture.rig import simulated_rig  # noqa: PLC0415 - loads compiled loops
 
     rig = simulated_rig("arm", n_frames=1)
+    monitor.advance(1, 4)
+    pair, _ = rig.render(0)
+    monitor.advance(2, 4)
+    PointFinder(rig.settings).find(pair)
+    monitor.advance(3, 4)
     with MotionCapture(rig.settings) as capturing:
-        capturing.see(rig.render(0)[0])
+        capturing.see(pair)
+    _IS_WARM.set()
 
 
 def opened(wish: LiveWish) -> tuple[CaptureSettings, FrameSource]:

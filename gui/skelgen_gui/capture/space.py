@@ -15,21 +15,18 @@ from PySide6.QtWidgets import QWidget
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import StereoRig
 from skelgen_gui.batch import draw_lines
+from skelgen_gui.cameras import DEPTH, cameras_of
 from skelgen_gui.capture.overlay import NO_BODY
 from skelgen_gui.palette import colour_of_limb, doubt_colour
 from skelgen_gui.view3d import backdrop
 from skelgen_gui.view3d.colours import Colours
 from skelgen_gui.view3d.drag import Drag, DragKind
-from skelgen_gui.view3d.frustum import frustum
 from skelgen_gui.view3d.picture import Canvas
 from skelgen_gui.view3d.sprites import Sprites, Style
 from skelgen_gui.view3d.viewpoint import Viewpoint
 
 if TYPE_CHECKING:
     from skelgen.capture.blobs import FoundBody
-
-DEPTH = 1 / 3
-"""Length of the cameras' pyramids, as part of their distance to what they look at."""
 
 _SHOWN_FROM_RIG = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """A rig's x right, y down, z away, turned to x right, y away, z up, as viewers stand."""
@@ -198,7 +195,7 @@ class Space(QWidget):
 
     def _lay_frustums(self, distance: float) -> None:
         if self._rig is not None:
-            lines = rig_frustums(self._rig, DEPTH * distance)
+            lines = [camera.lines(DEPTH * distance) for camera in cameras_of(self._rig)]
             self._frustums = _shown(np.concatenate(lines).reshape(-1, 3)).reshape(-1, 2, 3)
             self.fit()
 
@@ -236,19 +233,6 @@ class Space(QWidget):
             if not np.isnan(place).any():
                 painter.setPen(colours.ink)
                 painter.drawText(QPointF(place[0] + 8, place[1] + 14), body.name)
-
-
-def rig_frustums(rig: StereoRig, depth: float) -> list[Floats]:
-    """Return the pyramids of both cameras of a rig, as `frustum` gives them, in its world."""
-    return [
-        frustum(
-            np.asarray(np.linalg.inv(camera.camera_from_world), dtype=np.float64),
-            (float(camera.width), float(camera.height)),
-            (float(camera.matrix[0, 0]), float(camera.matrix[1, 1])),
-            depth,
-        )
-        for camera in (rig.left, rig.right)
-    ]
 
 
 def _working_distance(rig: StereoRig) -> float:

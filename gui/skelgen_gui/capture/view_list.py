@@ -25,8 +25,6 @@ class ViewList(ValueTable):
     -------
     removal_wanted(object)
         These views, a list, shall go.
-    chosen(object)
-        This view is looked at.
 
     Parameters
     ----------
@@ -35,7 +33,6 @@ class ViewList(ValueTable):
     """
 
     removal_wanted = Signal(object)
-    chosen = Signal(object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("", "", ("", "", "", ""), parent)
@@ -49,7 +46,6 @@ class ViewList(ValueTable):
         )
         self.setFixedHeight(_HEIGHT)
         self._views: tuple[View, ...] = ()
-        self.itemSelectionChanged.connect(self._choose)
 
     def show_views(self, views: Sequence[View], fits: Mapping[str, Fit]) -> None:
         """Show views, with how they fit where that is known."""
@@ -81,7 +77,3 @@ class ViewList(ValueTable):
         if side is None:
             return self.tr("no board")
         return self.tr("board") if math.isnan(rms) else f"{rms:.2f}"
-
-    def _choose(self) -> None:
-        if self.selected_views:
-            self.chosen.emit(self.selected_views[-1])

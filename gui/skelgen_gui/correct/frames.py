@@ -26,6 +26,8 @@ class FramesDialog(QDialog):
         self.first, self.last = (self._box(value, n_frames) for value in proposed)
         self.first.setAccessibleName(self.tr("First frame"))
         self.last.setAccessibleName(self.tr("Last frame"))
+        self.first.setToolTip(self.tr("The first frame in which it holds; at first the one that is shown"))
+        self.last.setToolTip(self.tr("The last frame in which it holds, itself included"))
         buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel, self)
         buttons.accepted.connect(self.accept)
         buttons.rejected.connect(self.reject)
@@ -52,7 +54,9 @@ def ask_frames(
 ) -> tuple[int | None, int | None] | None:
     """Ask for frames; None if the user cancels, and None for an end that is the take's own."""
     dialog = FramesDialog(parent, title, proposed, n_frames)
-    if dialog.exec() != QDialog.DialogCode.Accepted:
-        return None
+    is_said = dialog.exec() == QDialog.DialogCode.Accepted
     first, last = dialog.frames()
+    dialog.deleteLater()
+    if not is_said:
+        return None
     return first or None, None if last == n_frames - 1 else last

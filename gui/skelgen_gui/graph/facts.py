@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from PySide6.QtCore import QCoreApplication
 
 from skelgen.app.report.wording import digits, fixed, listed
 from skelgen.kinematics.joint_motion import AngleRange, angle_ranges
 from skelgen.model import Project, Topology
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.joints.said import SMALL_MARGIN
+
+translate = QCoreApplication.translate
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,14 +65,15 @@ class JointFact:
     @property
     def sentences(self) -> str:
         """All that is told, a line each."""
-        lines = [f"limb {self.parent} – limb {self.child}" + (f": {self.kind}" if self.kind else "")]
-        lines.append(f"cost {digits(self.cost)} mm²")
+        lines = [_pair(self.parent, self.child) + (": " + translate("Graph", self.kind) if self.kind else "")]
+        lines.append(translate("Graph", "cost {0} mm²").format(digits(self.cost)))
         if self.rival is None:
-            lines.append("no other joint could connect the two sides")
+            lines.append(translate("Graph", "no other joint could connect the two sides"))
         else:
-            first, second = self.rival
-            lines.append(f"best other joint: limb {first} – limb {second}, {digits(self.cost + self.margin)} mm²")
-            lines.append(f"margin {digits(self.margin)} mm²" + (": hardly any" if self.is_doubtful else ""))
+            best = translate("Graph", "best other joint: {0}, {1} mm²")
+            lines.append(best.format(_pair(*self.rival), digits(self.cost + self.margin)))
+            doubtful, sure = translate("Graph", "margin {0} mm²: hardly any"), translate("Graph", "margin {0} mm²")
+            lines.append((doubtful if self.is_doubtful else sure).format(digits(self.margin)))
         for angle in self.ranges:
             low, high = (fixed(float(np.degrees(end)), 0) for end in (angle.low, angle.high))
             lines.append(f"{angle.name}: {low}° … {high}°")
@@ -100,15 +104,25 @@ class GraphFacts:
     def sentence_of_pair(self, first: int, second: int) -> str:
         """Say why the tree does not join two limbs."""
         costs = self.topology.joint_costs
-        told = f"limb {first} – limb {second}: not in the tree\ncost {digits(float(costs[first, second]))} mm²"
+        lines = [translate("Graph", "{0}: not in the tree").format(_pair(first, second))]
+        lines.append(translate("Graph", "cost {0} mm²").format(digits(float(costs[first, second]))))
         if (first, second) in self.topology.loops or (second, first) in self.topology.loops:
-            told += "\nseems to be a joint as well: it closes a ring"
-        path = tree_path(self.topology.parents, first, second)
+            lines.append(translate("Graph", "seems to be a joint as well: it closes a ring"))
+        return "\n".join([*lines, self._way(first, second)])
+
+    def _way(self, first: int, second: int) -> str:
+        """How the tree joins two limbs."""
+        costs, path = self.topology.joint_costs, tree_path(self.topology.parents, first, second)
         if not path:
-            return told + "\nthe two limbs belong to separate bodies"
+            return translate("Graph", "the two limbs belong to separate bodies")
         dearest = max(float(costs[one, other]) for one, other in pairwise(path))
         way = listed([str(limb) for limb in path[1:-1]])
-        return told + f"\nthe tree joins them by way of {way}, at no joint for more than {digits(dearest)} mm²"
+        told = translate("Graph", "the tree joins them by way of {0}, at no joint for more than {1} mm²")
+        return told.format(way, digits(dearest))
+
+
+def _pair(first: int, second: int) -> str:
+    return translate("Graph", "limb {0} – limb {1}").format(first, second)
 
 
 def find_graph(project: Project) -> GraphFacts:

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from PySide6.QtCore import QCoreApplication
 
 from skelgen.app.report.colours import LogScale, ramp_rgba
 from skelgen.app.report.measures import subtree_markers
 from skelgen.app.report.wording import millimetres
 from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
+
+translate = QCoreApplication.translate
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +61,13 @@ class Matrix:
             return first
         value = float(self.values[row, column])
         if np.isnan(value):
-            return f"{first} – {second}: never seen together"
-        return f"{first} – {second}: their distance varies by {millimetres(value)}"
+            return translate("Matrix", "{0} – {1}: never seen together").format(first, second)
+        varies = translate("Matrix", "{0} – {1}: their distance varies by {2}")
+        return varies.format(first, second, millimetres(value))
 
     def _name(self, row: int) -> str:
-        limb = f"limb {self.limbs[row]}" if self.limbs[row] >= 0 else "no limb"
+        number = int(self.limbs[row])
+        limb = translate("Matrix", "limb {0}").format(number) if number >= 0 else translate("Matrix", "no limb")
         return f"{self.names[row]} ({limb})"
 
 

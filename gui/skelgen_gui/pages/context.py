@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from PySide6.QtWidgets import QWidget
 
+from skelgen_gui.cameras import Cameras
 from skelgen_gui.care import FileCare
 from skelgen_gui.document import Document
 from skelgen_gui.jobs import Jobs
@@ -38,6 +39,8 @@ class Context:
         Shows what went wrong.
     files : FileCare
         Opens recordings and projects.
+    cameras : Cameras
+        Knows which cameras took recordings.
     """
 
     session: Session
@@ -47,6 +50,7 @@ class Context:
     preferences: Preferences
     tell_error: Callable[[Exception], None]
     files: FileCare
+    cameras: Cameras
 
 
 @dataclass(frozen=True)

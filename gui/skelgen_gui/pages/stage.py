@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import (
     QButtonGroup,
     QFileDialog,
@@ -76,6 +76,10 @@ class StagePage(QWidget):
         self._follow_values()
         self._follow_project()
 
+    @property
+    def _summary(self) -> str:
+        return QCoreApplication.translate("Pages", find_stage(self._stage).summary)
+
     def _made_number(self) -> FoundOrGiven | None:
         titles = {"labels": self.tr("Number of markers"), "limbs": self.tr("Number of limbs")}
         return FoundOrGiven(titles[self._stage], self) if self._stage in titles else None
@@ -114,7 +118,7 @@ class StagePage(QWidget):
         inner = QWidget(self)
         column = QVBoxLayout(inner)
         column.setContentsMargins(0, 0, _BESIDE_BAR, 0)
-        summary = QLabel(find_stage(self._stage).summary, self)
+        summary = QLabel(self._summary, self)
         summary.setWordWrap(True)
         column.addWidget(summary)
         column.addLayout(choice)
@@ -200,13 +204,13 @@ class StagePage(QWidget):
         project = self._context.session.project
         is_ready = bool(self.path.text()) if self.uses_saved.isChecked() else not self.form.problem()
         self.go.setEnabled(project is not None and is_ready and not self._context.jobs.is_busy)
-        title = find_stage(self._stage).name
+        title = QCoreApplication.translate("Pages", self._stage)
         self.go.setText(
             self.tr("Use the saved {0}").format(title)
             if self.uses_saved.isChecked()
             else self.tr("Run {0}").format(title)
         )
-        self.go.setToolTip(find_stage(self._stage).summary)
+        self.go.setToolTip(self._summary)
         for widget in (self.path, self._browse):
             widget.setEnabled(self.uses_saved.isChecked())
 

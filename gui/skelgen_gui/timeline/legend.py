@@ -16,6 +16,7 @@ from skelgen_gui.timeline.scale import GUTTER
 _SAMPLE = 26  # px, width of a bar
 _BAR = 14  # px, its height
 _GAP = 18.0
+_LEAST = 6.0  # px from the left border
 
 
 class Legend(QWidget):
@@ -40,10 +41,12 @@ class Legend(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the samples as lanes are painted."""
         painter = QPainter(self)
-        x, metrics = float(GUTTER), QFontMetricsF(self.font())
+        metrics = QFontMetricsF(self.font())
+        widths = [_SAMPLE + 5 + metrics.horizontalAdvance(words) + _GAP for words in self._words.values()]
+        x = min(float(GUTTER), max(self.width() - sum(widths), _LEAST))  # below the lanes, if there is room
         ratio = self.devicePixelRatioF()
         doubt = rgb_of(doubt_colour(self.palette()))
-        for state, words in self._words.items():
+        for (state, words), width in zip(self._words.items(), widths, strict=True):
             shares = np.zeros((1, round(_SAMPLE * ratio), len(State)))
             shares[..., state] = 1.0
             colour = colour_of_limb(-1 if state == State.LEFT_OUT else 0, self.palette())
@@ -52,5 +55,5 @@ class Legend(QWidget):
             painter.drawPixmap(QPointF(x, 4), pixmap_of(bar, ratio))
             painter.setPen(self.palette().color(QPalette.ColorRole.WindowText))
             painter.drawText(QPointF(x + _SAMPLE + 5, 4 + (_BAR + metrics.ascent() - metrics.descent()) / 2), words)
-            x += _SAMPLE + 5 + metrics.horizontalAdvance(words) + _GAP
+            x += width
         painter.end()

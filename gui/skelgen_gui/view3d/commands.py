@@ -12,6 +12,7 @@ from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QMenu
 
 from skelgen_gui.view3d.shown import MAGNIFICATIONS, TRAIL_SECONDS, Shown
+from skelgen_gui.view3d.viewpoint import DOWN
 
 if TYPE_CHECKING:
     from skelgen_gui.view3d.widget import View3D
@@ -94,8 +95,10 @@ class Commands(QObject):
         seconds = [(self.tr("{value:g} s").format(value=value), value) for value in TRAIL_SECONDS]
         times: list[tuple[str, Any]] = [(self.tr("As large as fits"), None)]
         times += [(self.tr("{value} × standard deviation").format(value=value), value) for value in MAGNIFICATIONS]
-        ups = [(self.tr("As the data tell"), None), (self.tr("X up"), 0), (self.tr("Y up"), 1), (self.tr("Z up"), 2)]
-        return {"trail_seconds": list(seconds), "magnification": times, "up": list(ups)}
+        ups: list[tuple[str, Any]] = [(self.tr("As the data tell"), None)]
+        ups += [(self.tr("X up"), 0), (self.tr("Y up"), 1), (self.tr("Z up"), 2)]
+        ups += [(self.tr("X down"), DOWN), (self.tr("Y down"), DOWN + 1), (self.tr("Z down"), DOWN + 2)]
+        return {"trail_seconds": list(seconds), "magnification": times, "up": ups}
 
     def _do(self, text: str, key: str, explanation: str, act: Callable[[], None] | None = None) -> QAction:
         action = self._action(text, key, explanation)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
+from skelgen_gui.view3d.viewpoint import sign_of
 
 N_FADES = 4
 """Steps in which the grid fades toward its edge."""
@@ -26,7 +27,7 @@ class Floor:
     Attributes
     ----------
     up : int
-        The axis that points up.
+        The vertical axis, 0 .. 2.
     height : float, mm
         Where the floor lies along it.
     spacing : float, mm
@@ -65,22 +66,23 @@ def find_floor(sample: Floats, usual: Floats, size: float, up: int) -> Floor:
     size : float, mm
         Extent of what is seen in a frame.
     up : int
-        The axis that points up.
+        The axis that points up, or with `DOWN` added down.
     """
+    level = [axis for axis in range(3) if axis != up % 3]
     box = np.stack([usual.min(axis=0), usual.max(axis=0)])
-    level = [axis for axis in range(3) if axis != up]
-    height = _height(sample, up)
+    axis = up % 3
+    height = sign_of(up) * _height(sign_of(up) * sample[..., axis])
     extent = float((box[1] - box[0])[level].max())
     spacing = round_step(max(size / _CELLS, (1 + 2 * _BEYOND) * extent / _MOST_CELLS, _LEAST_CELL))
     margin = _BEYOND * max(extent, size) + spacing
     low = np.floor((box[0] - margin)[level] / spacing).astype(np.intp)
     high = np.ceil((box[1] + margin)[level] / spacing).astype(np.intp)
     lines = spacing * _cells(low, high)
-    world = np.insert(lines, up, height, axis=2)
+    world = np.insert(lines, axis, height, axis=2)
     origin = np.zeros(3)
-    origin[up] = height
+    origin[axis] = height
     return Floor(
-        up, height, spacing, world, _fade(lines, spacing * (low + high) / 2, spacing * (high - low) / 2), origin
+        axis, height, spacing, world, _fade(lines, spacing * (low + high) / 2, spacing * (high - low) / 2), origin
     )
 
 
@@ -90,9 +92,9 @@ def round_step(value: float) -> float:
     return max(step * power for step in (1, 2, 5) if step * power <= value * (1 + 1e-9))
 
 
-def _height(sample: Floats, up: int) -> float:
+def _height(heights: Floats) -> float:
     """The lowest that is seen, strays apart; 0 where that is little below, as markers sit above the sole."""
-    lowest, highest = np.fmin.reduce(sample[..., up], axis=1), np.fmax.reduce(sample[..., up], axis=1)
+    lowest, highest = np.fmin.reduce(heights, axis=1), np.fmax.reduce(heights, axis=1)
     bottom, top = float(np.nanpercentile(lowest, 1)), float(np.nanpercentile(highest, 99))
     return 0.0 if 0.0 <= bottom <= _SOLE * (top - bottom) else bottom
 

@@ -38,14 +38,19 @@ class Outlook:
         self.floor: Floor | None = None
         self.canvas = Canvas(Viewpoint(), 1, 1)
         self.is_home = True
+        self._cameras = np.zeros((0, 3))
+        self._up_of_cameras: int | None = None
         self._stated_up: int | None = None
         self._anchor: Floats | None = None
 
     @property
     def up(self) -> int:
-        """The coordinate axis that points up."""
-        found = self.scene.up if self.scene is not None else 2
-        return found if self._stated_up is None else self._stated_up
+        """The coordinate axis that points up, or with `DOWN` added down."""
+        if self._stated_up is not None:
+            return self._stated_up
+        if self._up_of_cameras is not None:
+            return self._up_of_cameras
+        return self.scene.up if self.scene is not None else 2
 
     def open(self, project: Project | None) -> None:
         """Look at another project; the viewer stays if it is another result of the same take."""
@@ -59,6 +64,13 @@ class Outlook:
         """State which coordinate axis points up; None leaves it to the data."""
         self._stated_up = axis
         self.look_home()
+
+    def show_cameras(self, points: Floats, up: int | None) -> None:
+        """Let cameras, points [mm] of shape (n, 3), belong to the take; they may say which axis points up."""
+        is_without = not len(points) and not len(self._cameras) and up == self._up_of_cameras
+        self._cameras, self._up_of_cameras = points, up
+        if not is_without:
+            self.look_home()
 
     def resize(self, width: int, height: int) -> None:
         """Use a picture of another size [px]."""
@@ -82,7 +94,7 @@ class Outlook:
         if self._anchor is None or self.scene is None or frame >= self.scene.n_frames:
             return self.canvas
         step = np.nan_to_num(self.scene.middle(frame) - self._anchor)
-        step[self.up] = 0.0
+        step[self.up % 3] = 0.0
         viewpoint = self.canvas.viewpoint
         return replace(self.canvas, viewpoint=viewpoint.looking_at(np.array(viewpoint.target) + step))
 
@@ -100,9 +112,9 @@ class Outlook:
         self.move(replace(self.canvas.viewpoint, azimuth=self._front + right_of_front, elevation=elevation))
 
     def fit_take(self) -> None:
-        """Fit where all of the take happens."""
+        """Fit where all of the take happens, with the cameras that see it."""
         if self.scene is not None:
-            self._fit(self.scene.usual)
+            self._fit(np.concatenate([self.scene.usual, self._cameras]))
 
     def fit_frame(self, frame: int, markers: set[int]) -> None:
         """Fit some markers in a frame, or all that is there."""

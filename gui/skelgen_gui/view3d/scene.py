@@ -15,6 +15,7 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen_gui.view3d.bones import Bones, find_bones
 from skelgen_gui.view3d.shown import MAGNIFICATIONS
 from skelgen_gui.view3d.uncertainty import JointCovariances, joint_covariances
+from skelgen_gui.view3d.viewpoint import level_axes
 
 SURE = 0.9
 """Confidence below which a marker counts as doubtful."""
@@ -118,6 +119,9 @@ class Scene:
     def sample(self) -> Floats:
         """Positions in some frames spread over the take, shape (n_samples, n, 3); NaN where there are none."""
         frames = np.unique(np.linspace(0, self.n_frames - 1, min(SAMPLES, self.n_frames)).astype(np.intp))
+        take = self.project.take
+        if isinstance(take, Trajectories):
+            return np.asarray(take.positions[frames])
         rows = [self._points(int(frame)) for frame in frames]
         sample = np.full((len(rows), max((len(row) for row in rows), default=0), 3), np.nan)
         for index, row in enumerate(rows):
@@ -158,7 +162,7 @@ class Scene:
 
     def front(self, up: int) -> float:
         """Azimuth [rad] of a viewer before the wider side, along an axis, where an axis points up."""
-        first, second = (up + 1) % 3, (up + 2) % 3
+        first, second = level_axes(up)
         return -math.pi / 2 if self.spans[first] > self.spans[second] else 0.0
 
     @cached_property

@@ -31,7 +31,7 @@ class Shown:
     magnification : int or None
         Half axes of the ellipsoids in standard deviations; None chooses what can be seen and does not hide the rest.
     up : int or None
-        Coordinate axis that points up, 0 .. 2; None leaves it to the data.
+        Coordinate axis that points up, 0 .. 2, or down, 3 .. 5; None leaves it to the data.
     """
 
     markers: bool = True

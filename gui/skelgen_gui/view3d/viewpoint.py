@@ -30,6 +30,26 @@ _ALONE = 200.0  # mm, half the size of what is fitted if it has none: a single p
 
 Point = tuple[float, float, float]
 
+DOWN = 3
+"""Added to a coordinate axis that points down: y of the world of a camera is 1 + 3."""
+
+
+def level_axes(up: int) -> tuple[int, int]:
+    """Return the two level coordinate axes; turning from the first to the second is turning left, seen from above.
+
+    Parameters
+    ----------
+    up : int
+        The coordinate axis that points up, 0 .. 2, or down, with `DOWN` added.
+    """
+    first, second = (up + 1) % 3, (up + 2) % 3
+    return (second, first) if up >= DOWN else (first, second)
+
+
+def sign_of(up: int) -> int:
+    """Return 1 for an axis that points up, -1 for one that points down."""
+    return -1 if up >= DOWN else 1
+
 
 @dataclass(frozen=True)
 class Viewpoint:
@@ -44,7 +64,8 @@ class Viewpoint:
     distance : float, mm
         From the target to the viewer.
     up : int
-        Coordinate axis that points up. Azimuths turn about it, from the next axis (cyclically) towards the one after.
+        Coordinate axis that points up, or with `DOWN` added down. Azimuths turn about it, from the first of the
+        `level_axes` towards the second.
     """
 
     target: Point = (0.0, 0.0, 0.0)
@@ -56,7 +77,8 @@ class Viewpoint:
     @cached_property
     def basis(self) -> Floats:
         """Unit vectors to the right, up in the picture, and toward the viewer, shape (3, 3), one a row."""
-        first, second, upward = np.eye(3)[[(self.up + 1) % 3, (self.up + 2) % 3, self.up]]
+        first, second, upward = np.eye(3)[[*level_axes(self.up), self.up % 3]]
+        upward = sign_of(self.up) * upward
         level = math.cos(self.azimuth) * first + math.sin(self.azimuth) * second
         right = -math.sin(self.azimuth) * first + math.cos(self.azimuth) * second
         toward = math.cos(self.elevation) * level + math.sin(self.elevation) * upward

@@ -126,9 +126,18 @@ class View3D(QWidget):
         self.shown_changed.emit(shown)
         self.update()
 
-    def show_cameras(self, frustums: Sequence[Floats]) -> None:
-        """Show cameras, each as lines of shape (n, 2, 3) in mm, as `frustum` gives them."""
+    def show_cameras(self, frustums: Sequence[Floats], up: int | None = None) -> None:
+        """Show cameras, and look at them and the take anew.
+
+        Parameters
+        ----------
+        frustums : sequence of ndarray, shape (n, 2, 3), mm
+            Each camera as lines, as `frustum` gives them.
+        up : int, optional
+            The coordinate axis that points up, or with `DOWN` added down, if the cameras tell.
+        """
         self._frustums = np.concatenate([NO_FRUSTUMS, *frustums])
+        self._outlook.show_cameras(self._frustums.reshape(-1, 3), up)
         self.update()
 
     def fit(self) -> None:

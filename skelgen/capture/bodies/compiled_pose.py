@@ -9,10 +9,13 @@ import math
 
 import numpy as np
 
+from skelgen.capture.bodies import plain_pose
 from skelgen.capture.bodies.plain_pose import EXACT, MAX_STEPS, STEP_TOLERANCE
 from skelgen.capture.bodies.tables import Rules
 from skelgen.capture.compiling import compile_function
 from skelgen.model.arrays import Bools, Floats, Ints
+
+fit_limit = compile_function(plain_pose.fit_limit)
 
 
 @compile_function
@@ -33,15 +36,16 @@ def settle(
         n_matched += matched[ball] >= 0
     pose, covariance = fit_pose(balls, variances, points, covariances, matched)
     while True:
-        worst, most = -1, rules.gate
+        worst, most, total = -1, 0.0, 0.0
         for ball in range(len(matched)):
             if matched[ball] >= 0:
                 away = points[matched[ball]] - carried(pose, balls[ball])
                 spread = spread_of(covariances[matched[ball]], pose, variances[ball], rules.floor)
-                deviation = math.sqrt(weighed(away, inverse(spread)))
-                if deviation > most:
-                    worst, most = ball, deviation
-        if worst < 0:
+                squared = weighed(away, inverse(spread))
+                total += squared
+                if squared > most:
+                    worst, most = ball, squared
+        if most <= rules.gate**2 and total <= fit_limit(3 * n_matched - 6, rules.gate):
             break
         if n_matched <= rules.min_points:
             return pose, covariance, matched, np.inf, False

@@ -148,13 +148,39 @@ class BodyFinder:
         return self._sound(table, scene, everywhere, free)
 
     def _sound(self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools) -> _Candidate | None:
-        if allowed.any(axis=1).sum() < self._rules.min_points:
+        """The best matching that the noise explains; one of more balls, if there is such, as it proves more."""
+        best = self._searched(table, scene, allowed, free, self._rules)
+        if best is None:
             return None
-        matched, cost = self._twin.search(table, scene, allowed, self._rules)
+        n_matched = int((best.settled.matched >= 0).sum())
+        if n_matched < len(table.points):
+            more = self._searched(table, scene, allowed, free, self._rules._replace(min_points=n_matched + 1))
+            if more is not None and more.settled.is_sound:
+                return more
+        return best if best.settled.is_sound else self._second(table, scene, allowed, free, best.settled.matched)
+
+    def _second(
+        self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools, matched: Ints
+    ) -> _Candidate | None:
+        """The best sound matching that differs from one that is not."""
+        second: _Candidate | None = None
+        for ball in np.flatnonzero(matched >= 0):
+            others = allowed.copy()
+            others[ball, matched[ball]] = False
+            found = self._searched(table, scene, others, free, self._rules)
+            if found is not None and found.settled.is_sound and found.cost < _cost(second):
+                second = found
+        return second
+
+    def _searched(
+        self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools, rules: Rules
+    ) -> _Candidate | None:
+        if allowed.any(axis=1).sum() < rules.min_points:
+            return None
+        matched, cost = self._twin.search(table, scene, allowed, rules)
         if not np.isfinite(cost):
             return None
-        settled = self._twin.settle(table, scene, matched, free, self._rules)
-        return _Candidate(settled, cost) if settled.is_sound else None
+        return _Candidate(self._twin.settle(table, scene, matched, free, rules), cost)
 
 
 class _PlainTwin:

@@ -7,6 +7,8 @@ From Umeyama's closed form on, Gauss-Newton steps minimise
 
 with the covariance of each triangulated point, which is long in depth, and of each calibrated ball. The inverse of the
 normal matrix is the covariance of the pose: of a small turn about the world's axes and a shift.
+
+Each ball must fit, and all of them together: a wrong matching may leave no ball far off, but hardly all of them near.
 """
 
 from __future__ import annotations
@@ -62,9 +64,10 @@ def settle(target: TargetTable, scene: Scene, matched: Ints, free: Bools, rules:
     pose, covariance = fit_pose(target, scene, matched)
     while True:
         deviations = np.where(matched >= 0, _deviations(target, scene, matched, pose, rules), 0.0)
-        if deviations.max() <= rules.gate:
+        n_matched = int((matched >= 0).sum())
+        if deviations.max() <= rules.gate and (deviations**2).sum() <= fit_limit(3 * n_matched - 6, rules.gate):
             break
-        if (matched >= 0).sum() <= rules.min_points:
+        if n_matched <= rules.min_points:
             return Settled(pose, covariance, matched, np.inf, False)
         matched[deviations.argmax()] = -1
         pose, covariance = fit_pose(target, scene, matched)
@@ -74,6 +77,22 @@ def settle(target: TargetTable, scene: Scene, matched: Ints, free: Bools, rules:
     left_over = scene.points[matched[seen]] - target.points[seen] @ pose[:3, :3].T - pose[:3, 3]
     rms = float(np.sqrt((left_over**2).sum(axis=1).mean()))
     return Settled(pose, covariance, matched, rms, rms <= rules.max_distance)
+
+
+def fit_limit(n_free: int, gate: float) -> float:
+    """Return the sum of squared deviations that a right fit exceeds as rarely as a normal variable exceeds a gate.
+
+    The chi-squared distribution's quantile, by Wilson and Hilferty's cube (1931).
+
+    Parameters
+    ----------
+    n_free : int
+        Degrees of freedom, above 0.
+    gate : float
+        In standard deviations.
+    """
+    spread = 2.0 / (9.0 * n_free)
+    return float(n_free * (1.0 - spread + gate * spread**0.5) ** 3)
 
 
 def fit_pose(target: TargetTable, scene: Scene, matched: Ints) -> tuple[Floats, Floats]:

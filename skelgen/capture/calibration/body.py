@@ -132,7 +132,13 @@ def _first_target(frames: Sequence[StereoPoints], name: str, n_balls: int, param
         )
     trials = [_target_in(frames[index], name) for index in _spread(np.array(alone), FIRST_FRAMES)]
     samples = [frames[index] for index in _spread(np.arange(len(frames)), 10 * FIRST_FRAMES)]
-    agreeing = [sum(map(bool, _find_everywhere(samples, trial, parameters, SILENT))) for trial in trials]
+    try:
+        agreeing = [sum(map(bool, _find_everywhere(samples, trial, parameters, SILENT))) for trial in trials]
+    except InputError as error:
+        raise InputError(
+            f"{error}. The pictures show {n_balls} balls at once; if those are not all of body {name!r}, cover the "
+            "others, or state its number of balls"
+        ) from error
     return trials[int(np.argmax(agreeing))]
 
 

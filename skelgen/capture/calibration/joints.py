@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.capture.angles import find_angles
 from skelgen.capture.blobs import FoundBody
 from skelgen.capture.calibration.whole_chain import fit_whole_chain
 from skelgen.errors import InputError
+from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics import JointFit, KindChoice, choose_kind, find_hierarchy
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
@@ -86,7 +88,8 @@ def calibrate_joints(
     Parameters
     ----------
     frames : sequence of sequence of FoundBody
-        The targets that were found in each frame, while all joints were moved as far as they go.
+        The targets that were found in each frame, while all joints were moved as far as they go. The first frame that
+        shows both targets of a joint is where its angles are zero.
     bodies : sequence of str
         Names of all targets.
     wishes : sequence of JointWish
@@ -108,7 +111,7 @@ def calibrate_joints(
     models = [_model(wish, choice.fit) for wish, choice in found]
     fits = tuple(choice.fit for _, choice in found)
     fitted, noise = _together(models, fits, frames, notices)
-    return JointCalibration(tuple(fitted), fits, noise, tuple(notices))
+    return JointCalibration(tuple(_zeroed(joint, frames) for joint in fitted), fits, noise, tuple(notices))
 
 
 def _tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -> tuple[Floats, Floats]:
@@ -185,6 +188,19 @@ def _together(
             lasting = np.sqrt(len(fits[index].frames) / fits[index].n_effective)
             fitted[index] = replace(joint, std=lasting * joint.std, axis_std=lasting * joint.axis_std)
     return fitted, noise
+
+
+def _zeroed(joint: JointModel, frames: Sequence[Sequence[FoundBody]]) -> JointModel:
+    """The joint with all angles zero in the first frame that shows both targets, as the seed has it (7.1.4)."""
+    for frame in frames:
+        bodies = {body.name: body for body in frame}
+        first = find_angles(joint, bodies)
+        if first is not None:
+            vector = first.angles if joint.kind == "ball" else np.append([0.0, 0.0], first.angles)
+            turned = joint.child_from_joint.copy()
+            turned[:3, :3] = turned[:3, :3] @ matrix_from_vector(vector).T
+            return replace(joint, child_from_joint=turned)
+    return joint
 
 
 def _trees(models: Sequence[JointModel]) -> list[list[int]]:

@@ -25,6 +25,7 @@ _BETTER = 0.5  # rms of more discs over that of fewer, above which the fewer are
 _LEAST_RADIUS = 1.2  # px: below it a disc is noise on an outline
 _MOST_UNLIKE = 2.0  # largest radius over the smallest of balls of one size
 _LEAST_SEEN = 0.2  # of a disc that no other covers
+_LEAST_APART = 0.33  # of a radius between two centres: nearer ones would leave less than that to be seen
 _HELD_BY_TWO = 0.85  # of a spot's pixels by two discs, below which it is not two balls
 _CLEARLY_TWO = 1.35  # longest axis over the shortest of a spot that is not one ball
 _UNIT_DISC = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 13)] * 2), axis=-1).reshape(-1, 2)
@@ -77,9 +78,17 @@ def find_discs(
 
 
 def _fitted(window: Floats, guess: tuple[Floats, Floats], equations: NormalEquations, limit: float) -> Discs | None:
-    """Discs fitted from a guess, if they leave little and are plausible."""
-    found = fit_discs(window, *guess, equations, limit)
-    return found if found is not None and found.rms <= limit and _are_balls(found) else None
+    """Discs fitted from a guess, if they leave little and are plausible; one that only fills a gap is left out."""
+    while True:
+        found = fit_discs(window, *guess, equations, limit)
+        if found is None or found.rms > limit:
+            return None
+        if _are_balls(found):
+            return found
+        if len(found.radii) <= 2:
+            return None
+        kept = np.arange(len(found.radii)) != np.argmin(found.radii**2 * _seen_parts(found))
+        guess = found.centres[kept], found.radii[kept]
 
 
 def inscribed_discs(inside: Bools, at_border: tuple[bool, bool, bool, bool]) -> tuple[Floats, Floats]:
@@ -109,7 +118,9 @@ def inscribed_discs(inside: Bools, at_border: tuple[bool, bool, bool, bool]) -> 
     chosen: list[int] = []
     is_held = np.zeros(len(places), dtype=np.bool_)
     while len(chosen) < MOST_DISCS and is_held.mean() < _ENOUGH_HELD:
-        added = (holds & ~is_held).sum(axis=1)
+        away = np.linalg.norm(candidates[:, np.newaxis] - candidates[chosen], axis=2)
+        is_apart = (away >= _LEAST_APART * radii[:, np.newaxis]).all(axis=1)
+        added = (holds & ~is_held).sum(axis=1) * is_apart
         best = int(np.argmax(added))
         if chosen and added[best] < _ENOUGH_NEW * holds[best].sum():
             break

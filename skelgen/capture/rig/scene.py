@@ -16,6 +16,7 @@ from skelgen.model.rig import BodyTarget, JointModel, StereoRig
 from skelgen.simulation import Structure, find_structure, simulate
 from skelgen.simulation.cameras import blocked_by_limbs
 from skelgen.simulation.motion import smooth_curves
+from skelgen.simulation.truth import Truth
 
 RIG_FROM_SIMULATION = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 """Turn from the simulation's x forward, y left, z up to the rig's x right, y down, z away: who walks forward walks
@@ -50,6 +51,8 @@ class Scene:
         Frames a second.
     name : str
         What it is.
+    truth : Truth or None
+        Skeleton and motion of a simulated structure in the rig's world, to compare results with.
     """
 
     points: Floats
@@ -60,6 +63,7 @@ class Scene:
     hidden: Bools = field(default_factory=lambda: np.empty((0, 2, 0), dtype=np.bool_))
     rate: float = 60.0
     name: str = "scene"
+    truth: Truth | None = None
 
     def __post_init__(self) -> None:
         points = check_floats(self.points, (None, None, 3), "points of the scene")
@@ -190,7 +194,20 @@ def scene_of_structure(
             hidden[:, side] = blocked_by_limbs(body, truth.world_from_limb, truth.marker_positions, eye)
     poses = rig_from_simulation @ truth.world_from_limb
     targets, joints = targets_of(body), joints_of(body)
-    return Scene(points + place, poses, body.limb_of_marker, targets, joints, hidden, rate, body.name)
+    there = _placed(truth, rig_from_simulation)
+    return Scene(points + place, poses, body.limb_of_marker, targets, joints, hidden, rate, body.name, there)
+
+
+def _placed(truth: Truth, place: Floats) -> Truth:
+    """A truth seen from elsewhere."""
+    turn, shift = place[:3, :3], place[:3, 3]
+    return replace(
+        truth,
+        joint_positions=truth.joint_positions @ turn.T + shift,
+        joint_axes=truth.joint_axes @ turn.T,
+        world_from_limb=place @ truth.world_from_limb,
+        marker_positions=truth.marker_positions @ turn.T + shift,
+    )
 
 
 def targets_of(structure: Structure) -> tuple[BodyTarget, ...]:

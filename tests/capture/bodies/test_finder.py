@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, norm
 
 from skelgen.capture.blobs import StereoPoints
 from skelgen.capture.bodies import BodyFinder, BodyParameters, ExpectedPose, find_bodies
+from skelgen.capture.bodies.plain_pose import fit_limit
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.rig import BodyTarget
 
@@ -159,3 +161,42 @@ def test_expected_pose_finds_the_same_and_a_wrong_one_does_no_harm(targets, make
         for one, other in zip(find_bodies(scene.points, targets, expected=expected), plain, strict=True):
             np.testing.assert_array_equal(one.points, other.points)
             np.testing.assert_allclose(one.world_from_body, other.world_from_body, atol=1e-9)
+
+
+FAR = np.array([0.4, 0.3, 3.2])
+"""mm; deviations of a point of the seed's rig at 3 m: distances tell little, as depth scatters so much."""
+
+
+def test_far_away_bodies_are_not_taken_for_themselves_turned(targets, make_scene):
+    """The smallest distances in mm are now and then those of a wrong order of the balls, which the noise denies."""
+    n_found = 0
+    for seed in range(400):
+        scene = make_scene(seed, targets[:1], n_points=5, hidden=0.0, noise=FAR)
+        for body in find_bodies(scene.points, targets[:1]):
+            n_found += 1
+            assert distance(body.world_from_body, scene.poses[0])[1] < 0.35  # rad; a wrong order turns by more
+    assert n_found >= 396
+
+
+def test_a_matching_that_the_noise_denies_gives_way_to_the_next(targets, make_scene, monkeypatch):
+    scene = make_scene(0, targets[:1], n_points=5, hidden=0.0)
+    finder = BodyFinder(targets[:1], compiled=False)
+    search, order = finder._twin.search, []
+
+    def swapped(table, points, allowed, rules):
+        matched, cost = search(table, points, allowed, rules)
+        if not order:
+            matched = matched[[1, 0, 2, 3, 4]]
+        order.append(rules.min_points)
+        return matched, cost
+
+    monkeypatch.setattr(finder._twin, "search", swapped)
+    (body,) = finder.find(scene.points)
+    assert len(order) > 1
+    assert distance(body.world_from_body, scene.poses[0])[1] < TURN
+
+
+@pytest.mark.parametrize("n_free", [6, 9, 15, 30])
+@pytest.mark.parametrize("gate", [2.0, 5.0])
+def test_limit_of_a_whole_fit_is_the_quantile_of_chi_squared(n_free, gate):
+    assert fit_limit(n_free, gate) == pytest.approx(chi2.isf(norm.sf(gate), n_free), rel=0.05)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from skelgen.capture.angles import find_angles
 from skelgen.capture.blobs import FoundBody
 from skelgen.capture.calibration.joints import JointWish, calibrate_joints
 from skelgen.errors import InputError
@@ -72,6 +73,16 @@ def test_ball_and_hinge_are_found_where_they_are():
     assert elbow.axis_std.max() < 0.001
     np.testing.assert_array_equal(done.joints[0].parent_from_joint[:3, :3], np.eye(3))  # pure shifts, as the seed wants
     assert done.noise == pytest.approx(1.0, abs=0.1)
+
+
+def test_angles_are_zero_in_the_first_frame_that_shows_both_targets():
+    frames = moving_arm(3)
+    frames[0] = frames[0][:2]  # without the lower arm
+    done = calibrate_joints(frames, NAMES, WISHES)
+    for joint, first in zip(done.joints, frames, strict=False):
+        angles = find_angles(joint, {body.name: body for body in first}).angles
+        np.testing.assert_allclose(angles, 0.0, atol=1e-9)
+    np.testing.assert_array_equal(done.joints[0].parent_from_joint[:3, :3], np.eye(3))
 
 
 def test_stated_deviations_are_those_of_the_errors():

@@ -7,12 +7,13 @@ import threading
 import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
+from skelgen_gui.cameras import cameras_of
 from skelgen_gui.capture.feed import Feed
 from skelgen_gui.capture.overlay import Eye, eye_with_balls, eye_with_board
 from skelgen_gui.capture.pictures import BOARD, LOOSE, PicturePair, group_colour
 from skelgen_gui.capture.recorder import free_path
 from skelgen_gui.capture.results import MOST_SENTENCES, Sentences
-from skelgen_gui.capture.space import Found, Space, rig_frustums
+from skelgen_gui.capture.space import Found, Space
 
 from skelgen.capture.blobs import Balls, FoundBody
 from skelgen.capture.calibration.board import BoardView
@@ -83,7 +84,8 @@ def test_a_bright_pixel_is_painted_at_its_place(shown):
 
 def test_frustums_end_at_the_corners_of_the_images():
     rig = seed_rig()
-    for lines, camera in zip(rig_frustums(rig, 500.0), (rig.left, rig.right), strict=True):
+    for seeing, camera in zip(cameras_of(rig), (rig.left, rig.right), strict=True):
+        lines = seeing.lines(500.0)
         bare = type(camera)(camera.width, camera.height, camera.matrix, camera_from_world=camera.camera_from_world)
         seen = project(bare, lines[:4, 1])
         offset = camera.matrix[:2, 2] - np.array(camera.size) / 2  # frustums have the principal point in the middle

@@ -25,6 +25,14 @@ class Eye:
     def picture_of(self, view):
         return view.grab().toImage()
 
+    def scaled(self, image, place, radius=0):
+        """A place and a radius of the view in pixels of its picture, of which a dense screen has more."""
+        ratio = image.devicePixelRatio()
+        return round(place.x() * ratio), round(place.y() * ratio), round(radius * ratio)
+
+    def colour_at(self, image, place):
+        return image.pixelColor(*self.scaled(image, place)[:2])
+
     def pixels(self, image):
         """Red, green and blue of all pixels, shape (height, width, 3)."""
         image = image.convertToFormat(image.Format.Format_RGB32)
@@ -35,7 +43,7 @@ class Eye:
         """How many pixels differ clearly, around a place or anywhere."""
         difference = np.abs(self.pixels(before) - self.pixels(after)).max(axis=2) > 12
         if place is not None:
-            x, y = round(place.x()), round(place.y())
+            x, y, radius = self.scaled(after, place, radius)
             difference = difference[max(y - radius, 0) : y + radius, max(x - radius, 0) : x + radius]
         return int(difference.sum())
 
@@ -45,7 +53,7 @@ class Eye:
 
     def near(self, image, place, colour, radius=14, tolerance=40):
         """How many pixels around a place have a colour."""
-        x, y = round(place.x()), round(place.y())
+        x, y, radius = self.scaled(image, place, radius)
         patch = self.pixels(image)[y - radius : y + radius, x - radius : x + radius]
         return int((np.abs(patch - colour.getRgb()[:3]).max(axis=2) < tolerance).sum())
 

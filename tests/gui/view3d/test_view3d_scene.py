@@ -14,7 +14,7 @@ from skelgen_gui.view3d.scene import Scene, State
 from skelgen_gui.view3d.shown import Shown
 from skelgen_gui.view3d.trails import N_AGES, trail_lines
 from skelgen_gui.view3d.uncertainty import JointCovariances, joint_covariances
-from skelgen_gui.view3d.viewpoint import Viewpoint
+from skelgen_gui.view3d.viewpoint import DOWN, Viewpoint
 
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 
@@ -249,6 +249,15 @@ def test_a_take_in_which_nothing_is_seen_has_no_size():
     assert len(unseen.usual) == 0
     assert unseen.size == 0.0
     assert np.isnan(unseen.middle(0)).all()
+
+
+def test_the_floor_of_an_axis_that_points_down_lies_where_that_is_largest(scene):
+    turn = np.diag([1.0, -1.0, -1.0])
+    above = find_floor(scene.sample, scene.usual, scene.size, 2)
+    below = find_floor(scene.sample @ turn, scene.usual @ turn, scene.size, 2 + DOWN)
+    assert below.height == pytest.approx(-above.height)
+    assert below.spacing == above.spacing
+    assert below.below(np.zeros((1, 3)))[0, 2] == pytest.approx(below.height)
 
 
 @pytest.mark.parametrize(

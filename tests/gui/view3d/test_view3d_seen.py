@@ -14,6 +14,7 @@ from skelgen_gui.session import Selection
 from skelgen_gui.theme import theme_palette
 from skelgen_gui.view3d import Shown, frustum
 from skelgen_gui.view3d.colours import Colours
+from skelgen_gui.view3d.viewpoint import DOWN
 
 from skelgen.app.report.colours import limb_colour
 from skelgen.model import Project
@@ -34,7 +35,7 @@ def test_markers_have_the_colours_of_their_limbs_where_they_are_projected(view, 
     assert len({int(limbs[marker]) for marker in lone}) > 5
     for marker in lone:
         wanted = QColor(limb_colour(int(limbs[marker]), dark=dark))
-        assert hue_gap(image.pixelColor(view.place_of_marker(marker).toPoint()), wanted) < SAME_HUE
+        assert hue_gap(eye.colour_at(image, view.place_of_marker(marker)), wanted) < SAME_HUE
 
 
 def test_the_place_of_a_marker_is_that_of_its_projection(view, session, eye):
@@ -98,8 +99,8 @@ def test_unseen_markers_are_hollow_and_doubtful_ones_have_a_ring(view, session, 
     positions[20, marker] = np.nan
     session.change(replace(project, _trajectories=replace(project.trajectories, positions=positions)))
     view.show_only(replace(eye.MARKERS, filled=True))
-    hollow = eye.picture_of(view).pixelColor(view.place_of_marker(marker).toPoint())
-    assert hollow.saturation() < sure.pixelColor(place.toPoint()).saturation() / 2
+    hollow = eye.colour_at(eye.picture_of(view), view.place_of_marker(marker))
+    assert hollow.saturation() < eye.colour_at(sure, place).saturation() / 2
 
 
 def test_selecting_draws_a_ring_around_a_marker_and_around_those_of_a_limb(view, session, eye):
@@ -167,6 +168,21 @@ def test_cameras_are_drawn_as_what_they_see(view, eye):
     assert eye.changed(before, eye.picture_of(view)) > 300
     view.show_only(replace(eye.BARE, cameras=False))
     assert eye.changed(before, eye.picture_of(view)) == 0
+
+
+def test_cameras_say_which_axis_points_down_until_somebody_says_otherwise(view, eye):
+    camera = frustum(np.eye(4), (640, 480), (600.0, 600.0))
+    view.show_cameras([camera], DOWN + 1)
+    assert view.up == DOWN + 1
+    canvas = view._outlook.canvas_at(0)
+    places, _ = canvas.project(np.concatenate([camera.reshape(-1, 3), view._outlook.scene.usual]))
+    assert (places > 0).all()
+    assert (places < (canvas.width, canvas.height)).all()
+    view.show_only(replace(eye.BARE, up=2))
+    assert view.up == 2
+    view.show_only(replace(eye.BARE, up=None))
+    view.show_cameras([])
+    assert view.up == 2
 
 
 def test_the_viewer_stays_when_a_stage_has_run_and_looks_anew_at_another_take(view, session, walked):

@@ -196,7 +196,7 @@ def test_the_menu_and_the_view_show_the_same(view):
     assert view.shown.trail_seconds == 2.0
     view.show_only(replace(view.shown, bones=False, up=1))
     assert not view.commands.switches["bones"].isChecked()
-    assert [action.isChecked() for action in view.commands.choices["up"]] == [False, False, True, False]
+    assert [action.isChecked() for action in view.commands.choices["up"]] == [False, False, True] + 4 * [False]
 
 
 def test_every_change_of_what_is_shown_is_told_once(view, eye):

@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 from skelgen_gui.view3d.frustum import frustum
-from skelgen_gui.view3d.viewpoint import BORDER, FIT_MARGIN, Viewpoint
+from skelgen_gui.view3d.viewpoint import BORDER, DOWN, FIT_MARGIN, Viewpoint, sign_of
 
 SIZE = (900, 700)
 PIXEL = 1e-6  # px: rounding of doubles
 
 
-@pytest.fixture(params=[0, 1, 2])
+@pytest.fixture(params=[0, 1, 2, DOWN, DOWN + 1, DOWN + 2])
 def oblique(request):
-    """A viewer to the left, above, with each axis up in turn."""
+    """A viewer to the left, above, with each axis up, and down, in turn."""
     return Viewpoint((10.0, -20.0, 30.0), azimuth=0.7, elevation=0.4, distance=2500.0, up=request.param)
 
 
@@ -31,7 +31,10 @@ def test_the_basis_is_right_handed_and_orthonormal(oblique):
 
 
 def test_what_is_higher_is_drawn_higher(oblique):
-    low, high = np.array(oblique.target), np.array(oblique.target) + 100 * np.eye(3)[oblique.up]
+    low, high = (
+        np.array(oblique.target),
+        np.array(oblique.target) + 100 * sign_of(oblique.up) * np.eye(3)[oblique.up % 3],
+    )
     places, _ = oblique.project(np.stack([low, high]), *SIZE)
     assert places[1, 1] < places[0, 1]
     assert places[1, 0] == pytest.approx(places[0, 0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from threading import get_ident
 
@@ -224,3 +225,13 @@ def test_a_file_that_is_opened_is_told_to_the_views_once(window, person, rods):
     window.session.project_changed.connect(lambda: told.append(window.session.project))
     person.opens(rods)
     assert len(told) == 1
+
+
+def test_the_axis_that_is_wanted_up_is_up(window, person, rods):
+    person.opens(rods)
+    found = window.view3d.up
+    other = "xyz"[(found + 1) % 3]
+    window.preferences.change(replace(window.preferences.values, up_axis=other))
+    assert window.view3d.up == "xyz".index(other)
+    window.preferences.change(replace(window.preferences.values, up_axis="found"))
+    assert window.view3d.up == found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
@@ -100,6 +101,22 @@ def test_a_view_is_taken_at_once_if_the_person_says_so(qtbot, window, page):
     assert page.assistant.go.text() == "Start"
 
 
+def test_another_size_of_the_squares_keeps_the_views_and_another_board_does_not(page, gathers):
+    gathers(MOVING)
+    page.assistant.form.square.setValue(30.0)
+    assert len(page.assistant.book.views) == 3
+    page.assistant.form.rows.setValue(7)
+    assert page.assistant.book.views == ()
+
+
+def test_a_chosen_view_stands_out_in_the_coverage(page, gathers, has_colour):
+    gathers(MOVING)
+    colour = page.palette().color(page.palette().ColorRole.Highlight)
+    assert not has_colour(page.assistant.coverage, colour)
+    page.assistant.views.selectRow(0)
+    assert has_colour(page.assistant.coverage, colour, least=10)
+
+
 def test_views_are_taken_away_by_key_and_all_at_once(qtbot, page, gathers):
     gathers(MOVING)
     page.assistant.views.selectRow(1)
@@ -117,6 +134,17 @@ def test_another_board_than_the_one_that_is_there_gives_a_sentence(qtbot, page, 
     assert not any(view.is_whole for view in views)
     assert "but one of 9x6 is there: count the corners" in page.assistant.verdict.text()
     assert not page.assistant.save.isEnabled()
+
+
+def test_views_of_another_size_are_not_mixed_in(page, gathers, tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    for side in ("left1.png", "right1.png"):
+        cv2.imwrite(str(tmp_path / side), np.zeros((100, 200), np.uint8))
+    gathers("simulated:board?rate=4&frames=8")
+    n_views = len(page.assistant.book.views)
+    gathers(f"folder:{tmp_path}")
+    assert "another size than those of the views before" in page.assistant.verdict.text()
+    assert len(page.assistant.book.views) == n_views > 0
 
 
 def test_too_few_views_give_a_sentence(qtbot, window, page, gathers):

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDockWidget, QMessageBox
+from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.capture.pictures import group_colour
 
 import skelgen
+from skelgen.capture.rig import simulated_rig
 
 WAIT = 120_000  # ms; what is compiled for the first time takes a minute
 SHORT = "simulated:arm?frames=60"
@@ -94,9 +98,19 @@ def test_what_was_recorded_while_capturing_is_opened_and_labelled(qtbot, window,
     person.waits()
     assert window.pages.current.key == "labels"
     assert window.middle.currentWidget() is window.tabs
+    assert len(window.cameras.shown) == 2  # the 3-D view shows who took it
     person.does("run_step")
     person.waits(lambda: window.session.project.has("labels"))
     assert window.session.project.trajectories.n_markers == 15
+
+
+def test_settings_with_a_source_are_opened_like_a_take(window, person, tmp_path):
+    path = tmp_path / "settings.xml"
+    write_settings(replace(simulated_rig("arm", n_frames=2).settings, source="simulated:arm?frames=20"), path)
+    person.opens(path)
+    take = window.session.project.take
+    assert (take.name, take.n_frames) == ("settings.xml", 20)
+    assert take.points_per_frame.min() >= 10
 
 
 def test_a_source_that_fails_is_told_in_a_sentence(qtbot, page, tmp_path):
@@ -153,6 +167,28 @@ def test_closing_the_window_while_capturing_asks_and_keeps_the_recording(qtbot, 
     qtbot.waitUntil(lambda: not window.isVisible(), timeout=WAIT)
     assert not window.jobs.is_busy
     assert skelgen.read(tmp_path / "take.mfml").n_frames > 0
+
+
+def test_a_capture_that_is_cancelled_before_it_begins_can_be_started_again(qtbot, window, page):
+    page.live.choice.source.setEditText(SHORT)
+    page.live.start()
+    window.jobs.cancel()
+    qtbot.waitUntil(lambda: not window.jobs.is_busy, timeout=WAIT)
+    assert not page.live.is_running
+    assert page.live.go.text() == "Start"
+    assert page.live.go.isEnabled()
+
+
+def test_cameras_are_kept_with_the_project(window, person, rods, tmp_path):
+    from skelgen.capture.optics.seed_rig import seed_rig
+
+    person.opens(rods)
+    window.cameras.show_rig(seed_rig())
+    person.saves_as(tmp_path / "rods.skelgen")
+    person.opens(rods)
+    assert window.cameras.shown == ()
+    person.opens(tmp_path / "rods.skelgen")
+    assert len(window.cameras.shown) == 2
 
 
 def test_an_existing_recording_is_never_overwritten(qtbot, page, starts, tmp_path):

@@ -80,3 +80,11 @@ def test_the_empty_list_of_corrections_says_how_to_make_one(window, person, rods
     assert not listed.hint.isHidden()
     window.document.correct(Correction("root", window.session.project.trajectories.names[:1]))
     assert listed.hint.isHidden()
+
+
+def test_the_button_that_exports_is_seen_without_scrolling(window, person, rods):
+    window.resize(1280, 800)
+    person.opens(rods)
+    person.runs_all()
+    button = window.pages.page("export").export
+    person.waits(lambda: button.visibleRegion().boundingRect() == button.rect())

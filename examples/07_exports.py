@@ -1,0 +1,47 @@
+"""One result for many programs: axes, unit and frame rate are options of every format.
+
+    python examples/07_exports.py [FOLDER]
+
+`skelgen formats` lists all formats; `skelgen convert` does the same from the command line.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+from skelgen_formats.registry import find_format
+
+import skelgen
+from skelgen.simulation import simulate
+
+EXPORTS = (
+    ("walk.bvh", {"axes": "z-to-y", "unit": "cm", "rate": 30.0}),  # Blender, Unreal, MotionBuilder
+    ("walk.glb", {"axes": "z-to-y"}),  # game engines, browsers
+    ("walk.usda", {"unit": "m"}),  # film pipelines
+    ("walk.osim", {"axes": "z-to-y"}),  # OpenSim: model, motion, markers, setup
+    ("walk.urdf", {}),  # robots
+    ("walk.mjcf.xml", {}),  # MuJoCo
+    ("walk.joints.c3d", {}),  # C3D with the joints as virtual points
+    ("walk.table.csv", {}),  # pandas, R, a spreadsheet
+)
+NEEDS = {".usda": "pxr"}  # extra `usd`
+
+
+def main() -> None:
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples")
+    project = skelgen.reconstruct(simulate("quadruped", seed=1, n_frames=200, noise=0.3).take)
+    for name, options in EXPORTS:
+        module = NEEDS.get(Path(name).suffix)
+        if module and importlib.util.find_spec(module) is None:
+            print(f"{name}: not written, {module} is not installed")
+            continue
+        files = skelgen.write(project, folder / name, **options)
+        print(f"{name}: {', '.join(path.name for path in files)}")
+    for sentence in find_format("bvh").remarks(project, {}):
+        print(f"what BVH cannot hold: {sentence}")
+
+
+if __name__ == "__main__":
+    main()

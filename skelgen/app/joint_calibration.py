@@ -1,0 +1,157 @@
+"""Several takes of one body calibrated together: one skeleton from the frames of all, and the motion of each take.
+
+The longest take is reconstructed by itself. Its skeleton labels the others, by names or by rigidity, so that markers
+are the same in all. Limbs, joints and lengths are then found from all frames at once, in one fit of the chain, and each
+take is posed by the result. A marker that moved between takes is one marker before and another one after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.app.configuration import Settings
+from skelgen.app.known_skeleton import check_known, stage_wishes
+from skelgen.app.pipeline import run_stages
+from skelgen.errors import InputError
+from skelgen.model import PointCloud, Poses, Project, StageReport, Take, Trajectories
+from skelgen.model.arrays import Floats
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.known import KnownFit, fit_known
+from skelgen.stages.known.posing import known_motion, pose_known
+
+LEAST_TAKES = 2
+
+
+@dataclass(frozen=True, eq=False)
+class JointCalibration:
+    """What several takes tell together.
+
+    Attributes
+    ----------
+    skeleton : Project
+        All takes one after the other, with the skeleton that they share; to be applied to further takes.
+    takes : tuple of Project
+        Each take with that skeleton and its own motion, in the order in which they were given.
+    """
+
+    skeleton: Project
+    takes: tuple[Project, ...]
+
+
+def calibrate_together(
+    takes: Sequence[Take],
+    *,
+    settings: Settings | None = None,
+    seed: int = 0,
+    monitor: Monitor = SILENT,
+) -> JointCalibration:
+    """Find one skeleton from several takes of a body.
+
+    Parameters
+    ----------
+    takes : sequence of PointCloud or Trajectories
+        At least two.
+    settings : Settings, optional
+        Parameters of the stages.
+    seed : int
+        Seed of every random choice.
+    monitor : Monitor
+        Told of progress and of what the user should know; may cancel.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two takes, one shows another body, or one is of bodies with orientation.
+
+    Examples
+    --------
+    >>> both = calibrate_together([skelgen.read("walk.c3d"), skelgen.read("jump.c3d")])  # doctest: +SKIP
+    >>> both.skeleton.skeleton.lengths  # doctest: +SKIP
+    """
+    settings = settings or Settings()
+    checked = _checked(takes)
+    first = max(range(len(checked)), key=lambda index: checked[index].n_frames)
+    monitor.notice(f"markers are those of the longest take, {checked[first].name or f'take {first + 1}'}")
+    base = check_known(
+        run_stages(Project(checked[first], seed), settings=settings, monitor=monitor), "the longest take"
+    )
+    fits = {index: _fit(take, base, settings, monitor) for index, take in enumerate(checked) if index != first}
+    parts = [base.trajectories if index == first else _own_names(fits[index], base) for index in range(len(checked))]
+    together = _one_after_the_other(parts)
+    report = StageReport({}, 0.0, (f"frames of {len(parts)} takes: {', '.join(_titles(checked))}",))
+    joint = Project(together, seed).with_trajectories(together, report)
+    joint = run_stages(joint, "limbs", settings=settings, monitor=monitor)
+    ends = np.cumsum([0, *(part.n_frames for part in parts)])
+    posed = []
+    for index, (take, part) in enumerate(zip(checked, parts, strict=True)):
+        frames = slice(int(ends[index]), int(ends[index + 1]))
+        own = replace(together, positions=together.positions[frames], rate=part.rate, name=part.name)
+        report = base.reports["labels"] if index == first else _report(fits[index], settings)
+        posed.append(_posed(Project(take, seed).with_trajectories(own, report), joint, frames))
+    return JointCalibration(joint, tuple(posed))
+
+
+def _checked(takes: Sequence[Take]) -> list[PointCloud | Trajectories]:
+    checked: list[PointCloud | Trajectories] = []
+    for take in takes:
+        if isinstance(take, Poses):
+            raise InputError(f"{take.name}: holds bodies with orientation; takes with markers are calibrated together")
+        checked.append(take)
+    if len(checked) < LEAST_TAKES:
+        raise InputError("one take alone is calibrated by `skelgen run`; give at least two to calibrate them together")
+    return checked
+
+
+def _titles(takes: Sequence[PointCloud | Trajectories]) -> list[str]:
+    return [take.name or f"take {number}" for number, take in enumerate(takes, start=1)]
+
+
+def _fit(take: PointCloud | Trajectories, base: Project, settings: Settings, monitor: Monitor) -> KnownFit:
+    fit = fit_known(take, base, **stage_wishes(settings), monitor=monitor)
+    for sentence in fit.sentences:
+        monitor.notice(f"{take.name}: {sentence}")
+    if fit.is_other_body:
+        raise InputError(f"{take.name}: {fit.sentences[1]}")
+    return fit
+
+
+def _own_names(fit: KnownFit, base: Project) -> Trajectories:
+    """Labels of a take, markers that moved or are new and have no name called after the take."""
+    names = list(fit.trajectories.names)
+    n_known = base.trajectories.n_markers
+    strangers = [n_known + index for index, one in enumerate(fit.labels.new) if not one.name]
+    for marker in (*fit.moved, *strangers):
+        names[marker] = f"{names[marker]} in {fit.trajectories.name or 'another take'}"
+    return replace(fit.trajectories, names=tuple(names))
+
+
+def _one_after_the_other(parts: Sequence[Trajectories]) -> Trajectories:
+    """Frames of all takes, markers by name; those that no frame of any take shows are left out."""
+    names = list(dict.fromkeys(name for part in parts for name in part.names))
+    blocks: list[Floats] = []
+    for part in parts:
+        block = np.full((part.n_frames, len(names), 3), np.nan)
+        block[:, [names.index(name) for name in part.names]] = part.positions
+        blocks.append(block)
+    positions = np.concatenate(blocks)
+    seen = np.flatnonzero(~np.isnan(positions[:, :, 0]).all(axis=0))
+    name = " + ".join(part.name for part in parts)
+    return Trajectories(positions[:, seen], tuple(names[index] for index in seen), parts[0].rate, name)
+
+
+def _report(fit: KnownFit, settings: Settings) -> StageReport:
+    return StageReport(settings.of("labels").as_mapping(), 0.0, fit.sentences)
+
+
+def _posed(project: Project, joint: Project, frames: slice) -> Project:
+    """A take with the shared skeleton, posed by its own frames alone."""
+    trajectories = project.trajectories
+    poses = pose_known(joint.skeleton, trajectories.positions)
+    motion = known_motion(joint.skeleton, poses, trajectories.positions, trajectories.rate)
+    topology = replace(joint.topology, raw_joint_positions=joint.topology.raw_joint_positions[frames])
+    done = project.with_limbs(joint.limbs, joint.reports["limbs"])
+    done = done.with_topology(topology, joint.reports["joints"])
+    return done.with_skeleton(joint.skeleton, motion, joint.reports["skeleton"])

@@ -1,0 +1,193 @@
+"""Poses of the bones in exported files, as the programs or libraries that own the formats have them.
+
+Each judge is imported where it is used; where it is not installed, its format is not judged.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelgen.model import Project
+from skelgen.model.arrays import Floats
+
+PER_METRE = 1000.0  # mm
+
+Bones = dict[str, Floats]
+"""World pose of every bone in every frame, by name, shape (n_frames, 4, 4), lengths in the file's unit."""
+
+
+@dataclass(frozen=True)
+class Judge:
+    """Who poses a format, and how far the result may be off.
+
+    Attributes
+    ----------
+    suffix : str
+        Of the file to write.
+    name : str
+        Of the library that poses it.
+    tolerance : float
+        Wanted [mm].
+    places : callable (files, project) -> ndarray, shape (n_frames, n_limbs or n_joints, 3), mm
+        Where the written files have limbs or joints.
+    of_joints : bool
+        Whether it is joints that are placed, not limbs.
+    """
+
+    suffix: str
+    name: str
+    tolerance: float
+    places: Callable[[Sequence[Path], Project], Floats]
+    of_joints: bool = False
+
+    def deviation(self, files: Sequence[Path], project: Project) -> float:
+        """Return the largest distance [mm] along an axis between what the judge poses and the project's motion."""
+        motion = project.motion
+        truth = motion.joint_positions if self.of_joints else motion.world_from_limb[..., :3, 3]
+        return float(np.nanmax(np.abs(self.places(files, project) - truth)))
+
+
+def bones_of_bvh(path: Path, n_frames: int) -> Bones:
+    """Return the poses that bvhio gives the bones of a BVH file."""
+    import bvhio  # noqa: PLC0415 - a judge, installed with the extra `dev`
+
+    root = bvhio.readAsHierarchy(str(path))
+    poses: dict[str, list[Floats]] = {}
+    for frame in range(n_frames):
+        root.loadPose(frame)
+        for joint, *_ in root.layout():
+            poses.setdefault(joint.Name, []).append(np.array(joint.SpaceWorld.to_list()).T)
+    return {name: np.array(frames, dtype=float) for name, frames in poses.items()}
+
+
+def bones_of_usd(path: Path) -> Bones:
+    """Return the poses that UsdSkel's skeleton cache gives the joints of a USD file."""
+    from pxr import Usd, UsdGeom, UsdSkel  # noqa: PLC0415 - the extra `usd`
+
+    stage = Usd.Stage.Open(str(path))
+    cache = UsdSkel.Cache()
+    cache.Populate(UsdSkel.Root(stage.GetDefaultPrim()), Usd.PrimDefaultPredicate)
+    (binding,) = [cache.GetSkelQuery(UsdSkel.Skeleton(prim)) for prim in stage.Traverse() if prim.IsA(UsdSkel.Skeleton)]
+    times = np.arange(stage.GetStartTimeCode(), stage.GetEndTimeCode() + 1)
+    poses = [np.array(binding.ComputeJointWorldTransforms(UsdGeom.XformCache(time))) for time in times]
+    names = [str(joint).rpartition("/")[2] for joint in binding.GetJointOrder()]
+    return dict(zip(names, np.array(poses).swapaxes(-1, -2).swapaxes(0, 1), strict=True))
+
+
+def _in_order(bones: Bones, project: Project) -> Floats:
+    limbs = range(project.skeleton.n_limbs)
+    return np.stack([bones[f"limb{limb}"][:, :3, 3] for limb in limbs], axis=1)
+
+
+def _by_bvhio(files: Sequence[Path], project: Project) -> Floats:
+    return _in_order(bones_of_bvh(files[0], project.motion.n_frames), project)
+
+
+def _by_usd(files: Sequence[Path], project: Project) -> Floats:
+    return _in_order(bones_of_usd(files[0]), project)
+
+
+def _by_gltf(files: Sequence[Path], project: Project) -> Floats:
+    from skelgen.benchmark.gltf_poses import GltfPoses  # noqa: PLC0415 - needs pygltflib
+
+    posed = GltfPoses(files[0])
+    nodes = {node.name: index for index, node in enumerate(posed.gltf.nodes)}
+    poses = posed.world_from_node()
+    limbs = [nodes[f"limb{limb}"] for limb in range(project.skeleton.n_limbs)]
+    return np.asarray(poses[:, limbs][..., :3, 3] * PER_METRE)
+
+
+def _by_yourdfpy(files: Sequence[Path], project: Project) -> Floats:
+    import yourdfpy  # noqa: PLC0415 - a judge, installed with the extra `dev`
+
+    robot = yourdfpy.URDF.load(str(files[0]))
+    header, numbers = read_columns(files[1])
+    names = [name.rpartition("_")[0] for name in header[2:]]
+    places = np.empty((len(numbers), project.skeleton.n_limbs, 3))
+    for frame, row in enumerate(numbers[:, 2:]):
+        robot.update_cfg(dict(zip(names, row, strict=True)))
+        for limb in range(project.skeleton.n_limbs):
+            places[frame, limb] = robot.get_transform(f"limb{limb}", "world")[:3, 3]
+    return np.asarray(places * PER_METRE)
+
+
+def _by_mujoco(files: Sequence[Path], project: Project) -> Floats:
+    import mujoco  # noqa: PLC0415 - a judge, installed with the extra `dev`
+
+    model = mujoco.MjModel.from_xml_path(str(files[0]))
+    data = mujoco.MjData(model)
+    numbers = read_columns(files[1])[1][:, 2:]
+    places = np.empty((len(numbers), project.skeleton.n_limbs, 3))
+    for frame, row in enumerate(numbers):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        places[frame] = [data.body(f"limb{limb}").xpos for limb in range(project.skeleton.n_limbs)]
+    return np.asarray(places * PER_METRE)
+
+
+def _by_opensim(files: Sequence[Path], project: Project) -> Floats:
+    import opensim  # noqa: PLC0415 - a judge, installed with the extra `dev`
+
+    opensim.Logger.setLevelString("off")
+    model, motion = opensim.Model(str(files[0])), opensim_columns(files[1])
+    places = np.empty((project.motion.n_frames, project.skeleton.n_limbs, 3))
+    for frame, state in opensim_postures(model, motion, range(len(places))):
+        for limb in range(project.skeleton.n_limbs):
+            origin = model.getBodySet().get(f"limb{limb}").getTransformInGround(state).p()
+            places[frame, limb] = [origin.get(axis) for axis in range(3)]
+    return np.asarray(places * PER_METRE)
+
+
+def opensim_columns(path: Path) -> dict[str, Floats]:
+    """Return the columns of OpenSim's table of a motion, by name."""
+    import opensim  # noqa: PLC0415
+
+    columns = opensim.TimeSeriesTable(str(path))
+    return dict(zip(columns.getColumnLabels(), columns.getMatrix().to_numpy().T, strict=True))
+
+
+def opensim_postures(model: Any, motion: dict[str, Floats], frames: Sequence[int]) -> Any:
+    """Yield each frame and OpenSim's state in it, its coordinates as in the columns of the motion."""
+    import opensim  # noqa: PLC0415
+
+    state = model.initSystem()
+    coordinates = model.getCoordinateSet()
+    for frame in frames:
+        for name, values in motion.items():
+            coordinate = coordinates.get(name)
+            turns = coordinate.getMotionType() == opensim.Coordinate.Rotational
+            coordinate.setValue(state, np.deg2rad(values[frame]) if turns else values[frame], False)
+        model.realizePosition(state)
+        yield frame, state
+
+
+def _by_ezc3d(files: Sequence[Path], project: Project) -> Floats:
+    import ezc3d  # noqa: PLC0415 - slow to load
+
+    points = ezc3d.c3d(str(files[0]))["data"]["points"]
+    n_joints = project.skeleton.n_joints
+    return np.asarray(points[:3, -n_joints:].transpose(2, 1, 0))
+
+
+def read_columns(path: Path) -> tuple[list[str], Floats]:
+    """Return the header and the numbers of a motion that stands beside a robot's model."""
+    rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    return rows[0], np.array(rows[1:], dtype=float)
+
+
+JUDGES = (
+    Judge(".bvh", "bvhio", 0.01, _by_bvhio),
+    Judge(".glb", "pygltflib", 0.01, _by_gltf),
+    Judge(".usdc", "pxr", 0.01, _by_usd),
+    Judge(".osim", "opensim", 0.1, _by_opensim),
+    Judge(".urdf", "yourdfpy", 0.01, _by_yourdfpy),
+    Judge(".mjcf.xml", "mujoco", 0.01, _by_mujoco),
+    Judge(".joints.c3d", "ezc3d", 0.001, _by_ezc3d, of_joints=True),  # single precision at some metres
+)
+"""In the order of the page."""

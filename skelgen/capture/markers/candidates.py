@@ -1,0 +1,75 @@
+"""All pairs of balls of a recording that may be one marker, kept in little memory until the recording ends."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.capture.blobs import StereoPoints
+from skelgen.model.arrays import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Pairs of balls, frame after frame.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3), mm
+        In the rig's world.
+    misfit : ndarray of float32, shape (n,), px
+        How far the balls were from seeing one point.
+    std : ndarray of float32, shape (n,), mm
+        Standard deviation of the point in its worst direction.
+    left, right : ndarray of int32, shape (n,)
+        Tracks of the two balls.
+    per_frame : ndarray of intp, shape (n_frames,)
+        How many there are in each frame.
+    """
+
+    points: Floats
+    misfit: NDArray[np.float32]
+    std: NDArray[np.float32]
+    left: NDArray[np.int32]
+    right: NDArray[np.int32]
+    per_frame: Ints
+
+
+class CandidateStore:
+    """Candidates of frames as they come: 44 bytes each."""
+
+    def __init__(self) -> None:
+        self._points, self._misfit, self._std = array("d"), array("f"), array("f")
+        self._left, self._right, self._per_frame = array("i"), array("i"), array("i")
+
+    def add(self, points: StereoPoints, left: Ints, right: Ints) -> None:
+        """Append a frame.
+
+        Parameters
+        ----------
+        points : StereoPoints
+            Its candidates.
+        left, right : ndarray of intp, shape (n_balls,)
+            The track of each ball of the left and of the right image.
+        """
+        worst = np.linalg.eigvalsh(points.covariance)[:, -1] if len(points) else np.empty(0)
+        self._points.frombytes(np.ascontiguousarray(points.points, dtype=np.float64).tobytes())
+        self._misfit.frombytes(points.epipolar_distance.astype(np.float32).tobytes())
+        self._std.frombytes(np.sqrt(worst).astype(np.float32).tobytes())
+        self._left.frombytes(left[points.left].astype(np.int32).tobytes())
+        self._right.frombytes(right[points.right].astype(np.int32).tobytes())
+        self._per_frame.append(len(points))
+
+    def all(self) -> Candidates:
+        """Return what was added; nothing more can be added while it is in use."""
+        return Candidates(
+            np.frombuffer(self._points, np.float64).reshape(-1, 3),
+            np.frombuffer(self._misfit, np.float32),
+            np.frombuffer(self._std, np.float32),
+            np.frombuffer(self._left, np.int32),
+            np.frombuffer(self._right, np.int32),
+            np.frombuffer(self._per_frame, np.int32).astype(np.intp),
+        )

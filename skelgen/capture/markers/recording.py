@@ -1,0 +1,196 @@
+"""From the images of a recording to unlabelled markers, image by image; only points are kept in memory."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
+
+import numpy as np
+
+from skelgen.capture.blobs import Balls, StereoPoints
+from skelgen.capture.frames import FramePair, FrameSource
+from skelgen.capture.health import FEWEST_BALLS, LEAST_MATCHED, exchanged_share, matched_share, mismatch
+from skelgen.capture.live import PointFinder
+from skelgen.capture.markers.candidates import Candidates, CandidateStore
+from skelgen.capture.markers.choice import chosen
+from skelgen.capture.markers.tracks import BallTracks
+from skelgen.errors import InputError
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Bools, Floats
+from skelgen.model.rig import Camera, CaptureSettings, StereoRig
+from skelgen.progress import SILENT, Monitor, told
+
+N_BLOBS = 2
+"""Balls that a marker of two cameras rests on."""
+
+
+def markers_of(
+    settings: CaptureSettings,
+    source: FrameSource,
+    *,
+    n_frames: int | None = None,
+    name: str = "",
+    monitor: Monitor = SILENT,
+) -> PointCloud:
+    """Return the markers that both cameras see, frame by frame and without labels.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        The cameras, and the parameters of the detection.
+    source : FrameSource
+        Not yet entered.
+    n_frames : int, optional
+        Pairs of images at most; by default all of them.
+    name : str
+        What the take is called; by default as the source.
+    monitor : Monitor
+        Told how many pairs are done; may cancel.
+
+    Returns
+    -------
+    PointCloud
+        In the rig's world, with the times of the pairs: lost ones leave a gap. Of each point ``reprojection_error``
+        [mm] says how far the lines of sight of its balls are from meeting, ``std`` [mm] how uncertain it is in its
+        worst direction.
+
+    Raises
+    ------
+    InputError
+        If the source has no end, the images have another size than the settings say, no ball is seen in both, or
+        hardly any ball of one image fits one of the other.
+    SkelgenError
+        What the source raises when it breaks off.
+    """
+    if n_frames is None and source.n_frames is None:
+        raise InputError(f"{source.name} goes on without end; say how many pairs of images are taken: --frames")
+    total = min(count for count in (n_frames, source.n_frames) if count is not None)
+    monitor.begin("images")
+    with ThreadPoolExecutor(N_BLOBS, "images") as threads, source as pairs:
+        recording = _Recording(settings, source.size, threads if (os.cpu_count() or 1) > 1 else None)
+        for pair in told(islice(pairs, n_frames), total, monitor):
+            recording.add(pair)
+    return recording.cloud(name or source.name, source.rate)
+
+
+class _Recording:
+    """What is kept of the images that were seen."""
+
+    def __init__(self, settings: CaptureSettings, size: tuple[int, int], threads: ThreadPoolExecutor | None) -> None:
+        self._rig = settings.rig
+        self._finder = PointFinder(settings, threads)
+        self._tracks = BallTracks(size), BallTracks(size)
+        self._store = CandidateStore()
+        self._times: list[float] = []
+        self._health = _Health(settings.rig)
+
+    def add(self, pair: FramePair) -> None:
+        left, right, points = self._finder.find(pair)
+        tracks = [
+            follower.follow(balls.centres, pair.time)
+            for follower, balls in zip(self._tracks, (left, right), strict=True)
+        ]
+        self._store.add(points, *tracks)
+        self._times.append(pair.time)
+        self._health.look(pair, left, right, points)
+
+    def cloud(self, name: str, rate: float | None) -> PointCloud:
+        """Return the markers among all candidates."""
+        self._health.check(name)
+        candidates = self._store.all()
+        left, right = ((follower.first, follower.last) for follower in self._tracks)
+        kept = chosen(candidates, left, right, self._rig.noise)
+        frames = np.repeat(np.arange(len(self._times)), candidates.per_frame)[kept]
+        starts = np.concatenate([[0], np.cumsum(np.bincount(frames, minlength=len(self._times)))])
+        points = candidates.points[kept]
+        attributes = {
+            "reprojection_error": misfit_in_space(points, candidates.misfit[kept].astype(np.float64), self._rig.left),
+            "std": candidates.std[kept].astype(np.float64),
+            "n_blobs": np.full(len(points), float(N_BLOBS)),
+        }
+        notices = (*self._health.notices(), *_said_of(candidates, kept), *_said_of_times(rate))
+        return PointCloud(points, starts.astype(np.intp), np.array(self._times), attributes, name, notices)
+
+
+class _Health:
+    """What is wrong with images and settings, counted over a whole recording."""
+
+    def __init__(self, rig: StereoRig) -> None:
+        self._rig = rig
+        self._n_pairs = self._n_dropped = self._n_points = 0
+        self._faulty: dict[str, tuple[int, int, str]] = {}  # by side: how many images, the first of them, its fault
+        self._matched: list[float] = []
+        self._exchanged: list[float] = []
+
+    def look(self, pair: FramePair, left: Balls, right: Balls, points: StereoPoints) -> None:
+        self._n_pairs += 1
+        self._n_dropped += pair.dropped
+        self._n_points += len(points)
+        for side, balls in (("left", left), ("right", right)):
+            if balls.notice:
+                count, first, fault = self._faulty.get(side, (0, pair.index, balls.notice))
+                self._faulty[side] = count + 1, first, fault
+        if min(len(left), len(right)) >= FEWEST_BALLS:
+            self._matched.append(matched_share(left, right, points))
+            if self._matched[-1] < LEAST_MATCHED:
+                self._exchanged.append(exchanged_share(left, right, self._rig))
+
+    def check(self, name: str) -> None:
+        """Refuse a recording of which nothing can come."""
+        faults = "; ".join(self.notices())
+        if not self._n_pairs:
+            raise InputError(f"{name}: there is no pair of images")
+        trouble = mismatch(_mean(self._matched, 1.0), _mean(self._exchanged, 0.0))
+        if trouble:
+            raise InputError(f"{name}: {trouble}")
+        if not self._n_points:
+            raise InputError(f"{name}: no ball is seen in both images of any pair" + (f"; {faults}" if faults else ""))
+
+    def notices(self) -> tuple[str, ...]:
+        said = [
+            f"{side} image of {count} of {self._n_pairs} pairs, first of number {first}: {fault}"
+            for side, (count, first, fault) in self._faulty.items()
+        ]
+        if self._n_dropped:
+            share = 100 * self._n_dropped / (self._n_dropped + self._n_pairs)
+            said.append(f"{self._n_dropped} pairs of images were lost ({share:.1f} %); their time stays empty")
+        return tuple(said)
+
+
+def misfit_in_space(points: Floats, misfit: Floats, camera: Camera) -> Floats:
+    """Return distances in an image as distances where the points are.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3), mm
+        In the world.
+    misfit : ndarray, shape (n,), px
+        Distances in the camera's image.
+    camera : Camera
+        One of the rig.
+
+    Returns
+    -------
+    ndarray, shape (n,), mm
+    """
+    depths = points @ camera.camera_from_world[2, :3] + camera.camera_from_world[2, 3]
+    return np.asarray(misfit * depths / camera.matrix[0, 0])
+
+
+def _said_of(candidates: Candidates, kept: Bools) -> tuple[str, ...]:
+    n_left_out = int((~kept).sum())
+    if not n_left_out:
+        return ()
+    share = 100 * n_left_out / len(kept)
+    return (f"{n_left_out} of {len(kept)} pairs of balls ({share:.1f} %) fit only by chance and are left out",)
+
+
+def _said_of_times(rate: float | None) -> tuple[str, ...]:
+    if rate is not None:
+        return ()
+    return ("nobody says how many images were taken per second: one is assumed; give the source ?rate=60",)
+
+
+def _mean(values: list[float], if_none: float) -> float:
+    return float(np.mean(values)) if values else if_none

@@ -1,0 +1,55 @@
+"""The command `benchmark`: accuracy, speed and memory on this machine, as one page."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skelgen.cli.options import AsJson, Quiet
+from skelgen.cli.screen import Screen
+
+PageFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write, HTML.")]
+Suites = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--suite",
+        metavar="NAME",
+        help="labels, exact, joints, tissue, stereo, exports or speed; may be repeated.",
+        show_default="all",
+    ),
+]
+Quick = Annotated[bool, typer.Option("--quick", help="Fewer seeds and frames: two to three minutes.")]
+
+
+def benchmark(
+    output: PageFile = Path("benchmark.html"),
+    suites: Suites = None,
+    quick: Quick = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Measure accuracy, speed and memory on this machine, beside what is wanted, and write a page."""
+    from skelgen.benchmark import run_benchmark, write_benchmark_page
+    from skelgen.benchmark.machine import machine_line
+    from skelgen.benchmark.page import counts_sentence
+    from skelgen.files import replacing
+
+    screen = Screen(quiet, as_json)
+    started = time.monotonic()
+    with replacing(output) as page:  # a page that cannot be written shall not cost the whole benchmark
+        with screen.watching() as monitor:
+            sections = run_benchmark(suites or (), quick=quick, monitor=monitor)
+        measured = f"{time.strftime('%Y-%m-%d')}, {time.monotonic() - started:.0f} s"
+        words = ["skelgen benchmark", *(["--quick"] if quick else []), *(f"--suite {name}" for name in suites or ())]
+        write_benchmark_page(sections, page, measured=measured, command=" ".join(words))
+    for section in sections:
+        for table in section.tables:
+            names = [*table.columns[:-1], "verdict"]
+            rows = [dict(zip(names, row, strict=True)) for row in table.rows]
+            screen.table(f"{section.title}: {table.title}", rows)
+    screen.say(f"{counts_sentence(sections)}; written: {output}")
+    tables = {section.name: [vars(table) for table in section.tables] for section in sections}
+    screen.json({"machine": machine_line(), "measured": measured, "sections": tables, "file": str(output)})

@@ -1,0 +1,216 @@
+"""Labels by a known skeleton: which point of a new take is which of its markers, and what the others are.
+
+Two proposals are made: the names, where the take has some that the skeleton knows, and the pose of the skeleton
+followed through the take forward and backward, names or none. The one that explains more positions is kept. The
+skeleton is then posed in all frames, and points that no marker has are given to markers whose place they are at.
+Tracks that remain and keep their place on a limb are markers: moved ones, where one of the limb is missing, or new.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from skelgen.errors import InputError
+from skelgen.model import PointCloud, Skeleton, Trajectories
+from skelgen.model.arrays import Floats, Ints
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.known.points import TrackedPoints, tracked_points
+from skelgen.stages.known.posing import KnownPoses, pose_known
+from skelgen.stages.known.remainder import Settler, settled_tracks
+from skelgen.stages.labels.follow import typical_spacing
+from skelgen.stages.labels.online.chain import Chain
+from skelgen.stages.labels.online.model import ModelLabels
+from skelgen.stages.labels.parameters import LabelParameters
+
+GATE = 5.0
+"""Deviations of a marker on its limb within which a point is at its place, as in the labels frame by frame."""
+
+LEAST_EXPLAINED = 0.5
+"""Of the positions that markers of the skeleton or points of the take could give: less is no take of this body."""
+
+ROUNDS = 3
+"""Turns of points to markers and of poses: a point that is found poses its limb, which finds others."""
+
+JUDGED_FRAMES = 200
+"""Frames in which two proposals are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownLabels:
+    """Points of a take as markers of a known skeleton.
+
+    Attributes
+    ----------
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point; beyond those of the skeleton new ones; -1 for none.
+    points : TrackedPoints
+        The points.
+    poses : KnownPoses
+        Of the skeleton, by the points at their places.
+    moved : tuple of Settler
+        Markers of the skeleton that are at another place of their limb.
+    new : tuple of Settler
+        Markers that the skeleton does not know, in the order of their numbers.
+    explained : float
+        Part of the positions that could be explained which lie where the skeleton has its markers.
+    by_name : bool
+        Whether the names of the take told.
+    """
+
+    marker_of_point: Ints
+    points: TrackedPoints
+    poses: KnownPoses
+    moved: tuple[Settler, ...]
+    new: tuple[Settler, ...]
+    explained: float
+    by_name: bool
+
+
+def label_known(
+    take: PointCloud | Trajectories,
+    skeleton: Skeleton,
+    names: tuple[str, ...],
+    parameters: LabelParameters | None = None,
+    monitor: Monitor = SILENT,
+) -> KnownLabels:
+    """Label a take by the skeleton of the body that it shows.
+
+    Parameters
+    ----------
+    take : PointCloud or Trajectories
+        The take; names that it has are heeded where they agree with the skeleton.
+    skeleton : Skeleton
+        Calibrated on another take.
+    names : tuple of str
+        Names of its markers.
+    parameters : LabelParameters, optional
+        How points without names are followed.
+    monitor : Monitor
+        Told of progress; may cancel.
+
+    Raises
+    ------
+    InputError
+        If the skeleton explains too little of the take: it shows another body, or other markers.
+    """
+    monitor.begin("labels by the known skeleton")
+    points = tracked_points(take, parameters or LabelParameters(), monitor)
+    gates = GATE * Chain(skeleton).deviation
+    proposals = [(_followed(points, skeleton, monitor), False)]
+    named = _named(points, names)
+    if named is not None:
+        proposals.append((named, True))
+    owner, by_name = max(
+        proposals, key=lambda proposal: (_n_explained(points, proposal[0], skeleton, gates), proposal[1])
+    )
+    placed, poses = _placed(points, owner, skeleton, gates, monitor)
+    explained = _share(points, placed, skeleton)
+    if explained < LEAST_EXPLAINED:
+        raise InputError(
+            f"{take.name or 'the take'}: the skeleton explains {100 * explained:.0f} % of the positions that it could; "
+            "it is of another body, or of other markers: leave out --skeleton to calibrate this take by itself"
+        )
+    names_of_tracks = {index: names.index(name) for index, name in enumerate(points.names) if name in names}
+    moved, new = settled_tracks(points, placed, skeleton, poses, gates, names_of_tracks)
+    result = placed.copy()
+    for number, one in enumerate((*moved, *new)):
+        marker = one.marker if number < len(moved) else len(names) + number - len(moved)
+        result[one.points] = marker
+    return KnownLabels(result, points, poses, moved, new, explained, by_name)
+
+
+def _named(points: TrackedPoints, names: tuple[str, ...]) -> Ints | None:
+    """Markers by the names of the take, if there are any that the skeleton knows."""
+    known = np.array([names.index(name) if name in names else -1 for name in points.names], dtype=np.intp)
+    return known[points.tracks] if (known >= 0).any() else None
+
+
+def _followed(points: TrackedPoints, skeleton: Skeleton, monitor: Monitor) -> Ints:
+    """Markers by the pose of the skeleton, followed forward, and backward where that leaves points alone."""
+    spacing = typical_spacing(points.cloud)
+    forward = _one_way(points, skeleton, spacing, range(points.cloud.n_frames), monitor)
+    n_carried = int((skeleton.limb_of_marker >= 0).sum())
+    alone = np.bincount(points.frames[forward < 0], minlength=points.cloud.n_frames)
+    missing = n_carried - np.bincount(points.frames[forward >= 0], minlength=points.cloud.n_frames)
+    if not ((alone > 0) & (missing > 0)).any():
+        return forward
+    backward = _one_way(points, skeleton, spacing, range(points.cloud.n_frames - 1, -1, -1), monitor)
+    taken = np.zeros((points.cloud.n_frames, len(skeleton.limb_of_marker)), dtype=np.bool_)
+    owned = forward >= 0
+    taken[points.frames[owned], forward[owned]] = True
+    free = (forward < 0) & (backward >= 0) & ~taken[points.frames, backward]
+    return np.where(free, backward, forward)
+
+
+def _one_way(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
+    model = ModelLabels(skeleton)
+    starts = points.cloud.frame_starts
+    owner = np.full(points.cloud.n_points, -1, dtype=np.intp)
+    for count, frame in enumerate(frames):
+        part = slice(int(starts[frame]), int(starts[frame + 1]))
+        if part.stop > part.start:
+            owner[part] = model.update(points.cloud.points[part], points.tracks[part], 1, spacing)
+        if count % 100 == 0:
+            monitor.advance(count, len(frames))
+    return owner
+
+
+def _n_explained(points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats) -> int:
+    """Positions at their places in some frames."""
+    frames = np.unique(np.linspace(0, points.cloud.n_frames - 1, JUDGED_FRAMES).astype(np.intp))
+    positions = points.positions(owner, len(skeleton.limb_of_marker))[frames]
+    if np.isnan(positions[:, :, 0]).all():
+        return 0
+    return int((_away(pose_known(skeleton, positions), skeleton, positions) < gates).sum())
+
+
+def _away(poses: KnownPoses, skeleton: Skeleton, positions: Floats) -> Floats:
+    """Distances [mm] of positions from where the skeleton has their markers, shape (n_frames, n_markers)."""
+    return np.asarray(np.linalg.norm(positions - poses.markers(skeleton), axis=2))
+
+
+def _placed(
+    points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
+) -> tuple[Ints, KnownPoses]:
+    """Keep points that are at their marker's place, give others to markers whose place they are at, and pose again."""
+    n_markers = len(skeleton.limb_of_marker)
+    if (owner < 0).all():
+        return owner, pose_known(skeleton, points.positions(owner, n_markers)[:0])
+    poses = pose_known(skeleton, points.positions(owner, n_markers), monitor=monitor)
+    for _ in range(ROUNDS):
+        before, owner = owner, _reassigned(points, owner, poses.markers(skeleton), gates)
+        if (owner < 0).all() or np.array_equal(before, owner):
+            break
+        poses = pose_known(skeleton, points.positions(owner, n_markers), monitor=monitor)
+    return owner, poses
+
+
+def _reassigned(points: TrackedPoints, owner: Ints, predicted: Floats, gates: Floats) -> Ints:
+    own = np.maximum(owner, 0)
+    away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
+    kept = np.where((owner >= 0) & (away < gates[own]), owner, -1)
+    free = np.flatnonzero((kept < 0) & (points.tracks >= 0))
+    taken = np.zeros(predicted.shape[:2], dtype=np.bool_)
+    taken[points.frames[kept >= 0], kept[kept >= 0]] = True
+    for some in np.split(free, np.flatnonzero(np.diff(points.frames[free])) + 1):
+        if not len(some):
+            continue
+        frame = int(points.frames[some[0]])
+        markers = np.flatnonzero(~taken[frame] & ~np.isnan(predicted[frame, :, 0]))
+        apart = (
+            np.linalg.norm(points.cloud.points[some, np.newaxis] - predicted[frame, markers], axis=2) / gates[markers]
+        )
+        rows, columns = linear_sum_assignment(np.minimum(apart, 1.0))
+        near = apart[rows, columns] < 1.0
+        kept[some[rows[near]]] = markers[columns[near]]
+    return kept
+
+
+def _share(points: TrackedPoints, owner: Ints, skeleton: Skeleton) -> float:
+    """Part of what could be explained, frame by frame the fewer of points and markers, that is explained."""
+    n_carried = int((skeleton.limb_of_marker >= 0).sum())
+    possible = np.minimum(points.cloud.points_per_frame, n_carried).sum()
+    return float((owner >= 0).sum() / max(int(possible), 1))

@@ -1,0 +1,135 @@
+r"""Whether markers sit where they sat: two takes of one body compared, marker by marker, in the frames of the limbs.
+
+Each take is cut into spans of equal length. A marker's usual place in each span, its median, varies with noise, skin
+and posture; two takes differ where the means of these differ by more than they vary. With the covariances :math:`S_i`
+of the spans' places and their numbers :math:`n_i`,
+
+.. math::
+    T^2 = d^T \left( S_1 / n_1 + S_2 / n_2 + E \right)^{-1} d, \qquad
+    F = \frac{\nu - 2}{3 \nu} T^2 \sim F(3, \nu - 2),
+
+Hotelling's test for unequal covariances, the degrees of freedom :math:`\nu` after Nel and van der Merwe (1986,
+*Communications in Statistics* 15, 3719). E is what the calibration leaves open of the marker's place and of the joints
+of its limb: a joint that is off pushes all markers of the limb aside, as the pose has it. The level is shared by all
+markers (Bonferroni).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from skelgen.model import Skeleton
+from skelgen.model.arrays import Floats
+
+N_SPANS = 12
+"""Spans of a take: long against the time for which skin stays on one side, enough for a covariance of three numbers."""
+
+LEAST_SPANS = 6
+"""Spans that must show a marker in both takes; with fewer nothing can be said."""
+
+LEAST_SEEN = 5
+"""Frames of a span that must show a marker."""
+
+LEVEL = 0.001
+"""Probability of calling any marker of a take moved where none is."""
+
+_RIDGE = 1e-6  # mm: exact takes have no spread, and differ by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceTest:
+    """What the comparison says of each marker.
+
+    Attributes
+    ----------
+    shifts : ndarray, shape (n_markers, 3), mm
+        Mean place in the new take minus that in the calibrated one, in the limb's frame; NaN where not to be told.
+    p_values : ndarray, shape (n_markers,)
+        Probability of as large a difference by chance; 1 where not to be told.
+    """
+
+    shifts: Floats
+    p_values: Floats
+
+    @property
+    def n_tested(self) -> int:
+        """Number of markers that could be tested."""
+        return int((~np.isnan(self.shifts[:, 0])).sum())
+
+    @property
+    def is_moved(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Whether each marker moved, at the level shared by all."""
+        return np.asarray(self.p_values < LEVEL / max(self.n_tested, 1))
+
+    @property
+    def distances(self) -> Floats:
+        """Lengths of the shifts [mm], 0 where not to be told."""
+        return np.asarray(np.nan_to_num(np.linalg.norm(self.shifts, axis=1)))
+
+
+def span_means(local: Floats) -> Floats:
+    """Return usual places in each span [mm], shape (n_spans, n_markers, 3), NaN where too little is seen.
+
+    Parameters
+    ----------
+    local : ndarray, shape (n_frames, n_markers, 3), mm
+        Markers in the frames of their limbs, NaN where unseen.
+    """
+    means = np.full((N_SPANS, *local.shape[1:]), np.nan)
+    for span, part in enumerate(np.array_split(local, N_SPANS)):
+        seen = ~np.isnan(part[:, :, 0])
+        enough = seen.sum(axis=0) >= LEAST_SEEN
+        if enough.any():
+            means[span, enough] = np.nanmedian(part[:, enough], axis=0)
+    return means
+
+
+def place_errors(skeleton: Skeleton) -> Floats:
+    """Return what a calibration leaves open of markers' places against the joints [mm^2], shape (n_markers, 3, 3).
+
+    The covariances of the place on the limb and of all joints of the limb are added.
+    """
+    errors = np.zeros((len(skeleton.limb_of_marker), 3, 3))
+    if skeleton.offset_std is not None:
+        errors += np.nan_to_num(skeleton.offset_std)[:, np.newaxis] ** 2 * np.eye(3)
+    for joint in skeleton.joints:
+        for limb, covariance in ((joint.parent, joint.covariance), (joint.child, joint.covariance_in_child)):
+            if covariance is not None:
+                errors[skeleton.limb_of_marker == limb] += covariance
+    return errors
+
+
+def compare_places(before: Floats, after: Floats, errors: Floats) -> PlaceTest:
+    """Test whether markers sit at the same places in two takes.
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (n_spans, n_markers, 3), mm
+        From `span_means`.
+    errors : ndarray, shape (n_markers, 3, 3), mm^2
+        From `place_errors`.
+    """
+    n_markers = before.shape[1]
+    shifts, p_values = np.full((n_markers, 3), np.nan), np.ones(n_markers)
+    for marker in range(n_markers):
+        samples = [means[:, marker][~np.isnan(means[:, marker, 0])] for means in (before, after)]
+        if min(map(len, samples)) >= LEAST_SPANS:
+            shifts[marker] = samples[1].mean(axis=0) - samples[0].mean(axis=0)
+            p_values[marker] = _p_value(shifts[marker], samples, errors[marker])
+    return PlaceTest(shifts, p_values)
+
+
+def _p_value(shift: Floats, samples: list[Floats], error: Floats) -> float:
+    parts = [np.cov(sample.T) / len(sample) + _RIDGE**2 * np.eye(3) for sample in samples]
+    whole = parts[0] + parts[1]
+    square = float(shift @ np.linalg.solve(whole + error, shift))
+    spread = sum(_size(part) / (len(sample) - 1) for part, sample in zip(parts, samples, strict=True))
+    freedom = max(_size(whole) / spread, 3.0)
+    return float(f_distribution.sf(square * (freedom - 2) / (3 * freedom), 3, freedom - 2))
+
+
+def _size(matrix: Floats) -> float:
+    return float(np.trace(matrix @ matrix) + np.trace(matrix) ** 2)

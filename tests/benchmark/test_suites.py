@@ -1,0 +1,201 @@
+"""`skelgen benchmark`: what it measures is right on cases whose answer is known, and its page says so."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from markupsafe import Markup
+from skelgen_formats.registry import write_file
+
+from skelgen.app.face import reconstruct
+from skelgen.benchmark import SUITES, Section, run_benchmark, write_benchmark_page
+from skelgen.benchmark.accuracy import measure_exports, measure_joints, reconstructed
+from skelgen.benchmark.judges import JUDGES
+from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
+from skelgen.benchmark.peer import rotation_centre, score_error
+from skelgen.benchmark.plots import Series, draw
+from skelgen.benchmark.sections import MISSED, QUICK, REACHED, Effort, Figure, table
+from skelgen.benchmark.takes import fifty_markers, long_take, ten_limbs, thirty_limbs
+from skelgen.benchmark.timing import measure_runs, run_stages
+from skelgen.cli import main
+from skelgen.errors import InputError, SkelgenError, WriteError
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.progress import SILENT
+from skelgen.simulation import simulate
+
+SMALL = Effort(
+    seeds=(0,), n_frames=200, n_label_frames=200, n_trials=20, distances=(1000.0,), frames=(200,), limbs=(3,)
+)
+
+
+def rods():
+    return simulate("rods", n_frames=100).take
+
+
+def held_by(megabytes):
+    block = np.ones(megabytes * 125_000)
+    return peak_gigabytes() + 0.0 * block[0]
+
+
+def ended_without_answer():
+    raise SystemExit(3)
+
+
+def test_score_finds_the_centre_about_which_two_bodies_turn():
+    random = np.random.default_rng(0)
+    first, second = (np.tile(np.eye(4), (50, 1, 1)) for _ in range(2))
+    first[:, :3, :3], second[:, :3, :3] = (matrix_from_vector(random.normal(size=(50, 3))) for _ in range(2))
+    first[:, :3, 3] = random.normal(size=(50, 3))
+    centre = first[:, :3, :3] @ [1.0, 2.0, 3.0] + first[:, :3, 3]
+    second[:, :3, 3] = centre - second[:, :3, :3] @ [4.0, 5.0, 6.0]
+    np.testing.assert_allclose(rotation_centre(first, second), centre, atol=1e-9)  # rounding
+
+
+def test_score_is_exact_without_noise_and_never_below_our_error_by_much_with_it():
+    assert score_error(simulate("rods", n_frames=200)) < 1e-6  # mm, rounding
+    peer = score_error(simulate("human", n_frames=300, noise=0.5))
+    ours = reconstructed("human", 0, n_frames=300, noise=0.5).mean_joint_error
+    assert ours < 1.05 * peer
+
+
+@pytest.mark.parametrize(
+    ("make", "n_markers", "n_limbs"), [(fifty_markers, 50, 15), (ten_limbs, 28, 10), (thirty_limbs, 127, 30)]
+)
+def test_structures_have_the_sizes_that_the_tables_name(make, n_markers, n_limbs):
+    limbs = make().limbs
+    assert (sum(len(limb.markers) for limb in limbs), len(limbs)) == (n_markers, n_limbs)
+
+
+def test_long_take_has_any_length_and_fresh_noise():
+    take = long_take(13_000)
+    assert take.positions.shape == (13_000, 40, 3)
+    there, back = take.positions[5990], take.positions[2 * 6000 - 2 - 5990]
+    assert 0 < np.nanmax(np.abs(there - back)) < 5  # mm: the same frame of the short take, noise of 0.2 mm twice
+
+
+def test_runs_are_measured_in_a_process_of_their_own_whose_memory_is_its_own():
+    [run] = measure_runs(rods)
+    assert min(run.limbs, run.joints, run.skeleton) > 0
+    assert run.seconds == pytest.approx(run.limbs + run.joints + run.skeleton)
+    ballast = np.ones(40_000_000)  # 0.32 GB here, which the other process does not hold
+    assert in_own_process(held_by, 100) + 0.15 < peak_gigabytes() + 0.0 * ballast[0]
+
+
+def test_stages_are_timed_in_this_process_too():
+    assert run_stages(rods(), "conjugate-gradient").joints > 0
+
+
+def test_process_that_ends_without_an_answer_is_an_error():
+    with pytest.raises(SkelgenError, match="exit code 3"):
+        in_own_process(ended_without_answer)
+
+
+@pytest.mark.parametrize("judge", JUDGES, ids=lambda judge: judge.suffix)
+def test_judges_see_a_motion_that_is_not_ours(judge, tmp_path):
+    pytest.importorskip(judge.name, reason=f"{judge.name} is not installed")
+    project = reconstruct(simulate("rods", n_frames=30).take)
+    files = write_file(project, tmp_path / f"walk{judge.suffix}")
+    other = reconstruct(simulate("rods", n_frames=30, seed=1).take)
+    assert judge.deviation(files, project) <= judge.tolerance
+    assert judge.deviation(files, other) > 1.0
+
+
+def test_exports_without_their_judge_are_not_judged(monkeypatch):
+    monkeypatch.setattr("skelgen.benchmark.accuracy.find_spec", lambda name: None)
+    [judged] = measure_exports(QUICK, SILENT).tables
+    assert all("not installed" in row[1] and row[-1] == "" for row in judged.rows)
+
+
+def test_joints_are_laid_beside_the_bound_and_score(monkeypatch):
+    monkeypatch.setattr("skelgen.benchmark.accuracy.STRUCTURES", ("rods",))
+    section = measure_joints(SMALL, SILENT)
+    [row] = section.tables[0].rows
+    assert row[:3] == ("rods", "1 of 1", "1 of 1")
+    ours, bound = float(row[3]), float(row[4])
+    assert 0.8 * bound < ours < 1.2 * bound
+    assert "SCoRE" in section.figures[0].drawing
+
+
+@pytest.mark.parametrize("name", ["stereo", "speed"])
+def test_rows_have_a_text_for_every_column(name):
+    if name == "stereo":
+        pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen[capture]'")
+    section = SUITES[name](SMALL, SILENT)
+    for measured in section.tables:
+        assert {len(row) for row in measured.rows} == {len(measured.columns)}
+        assert len(set(measured.columns)) == len(measured.columns)
+    assert section.figures
+
+
+def test_suite_that_does_not_exist_is_refused_before_anything_runs():
+    with pytest.raises(InputError, match="there is no suite 'speeed'; suites are labels, exact"):
+        run_benchmark(["speeed"])
+
+
+def test_suites_run_by_name_in_the_order_of_the_page(monkeypatch):
+    begun = []
+    for name in SUITES:
+        monkeypatch.setitem(SUITES, name, lambda effort, monitor, name=name: begun.append((name, effort)))
+    run_benchmark(["speed", "labels"], quick=True)
+    assert begun == [("labels", QUICK), ("speed", QUICK)]
+
+
+@pytest.fixture
+def sections():
+    rows = [("a<b", "1", REACHED), ("c", "2", MISSED), ("d", "3", "")]
+    figure = Figure("Time.", draw("t", "frames", "s", [Series("all", [1, 2, 3], [1.0, 2.0, 4.0])]))
+    return [Section("speed", "Speed", "How fast.", (table("Times", ("case", "s"), rows),), (figure,))]
+
+
+def test_page_counts_what_is_reached_and_escapes_what_it_shows(sections, tmp_path):
+    text = write_benchmark_page(sections, tmp_path / "b.html", measured="now", command="skelgen").read_text()
+    assert "1 of 2 wanted figures reached" in text
+    assert "a&lt;b" in text
+    assert text.count('class="missed"') == 1
+    assert "<svg" in text
+    assert machine_line().partition(",")[0] in text
+    assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_page_that_cannot_be_written_is_an_error(sections, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(WriteError, match="cannot be written"):
+        write_benchmark_page(sections, tmp_path / "file" / "b.html")
+
+
+def test_drawing_joins_points_and_names_series():
+    drawing = draw("t", "x", "y", [Series("line", [0, 1], [0, 1], has_points=False), Series("dots", [1], [2], False)])
+    assert isinstance(drawing, Markup)
+    assert drawing.count("<path") == 1
+    assert "line" in drawing
+    assert drawing.count("<circle") == 2  # one point, and its sign in the legend
+
+
+@pytest.fixture
+def run(capsys):
+    """Exit code, stdout and stderr of a command."""
+
+    def call(*words):
+        code = main(words)
+        return code, *capsys.readouterr()
+
+    return call
+
+
+def test_command_writes_the_page_and_prints_json(run, monkeypatch, tmp_path, sections):
+    monkeypatch.setattr("skelgen.benchmark.run_benchmark", lambda names, quick, monitor: sections)
+    code, output, _ = run("benchmark", "--quick", "--json", "-o", str(tmp_path / "b.html"))
+    told = json.loads(output)
+    assert code == 0
+    assert told["sections"]["speed"][0]["rows"][0] == ["a<b", "1", REACHED]
+    assert "skelgen benchmark --quick" in (tmp_path / "b.html").read_text()
+
+
+def test_command_refuses_a_page_that_cannot_be_written_before_it_measures(run, monkeypatch, tmp_path):
+    monkeypatch.setattr("skelgen.benchmark.run_benchmark", lambda *given, **options: pytest.fail("it measured"))
+    (tmp_path / "file").write_text("")
+    code, _, said = run("benchmark", "-o", str(tmp_path / "file" / "b.html"))
+    assert code == 2
+    assert "cannot be written" in said

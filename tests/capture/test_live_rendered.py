@@ -1,0 +1,78 @@
+"""The whole capture on rendered images in which balls touch, hide each other and fall onto one epipolar line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelgen.app.capture import ball_positions
+from skelgen.capture.bodies import propose_targets, resolved_points
+from skelgen.capture.live import MotionCapture
+from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.rig import SimulatedRig, scene_of_bodies, simulated_rig
+from skelgen.capture.rig.scene import wandering_poses
+from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.model.rig import BodyTarget
+
+WRONG, WRONG_TURN = 2.0, 2.0  # mm and degrees: what no pose may be off
+
+
+def passing():
+    """Three targets that pass before each other."""
+    rng, rig = np.random.default_rng(0), seed_rig()
+    targets = propose_targets([BodyTarget(f"body{i}", rng.uniform(-50, 50, (5, 3))) for i in range(3)])
+    return SimulatedRig(scene_of_bodies(targets, wandering_poses(rig, 200, 3, spread=60.0, seed=1)), rig)
+
+
+@pytest.fixture(scope="module", params=[passing, lambda: simulated_rig("arm", n_frames=200)], ids=["passing", "arm"])
+def seen(request):
+    """A source, and every fourth of its frames as it was captured, with what is visible of each ball in both images."""
+    source, frames = request.param(), []
+    with MotionCapture(source.settings, threads=False) as capture:
+        for index in range(0, 200, 4):
+            pair, truth = source.render(index)
+            visible = np.minimum(truth.left.visible, truth.right.visible)
+            frames.append((index, capture.see(pair), visible))
+    return source, frames
+
+
+def test_there_are_balls_that_touch_and_balls_that_are_hidden(seen):
+    _, frames = seen
+    assert sum(captured.left.touching.any() or captured.right.touching.any() for _, captured, _ in frames) > 25
+    assert sum((visible < 0.5).any() for *_, visible in frames) > 5
+
+
+def test_no_pose_is_wrong(seen):
+    source, frames = seen
+    for index, captured, _ in frames:
+        for number, target in enumerate(source.settings.bodies):
+            if target.name in captured.bodies:
+                pose, true = captured.bodies[target.name].world_from_body, source.scene.world_from_body[index, number]
+                assert np.linalg.norm((pose - true) @ np.append(target.points.mean(axis=0), 1.0)) < WRONG
+                turn = vector_from_matrix(pose[:3, :3] @ true[:3, :3].T)
+                assert np.degrees(np.linalg.norm(turn)) < WRONG_TURN
+
+
+def test_bodies_of_which_four_balls_are_seen_are_found(seen):
+    source, frames = seen
+    found, possible = 0, 0
+    for _, captured, visible in frames:
+        for number, target in enumerate(source.settings.bodies):
+            can_be = (visible[source.scene.body_of_ball == number] >= 0.5).sum() >= 4
+            possible += can_be
+            found += can_be and target.name in captured.bodies
+    assert found >= 0.95 * possible > 100  # others have balls that hide each other but for a crescent
+
+
+def test_candidates_that_share_a_ball_are_resolved_by_the_bodies(seen):
+    source, frames = seen
+    n_ambiguous = 0
+    for index, captured, _ in frames:
+        n_ambiguous += int(captured.points.ambiguous.sum())
+        kept = resolved_points(captured.points, captured.bodies.values())
+        for side in (captured.points.left[kept], captured.points.right[kept]):
+            assert len(set(side.tolist())) == len(side)
+        at = ball_positions(source.settings.bodies, captured)
+        away = np.linalg.norm(at - source.scene.points[index], axis=1)
+        assert np.nanmax(away, initial=0.0) < 5.0  # mm: a ghost is as far off as balls are apart
+    assert n_ambiguous > 20

@@ -1,0 +1,199 @@
+"""Every correction by hand as a person makes it: select, choose from the menu, answer; what is computed obeys; undo."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QApplication, QInputDialog
+from skelgen_gui.correct.frames import FramesDialog
+from skelgen_gui.session import Selection
+
+import skelgen
+from skelgen.app.store import find_result, open_project
+from skelgen.simulation import simulate
+
+FRAME = 60
+LAST = 119
+ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+
+
+@pytest.fixture
+def computed(window, person, tmp_path):
+    """A window in which all stages of three rods have run, frame 60 shown; its project."""
+    path = tmp_path / "rods.c3d"
+    skelgen.write(simulate("rods", n_frames=LAST + 1, noise=0.2).take, path)
+    person.opens(path)
+    person.runs_all()
+    window.session.show_frame(FRAME)
+    return window.session.project
+
+
+@pytest.fixture
+def answers(monkeypatch):
+    """Answer questions for frames and names: `answers(first, last, name)`."""
+
+    def say(first=None, last=None, name=""):
+        monkeypatch.setattr(QInputDialog, "getText", lambda *args, **kwargs: (name, True))
+
+        def choose():
+            dialog = QApplication.activeModalWidget()
+            if isinstance(dialog, FramesDialog):
+                dialog.first.setValue(dialog.first.value() if first is None else first)
+                dialog.last.setValue(dialog.last.value() if last is None else last)
+                dialog.accept()
+
+        QTimer.singleShot(200, choose)
+
+    return say
+
+
+@pytest.fixture
+def chooses(window, person):
+    """Select something, and choose an entry of the menu of corrections, perhaps of a menu in it."""
+
+    def choose(selection, text, inner=None):
+        window.session.select(selection)
+        menu = window.commanding.correct_menu
+        window.corrections.fill(menu)
+        (action,) = (one for one in menu.actions() if one.text().startswith(text))
+        if inner is not None:
+            (action,) = (one for one in action.menu().actions() if one.text() == inner)
+        action.trigger()
+        person.waits(lambda: window.session.project.has("skeleton"))
+        return window.session.project
+
+    return choose
+
+
+def markers(*indices):
+    return Selection(frozenset(indices))
+
+
+def undone(window, person, computed):
+    person.does("undo")
+    assert window.session.project is computed
+    person.does("redo")
+    assert len(window.session.project.corrections) == 1
+    return True
+
+
+def test_two_markers_change_places_from_here_to_there(window, person, computed, chooses, answers):
+    answers(last=80)
+    project = chooses(markers(0, 1), "Exchange")
+    (correction,) = project.corrections
+    assert (correction.kind, correction.first_frame, correction.last_frame) == ("swap", FRAME, 80)
+    before, after = computed.trajectories.positions, project.trajectories.positions
+    np.testing.assert_array_equal(after[FRAME:81, [0, 1]], before[FRAME:81, [1, 0]])
+    np.testing.assert_array_equal(after[:FRAME], before[:FRAME])
+    np.testing.assert_array_equal(after[81:], before[81:])
+    assert undone(window, person, computed)
+
+
+def test_a_marker_is_split_and_the_part_has_its_name(window, person, computed, chooses, answers):
+    answers(name="other")
+    project = chooses(markers(2), "Split")
+    names = project.trajectories.names
+    assert "other" in names
+    seen = project.trajectories.seen[:, names.index("other")]
+    assert seen[FRAME:].all()
+    assert not seen[:FRAME].any()
+    assert undone(window, person, computed)
+
+
+def test_markers_are_merged(window, person, computed, chooses, answers):
+    answers(name="other")
+    chooses(markers(2), "Split")
+    names = window.session.project.trajectories.names
+    old = computed.trajectories.names[2]
+    project = chooses(markers(names.index(old), names.index("other")), "Merge")
+    assert project.trajectories.n_markers == computed.trajectories.n_markers
+    assert project.trajectories.seen.all()
+
+
+def test_a_marker_is_renamed(window, person, computed, chooses, answers):
+    answers(name="ankle & <toe>")
+    project = chooses(markers(0), "Rename")
+    assert project.trajectories.names[0] == "ankle & <toe>"
+    assert undone(window, person, computed)
+
+
+def test_a_marker_is_deleted_in_some_frames(window, person, computed, chooses, answers):
+    answers(first=10, last=20)
+    project = chooses(markers(0), "Delete")
+    column = project.trajectories.names.index(computed.trajectories.names[0])
+    assert np.flatnonzero(~project.trajectories.seen[:, column]).tolist() == list(range(10, 21))
+    assert undone(window, person, computed)
+
+
+def test_markers_are_said_to_be_on_one_limb_or_on_different_ones(window, person, computed, chooses):
+    limbs = computed.limbs.limb_of_marker
+    first, mate = computed.limbs.markers_of(0)[:2].tolist()
+    stranger = int(computed.limbs.markers_of(1)[0])
+    apart = chooses(markers(first, mate), "On different limbs").limbs.limb_of_marker
+    assert apart[first] != apart[mate]
+    person.does("undo")
+    together = chooses(markers(first, stranger), "On one limb").limbs.limb_of_marker
+    assert together[first] == together[stranger]
+    assert limbs[first] != limbs[stranger]
+
+
+def pairs(project):
+    """Pairs of limbs that are joined, each as the names of its markers."""
+    names = np.array(project.trajectories.names)
+    limbs = [frozenset(names[project.limbs.markers_of(limb)]) for limb in range(project.limbs.n_limbs)]
+    return {frozenset((limbs[parent], limbs[child])) for parent, child in project.topology.edges.tolist()}
+
+
+def test_a_joint_is_forbidden_and_another_one_forced(window, person, computed, chooses):
+    joined = pairs(computed)
+    parted = chooses(Selection(joint=0), "No joint")
+    assert len(pairs(parted) & joined) == len(joined) - 1
+    person.does("undo")
+    limbs = computed.limbs
+    (apart,) = (
+        (first, second)
+        for first in range(3)
+        for second in range(first)
+        if not {(first, second), (second, first)} & {tuple(edge) for edge in computed.topology.edges.tolist()}
+    )
+    forced = chooses(markers(*(int(limbs.markers_of(limb)[0]) for limb in apart)), "Joint between")
+    assert pairs(forced) - joined
+
+
+def test_a_joint_is_said_to_be_of_a_kind(window, person, computed, chooses):
+    wanted = "hinge" if computed.skeleton.joints[0].kind != "hinge" else "ball"
+    project = chooses(Selection(joint=0), "Kind", wanted)
+    assert project.skeleton.joints[0].kind == wanted
+    assert undone(window, person, computed)
+
+
+def test_a_limb_is_made_the_root(window, person, computed, chooses):
+    limb = int(np.flatnonzero(computed.topology.parents >= 0)[0])
+    project = chooses(Selection(limb=limb), "Root")
+    assert project.topology.parents[limb] == -1
+    assert undone(window, person, computed)
+
+
+def test_a_correction_is_listed_and_taken_back_there(window, person, computed, chooses):
+    chooses(Selection(limb=int(np.flatnonzero(computed.topology.parents >= 0)[0])), "Root")
+    listed = window.findChild(type(window.pages.parent()), "corrections").widget()
+    assert "is the root" in listed.entries.item(0).text()
+    listed.entries.setCurrentRow(0)
+    listed.take_back.click()
+    person.waits(lambda: window.session.project.has("skeleton"))
+    assert listed.entries.count() == 0
+    np.testing.assert_array_equal(window.session.project.topology.parents, computed.topology.parents)
+
+
+def test_later_runs_and_the_command_line_obey_what_is_saved(window, person, computed, chooses, tmp_path):
+    limb = int(np.flatnonzero(computed.topology.parents >= 0)[0])
+    chooses(Selection(limb=limb), "Root")
+    person.saves_as(tmp_path / "rods.skelgen")
+    command = ["run", str(tmp_path / "rods.skelgen"), "--from", "labels", "--output", str(tmp_path / "out")]
+    subprocess.run([sys.executable, "-m", "skelgen", *command], env=ENVIRONMENT, capture_output=True, check=True)
+    assert open_project(find_result(tmp_path / "out")).topology.parents[limb] == -1
