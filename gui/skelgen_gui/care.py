@@ -127,7 +127,7 @@ class FileCare(QObject):
     def close(self, then: Callable[[], None]) -> None:
         """Ask what becomes of running work and unsaved changes, then close."""
         if self._jobs.is_busy:
-            question = self.tr("A step is still running. Cancel it and close?")
+            question = self.tr("Something is still running. Stop it and close?")
             if QMessageBox.question(self._window, self.tr("Close"), question) != Button.Yes:
                 return
             self._jobs.stop()

@@ -6,6 +6,7 @@ when a widget goes, so that neither could go on.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import weakref
 from collections.abc import Callable
@@ -150,7 +151,8 @@ class Deriver(QObject):
             result = function()
         except Exception as error:  # all: a bug must reach the window's error dialog
             result = _Failure(error)
-        self._post.arrived.emit(_Letter(weakref.ref(self), number, result))
+        with contextlib.suppress(RuntimeError):  # the window is gone, and with it who waits
+            self._post.arrived.emit(_Letter(weakref.ref(self), number, result))
 
     def hand_over(self, number: int, result: object) -> None:
         """Call who waits for a result, in the window's thread, unless something else was wished since."""

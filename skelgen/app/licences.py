@@ -125,10 +125,10 @@ def _described(distribution: metadata.Distribution) -> Dependency:
 
 def _licence(told: Message) -> str:
     """The licence's name: the expression, else the field, unless that holds the whole text, else the classifiers."""
-    expression = told["License-Expression"]
+    expression = told.get("License-Expression")
     if expression:
         return str(expression)
-    stated = " ".join(str(told["License"] or "").split())
+    stated = " ".join(str(told.get("License") or "").split())
     if stated and stated != "UNKNOWN" and len(stated) <= _LONGEST_NAME:
         return stated
     classifiers = [str(entry) for entry in told.get_all("Classifier") or ()]
@@ -143,7 +143,7 @@ def _page(told: Message) -> str:
     pages = dict(str(entry).split(", ", 1) for entry in told.get_all("Project-URL") or () if ", " in str(entry))
     by_name = {name.lower(): page for name, page in pages.items()}
     stated = (by_name.get(name) for name in ("homepage", "home", "source", "source code", "repository"))
-    return str(told["Home-page"] or "") or next((page for page in stated if page), "") or next(iter(pages.values()), "")
+    return str(told.get("Home-page") or "") or next((page for page in stated if page), "") or next(iter(pages.values()), "")
 
 
 def _normal(name: str) -> str:
