@@ -142,8 +142,9 @@ def _page(told: Message) -> str:
     """The home page, or the first address that looks like one."""
     pages = dict(str(entry).split(", ", 1) for entry in told.get_all("Project-URL") or () if ", " in str(entry))
     by_name = {name.lower(): page for name, page in pages.items()}
-    stated = (by_name.get(name) for name in ("homepage", "home", "source", "source code", "repository"))
-    return str(told.get("Home-page") or "") or next((page for page in stated if page), "") or next(iter(pages.values()), "")
+    known = [by_name.get(name, "") for name in ("homepage", "home", "source", "source code", "repository")]
+    stated = [str(told.get("Home-page") or ""), *known, *pages.values()]
+    return next((page for page in stated if page), "")
 
 
 def _normal(name: str) -> str:
