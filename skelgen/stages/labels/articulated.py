@@ -29,6 +29,7 @@ from skelgen.stages.labels.blocks import (
     marker_positions,
     one_point_a_frame,
     renumbered,
+    seen_together,
 )
 from skelgen.stages.labels.by_hand import Fixed, fixed_scores, targets
 from skelgen.stages.labels.follow import typical_spacing
@@ -183,7 +184,7 @@ def _relabelled(
         marker = fill_single_points(marker, block.frames, scores, block.n_frames)
         newcomers.look(points, block, np.flatnonzero(marker < 0), pieces, poses)
         result[block.points] = marker
-        together += _seen_together(block, marker, n_markers)
+        together += seen_together(block, marker, n_markers)
         monitor.advance(block.first + block.n_frames, cloud.n_frames)
     joined = same_places(together, model.offsets, model.limb_of_marker, model.limits)
     result = np.append(joined, -1).astype(np.int32)[result]
@@ -202,14 +203,6 @@ def _scores(points: Floats, block: Block, marker: Ints, poses: Poses, model: Mod
     lost = owned[~known[block.frames[owned], marker[owned]]]
     scores[lost, marker[lost]] = HABIT
     return scores
-
-
-def _seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:
-    """Number of frames of a block in which two markers are seen together."""
-    seen = np.zeros((block.n_frames, n_markers))
-    owned = marker >= 0
-    seen[block.frames[owned], marker[owned]] = 1.0
-    return seen.T @ seen
 
 
 def _n_changed(before: Ints, after: Ints) -> int:

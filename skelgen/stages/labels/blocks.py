@@ -66,6 +66,14 @@ def marker_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int, b
     return positions
 
 
+def seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:
+    """Number of frames of a block in which two markers are seen together, shape (n_markers, n_markers)."""
+    seen = np.zeros((block.n_frames, n_markers))
+    owned = marker >= 0
+    seen[block.frames[owned], marker[owned]] = 1.0
+    return seen.T @ seen
+
+
 def marker_names(n_markers: int) -> tuple[str, ...]:
     """Return the names of markers that have no labels: ``M000``, ``M001``, ..."""
     return tuple(f"M{index:03d}" for index in range(n_markers))

@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Ints
-from skelgen.stages.labels.blocks import blocks_of
+from skelgen.stages.labels.blocks import blocks_of, seen_together
 
 LEAST_POINTS = 8
 """Frames that a track must last: false points hardly ever do."""
@@ -57,9 +57,5 @@ def seen_at_once(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Bo
     """
     together = np.zeros((n_markers, n_markers), dtype=bool)
     for block in blocks_of(cloud):
-        marker = marker_of_point[block.points]
-        owned = np.flatnonzero(marker >= 0)
-        seen = np.zeros((block.n_frames, n_markers), dtype=np.float32)
-        seen[block.frames[owned], marker[owned]] = 1.0
-        together |= seen.T @ seen > 0
+        together |= seen_together(block, marker_of_point[block.points], n_markers) > 0
     return together

@@ -81,11 +81,6 @@ class DistanceRecord:
         How far apart markers are.
     prior : ndarray, shape (n, n), nats, optional
         What else speaks for each two sets being one marker; symmetric.
-
-    Attributes
-    ----------
-    loose : bool
-        Whether distances that are not rigid tell something.
     """
 
     def __init__(
@@ -98,15 +93,22 @@ class DistanceRecord:
         prior: Floats | None = None,
     ) -> None:
         self.count, self.total, self.squares = count, total, squares
-        self.loose = True
         self.apart = apart | np.eye(len(count), dtype=bool)
         self.prior = np.zeros(count.shape) if prior is None else prior
         self.usual = _usual_deviations(*self._moments(slice(None)), count, spacing)
         self.mean, self.scatter = self._moments(slice(None))
         self.witness = _witness(count, self.scatter, self.usual)
 
-    def evidence(self, one: int) -> Floats:
-        """Evidence [nats] that set `one` is the same marker as each other set, shape (n,); -inf where it cannot be."""
+    def evidence(self, one: int, does_loose_tell: bool = True) -> Floats:
+        """Evidence [nats] that set `one` is the same marker as each other set, shape (n,); -inf where it cannot be.
+
+        Parameters
+        ----------
+        one : int
+            The set.
+        does_loose_tell : bool
+            Whether distances that are not rigid tell something.
+        """
         result = np.full(len(self.count), -np.inf)
         others = np.flatnonzero(~self.apart[one])
         if not len(others):
@@ -118,8 +120,8 @@ class DistanceRecord:
         first, second = (np.where(heard, table, 1.0) for table in (self.count[one][chosen], self.count[rows, chosen]))
         difference = self.mean[rows, chosen] - self.mean[one][chosen]
         scatter = self.scatter[one][chosen] + self.scatter[rows, chosen]
-        gain, rigid = _log_ratio(difference, first, second, scatter, self.usual, self.loose)
-        n_heard = np.where(heard, 1.0 if self.loose else rigid, 0.0).sum(axis=1)
+        gain, rigid = _log_ratio(difference, first, second, scatter, self.usual, does_loose_tell)
+        n_heard = np.where(heard, 1.0 if does_loose_tell else rigid, 0.0).sum(axis=1)
         told = (n_heard > LEAST_WITNESSES - 0.5) | (self.prior[one, others] != 0.0)
         result[others[told]] = self.prior[one, others[told]] + np.where(heard, gain, 0.0).sum(axis=1)[told]
         return result
@@ -180,27 +182,27 @@ def join_likely(record: DistanceRecord) -> Ints:
     """
     n_sets = len(record.count)
     group = np.arange(n_sets)
-    for record.loose in (False, True):
-        _join(record, group)
+    for does_loose_tell in (False, True):
+        _join(record, group, does_loose_tell)
     return group
 
 
-def _join(record: DistanceRecord, group: Ints) -> None:
+def _join(record: DistanceRecord, group: Ints, does_loose_tell: bool) -> None:
     """Join while there is evidence; `group` is changed in place."""
-    link = np.array([record.evidence(one) for one in range(len(group))]).reshape(len(group), -1)
+    link = np.array([record.evidence(one, does_loose_tell) for one in range(len(group))]).reshape(len(group), -1)
     while len(group):
         one, other = np.unravel_index(int(np.argmax(link)), link.shape)
         if link[one, other] < EVIDENCE:
             break
         one, other = min(one, other), max(one, other)
-        now = record.evidence(int(one))
+        now = record.evidence(int(one), does_loose_tell)
         if now[other] < link[one, other] - STALE:  # what is known of their witnesses has changed since
             link[one] = link[:, one] = now
             continue
         record.join(int(one), int(other))
         group[group == other] = one
         link[other] = link[:, other] = -np.inf
-        link[one] = link[:, one] = record.evidence(int(one))
+        link[one] = link[:, one] = record.evidence(int(one), does_loose_tell)
 
 
 def _usual_deviations(mean: Floats, scatter: Floats, count: Floats, spacing: float) -> _Usual:
