@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +16,7 @@ from skelgen.capture.calibration.coverage import coverage
 from skelgen.capture.frames import FramePair, Image
 from skelgen.capture.optics.projection import project
 from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.rig.pacing import due_pairs
 from skelgen.capture.rig.view import PADDING, corner_rays
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
@@ -116,17 +116,9 @@ class SimulatedBoard:
 
     def __iter__(self) -> Iterator[FramePair]:
         """Deliver the pairs in order."""
-        begin, index = time.monotonic(), 0
-        while index < self.n_frames:
-            dropped = 0
-            if self._paced:
-                ahead = begin + index / self.rate - time.monotonic()
-                time.sleep(max(ahead, 0.0))
-                dropped = min(int(max(-ahead, 0.0) * self.rate), self.n_frames - 1 - index)
-                index += dropped
-                self.n_dropped += dropped
+        for index, dropped in due_pairs(self.n_frames, self.rate, self._paced):
+            self.n_dropped += dropped
             yield self.render(index, dropped)[0]
-            index += 1
 
     def render(self, index: int, dropped: int = 0) -> tuple[FramePair, BoardTruth]:
         """Return any pair with its truth; the same index gives the same pair.

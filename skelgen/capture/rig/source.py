@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
@@ -11,6 +10,7 @@ import numpy as np
 
 from skelgen.capture.frames import FramePair
 from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.rig.pacing import due_pairs
 from skelgen.capture.rig.parameters import RenderParameters
 from skelgen.capture.rig.render import PairTruth, render_pair
 from skelgen.capture.rig.scene import Scene, scene_of_structure, show_alone
@@ -104,24 +104,9 @@ class SimulatedRig:
 
     def __iter__(self) -> Iterator[FramePair]:
         """Deliver the pairs of the scene in order."""
-        begin, index = time.monotonic(), 0
-        while index < self.scene.n_frames:
-            dropped = 0
-            if self._paced:
-                now = self._wait_for(index, begin)
-                dropped, index = now - index, now
-                self._n_dropped += dropped
-            pair, _ = self.render(index, dropped)
-            yield pair
-            index += 1
-
-    def _wait_for(self, index: int, begin: float) -> int:
-        """Sleep until a pair is due; returns the newest that is."""
-        ahead = begin + index / self.scene.rate - time.monotonic()
-        if ahead > 0:
-            time.sleep(ahead)
-            return index
-        return min(index + int(-ahead * self.scene.rate), self.scene.n_frames - 1)
+        for index, dropped in due_pairs(self.scene.n_frames, self.scene.rate, self._paced):
+            self._n_dropped += dropped
+            yield self.render(index, dropped)[0]
 
     def render(self, index: int, dropped: int = 0) -> tuple[FramePair, PairTruth]:
         """Return any pair of the scene with its truth; the same index gives the same pair.

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.capture.frames import Image
+from skelgen.capture.sources.options import GenicamOptions
+from skelgen.capture.sources.pairs import Shot
 from skelgen.errors import CaptureError
 
 _WINDOW = 300  # frames: long enough for one that came without delay, short enough to follow clocks that drift apart
 _BLOCKS = 65535  # GigE Vision 1 numbers frames 1 .. 65535 and begins again at 1
 WARM_UP = 10
 """Images after which a camera's clock is known to a part of a millisecond."""
+
+
+class SizelessCamera(Protocol):
+    """A camera whose images tell its size: a `LiveCamera` without it."""
+
+    name: str
+
+    def take(self, timeout: float) -> Shot | None:
+        """Return the next image, or None if none comes in time."""
 
 
 class SharedClock:
@@ -98,4 +110,28 @@ def common_rate(rates: tuple[float | None, float | None], names: tuple[str, str]
     return left
 
 
-__all__ = ["WARM_UP", "FrameNumber", "SharedClock", "common_rate", "grey"]
+def first_size(camera: SizelessCamera, options: GenicamOptions) -> tuple[int, int]:
+    """Let the clocks settle and return the images' size [px]; behind a trigger the first image may take its time.
+
+    Parameters
+    ----------
+    camera : SizelessCamera
+        It runs already.
+    options : GenicamOptions
+        How it is to run.
+
+    Raises
+    ------
+    CaptureError
+        If no image comes.
+    """
+    size = (0, 0)
+    for _ in range(1 if options.trigger else WARM_UP):
+        shot = camera.take(options.timeout)
+        if shot is None:
+            raise CaptureError(f"{camera.name} sends no image within {options.timeout:g} s; check its trigger")
+        size = (shot.image.shape[1], shot.image.shape[0])
+    return size
+
+
+__all__ = ["FrameNumber", "SharedClock", "common_rate", "first_size", "grey"]

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.opencv import extra_module
-from skelgen.capture.sources.genicam import WARM_UP, FrameNumber, SharedClock, common_rate, grey
+from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey
 from skelgen.capture.sources.live import LivePairs, OpenPair
 from skelgen.capture.sources.options import GenicamOptions
 from skelgen.capture.sources.pairs import Shot
@@ -82,7 +82,7 @@ class GentlCamera:
             self.rate = _set_up(self._camera.remote_device.node_map, options)
             self._camera.start()
             stack.callback(_quietly, self._camera.stop)
-        self.size = self._first_size(options)
+        self.size = first_size(self, options)
 
     def take(self, timeout: float) -> Shot | None:
         """Return the next image, or None if none comes in time.
@@ -107,15 +107,6 @@ class GentlCamera:
             values = values.reshape(image.height, image.width)
         taken = self._clock.time(_device_time(buffer), arrived)
         return Shot(grey(values, image.data_format, self.name), taken, self._number.of(buffer.frame_id))
-
-    def _first_size(self, options: GenicamOptions) -> tuple[int, int]:
-        size = (0, 0)
-        for _ in range(1 if options.trigger else WARM_UP):
-            shot = self.take(options.timeout)
-            if shot is None:
-                raise CaptureError(f"{self.name} sends no image within {options.timeout:g} s; check its trigger")
-            size = (shot.image.shape[1], shot.image.shape[0])
-        return size
 
 
 def _open_pair(stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions) -> OpenPair:

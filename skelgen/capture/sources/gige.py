@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.opencv import extra_module
-from skelgen.capture.sources.genicam import WARM_UP, FrameNumber, SharedClock, common_rate, grey
+from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey
 from skelgen.capture.sources.live import LivePairs, OpenPair
 from skelgen.capture.sources.options import GenicamOptions
 from skelgen.capture.sources.pairs import Shot
@@ -70,7 +70,7 @@ class GigeCamera:
             self._stream = self._camera.stream()
             self._stream.__enter__()
             stack.callback(_quietly, self._stream.__exit__, None, None, None)
-        self.size = self._first_size(options)
+        self.size = first_size(self, options)
 
     def take(self, timeout: float) -> Shot | None:
         """Return the next image, or None if none comes in time.
@@ -100,16 +100,6 @@ class GigeCamera:
     def _check_control(self) -> None:
         if self._camera.control_state != self._viva.ControlState.HELD:
             raise CaptureError(f"{self.name} was unplugged, or another program has taken it")
-
-    def _first_size(self, options: GenicamOptions) -> tuple[int, int]:
-        """Let the clocks settle and return the images' size; behind a trigger the first image may take its time."""
-        size = (0, 0)
-        for _ in range(1 if options.trigger else WARM_UP):
-            shot = self.take(options.timeout)
-            if shot is None:
-                raise CaptureError(f"{self.name} sends no image within {options.timeout:g} s; check its trigger")
-            size = (shot.image.shape[1], shot.image.shape[0])
-        return size
 
 
 def _open_pair(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> OpenPair:
