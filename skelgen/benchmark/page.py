@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
-
+from skelgen.app.pages import write_html
 from skelgen.app.report.wording import counted
 from skelgen.benchmark.machine import machine_line
 from skelgen.benchmark.sections import MISSED, REACHED, Section
-from skelgen.files import replacing
 
 
 def write_benchmark_page(sections: Sequence[Section], path: Path, *, measured: str = "", command: str = "") -> Path:
@@ -33,9 +30,9 @@ def write_benchmark_page(sections: Sequence[Section], path: Path, *, measured: s
     WriteError
         If it cannot be written.
     """
-    source = resources.files(__name__.rpartition(".")[0]).joinpath("page.html").read_text(encoding="utf-8")
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    html = environment.from_string(source).render(
+    return write_html(
+        __name__.rpartition(".")[0],
+        path,
         sections=sections,
         machine=machine_line(),
         measured=measured,
@@ -43,9 +40,6 @@ def write_benchmark_page(sections: Sequence[Section], path: Path, *, measured: s
         sentence=counts_sentence(sections),
         missed=MISSED,
     )
-    with replacing(path) as temporary:
-        temporary.write_text(html, encoding="utf-8")
-    return path
 
 
 def counts_sentence(sections: Sequence[Section]) -> str:

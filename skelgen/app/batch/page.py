@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import resources
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import quote
 
-from jinja2 import Environment, StrictUndefined
-
 from skelgen.app.batch.records import DONE, FAILED, Record
+from skelgen.app.pages import write_html
 from skelgen.app.report.wording import counted, duration, millimetres
-from skelgen.files import replacing
 
 PAGE = "index.html"
 
@@ -36,16 +33,13 @@ def write_page(manifest: Record, path: Path) -> Path:
     WriteError
         If it cannot be written.
     """
-    source = resources.files(__name__.rpartition(".")[0]).joinpath("page.html").read_text(encoding="utf-8")
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    html = environment.from_string(source).render(
+    return write_html(
+        __name__.rpartition(".")[0],
+        path,
         sentence=_sentence(manifest["counts"]),
         columns=_COUNTS,
         rows=[_row(record) for record in manifest["takes"]],
     )
-    with replacing(path) as temporary:
-        temporary.write_text(html, encoding="utf-8", errors="replace")
-    return path
 
 
 def _sentence(counts: dict[str, int]) -> str:
