@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.compiling import compile_function
+from skelgen.compiling import compile_function
 from skelgen.capture.detection.discs import PER_DISC, TINY
 from skelgen.capture.detection.edges import NEAREST, REACH, RING, STEPS
 from skelgen.capture.detection.spots import (

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.compiling import compile_function
+from skelgen.compiling import compile_function
 from skelgen.capture.frames import Image
 from skelgen.capture.rig.plain import (
     GOLDEN,
