@@ -6,6 +6,7 @@ Importing this module imports numba, and raises `RuntimeError` where numba finds
 from __future__ import annotations
 
 import math
+
 import numpy as np
 
 from skelgen.compiling import compile_function
