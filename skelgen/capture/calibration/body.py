@@ -74,8 +74,8 @@ class BodyCalibration:
         worst, n_tried = float(np.asarray(self.target.std).max()), self.n_frames + self.n_left_out
         first = (
             f"{grade.capitalize()}: its balls are known to {worst:.2f} mm, from {self.n_frames} of {n_tried} frames, "
-            f"in which it turned by {self.turn:.0f} degrees; residuals are {self.noise:.2f} times the stated noise. Its "
-            "design is not ambiguous."
+            f"in which it turned by {self.turn:.0f} degrees; residuals are {self.noise:.2f} times the stated noise. "
+            "Its design is not ambiguous."
         )
         return Verdict(grade, (first, *map(as_sentence, self.notices)))
 
