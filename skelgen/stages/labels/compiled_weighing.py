@@ -114,7 +114,7 @@ def _returned(gain: Floats, rivals: Ints, marker: int, other: int) -> float:
     """Nats that the rival would lose by taking the marker's place in return."""
     for slot in range(rivals.shape[1]):
         if rivals[other, slot] == marker:
-            return gain[other, slot + 1]
+            return float(gain[other, slot + 1])
     return 0.0
 
 
@@ -147,7 +147,7 @@ def _odds(evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bool
     """Log odds of one frame."""
     if len(stated) > 0 and stated[frame, marker]:
         return MOST_NATS
-    return evidence[frame, marker] / np.float32(share) if seen[frame, marker] else np.float32(0.0)
+    return float(evidence[frame, marker] / np.float32(share)) if seen[frame, marker] else 0.0
 
 
 @compile_function

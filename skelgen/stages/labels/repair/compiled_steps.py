@@ -56,7 +56,7 @@ def _line_end(sums: Floats, start: float) -> float:
         return math.nan
     t, tx = sums[1] + start * n, sums[4] + start * sums[3]
     tt = sums[2] + start * (sums[1] + t)
-    return (tt * sums[3] - t * tx) / (n * tt - t * t)
+    return float((tt * sums[3] - t * tx) / (n * tt - t * t))
 
 
 @compile_function
@@ -124,7 +124,7 @@ def _lower_median(values: Floats) -> float:
             n_below += other < value
             n_like += other == value
         if n_below <= wanted < n_below + n_like:
-            return value
+            return float(value)
     return math.nan
 
 
