@@ -10,7 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.compiling import compile_function
 from skelgen.capture.detection.edges import NEAREST, REACH, RING, STEPS
 from skelgen.capture.detection.spots import (
     AREA,
@@ -35,6 +34,7 @@ from skelgen.capture.detection.spots import (
     TOP,
 )
 from skelgen.capture.frames import Image
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Floats
 
 _Table = NDArray[np.int64]

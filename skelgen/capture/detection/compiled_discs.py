@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 
-from skelgen.capture.compiling import compile_function
 from skelgen.capture.detection.discs import (
     FAR_OFF,
     FIRST_DAMPING,
@@ -24,6 +23,7 @@ from skelgen.capture.detection.discs import (
     TINY,
     WIDTHS,
 )
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Floats
 
 X, Y, RADIUS, BRIGHTNESS, STD = range(5)

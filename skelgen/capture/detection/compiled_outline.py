@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from skelgen.capture.compiling import compile_function
 from skelgen.capture.detection.outline import N_AROUND
 from skelgen.capture.optics.compiled import Pair, rays
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Floats
 
 

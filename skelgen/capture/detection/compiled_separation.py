@@ -10,7 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.compiling import compile_function
 from skelgen.capture.detection.compiled_discs import BRIGHTNESS, RADIUS, STD, Fitted, X, Y, fit_discs
 from skelgen.capture.detection.discs import Discs
 from skelgen.capture.detection.separation import (
@@ -34,6 +33,7 @@ from skelgen.capture.detection.separation import (
     UNIT_DISC,
 )
 from skelgen.capture.detection.spots import FULL
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Bools, Floats, Ints
 
 _Borders = tuple[bool, bool, bool, bool]

@@ -174,10 +174,8 @@ def indistinguishable_pairs(
 def _one_round(trajectories: Trajectories, model: RigidModel, parameters: LabelParameters) -> list[Swap]:
     """The clearest exchanges that do not touch each other."""
     positions, rate = trajectories.positions, trajectories.rate
-    cycles = dict.fromkeys((*jumping_cycles(positions, rate), *_doubted_pairs(positions, model)))
-    if not cycles:
-        return []
     neighbours = neighbours_of(positions)
+    cycles = dict.fromkeys((*jumping_cycles(positions, neighbours, rate), *_doubted_pairs(positions, model)))
     spans: list[Span] = []
     for cycle in list(cycles)[:MOST_CANDIDATES]:
         evidence = weigh(positions, cycle, model, neighbours, rate)
