@@ -94,7 +94,7 @@ def _variance(shape: LimbShape, points: Floats, frames: Ints) -> float:
     frames = frames[shape.posed[frames]]
     poses, sampled = shape.world_from_limb[frames], points[frames]
     seen = ~np.isnan(sampled[:, :, 0])
-    modelled = np.einsum("fij,nj->fni", poses[:, :3, :3], shape.points) + poses[:, np.newaxis, :3, 3]
+    modelled = shape.points @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, np.newaxis, :3, 3]
     squares = ((sampled - modelled)[seen] ** 2).sum()
     known_points = int(seen.any(axis=0).sum())
     freedoms = 3 * int(seen.sum()) - FREE_OF_POSE * len(seen) - (3 * known_points - FREE_OF_POSE)
