@@ -36,6 +36,9 @@ LEAST_EXPLAINED = 0.5
 ROUNDS = 3
 """Turns of points to markers and of poses: a point that is found poses its limb, which finds others."""
 
+HELD_SHARE = 0.5
+"""A track that is at a marker's place in more than this part of its frames is that marker's in between too."""
+
 JUDGED_FRAMES = 200
 """Frames in which proposals are compared."""
 
@@ -198,10 +201,28 @@ def _placed(
     owner, poses = _settled(points, owner, skeleton, gates, monitor)
     n_markers = len(skeleton.limb_of_marker)
     tried = _frame_by_frame(points, [owner, by_tracks(points, [owner], n_markers)], n_markers)
-    if np.array_equal(owner, tried):
-        return owner, poses
-    other, poses_of_other = _settled(points, tried, skeleton, gates, monitor)
-    return (other, poses_of_other) if (other >= 0).sum() > (owner >= 0).sum() else (owner, poses)
+    if not np.array_equal(owner, tried):
+        other, poses_of_other = _settled(points, tried, skeleton, gates, monitor)
+        if (other >= 0).sum() > (owner >= 0).sum():
+            owner, poses = other, poses_of_other
+    return _held(points, owner, poses.markers(skeleton)), poses
+
+
+def _held(points: TrackedPoints, owner: Ints, predicted: Floats) -> Ints:
+    """Leave a marker what its track shows in between: skin may stray farther than the calibrated take told.
+
+    The track is at the marker's place in most of its frames, and no farther from it than half the points' spacing.
+    """
+    if (owner < 0).all():
+        return owner
+    n_markers = predicted.shape[1]
+    most = by_tracks(points, [owner], n_markers)
+    own = np.maximum(most, 0)
+    tracks = np.maximum(points.tracks, 0)
+    agreed = np.bincount(tracks, (owner == most) & (most >= 0)) > HELD_SHARE * np.bincount(tracks)
+    away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
+    near = agreed[tracks] & (away < typical_spacing(points.cloud) / 2)
+    return _frame_by_frame(points, [owner, np.where(near, most, -1)], n_markers)
 
 
 def _settled(

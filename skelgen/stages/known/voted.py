@@ -13,8 +13,8 @@ from skelgen.stages.known.points import TrackedPoints
 def by_tracks(points: TrackedPoints, owners: Iterable[Ints], n_markers: int) -> Ints:
     """Return the marker of each point by the votes of all frames of its track.
 
-    Each frame in which a point of a track was taken for a marker is a vote. Pairs of tracks and markers are joined, most
-    votes first, unless a track of the marker is seen in the same frames.
+    Each frame in which a point of a track was taken for a marker is a vote. Pairs of tracks and markers are joined,
+    most votes first, unless a track of the marker is seen in the same frames.
 
     Parameters
     ----------
