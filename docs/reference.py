@@ -21,7 +21,7 @@ PACKAGES = (
     "skelgen.evaluation",
     "skelgen_formats",
 )
-_BASICS = ("skelgen.parameters", "skelgen.progress", "skelgen.files", "skelgen.errors")
+_BASICS = ("skelgen.parameters", "skelgen.progress", "skelgen.files", "skelgen.compiling", "skelgen.errors")
 _COMPILED = "compiled"  # modules that hold loops for numba, each with a twin that is easier to read
 
 
@@ -35,7 +35,7 @@ def write_reference(folder: Path) -> None:
     """
     folder.mkdir(exist_ok=True)
     pages = {package: _page(package, [package, *_modules(package)]) for package in PACKAGES}
-    pages["skelgen.basics"] = _page("skelgen: errors, progress, files, parameters", _BASICS)
+    pages["skelgen.basics"] = _page("skelgen: errors, progress, files, parameters, compiling", _BASICS)
     for name, text in {**pages, "index": _index(pages)}.items():
         (folder / f"{name}.rst").write_text(text, encoding="utf-8")
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from skelgen.errors import InputError, SkelgenError
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import Camera, StereoRig, check_pose
+from skelgen_gui.derived import Deriver
 from skelgen_gui.view3d.frustum import frustum
 from skelgen_gui.view3d.viewpoint import DOWN
 
@@ -73,6 +74,7 @@ class Cameras(QObject):
         self._tell_error, self._window = tell_error, window
         self._shown: tuple[SeeingCamera, ...] = ()
         self._known: dict[Path, StereoRig] = {}
+        self._reader = Deriver(self)
 
     @property
     def shown(self) -> tuple[SeeingCamera, ...]:
@@ -85,8 +87,14 @@ class Cameras(QObject):
 
     def begin_with(self, project: Project) -> None:
         """Show the cameras of another project: those that it keeps, or that its recording is known to be of."""
-        kept = cameras_from_view(project.view.get(VIEW))
-        self._show(kept or self._of_source(project))
+        self._show(cameras_from_view(project.view.get(VIEW)))
+        if self._shown or project.source is None:
+            return
+        path = Path(project.source.path)
+        if path in self._known:
+            self.show_rig(self._known[path])
+        elif project.source.format == _STEREO:
+            self._reader.derive(partial(_rig_or_reason, path), self._show_if_read)
 
     def show_rig(self, rig: StereoRig) -> None:
         """Show the cameras of a rig."""
@@ -97,10 +105,7 @@ class Cameras(QObject):
         title, kinds = self.tr("Cameras of a capture"), self.tr("Settings (*.xml)")
         name, _ = QFileDialog.getOpenFileName(self._window, title, "", kinds)
         if name:
-            try:
-                self.show_rig(_rig_in(Path(name)))
-            except SkelgenError as error:
-                self._tell_error(error)
+            self._reader.derive(partial(_rig_or_reason, Path(name)), self._show_or_tell)
 
     def as_view(self) -> list[dict[str, Any]]:
         """Return the cameras as plain values, for the project file."""
@@ -122,18 +127,19 @@ class Cameras(QObject):
         axis = int(np.argmax(np.abs(down)))
         return axis + DOWN if down[axis] > 0 else axis
 
-    def _of_source(self, project: Project) -> tuple[SeeingCamera, ...]:
-        if project.source is None:
-            return ()
-        path = Path(project.source.path)
-        if path in self._known:
-            return cameras_of(self._known[path])
-        if project.source.format == _STEREO:
-            with contextlib.suppress(SkelgenError):  # the take is there; its settings may be gone or others by now
-                return cameras_of(_rig_in(path))
-        return ()
+    def _show_if_read(self, read: StereoRig | SkelgenError) -> None:
+        """Show the cameras of a take; it is there even if its settings are gone, or others by now."""
+        if isinstance(read, StereoRig):
+            self.show_rig(read)
+
+    def _show_or_tell(self, read: StereoRig | SkelgenError) -> None:
+        if isinstance(read, StereoRig):
+            self.show_rig(read)
+        else:
+            self._tell_error(read)
 
     def _show(self, cameras: tuple[SeeingCamera, ...]) -> None:
+        self._reader.forget()  # what is still being read is of the cameras before
         self._shown = cameras
         self.changed.emit()
 
@@ -175,7 +181,11 @@ def _distance(camera: SeeingCamera, points: Floats | None) -> float:
     return float(np.median(np.linalg.norm(known - camera.world_from_camera[:3, 3], axis=1)))
 
 
-def _rig_in(path: Path) -> StereoRig:
-    from skelgen_formats.capture_settings import read_settings  # noqa: PLC0415 - lxml costs 50 ms
+def _rig_or_reason(path: Path) -> StereoRig | SkelgenError:
+    """The rig in the settings of a capture, or why there is none; on a thread, as lxml must be loaded first."""
+    from skelgen_formats.capture_settings import read_settings  # noqa: PLC0415
 
-    return read_settings(path).rig
+    try:
+        return read_settings(path).rig
+    except SkelgenError as error:
+        return error

@@ -17,7 +17,7 @@ import numpy as np
 from skelgen_formats.recording import C3dRecorder, MfmlRecorder
 
 from skelgen.capture.blobs import FoundBody, StereoPoints
-from skelgen.capture.bodies import BodyFinder, BodyParameters, resolved_points
+from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets, resolved_points
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, JointWish, calibrate_joints
 from skelgen.capture.frames import FrameSource
@@ -113,9 +113,30 @@ def calibrate_body_of(
     frames = _points_of(settings, source, n_frames, monitor)
     others = [body for body in settings.bodies if body.name != name]
     done = calibrate_body(frames, name, n_balls, others, monitor=monitor)
+    return with_body(settings, done.target), replace(done, notices=(*done.notices, *outdated(settings, name)))
+
+
+def with_body(settings: CaptureSettings, target: BodyTarget) -> CaptureSettings:
+    """Return settings with a target, in place of one of the same name.
+
+    Raises
+    ------
+    InputError
+        If it can be taken for another one of them.
+    """
     names = [body.name for body in settings.bodies]
-    bodies: list[BodyTarget] = [done.target if body.name == name else body for body in settings.bodies]
-    return replace(settings, bodies=bodies if name in names else [*bodies, done.target]), done
+    bodies = [target if body.name == target.name else body for body in settings.bodies]
+    bodies = bodies if target.name in names else [*bodies, target]
+    check_targets(bodies)
+    return replace(settings, bodies=bodies)
+
+
+def outdated(settings: CaptureSettings, name: str) -> tuple[str, ...]:
+    """Return a notice of the joints of settings that were measured in a target that is calibrated anew; or none."""
+    joints = [joint.name for joint in settings.joints if name in (joint.parent, joint.child)]
+    if not joints:
+        return ()
+    return (f"joints of the settings rest on the body {name!r} before: {', '.join(joints)}; calibrate them again",)
 
 
 def calibrate_joints_of(
@@ -133,9 +154,22 @@ def calibrate_joints_of(
     monitor.begin("bodies")
     found: list[list[FoundBody]] = [finder.find(points) for points in told(frames, len(frames), monitor)]
     done = calibrate_joints(found, [body.name for body in settings.bodies], wishes, source.rate)
+    return with_joints(settings, done), done
+
+
+def with_joints(settings: CaptureSettings, done: JointCalibration) -> CaptureSettings:
+    """Return settings with joints, in place of those of the same names.
+
+    Raises
+    ------
+    InputError
+        If none was found, or one names a target that is not there.
+    """
+    if not done.joints:
+        raise InputError(f"no joint was found: {'; '.join(done.notices) or 'the targets move as one'}")
     names = {joint.name for joint in done.joints}
     joints: list[JointModel] = [*(joint for joint in settings.joints if joint.name not in names), *done.joints]
-    return replace(settings, joints=joints), done
+    return replace(settings, joints=joints)
 
 
 def _points_of(

@@ -6,7 +6,7 @@ import contextlib
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,7 +15,7 @@ from skelgen.cli.screen import Screen
 from skelgen.errors import InputError
 
 if TYPE_CHECKING:
-    from skelgen.capture.calibration.joints import JointCalibration, JointWish
+    from skelgen.capture.calibration.joints import JointWish
     from skelgen.capture.live import Captured
     from skelgen.cli.capture_output import Columns
 
@@ -99,27 +99,23 @@ def calibrate_body(
     from skelgen_formats.capture_settings import write_settings
 
     from skelgen.app.capture import calibrate_body_of, read_capture_settings, source_of
+    from skelgen.capture.calibration.table import ball_rows
 
     screen = Screen(quiet, as_json)
     told = read_capture_settings(settings)
     with screen.watching() as monitor:
         new, done = calibrate_body_of(told, source_of(told, source), name, balls, frames, monitor)
     write_settings(new, output or settings)
-    points, std = done.target.points.tolist(), np.asarray(done.target.std).tolist()
-    rows = [
-        {"ball": ball + 1} | {f"{axis} [mm]": _with_std(*pair) for axis, *pair in zip("xyz", *both, strict=True)}
-        for ball, both in enumerate(zip(points, std, strict=True))
-    ]
     screen.note(done.notices)
-    screen.table(f"Target {name}", rows)
-    screen.say(f"{done.n_frames} frames used, {done.n_left_out} without the target left out")
-    screen.say(f"residuals: {done.noise:.2f} times the stated noise; written: {output or settings}")
+    screen.table(f"Target {name}", ball_rows(done.target))
+    screen.say(done.verdict.sentences[0])
+    screen.say(f"written: {output or settings}")
     screen.json(
         {
             "file": str(output or settings),
             "name": name,
-            "points_mm": points,
-            "std_mm": std,
+            "points_mm": done.target.points.tolist(),
+            "std_mm": np.asarray(done.target.std).tolist(),
             "noise": done.noise,
             "n_frames": done.n_frames,
             "n_left_out": done.n_left_out,
@@ -149,19 +145,19 @@ def calibrate_joints(
     from skelgen_formats.capture_settings import write_settings
 
     from skelgen.app.capture import calibrate_joints_of, read_capture_settings, source_of
+    from skelgen.capture.calibration.table import joint_rows
 
     screen = Screen(quiet, as_json)
     told = read_capture_settings(settings)
     wishes = [_wish(text) for text in joints or ()]
     with screen.watching() as monitor:
         new, done = calibrate_joints_of(told, source_of(told, source), wishes, frames, monitor)
-    if not done.joints:
-        raise InputError(f"no joint was found: {'; '.join(done.notices) or 'the targets move as one'}")
     write_settings(new, output or settings)
     screen.note(done.notices)
-    screen.table("Joints", _joint_rows(done))
+    screen.table("Joints", joint_rows(done))
+    screen.say(done.verdict.sentences[0])
     screen.say(f"written: {output or settings}")
-    screen.json({"file": str(output or settings), "joints": _joint_rows(done), "notices": list(done.notices)})
+    screen.json({"file": str(output or settings), "joints": joint_rows(done), "notices": list(done.notices)})
 
 
 def _wish(text: str) -> JointWish:
@@ -172,33 +168,6 @@ def _wish(text: str) -> JointWish:
     if not name or len(parts) not in (2, 3) or not all(parts[:2]):
         raise InputError(f"--joint {text!r} is not understood; it must be NAME=PARENT:CHILD or NAME=PARENT:CHILD:KIND")
     return JointWish(name, *parts)
-
-
-def _joint_rows(done: JointCalibration) -> list[dict[str, Any]]:
-    rows = []
-    for joint, fit in zip(done.joints, done.fits, strict=True):
-        places = joint.parent_from_joint[:3, 3], joint.child_from_joint[:3, 3]
-        texts = [
-            " ".join(_with_std(*pair) for pair in zip(place, std, strict=True))
-            for place, std in zip(places, joint.std, strict=True)
-        ]
-        rows.append(
-            {
-                "joint": joint.name,
-                "kind": joint.kind,
-                "parent": joint.parent,
-                "child": joint.child,
-                "in parent [mm]": texts[0],
-                "in child [mm]": texts[1],
-                "gap [mm]": round(fit.gap, 2),
-                "frames": len(fit.frames),
-            }
-        )
-    return rows
-
-
-def _with_std(value: float, std: float) -> str:
-    return f"{value:.2f} ± {std:.2f}" if std > 0 else f"{value:.2f}"
 
 
 class _Counts:

@@ -9,8 +9,10 @@ from skelgen_formats.c3d import read_c3d
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.mfml import read_mfml
 
-from skelgen.app.capture import calibrate_body_of, calibrate_joints_of, capture
+from skelgen.app.capture import calibrate_body_of, calibrate_joints_of, capture, with_joints
+from skelgen.capture.calibration.joints import JointCalibration
 from skelgen.capture.rig import SimulatedRig, scene_of_bodies, simulated_rig
+from skelgen.capture.sources import open_source
 from skelgen.cli import main
 from skelgen.errors import InputError, SkelgenError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
@@ -252,3 +254,17 @@ def test_calibrations_refuse_in_one_sentence_and_leave_the_settings(path, capsys
     assert main(["calibrate", arguments[0], str(path), *arguments[1:], "-q"]) == 2
     assert sentence in capsys.readouterr().err
     assert path.read_bytes() == before
+
+
+def test_a_target_that_is_calibrated_anew_names_the_joints_that_rest_on_it(known):
+    source = open_source("simulated:target?frames=12&rate=5&show=upper arm")
+    settings, done = calibrate_body_of(known, source, "upper arm")
+    assert len(settings.joints) == 2
+    assert done.notices[-1] == (
+        "joints of the settings rest on the body 'upper arm' before: shoulder, elbow; calibrate them again"
+    )
+
+
+def test_settings_without_a_new_joint_are_refused(known):
+    with pytest.raises(InputError, match="no joint was found: the targets move as one"):
+        with_joints(known, JointCalibration((), (), float("nan"), (), ()))

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from skelgen.capture.detection import detect_balls
-from skelgen.capture.optics.projection import project
+from skelgen.capture.optics.projection import in_image, project
 from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.rig import (
     RenderParameters,
     SimulatedRig,
+    hand_held_target,
     plain,
     render_pair,
     render_view,
@@ -24,8 +25,9 @@ from skelgen.capture.rig import (
     simulated_rig,
     wandering_poses,
 )
-from skelgen.capture.rig.scene import joints_of
+from skelgen.capture.rig.scene import joints_of, targets_of
 from skelgen.capture.rig.view import background, brightness, corner_rays, look_at
+from skelgen.capture.sources import open_source
 from skelgen.errors import InputError, ParameterError
 from skelgen.model.rig import BodyTarget
 
@@ -252,3 +254,19 @@ def test_unknown_structures_and_options_are_refused():
 def test_what_walks_out_of_both_images_is_refused():
     with pytest.raises(InputError, match="fits into both images at no distance"):
         simulated_rig("human", n_frames=50, walk=50_000.0)
+
+
+@pytest.mark.parametrize("name", ["torso", "upper arm", "lower arm"])
+def test_a_target_in_the_hand_stays_in_both_images_and_is_that_of_the_arm(name):
+    for seed in range(5):
+        scene = hand_held_target(name, seed_rig(), n_frames=200, rate=20.0, seed=seed)
+        for camera in (seed_rig().left, seed_rig().right):
+            assert in_image(camera, project(camera, scene.points.reshape(-1, 3))).all()
+        lengths = np.linalg.norm(scene.points[7][:, np.newaxis] - scene.points[7], axis=-1)
+        (same,) = (target for target in targets_of(seed_arm()) if target.name == name)
+        np.testing.assert_allclose(lengths, np.linalg.norm(same.points[:, np.newaxis] - same.points, axis=-1))
+
+
+def test_a_target_that_the_arm_has_not_is_named():
+    with pytest.raises(InputError, match="there is no target 'foot' to show; there are torso, upper arm, lower arm"):
+        open_source("simulated:target?show=foot")

@@ -10,6 +10,7 @@ import pytest
 from PySide6.QtWidgets import QFileDialog, QWidget
 from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.cameras import VIEW, Cameras, cameras_from_view
+from skelgen_gui.derived import Deriver
 from skelgen_gui.view3d.viewpoint import DOWN
 
 from skelgen.capture.optics.seed_rig import seed_rig
@@ -30,6 +31,18 @@ def cameras(qtbot, told):
     cameras = Cameras(told.append, window)
     cameras.window = window
     return cameras
+
+
+@pytest.fixture
+def reads(qtbot, cameras):
+    """Wait until what was to be read is read."""
+
+    def wait():
+        reader = cameras.findChild(Deriver)
+        assert reader.is_busy  # nothing is read on the window's thread
+        qtbot.waitUntil(lambda: not reader.is_busy, timeout=10_000)
+
+    return wait
 
 
 @pytest.fixture
@@ -68,14 +81,25 @@ def test_a_recording_that_was_captured_here_has_its_cameras(cameras, project, tm
     assert len(cameras.shown) == 2
 
 
-def test_a_stereo_recording_has_the_cameras_of_its_settings(cameras, project, tmp_path):
+def test_a_stereo_recording_has_the_cameras_of_its_settings(cameras, reads, project, tmp_path):
     path = tmp_path / "rig.xml"
     write_settings(CaptureSettings(seed_rig()), path)
     stereo = replace(project, source=Source(str(path), "stereo"))
     cameras.begin_with(stereo)
+    reads()
     assert len(cameras.shown) == 2
     path.write_text("<capture/>")
     cameras.begin_with(stereo)
+    reads()
+    assert cameras.shown == ()
+
+
+def test_cameras_of_a_project_that_was_left_meanwhile_are_not_shown(qtbot, cameras, project, tmp_path):
+    path = tmp_path / "rig.xml"
+    write_settings(CaptureSettings(seed_rig()), path)
+    cameras.begin_with(replace(project, source=Source(str(path), "stereo")))
+    cameras.begin_with(project)
+    qtbot.wait(100)
     assert cameras.shown == ()
 
 
@@ -98,13 +122,15 @@ def test_cameras_that_stand_upright_say_which_axis_points_down(cameras):
     assert cameras.up == 2
 
 
-def test_cameras_are_chosen_from_settings_and_others_are_refused_in_a_sentence(cameras, told, tmp_path, monkeypatch):
+def test_cameras_are_chosen_from_settings_and_others_are_refused(cameras, reads, told, tmp_path, monkeypatch):
     path = tmp_path / "rig.xml"
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *args: (str(path), ""))
     write_settings(CaptureSettings(seed_rig()), path)
     cameras.choose()
+    reads()
     assert len(cameras.shown) == 2
     path.write_text("nothing")
     cameras.choose()
+    reads()
     assert len(told) == 1
     assert len(cameras.shown) == 2

@@ -87,9 +87,9 @@ def test_a_leap_that_is_made_back_is_none():
     steps[100], steps[150] = 20.0, -20.0
     paces = np.random.default_rng(0).normal(size=(300, 3))
     paces[100] += 20.0
-    assert leaps(steps, paces, 4.0, 60) == []
+    assert leaps(steps, lambda: paces, 4.0, 60) == []
     steps[150] = 0.0
-    assert [frame for frame, _ in leaps(steps, paces, 4.0, 60)] == [100]
+    assert [frame for frame, _ in leaps(steps, lambda: paces, 4.0, 60)] == [100]
 
 
 @pytest.mark.parametrize("structure", ["human", "human:4", "quadruped"])

@@ -12,7 +12,7 @@ import numpy as np
 from skelgen.capture.bodies import plain_pose
 from skelgen.capture.bodies.plain_pose import EXACT, MAX_STEPS, STEP_TOLERANCE
 from skelgen.capture.bodies.tables import Rules
-from skelgen.capture.compiling import compile_function
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Bools, Floats, Ints
 
 fit_limit = compile_function(plain_pose.fit_limit)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.capture.bodies.tables import Rules
-from skelgen.capture.compiling import compile_function
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Bools, Floats, Ints
 
 ROOT_TOLERANCE = 1e-13  # of the largest eigenvalue: the sum of squares is right to 1e-12 of the body's size squared

@@ -14,6 +14,8 @@ import numpy as np
 
 from skelgen.capture.blobs import FoundBody, StereoPoints
 from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets
+from skelgen.capture.calibration.grades import GOOD, REPEAT, USABLE, Verdict, as_sentence
+from skelgen.capture.calibration.motion import LEAST_TURN
 from skelgen.capture.calibration.weighted_shape import WeightedShape, fit_weighted_shape
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import vector_from_matrix
@@ -31,9 +33,6 @@ MOST_FRAMES = 300
 
 FIRST_FRAMES = 5
 """Frames that are tried as the one that shows the target alone."""
-
-LEAST_TURN = 20.0
-"""Degrees; a target that turns less is seen from one side, and its depth is known worse than its width."""
 
 DOUBTFUL_NOISE = 2.0
 """Residuals in stated deviations above which the rig's noise or the target's stiffness is doubted."""
@@ -54,6 +53,8 @@ class BodyCalibration:
         Frames that the shape rests on.
     n_left_out : int
         Frames in which the target was not found.
+    turn : float, degrees
+        How far it turned at most from where it was first seen.
     notices : tuple of str
         What the user should know.
     """
@@ -62,7 +63,21 @@ class BodyCalibration:
     noise: float
     n_frames: int
     n_left_out: int
+    turn: float
     notices: tuple[str, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """What it is worth, in words."""
+        is_enough = self.n_frames >= ENOUGH_FRAMES and self.turn >= LEAST_TURN
+        grade = REPEAT if self.noise > DOUBTFUL_NOISE else GOOD if is_enough else USABLE
+        worst, n_tried = float(np.asarray(self.target.std).max()), self.n_frames + self.n_left_out
+        first = (
+            f"{grade.capitalize()}: its balls are known to {worst:.2f} mm, from {self.n_frames} of {n_tried} frames, "
+            f"in which it turned by {self.turn:.0f} degrees; residuals are {self.noise:.2f} times the stated noise. "
+            "Its design is not ambiguous."
+        )
+        return Verdict(grade, (first, *map(as_sentence, self.notices)))
 
 
 def calibrate_body(
@@ -105,32 +120,33 @@ def calibrate_body(
     target = _target(name, shape)
     check_targets([*beside, target], parameters)
     n_frames = len(shape.world_from_body)
-    notices = tuple(_notices(name, shape))
-    return BodyCalibration(target, shape.noise, n_frames, len(chosen) - n_frames, notices)
+    turn = _turn(shape)
+    notices = tuple(_notices(name, shape, turn))
+    return BodyCalibration(target, shape.noise, n_frames, len(chosen) - n_frames, turn, notices)
 
 
 def _usual_number(frames: Sequence[StereoPoints], fewest: int) -> int:
-    counts = np.array([len(_sure(frame)) for frame in frames if len(_sure(frame)) >= fewest])
+    counts = np.array([len(sure_points(frame)) for frame in frames if len(sure_points(frame)) >= fewest])
     if not len(counts):
         raise InputError(f"no frame shows {fewest} points or more, so that there is no body to calibrate")
     return int(np.bincount(counts).argmax())
 
 
-def _sure(frame: StereoPoints) -> Ints:
-    """Points that share no ball with another candidate."""
+def sure_points(frame: StereoPoints) -> Ints:
+    """Return the indices of points that share no ball with another candidate."""
     return np.flatnonzero(~frame.ambiguous)
 
 
 def _first_target(frames: Sequence[StereoPoints], name: str, n_balls: int, parameters: BodyParameters) -> BodyTarget:
     """A target from one frame that shows nothing else: of some such frames, that which agrees with most others."""
-    alone = [index for index, frame in enumerate(frames) if len(_sure(frame)) == n_balls == len(frame)]
+    alone = [index for index, frame in enumerate(frames) if len(sure_points(frame)) == n_balls == len(frame)]
     if not alone:
         most = max((len(frame) for frame in frames), default=0)
         raise InputError(
             f"no frame shows exactly {n_balls} points, the balls of body {name!r} and nothing else (the fullest shows "
             f"{most}); cover what else reflects, or state the number of balls"
         )
-    trials = [_target_in(frames[index], name) for index in _spread(np.array(alone), FIRST_FRAMES)]
+    trials = [first_shape(frames[index], name) for index in _spread(np.array(alone), FIRST_FRAMES)]
     samples = [frames[index] for index in _spread(np.arange(len(frames)), 10 * FIRST_FRAMES)]
     try:
         agreeing = [sum(map(bool, _find_everywhere(samples, trial, parameters, SILENT))) for trial in trials]
@@ -142,7 +158,8 @@ def _first_target(frames: Sequence[StereoPoints], name: str, n_balls: int, param
     return trials[int(np.argmax(agreeing))]
 
 
-def _target_in(frame: StereoPoints, name: str) -> BodyTarget:
+def first_shape(frame: StereoPoints, name: str) -> BodyTarget:
+    """Return a target as one frame shows it that shows nothing else."""
     order = _spanning_order(frame.points)
     std = np.sqrt(np.einsum("nii->ni", frame.covariance))
     return BodyTarget(name, frame.points[order] - frame.points[order[0]], std[order])
@@ -193,17 +210,21 @@ def _target(name: str, shape: WeightedShape) -> BodyTarget:
     return BodyTarget(name, shape.points, std)
 
 
-def _notices(name: str, shape: WeightedShape) -> list[str]:
+def _turn(shape: WeightedShape) -> float:
+    """Degrees by which the target turned at most from where it was first seen."""
+    turns = shape.world_from_body[:, :3, :3] @ shape.world_from_body[0, :3, :3].T
+    return float(np.rad2deg(np.linalg.norm(vector_from_matrix(turns), axis=1).max()))
+
+
+def _notices(name: str, shape: WeightedShape, turn: float) -> list[str]:
     notices = []
     if len(shape.world_from_body) < ENOUGH_FRAMES:
         notices.append(
             f"body {name!r} rests on {len(shape.world_from_body)} frames; {ENOUGH_FRAMES} or more are better"
         )
-    turns = shape.world_from_body[:, :3, :3] @ shape.world_from_body[0, :3, :3].T
-    most = float(np.rad2deg(np.linalg.norm(vector_from_matrix(turns), axis=1).max()))
-    if most < LEAST_TURN:
+    if turn < LEAST_TURN:
         notices.append(
-            f"body {name!r} turned by {most:.0f} degrees only; turn it further, so that depth is seen from many sides"
+            f"body {name!r} turned by {turn:.0f} degrees only; turn it further, so that depth is seen from many sides"
         )
     if shape.noise > DOUBTFUL_NOISE:
         notices.append(

@@ -13,6 +13,8 @@ import numpy as np
 
 from skelgen.capture.angles import find_angles
 from skelgen.capture.blobs import FoundBody
+from skelgen.capture.calibration.grades import GOOD, REPEAT, USABLE, Verdict, as_sentence
+from skelgen.capture.calibration.motion import JointMotion, joint_motion
 from skelgen.capture.calibration.whole_chain import fit_whole_chain
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
@@ -26,6 +28,12 @@ FEWEST_FRAMES = 20
 
 MOST_FRAMES = 400
 """Frames that a chain is fitted to, evenly spread."""
+
+GOOD_PLACE, USABLE_PLACE = 1.0, 5.0
+"""Standard deviations [mm] of a joint's place: 1 mm, 0.2 m from a target's middle, turns the angle by 0.3 degrees."""
+
+DOUBTFUL_NOISE = 2.0
+"""Residuals of a joint in stated deviations above which it has play, or its targets are not stiff."""
 
 ANY_RATE = 30.0
 """Hz, where nobody knows: fits with covariances do not depend on it."""
@@ -67,6 +75,8 @@ class JointCalibration:
         Each joint by itself, in the same order.
     noise : float
         Root mean square residual of the whole chain in stated standard deviations; NaN if it was not fitted together.
+    motions : tuple of JointMotion
+        How far each joint was moved.
     notices : tuple of str
         What the user should know.
     """
@@ -74,7 +84,25 @@ class JointCalibration:
     joints: tuple[JointModel, ...]
     fits: tuple[JointFit, ...]
     noise: float
+    motions: tuple[JointMotion, ...]
     notices: tuple[str, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """What it is worth, in words."""
+        worst = max((float(joint.std.max()) for joint in self.joints), default=np.inf)
+        grade = GOOD if worst <= GOOD_PLACE else USABLE if worst <= USABLE_PLACE else REPEAT
+        if grade == GOOD and self.notices:
+            grade = USABLE
+        first = f"{grade.capitalize()}: no joint was found."
+        if self.joints:
+            told = [
+                f"{joint.name} is a {joint.kind}, turned by {motion.spans[0]:.0f} degrees, its place known to "
+                f"{joint.std.max():.2f} mm"
+                for joint, motion in zip(self.joints, self.motions, strict=True)
+            ]
+            first = f"{grade.capitalize()}: {'; '.join(told)}."
+        return Verdict(grade, (first, *map(as_sentence, self.notices)))
 
 
 def calibrate_joints(
@@ -111,7 +139,21 @@ def calibrate_joints(
     models = [_model(wish, choice.fit) for wish, choice in found]
     fits = tuple(choice.fit for _, choice in found)
     fitted, noise = _together(models, fits, frames, notices)
-    return JointCalibration(tuple(_zeroed(joint, frames) for joint in fitted), fits, noise, tuple(notices))
+    motions = tuple(joint_motion(frames, joint.parent, joint.child) for joint in fitted)
+    notices += _doubts(fitted, fits, motions)
+    joints = tuple(_zeroed(joint, frames) for joint in fitted)
+    return JointCalibration(joints, fits, noise, motions, tuple(notices))
+
+
+def _doubts(joints: Sequence[JointModel], fits: Sequence[JointFit], motions: Sequence[JointMotion]) -> list[str]:
+    """What speaks against joints: too little motion, or more play than the noise explains."""
+    advice = [motion.advice(joint.kind) for joint, motion in zip(joints, motions, strict=True)]
+    play = [
+        f"joint {joint.name!r} is off by {fit.noise:.1f} times what the noise says; it has play, or a target bends"
+        for joint, fit in zip(joints, fits, strict=True)
+        if fit.noise > DOUBTFUL_NOISE
+    ]
+    return [*filter(None, advice), *play]
 
 
 def _tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -> tuple[Floats, Floats]:

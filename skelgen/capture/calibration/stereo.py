@@ -14,10 +14,11 @@ import numpy as np
 
 from skelgen.capture.calibration.adjustment import N_INTRINSIC, Adjusted, Bundle
 from skelgen.capture.calibration.board import Board, BoardView, board_that_is_there, find_board
+from skelgen.capture.calibration.grades import Verdict
 from skelgen.capture.calibration.outliers import LEAST_VIEWS
 from skelgen.capture.calibration.pairing import pair_cameras
 from skelgen.capture.calibration.single import AUTO, adjust_lens, guess_camera
-from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
+from skelgen.capture.calibration.verdict import PairSeen, judge
 from skelgen.capture.frames import Image
 from skelgen.capture.image_files import read_image
 from skelgen.errors import InputError

@@ -1,11 +1,16 @@
-"""The numbers of a calibration of two cameras as rows of texts, for the command line and the window alike."""
+"""The numbers of calibrations as rows of texts, for the command line and the window alike."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from typing import Any
 
+import numpy as np
+
+from skelgen.capture.calibration.joints import JointCalibration
 from skelgen.capture.calibration.stereo import StereoCalibration
-from skelgen.model.rig import Camera
+from skelgen.model.rig import BodyTarget, Camera
 
 INTRINSIC = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
 """What the numbers of one camera are called, in the order of `intrinsic` and of the calibration's deviations."""
@@ -26,6 +31,40 @@ def camera_rows(found: StereoCalibration) -> list[tuple[str, str, str]]:
 def intrinsic(eye: Camera) -> list[float]:
     """Return the numbers of one camera in the order of `INTRINSIC`."""
     return [*eye.matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *eye.distortion.tolist()]
+
+
+def ball_rows(target: BodyTarget) -> list[dict[str, Any]]:
+    """Return where the balls of a target are [mm], by the titles of columns."""
+    balls = zip(target.points.tolist(), np.asarray(target.std).tolist(), strict=True)
+    return [
+        {"ball": number} | {f"{axis} [mm]": _hundredths(*pair) for axis, *pair in zip("xyz", place, std, strict=True)}
+        for number, (place, std) in enumerate(balls, start=1)
+    ]
+
+
+def joint_rows(done: JointCalibration) -> list[dict[str, Any]]:
+    """Return where joints are in both targets [mm], by the titles of columns."""
+    return [
+        {
+            "joint": joint.name,
+            "kind": joint.kind,
+            "parent": joint.parent,
+            "child": joint.child,
+            "in parent [mm]": _place(joint.parent_from_joint[:3, 3], joint.std[0]),
+            "in child [mm]": _place(joint.child_from_joint[:3, 3], joint.std[1]),
+            "gap [mm]": round(fit.gap, 2),
+            "frames": len(fit.frames),
+        }
+        for joint, fit in zip(done.joints, done.fits, strict=True)
+    ]
+
+
+def _place(place: Iterable[float], std: Iterable[float]) -> str:
+    return " ".join(_hundredths(*pair) for pair in zip(place, std, strict=True))
+
+
+def _hundredths(value: float, std: float) -> str:
+    return f"{value:.2f} ± {std:.2f}" if std > 0 else f"{value:.2f}"
 
 
 def with_std(value: float, std: float) -> str:

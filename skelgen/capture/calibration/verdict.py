@@ -10,11 +10,9 @@ import numpy as np
 from skelgen.capture.calibration.adjustment import Adjusted
 from skelgen.capture.calibration.board import BoardView
 from skelgen.capture.calibration.coverage import uncovered
+from skelgen.capture.calibration.grades import GOOD, REPEAT, USABLE, Verdict
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import StereoRig
-
-GOOD, USABLE, REPEAT = "good", "usable", "repeat"
-"""Grades, best first."""
 
 GOOD_RMS, USABLE_RMS = 0.3, 1.0
 """Root mean square distances [px]: sharp images of a flat board reach 0.1 to 0.3; a whole pixel is a mistake."""
@@ -55,25 +53,6 @@ class PairSeen:
     left_rms: float
     right_rms: float
     is_used: bool
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A judgement in words.
-
-    Attributes
-    ----------
-    grade : str
-        ``good``, ``usable`` or ``repeat``.
-    sentences : tuple of str
-        The judgement, and then what would make it better, the most important first.
-    """
-
-    grade: str
-    sentences: tuple[str, ...]
-
-    def __str__(self) -> str:
-        return " ".join(self.sentences)
 
 
 def judge(rig: StereoRig, adjusted: Adjusted, baseline_std: float, pairs: Sequence[PairSeen]) -> Verdict:

@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from skelgen.capture.compiling import compile_function
 from skelgen.capture.optics.correction import NEWTON_STEPS, STANDS_STILL, SURE
 from skelgen.capture.optics.projection import MAX_NEWTON_STEPS, NEWTON_TOLERANCE
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Floats, Ints
 
 Pair = tuple[float, float]

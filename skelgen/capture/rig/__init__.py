@@ -6,6 +6,7 @@ from skelgen.capture.rig.parameters import RenderParameters
 from skelgen.capture.rig.render import PairTruth, render_pair, render_view
 from skelgen.capture.rig.scene import Scene, scene_of_bodies, scene_of_structure, view_centre, wandering_poses
 from skelgen.capture.rig.source import SimulatedRig, simulated_rig, suited_parameters
+from skelgen.capture.rig.target import hand_held_target
 from skelgen.capture.rig.view import ViewTruth
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "ViewTruth",
     "board_places",
     "draw_board",
+    "hand_held_target",
     "render_pair",
     "render_view",
     "scene_of_bodies",

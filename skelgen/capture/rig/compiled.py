@@ -10,7 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.compiling import compile_function
 from skelgen.capture.frames import Image
 from skelgen.capture.rig.plain import (
     GOLDEN,
@@ -20,6 +19,7 @@ from skelgen.capture.rig.plain import (
     SAMPLES,
 )
 from skelgen.capture.rig.view import PADDING
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Floats, Ints
 
 _Light = NDArray[np.float32]

@@ -86,12 +86,17 @@ def _open_gentl(text: SourceText) -> FrameSource:
 
 
 def _open_simulated(text: SourceText) -> FrameSource:
-    from skelgen.capture.rig import SimulatedBoard, simulated_rig  # noqa: PLC0415
+    from skelgen.capture.optics.seed_rig import seed_rig  # noqa: PLC0415
+    from skelgen.capture.rig import SimulatedBoard, SimulatedRig, hand_held_target, simulated_rig  # noqa: PLC0415
 
     options = SimulatedOptions.from_mapping(text.options, str(text)).as_mapping()
     if text.place == "board":
         del options["show"]
         return SimulatedBoard(n_frames=options.pop("frames"), **options)
+    if text.place == "target":
+        name, paced, n_frames = options.pop("show"), options.pop("paced"), options.pop("frames")
+        scene = hand_held_target(name, seed_rig(), n_frames=n_frames, **options)
+        return SimulatedRig(scene, seed=options["seed"], paced=paced)
     shown = [name.strip() for name in options.pop("show").split(",") if name.strip()]
     return simulated_rig(text.place or "arm", n_frames=options.pop("frames"), show=shown, **options)
 
@@ -106,7 +111,7 @@ SOURCES = (
     SourceKind(
         "simulated",
         "simulated:arm",
-        "the simulated rig (simulated:board: a chessboard)",
+        "the simulated rig (simulated:board: a chessboard, simulated:target?show=torso: one target)",
         SimulatedOptions,
         _open_simulated,
     ),

@@ -12,9 +12,9 @@ from typing import Any, cast
 
 import numpy as np
 
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.compiled_matching import (
-    compile_function,
     difference,
     find_doubts,
     find_pairs,

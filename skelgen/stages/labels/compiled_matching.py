@@ -6,25 +6,12 @@ Importing this module imports numba, and raises `RuntimeError` where numba finds
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
 
+from skelgen.compiling import compile_function
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.tracks import MOST_OPTIMAL_PAIRS, MOST_PAIRS, Rules
-
-_Function = TypeVar("_Function", bound=Callable[..., Any])
-
-
-def compile_function(function: _Function) -> _Function:
-    """Return the function compiled; kept on disk for the next time.
-
-    Compiling takes a second or two for each sort, set or array expression of NumPy's: loops over numbers are used
-    instead, which take none.
-    """
-    return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 @compile_function

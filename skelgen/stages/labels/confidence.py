@@ -15,28 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skelgen.compiling import loops
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.usual import TINY_SPREAD, Usual, look_alikes, usual_distances
-
-FREEDOMS = 4.0
-"""Degrees of freedom of the law of distances, Student's t: heavier tails than normal, as skin has them."""
-
-FOUL_PART = 0.02
-"""Part of the distances that say nothing, because the mate itself is wrong."""
-
-COORDINATES = 3
-"""A point has three: distances to more mates repeat each other."""
+from skelgen.stages.labels.usual import TINY_SPREAD, look_alikes, usual_distances
 
 CORRELATED_SECONDS = 0.4
 """Evidence within this time repeats itself, as a pose lasts: together it counts as one frame's."""
-
-MOST_NATS = 20.0
-"""Evidence of one frame at most, either way."""
-
-CHUNK_VALUES = 2_000_000
-"""Distances weighed at once: 16 MB per array."""
-
 
 PIECE_RIGHT = 0.1
 """Probability that a marker is one of its own although another one fits it and is never seen together with it."""
@@ -46,12 +31,6 @@ RARELY_SEEN = 0.2
 
 ALONE_RIGHT = 0.3
 """Probability of a marker whose distance to no other one is known."""
-
-CHANGE = 1e-5
-"""Probability per frame that a marker which is followed without a break changes between right and wrong."""
-
-FOUND = 0.5
-"""Probability that a wrong marker is right again after such a break."""
 
 JUMP_DEVIATIONS = 20.0
 """A step that surprises by this many times what is usual is a break, where nothing else tells of tracks."""
@@ -146,86 +125,18 @@ def identity_confidence(
         told = stated.any(axis=0)
         original[told], alone[told], rare[told] = -1, False, False
     usual = usual.without_pieces(original)
-    evidence, rival, n_seen = _frame_by_frame(trajectories, usual)
-    seen = trajectories.seen
-    odds = _Odds(evidence, seen, stated, max(1.0, CORRELATED_SECONDS * trajectories.rate))
-    confidence = _smoothed(odds, seen, breaks | _after_gaps(seen), prior)
+    fast, seen = loops(f"{__package__}.compiled_weighing", f"{__package__}.weighing"), trajectories.seen
+    evidence, rival, n_seen = fast.evidence_of(
+        trajectories.positions, usual.distance, usual.spread, usual.mates, usual.rivals, usual.reach
+    )
+    stated = np.zeros((0, 0), dtype=np.bool_) if stated is None else stated
+    share = max(1.0, CORRELATED_SECONDS * trajectories.rate)
+    confidence = fast.probabilities(evidence, share, seen, stated, breaks | _after_gaps(seen), prior.right, prior.lost)
     confidence[:, original >= 0] *= PIECE_RIGHT
     confidence[:, alone] *= ALONE_RIGHT
     confidence[:, rare] *= prior.rare
     confidence.flags.writeable = False
     return Certainty(confidence, rival, n_seen, evidence, original, alone, rare, twins)
-
-
-def _frame_by_frame(
-    trajectories: Trajectories, usual: Usual
-) -> tuple[NDArray[np.float32], NDArray[np.int16], NDArray[np.int8]]:
-    """What `_evidence` says of all frames, in portions that bound the memory, and in short numbers."""
-    n_frames, n_markers = trajectories.n_frames, trajectories.n_markers
-    evidence = np.zeros((n_frames, n_markers), dtype=np.float32)
-    rival = np.full((n_frames, n_markers), -1, dtype=np.int16)
-    n_seen = np.zeros((n_frames, n_markers), dtype=np.int8)
-    step = max(1, CHUNK_VALUES // max(1, n_markers * (usual.rivals.shape[1] + 1) * max(1, usual.mates.shape[1])))
-    for start in range(0, n_frames, step):
-        part = slice(start, start + step)
-        evidence[part], rival[part], n_seen[part] = _evidence(trajectories.positions[part], usual)
-    return evidence, rival, n_seen
-
-
-def _evidence(positions: Floats, usual: Usual) -> tuple[Floats, Ints, Ints]:
-    """Nats for each marker's own place against its best rival, that rival, and the number of mates seen."""
-    mates, rivals = usual.mates, usual.rivals
-    there = mates >= 0
-    lengths = np.linalg.norm(positions[:, mates] - positions[:, :, np.newaxis], axis=3)
-    lengths[:, ~there] = np.nan
-    known = ~np.isnan(lengths)
-    rows = np.arange(len(mates))[:, np.newaxis]
-    nowhere = -np.log(usual.reach)
-    own = _log_density(lengths, usual.distance[rows, mates], usual.spread[rows, mates], nowhere)
-    n_seen = known.sum(axis=2)
-    gain = np.empty((*positions.shape[:2], rivals.shape[1] + 1))
-    gain[..., 0] = _total(np.where(known, own - nowhere, 0.0), known)
-    for slot in range(rivals.shape[1]):
-        other = rivals[:, [slot]]
-        theirs = _log_density(lengths, usual.distance[other, mates], usual.spread[other, mates], nowhere)
-        told = known & (mates != other) & (other >= 0)
-        gain[..., slot + 1] = _total(np.where(told, own - theirs, 0.0), told)
-        gain[..., slot + 1][:, rivals[:, slot] < 0] = np.inf
-    gain[..., 1:] = _with_return(gain[..., 1:], rivals, ~np.isnan(positions[..., 0]))
-    best = gain.argmin(axis=2)
-    named = np.concatenate([np.full((len(rivals), 1), -1, dtype=np.intp), rivals], axis=1)
-    rival = named[np.arange(len(rivals)), best]
-    evidence = np.take_along_axis(gain, best[..., np.newaxis], axis=2)[..., 0]
-    return np.clip(evidence, -MOST_NATS, MOST_NATS), rival, n_seen
-
-
-def _log_density(lengths: Floats, middle: Floats, spread: Floats, nowhere: float) -> Floats:
-    """Log density of distances [1/mm] about what is usual; a few say nothing; what is unknown may be anything."""
-    from scipy.special import gammaln  # noqa: PLC0415 - heavy
-
-    top = gammaln((FREEDOMS + 1) / 2) - gammaln(FREEDOMS / 2) - 0.5 * np.log(FREEDOMS * np.pi)
-    off = (lengths - middle) / spread
-    fair = np.exp(top) / spread * (1.0 + off * off / FREEDOMS) ** (-(FREEDOMS + 1) / 2)
-    density = np.log((1.0 - FOUL_PART) * fair + FOUL_PART * np.exp(nowhere))
-    return np.asarray(np.where(np.isnan(density), nowhere, density))
-
-
-def _total(gains: Floats, told: Bools) -> Floats:
-    """Sum over mates, as if no more than three had spoken."""
-    count = told.sum(axis=2)
-    return np.asarray(gains.sum(axis=2) * np.minimum(1.0, COORDINATES / np.maximum(count, 1)))
-
-
-def _with_return(gain: Floats, rivals: Ints, seen: Bools) -> Floats:
-    """Add, where the rival is seen too, what it would gain or lose by taking the marker's place in return."""
-    result = gain.copy()
-    for slot in range(rivals.shape[1]):
-        other = np.maximum(rivals[:, slot], 0)
-        back = rivals[other] == np.arange(len(rivals))[:, np.newaxis]
-        mutual = back.any(axis=1) & (rivals[:, slot] >= 0)
-        returned = gain[:, other, back.argmax(axis=1)]
-        result[..., slot] += np.where(mutual & seen[:, other], returned, 0.0)
-    return result
 
 
 def jumps(trajectories: Trajectories) -> Bools:
@@ -234,7 +145,7 @@ def jumps(trajectories: Trajectories) -> Bools:
     known = surprise[~np.isnan(surprise)]
     result = np.zeros(trajectories.seen.shape, dtype=np.bool_)
     if len(known):
-        result[2:] = np.nan_to_num(surprise) > JUMP_DEVIATIONS * max(float(np.median(known)), TINY_SPREAD)
+        result[2:] = surprise > JUMP_DEVIATIONS * max(float(np.median(known)), TINY_SPREAD)
     return result
 
 
@@ -242,36 +153,3 @@ def _after_gaps(seen: Bools) -> Bools:
     result = np.zeros(seen.shape, dtype=np.bool_)
     result[1:] = seen[1:] & ~seen[:-1]
     return result
-
-
-class _Odds:
-    """Log odds of each frame, from its evidence; made frame by frame, for a long take has many."""
-
-    def __init__(self, evidence: NDArray[np.float32], seen: Bools, stated: Bools | None, share: float) -> None:
-        self._evidence, self._seen, self._stated, self._share = evidence, seen, stated, np.float32(share)
-
-    def __getitem__(self, frame: int) -> NDArray[np.float32]:
-        odds = np.where(self._seen[frame], self._evidence[frame] / self._share, np.float32(0.0))
-        if self._stated is not None:
-            odds[self._stated[frame]] = MOST_NATS
-        return odds
-
-
-def _smoothed(odds: _Odds, seen: Bools, breaks: Bools, prior: Prior) -> Floats:
-    """Probability of being right from the log odds of all frames; NaN where unseen, shape (n_frames, n_markers)."""
-    total = np.full(seen.shape, np.nan)
-    state = np.full(seen.shape[1], np.log(prior.right / (1.0 - prior.right)))
-    for frame in range(len(seen)):
-        if frame:
-            lose, find = np.where(breaks[frame], prior.lost, CHANGE), np.where(breaks[frame], FOUND, CHANGE)
-            ratio = np.exp(state)
-            state = np.log((ratio * (1.0 - lose) + find) / (ratio * lose + 1.0 - find))
-        state = total[frame] = np.clip(state + odds[frame], -MOST_NATS, MOST_NATS)
-    state = np.zeros(seen.shape[1])  # from now on: log likelihood ratio of what follows
-    for frame in range(len(seen) - 1, -1, -1):
-        total[frame] = 1.0 / (1.0 + np.exp(-np.clip(total[frame] + state, -MOST_NATS, MOST_NATS)))
-        lose, find = np.where(breaks[frame], prior.lost, CHANGE), np.where(breaks[frame], FOUND, CHANGE)
-        ratio = np.exp(np.clip(state + odds[frame], -MOST_NATS, MOST_NATS))
-        state = np.log((ratio * (1.0 - lose) + lose) / (ratio * find + 1.0 - find))
-    total[~seen] = np.nan
-    return total

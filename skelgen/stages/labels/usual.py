@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.geometry.pairs import pair_lengths
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -21,6 +22,9 @@ SAMPLE_FRAMES = 300
 
 MOST_SAMPLES = 20_000_000
 """Distances looked at for the usual ones: with very many markers fewer frames are sampled."""
+
+CHUNK_VALUES = 1_000_000
+"""Distances held at once: 8 MB per array."""
 
 LEAST_SAMPLES = 20
 """Frames that are sampled in any case."""
@@ -78,13 +82,14 @@ def usual_distances(trajectories: Trajectories) -> Usual:
     frames = _sampled(trajectories)
     positions = trajectories.positions[frames]
     distance, spread = np.full((2, n_markers, n_markers), np.nan)
-    reach = 0.0
-    for marker in range(n_markers - 1):
-        lengths = np.linalg.norm(positions[:, marker + 1 :] - positions[:, [marker]], axis=2)
-        middle, deviation = _median_and_spread(lengths)
-        distance[marker, marker + 1 :] = distance[marker + 1 :, marker] = middle
-        spread[marker, marker + 1 :] = spread[marker + 1 :, marker] = deviation
-        reach = max(reach, float(np.nanmax(middle, initial=0.0)))
+    pairs = np.stack(np.triu_indices(n_markers, 1))
+    step = max(1, CHUNK_VALUES // max(1, len(positions)))
+    for start in range(0, pairs.shape[1], step):
+        first, second = pairs[:, start : start + step]
+        middle, deviation = _median_and_spread(pair_lengths(positions, first, second))
+        distance[first, second] = distance[second, first] = middle
+        spread[first, second] = spread[second, first] = deviation
+    reach = float(np.nanmax(distance, initial=0.0))
     spread = _with_floor(distance, spread)
     n_mates, n_rivals = min(N_MATES, n_markers - 1), min(N_RIVALS, n_markers - 1)
     order = np.argsort(np.where(np.isnan(spread), np.inf, spread), axis=1, kind="stable")[:, :n_mates]
@@ -106,11 +111,11 @@ def _sampled(trajectories: Trajectories) -> Ints:
 
 
 def _median_and_spread(values: Floats) -> tuple[Floats, Floats]:
-    """Median and robust standard deviation of each column without its NaN; NaN for columns with few values."""
-    count = (~np.isnan(values)).sum(axis=0)
-    place = np.maximum(count - 1, 0)[np.newaxis] // 2
-    middle = np.take_along_axis(np.sort(values, axis=0), place, axis=0)[0]
-    off = np.take_along_axis(np.sort(np.abs(values - middle), axis=0), place, axis=0)[0]
+    """Median and robust standard deviation of each row without its NaN; NaN for rows with few values."""
+    count = (~np.isnan(values)).sum(axis=1)
+    rows, place = np.arange(len(values)), np.maximum(count - 1, 0) // 2
+    middle = np.sort(values, axis=1)[rows, place]
+    off = np.sort(np.abs(values - middle[:, np.newaxis]), axis=1)[rows, place]
     enough = count >= LEAST_COMMON
     return np.where(enough, middle, np.nan), np.where(enough, SIGMA_OF_MEDIAN * off, np.nan)
 
@@ -175,4 +180,4 @@ def _is_told_apart(first: int, second: int, usual: Usual) -> bool:
     change = np.abs(usual.distance[first] - usual.distance[second])
     change /= np.hypot(usual.spread[first], usual.spread[second])
     change[[first, second]] = np.nan
-    return bool((np.nan_to_num(change) > TOLD_APART).any())
+    return bool((change > TOLD_APART).any())

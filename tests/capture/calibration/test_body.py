@@ -122,3 +122,14 @@ def test_ambiguous_target_is_refused_with_the_reason():
 def test_target_that_looks_like_another_one_is_refused():
     with pytest.raises(InputError, match="body 'hand' can be taken for 'old'"):
         calibrate_body(make_frames(0, 12), "hand", beside=[BodyTarget("old", BALLS)])
+
+
+def test_verdict_says_what_the_target_is_worth():
+    good = calibrate_body(make_frames(0, 60), "hand").verdict
+    assert good.grade == "good"
+    assert good.sentences[0].endswith("Its design is not ambiguous.")
+    few = calibrate_body(make_frames(2, 5, turn=0.05), "hand").verdict
+    assert few.grade == "usable"
+    assert few.sentences[1].startswith("Body 'hand' rests on 5 frames")
+    sure = [stereo_points(frame.points, frame.covariance / 9) for frame in make_frames(3, 20)]
+    assert calibrate_body(sure, "hand").verdict.grade == "repeat"

@@ -147,3 +147,25 @@ def test_few_complete_frames_are_told():
     done = calibrate_joints(frames, NAMES, WISHES)
     assert "fitted one by one" in done.notices[0]
     assert np.isnan(done.noise)
+
+
+def test_verdict_says_what_joints_are_worth():
+    good = calibrate_joints(moving_arm(0), NAMES, WISHES)
+    assert good.verdict.grade == "good"
+    assert "elbow is a hinge, turned by 11" in good.verdict.sentences[0]
+    small = calibrate_joints(moving_arm(0, swing=0.1), NAMES, WISHES)
+    assert small.verdict.grade != "good"
+    assert "Lower turned by 11 degrees in upper; move the joint further." in small.verdict.sentences
+
+
+def test_play_is_told():
+    frames = moving_arm(0, covariance=COVARIANCE)
+    sure = [[FoundBody(b.name, b.world_from_body, b.covariance / 16, b.points, b.rms) for b in f] for f in frames]
+    done = calibrate_joints(sure, NAMES, WISHES)
+    assert any("it has play, or a target bends" in notice for notice in done.notices)
+
+
+def test_without_joints_the_verdict_says_so():
+    still = [[body for body in frame if body.name == "torso"] for frame in moving_arm(0, 30)]
+    verdict = calibrate_joints(still, NAMES[:1]).verdict
+    assert (verdict.grade, verdict.sentences[0]) == ("repeat", "Repeat: no joint was found.")

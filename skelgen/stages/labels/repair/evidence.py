@@ -13,7 +13,7 @@ import numpy as np
 
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.labels.repair.jumps import Cycle, expectations
+from skelgen.stages.labels.repair.jumps import Cycle, expected_places
 from skelgen.stages.labels.repair.rigid import RigidModel
 
 FREEDOMS = 4.0
@@ -57,12 +57,12 @@ def weigh(positions: Floats, cycle: Cycle, model: RigidModel, neighbours: Ints, 
     before, after = misfits(positions, cycle, model)
     gain = np.nan_to_num(_nats(before)).sum(axis=1) - np.nan_to_num(_nats(after)).sum(axis=1)
     markers = np.array(cycle)
-    expected = expectations(positions, markers, neighbours, rate)
+    places, ages = expected_places(positions, markers, neighbours, rate)
     own = positions[:, markers]
-    sigma = _steps(own, expected.places, expected.ages)
-    kept = _jump_nats(own - expected.places, expected.ages, sigma)
-    entries = kept - _jump_nats(own - np.roll(expected.places, -1, axis=1), np.roll(expected.ages, -1, 1), sigma)
-    exits = kept - _jump_nats(own - np.roll(expected.places, 1, axis=1), np.roll(expected.ages, 1, 1), sigma)
+    sigma = _steps(own, places, ages)
+    kept = _jump_nats(own - places, ages, sigma)
+    entries = kept - _jump_nats(own - np.roll(places, -1, axis=1), np.roll(ages, -1, 1), sigma)
+    exits = kept - _jump_nats(own - np.roll(places, 1, axis=1), np.roll(ages, 1, 1), sigma)
     calm = max(1.0, CORRELATED_SECONDS * rate)
     return Evidence(gain / calm, np.nan_to_num(entries).sum(axis=1), np.nan_to_num(exits).sum(axis=1))
 

@@ -6,6 +6,8 @@ for markers move on smooth paths. What leaps so may have slipped: distances must
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from skelgen.model.arrays import Floats
@@ -24,25 +26,28 @@ SMALLEST = 0.05
 """mm; what markers of exact takes are taken to leap anyway."""
 
 
-def leaps(steps: Floats, paces: Floats, least: float, window: int) -> list[tuple[int, float]]:
+def leaps(steps: Floats, paces: Callable[[], Floats], least: float, window: int) -> list[tuple[int, float]]:
     """Find the frames in which a marker leaps, and how many times farther than in all but few other frames.
 
     Parameters
     ----------
     steps : ndarray, shape (n_frames, 3), mm
         Where lines through the frames before and after each frame miss each other, 0 where that is unknown.
-    paces : ndarray, shape (n_frames, 3), mm
-        From the frame before to each, less what the neighbours move; NaN where that is unknown.
+    paces : callable () -> ndarray, shape (n_frames, 3), mm
+        From the frame before to each, less what the neighbours move; NaN where that is unknown. Asked for if needed.
     least : float, mm
         Smaller leaps do not count.
     window : int, frames
         How long a slip lasts at least.
     """
     size = np.linalg.norm(steps, axis=1)
-    kinks = _kinks(paces)
+    peaks = np.flatnonzero((size > least) & (size == _highest(size))).tolist() if (size > least).any() else []
+    if not peaks:
+        return []
+    kinks = _kinks(paces())
     sharp = np.nan_to_num(np.linalg.norm(kinks, axis=1))
     found: list[tuple[int, float]] = []
-    for frame in np.flatnonzero((size > least) & (size == _highest(size))).tolist():
+    for frame in peaks:
         near = slice(max(frame - LINE_FRAMES, 0), frame + LINE_FRAMES + 1)
         best = max(frame - 1, 0) + int(sharp[max(frame - 1, 0) : frame + 2].argmax())
         above, at_once = _above_common(size, size[frame], near), _above_common(sharp, sharp[best], near)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.geometry.pairs import pair_lengths
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Floats, Ints
@@ -77,7 +78,7 @@ def rigid_model(trajectories: Trajectories, limbs: Limbs) -> RigidModel:
     first, second = limb_pairs(limbs)
     if len(first):
         positions = trajectories.positions[_spaced(trajectories.n_frames, STATISTIC_FRAMES)]
-        lengths = np.linalg.norm(positions[:, first] - positions[:, second], axis=2).T
+        lengths = pair_lengths(positions, first, second)
         middle, count = _sorted_median(lengths)
         deviation = SIGMA_OF_MEDIAN * _sorted_median(np.abs(lengths - middle[:, np.newaxis]))[0]
         usual = float(np.median(deviation[count >= LEAST_COMMON])) if (count >= LEAST_COMMON).any() else 0.0
@@ -111,16 +112,17 @@ def _trimmed_deviations(positions: Floats) -> Floats:
     """Standard deviations of the densest three quarters of all distances, shape (n_markers, n_markers)."""
     n_markers = positions.shape[1]
     first, second = np.triu_indices(n_markers, 1)
-    values = np.sort(np.linalg.norm(positions[:, first] - positions[:, second], axis=2).T, axis=1)
+    values = np.sort(pair_lengths(positions, first, second), axis=1)
     count = (~np.isnan(values)).sum(axis=1)
     kept = np.maximum((KEPT_PART * count).astype(np.intp), 1)
     starts = (np.linspace(0, 1, _STARTS)[:, np.newaxis] * np.maximum(count - kept, 0)).astype(np.intp)
     rows = np.arange(len(values))
     widths = values[rows, starts + kept - 1] - values[rows, starts]
     start = starts[np.argmin(np.where(np.isnan(widths), np.inf, widths), axis=0), rows]
-    index = np.arange(values.shape[1])
-    inside = (index >= start[:, np.newaxis]) & (index < (start + kept)[:, np.newaxis])
-    centred = np.where(inside, values - values[rows, start][:, np.newaxis], 0.0)
+    index = np.arange(kept.max(initial=1))
+    inside = np.minimum(start[:, np.newaxis] + index, values.shape[1] - 1)
+    centred = np.take_along_axis(values, inside, axis=1) - values[rows, start][:, np.newaxis]
+    centred[index >= kept[:, np.newaxis]] = 0.0
     variance = (centred**2).sum(axis=1) / kept - (centred.sum(axis=1) / kept) ** 2
     result = np.zeros((n_markers, n_markers))
     deviation = np.sqrt(np.maximum(variance, 0.0)) / TRIMMED_DEVIATION

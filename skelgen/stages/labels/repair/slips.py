@@ -9,8 +9,9 @@ so that skin which wobbles, bodies that bend and limbs that are no limbs raise t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -19,9 +20,9 @@ from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Finding
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.repair.jumps import neighbours_of
+from skelgen.stages.labels.repair.jumps import N_NEIGHBOURS, neighbours_of, step_loops
 from skelgen.stages.labels.repair.leaps import COMMON, leaps
-from skelgen.stages.labels.repair.steps import LINE_FRAMES, changes, jumps
+from skelgen.stages.labels.repair.steps import LINE_FRAMES
 
 N_MATES = 5
 """Markers, those at the steadiest distance, against which a place is measured."""
@@ -147,16 +148,16 @@ def find_slips(trajectories: Trajectories, parameters: LabelParameters | None = 
     if trajectories.n_markers < 3 or trajectories.n_frames < 2 * window or window < 2:
         return ()
     positions, names = trajectories.positions, trajectories.names
-    neighbours, near = neighbours_of(positions), neighbours_of(positions, NEAREST)
-    steps = jumps(positions.reshape(len(positions), -1)).reshape(positions.shape)
-    paces = np.diff(positions, axis=0, prepend=np.nan)
+    near, fast = neighbours_of(positions, NEAREST), step_loops()
+    steps = fast.jumps(positions.reshape(len(positions), -1)).reshape(positions.shape)
     found: list[_Found] = []
     for marker in range(trajectories.n_markers):
-        seen = np.nan_to_num(steps[:, marker] - _middle(steps[:, neighbours[marker, 1:]]))
+        beside = near[marker, 1 : N_NEIGHBOURS + 1]
+        seen = fast.relative_steps(steps, marker, beside)
+        seen[np.isnan(seen)] = 0.0
         place = _Place(positions, marker, near[marker, 1:], seen, window)
         found += _slips_of(names, marker, place, seen, parameters.slip_evidence)
-        pace = paces[:, marker] - _middle(paces[:, neighbours[marker, 1:]])
-        found += _leaps_of(names, marker, seen, pace, place, window)
+        found += _leaps_of(names, marker, seen, partial(_pace, positions, marker, beside), place, window)
     return _one_of_each(found, near, window)
 
 
@@ -203,23 +204,52 @@ class _Place:
     """Distances of one marker to its mates, how they change from before each frame to after it, and its own step."""
 
     def __init__(self, positions: Floats, marker: int, near: Ints, seen: Floats, window: int) -> None:
-        away = positions[:, [marker]] - positions[:, near]
-        spread = _spread(changes(np.linalg.norm(away, axis=2), window))
+        lengths = step_loops().lengths(positions, marker, near)
+        spread = _spread(step_loops().changes(lengths, window))
         chosen = np.argsort(spread, kind="stable")[:N_MATES]
         chosen = chosen[np.isfinite(spread[chosen])]
         self.mates, self.spread, self.window = near[chosen], spread[chosen], window
-        lengths = np.linalg.norm(away[:, chosen], axis=2)
-        with np.errstate(invalid="ignore"):  # markers in one place have no direction
-            self.towards = away[:, chosen] / lengths[..., np.newaxis]
-        self.sudden, self.at_once = jumps(lengths), np.diff(lengths, axis=0, prepend=np.nan)
-        self.later = [changes(lengths, max(round(part * window), 2), GLITCH_FRAMES) for part in LASTING_PARTS]
-        known = lengths[~np.isnan(lengths)]
-        self.largest = LARGEST * float(np.median(known)) if len(known) else 0.0
-        self.step = _step(self.towards, self.sudden, seen) if len(chosen) else seen
+        self.lengths: Floats = lengths[:, chosen]
+        self.sudden: Floats = step_loops().jumps(self.lengths)
+        self._positions, self._marker = positions, marker
+        self.step = self._fitted(seen) if len(chosen) else seen
+
+    @cached_property
+    def at_once(self) -> Floats:
+        """Changes of the distances from the frame before, shape (n_frames, n_mates)."""
+        return np.diff(self.lengths, axis=0, prepend=np.nan)
+
+    @cached_property
+    def later(self) -> list[Floats]:
+        """Changes of the distances between means before and some later, over shorter and longer times."""
+        windows = [max(round(part * self.window), 2) for part in LASTING_PARTS]
+        return [step_loops().changes(self.lengths, window, GLITCH_FRAMES) for window in windows]
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest step [mm] that may be a slip."""
+        known = self.lengths[~np.isnan(self.lengths)]
+        return LARGEST * float(np.median(known)) if len(known) else 0.0
+
+    def _fitted(self, seen: Floats) -> Floats:
+        """Step of the marker [mm], shape (n_frames, 3), from those of its distances and from that seen in space.
+
+        Least squares, weighted by how much either varies in the take: of a fast movement distances tell more, and
+        across the plane of few mates only the step in space does.
+        """
+        weights = 1.0 / _spread(self.sudden) ** 2
+        direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
+        steps: Floats = step_loops().fitted_steps(
+            self._positions, self._marker, self.mates, self.sudden, weights, seen, direct
+        )
+        return steps
 
     def weights(self, frame: int) -> Floats:
         """How much each mate's distance tells of the step in a frame, shape (n_mates,)."""
-        return np.asarray(np.nan_to_num(self.towards[frame] @ self.step[frame]) / self.spread**2)
+        away = self._positions[frame, self._marker] - self._positions[frame, self.mates]
+        with np.errstate(invalid="ignore"):  # markers in one place have no direction
+            along = away @ self.step[frame] / self.lengths[frame]
+        return np.asarray(np.nan_to_num(along) / self.spread**2)
 
     def gains(self, frame: int, weights: Floats) -> Floats:
         """Changes of distances as parts of what the step demands: lines, one frame, and later ones."""
@@ -257,7 +287,7 @@ def _slips_of(names: tuple[str, ...], marker: int, place: _Place, seen: Floats, 
 
 
 def _leaps_of(
-    names: tuple[str, ...], marker: int, seen: Floats, pace: Floats, place: _Place, window: int
+    names: tuple[str, ...], marker: int, seen: Floats, pace: Callable[[], Floats], place: _Place, window: int
 ) -> list[_Found]:
     """Possible slips that only the marker's own path shows."""
     found = []
@@ -268,6 +298,13 @@ def _leaps_of(
     return found
 
 
+def _pace(positions: Floats, marker: int, beside: Ints) -> Floats:
+    """Step of a marker from the frame before [mm], less the median one of those beside it, shape (n_frames, 3)."""
+    paces = np.diff(positions[:, [marker, *beside]], axis=0, prepend=np.nan)
+    relative: Floats = step_loops().relative_steps(paces, 0, np.arange(1, len(beside) + 1))
+    return relative
+
+
 def _stays(gains: Floats) -> bool:
     """Whether a step is as large at once and is still there later, as far as the take goes."""
     n_first = len(gains) - len(LASTING_PARTS) + 1  # the lines, the frame itself and the shortest means
@@ -276,32 +313,17 @@ def _stays(gains: Floats) -> bool:
     return bool(enough and np.nanmax(gains) < LARGEST_GAIN)
 
 
-def _step(towards: Floats, sudden: Floats, seen: Floats) -> Floats:
-    """Step of a marker [mm], shape (n_frames, 3), from those of its distances and from the one that is seen in space.
-
-    Least squares, weighted by how much either varies in the take: of a fast movement distances tell more, and across
-    the plane of few mates only the step in space does.
-    """
-    weights = np.where(np.isnan(sudden), 0.0, 1.0 / _spread(sudden) ** 2)
-    towards = np.nan_to_num(towards)
-    weighted = (towards * weights[..., np.newaxis]).swapaxes(1, 2)
-    direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
-    normal = weighted @ towards + direct * np.eye(3)
-    right = weighted @ np.nan_to_num(sudden)[..., np.newaxis] + direct * seen[..., np.newaxis]
-    return np.asarray(np.linalg.solve(normal, right)[..., 0])
-
-
 def _peaks(own: Floats, factor: float) -> list[int]:
     """Frames at which a marker jumps by more than it does elsewhere, the clearest first."""
-    size = np.nan_to_num(np.linalg.norm(own, axis=1))
+    size = np.linalg.norm(own, axis=1)
     known = size[size > 0]
     if not len(known):
         return []
     usual = max(float(np.median(known)) / MEDIAN_LENGTH, LEAST_DEVIATION)
-    score = np.where(size > factor * usual, size, 0.0)
+    high = np.flatnonzero(size > factor * usual)
     frames: list[int] = []
-    for frame in np.argsort(-score, kind="stable")[: LINE_FRAMES * MOST_CANDIDATES].tolist():
-        if score[frame] <= 0 or len(frames) == MOST_CANDIDATES:
+    for frame in high[np.argsort(-size[high], kind="stable")][: LINE_FRAMES * MOST_CANDIDATES].tolist():
+        if len(frames) == MOST_CANDIDATES:
             break
         if all(abs(frame - other) > LINE_FRAMES for other in frames):
             frames.append(frame)
@@ -337,15 +359,5 @@ def _one_of_each(slips: list[_Found], near: Ints, window: int) -> tuple[Slip, ..
 
 def _spread(values: Floats) -> Floats:
     """Robust standard deviation of each column [mm]; infinite where nothing is known."""
-    known = (~np.isnan(values)).any(axis=0)
-    middle = np.full(values.shape[1], np.inf)
-    middle[known] = median_of_known(np.abs(values[:, known]))
-    return np.asarray(np.maximum(SIGMA_OF_MEDIAN * middle, LEAST_DEVIATION))
-
-
-def _middle(steps: Floats) -> Floats:
-    """Median of the known steps of neighbours, 0 where there is none; shape (n_frames, 3)."""
-    ordered = np.sort(steps, axis=1)
-    count = (~np.isnan(steps[..., 0])).sum(axis=1)
-    place = (np.maximum(count - 1, 0) // 2)[:, np.newaxis, np.newaxis]
-    return np.nan_to_num(np.take_along_axis(ordered, place, axis=1)[:, 0])
+    middle = median_of_known(np.abs(values))
+    return np.maximum(SIGMA_OF_MEDIAN * np.where(np.isnan(middle), np.inf, middle), LEAST_DEVIATION)

@@ -20,7 +20,7 @@ from skelgen.model.labelling import Finding
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.repair.evidence import Evidence, best_spans, misfits, weigh
-from skelgen.stages.labels.repair.jumps import Cycle, jumping_cycles, neighbours_of
+from skelgen.stages.labels.repair.jumps import Cycle, jumping_cycles, neighbours_of, step_loops
 from skelgen.stages.labels.repair.rigid import RigidModel, limb_pairs, rigid_model, robust_limbs
 
 MOST_ROUNDS = 12
@@ -174,10 +174,8 @@ def indistinguishable_pairs(
 def _one_round(trajectories: Trajectories, model: RigidModel, parameters: LabelParameters) -> list[Swap]:
     """The clearest exchanges that do not touch each other."""
     positions, rate = trajectories.positions, trajectories.rate
-    cycles = dict.fromkeys((*jumping_cycles(positions, rate), *_doubted_pairs(positions, model)))
-    if not cycles:
-        return []
     neighbours = neighbours_of(positions)
+    cycles = dict.fromkeys((*jumping_cycles(positions, neighbours, rate), *_doubted_pairs(positions, model)))
     spans: list[Span] = []
     for cycle in list(cycles)[:MOST_CANDIDATES]:
         evidence = weigh(positions, cycle, model, neighbours, rate)
@@ -256,6 +254,6 @@ def _is_off(positions: Floats, marker: int, model: RigidModel) -> Bools:
     partners = model.partners(marker)
     if not len(partners):
         return np.zeros(len(positions), dtype=bool)
-    lengths = np.linalg.norm(positions[:, partners] - positions[:, [marker]], axis=2)
+    lengths = step_loops().lengths(positions, marker, partners)
     off = np.abs(lengths - model.distance[marker, partners]) / model.spread[marker, partners]
     return np.asarray((off > BAD).sum(axis=1) * 2 >= np.maximum((~np.isnan(off)).sum(axis=1), 1))

@@ -1,0 +1,198 @@
+"""Frames that are taken to calibrate a target or joints, and what is said meanwhile of how many are still needed.
+
+Calibrations themselves look at all frames once more: what is found here is to be shown while the cameras run.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from skelgen.capture.blobs import FoundBody, StereoPoints
+from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets
+from skelgen.capture.calibration.body import first_shape, sure_points
+from skelgen.capture.calibration.motion import JointMotion, joint_motion
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.model.arrays import Floats
+from skelgen.model.rig import BodyTarget
+
+MOST_KEPT = 4000
+"""Frames that are kept: a calibration uses 400 at most, and cameras may run for hours."""
+
+MOST_MISSED = 10
+"""Frames that show a target alone in which it may be missed, before its first shape is taken anew."""
+
+_T = TypeVar("_T")
+
+
+class EvenFrames(Generic[_T]):
+    """At most `MOST_KEPT` frames, evenly spread over all that came, the first one among them."""
+
+    def __init__(self, most: int = MOST_KEPT) -> None:
+        self._most, self._every, self._n_seen = most, 1, 0
+        self._kept: list[_T] = []
+
+    def add(self, frame: _T) -> None:
+        """Take one more."""
+        if self._n_seen % self._every == 0:
+            self._kept.append(frame)
+        self._n_seen += 1
+        if len(self._kept) > self._most:
+            self._kept, self._every = self._kept[::2], 2 * self._every
+
+    @property
+    def frames(self) -> list[_T]:
+        """Those that are kept."""
+        return list(self._kept)
+
+
+@dataclass(frozen=True)
+class BodyProgress:
+    """How far the taking of a target is.
+
+    Attributes
+    ----------
+    n_frames : int
+        Frames that came.
+    n_balls : int
+        Balls that the target seems to have; 0 before any frame could show one.
+    n_alone : int
+        Frames that show so many points and nothing else.
+    n_found : int
+        Frames in which the target was found.
+    turn : float, degrees
+        How far it turned from where it was first seen.
+    problem : str
+        Why its design cannot be found for sure; empty if it can.
+    """
+
+    n_frames: int = 0
+    n_balls: int = 0
+    n_alone: int = 0
+    n_found: int = 0
+    turn: float = 0.0
+    problem: str = ""
+
+
+class BodyTaking:
+    """Takes the frames of a target, and follows it with a shape from one of them.
+
+    Parameters
+    ----------
+    name : str
+        What the target is called.
+    n_balls : int, optional
+        Its number of balls; by default the most frequent number of points in a frame.
+    beside : sequence of BodyTarget
+        Other targets, which it must not be taken for.
+    """
+
+    def __init__(self, name: str, n_balls: int | None = None, beside: Sequence[BodyTarget] = ()) -> None:
+        self._name, self._n_balls, self._beside = name, n_balls, tuple(beside)
+        self._kept: EvenFrames[StereoPoints] = EvenFrames()
+        self._counts: Counter[int] = Counter()
+        self._finder: BodyFinder | None = None
+        self._n_tried = self._n_missed = 0
+        self._first: Floats | None = None
+        self._n_frames = self._n_found = 0
+        self._turn, self._problem = 0.0, ""
+
+    @property
+    def frames(self) -> list[StereoPoints]:
+        """The frames, for the calibration."""
+        return self._kept.frames
+
+    @property
+    def progress(self) -> BodyProgress:
+        """How far it is."""
+        n_balls = self._usual
+        n_alone = self._counts[n_balls] if n_balls else 0
+        return BodyProgress(self._n_frames, n_balls, n_alone, self._n_found, self._turn, self._problem)
+
+    def add(self, points: StereoPoints) -> FoundBody | None:
+        """Take a frame; return the target where it is found in it."""
+        self._kept.add(points)
+        self._n_frames += 1
+        n_sure = len(sure_points(points))
+        is_alone = n_sure == len(points) >= BodyParameters().min_points
+        if is_alone:
+            self._counts[n_sure] += 1
+        is_whole = is_alone and n_sure == self._usual
+        if is_whole and (self._n_tried != n_sure or self._n_missed >= MOST_MISSED):
+            self._begin_with(points)
+        found = None if self._finder is None else next(iter(self._finder.find(points)), None)
+        if found is not None:
+            self._follow(found)
+        elif is_whole:
+            self._n_missed += 1
+        return found
+
+    @property
+    def _usual(self) -> int:
+        """Balls that the target seems to have."""
+        if self._n_balls:
+            return self._n_balls
+        return max(self._counts, key=lambda count: (self._counts[count], count)) if self._counts else 0
+
+    def _follow(self, found: FoundBody) -> None:
+        pose = found.world_from_body[:3, :3]
+        self._n_missed = 0
+        self._n_found += 1
+        if self._first is None:
+            self._first = pose
+        self._turn = max(self._turn, float(np.rad2deg(np.linalg.norm(vector_from_matrix(pose @ self._first.T)))))
+
+    def _begin_with(self, points: StereoPoints) -> None:
+        """Take the shape from a frame that shows the target whole and alone."""
+        self._n_tried, self._n_missed, self._n_found = len(points), 0, 0
+        self._first, self._turn, self._problem = None, 0.0, ""
+        try:
+            shape = first_shape(points, self._name)
+            check_targets([*self._beside, shape])
+            self._finder = BodyFinder([shape])
+        except InputError as error:
+            self._finder, self._problem = None, str(error)
+
+
+class JointTaking:
+    """Takes frames of targets that move against each other.
+
+    Parameters
+    ----------
+    targets : sequence of BodyTarget
+        All that are looked for.
+
+    Raises
+    ------
+    InputError
+        If the targets cannot be told from each other, or there is only one.
+    """
+
+    def __init__(self, targets: Sequence[BodyTarget]) -> None:
+        if len(targets) < 2:
+            raise InputError("joints are between two targets; calibrate these first")
+        self.names = [target.name for target in targets]
+        self._finder = BodyFinder(targets)
+        self._kept: EvenFrames[list[FoundBody]] = EvenFrames()
+
+    @property
+    def frames(self) -> list[list[FoundBody]]:
+        """What was found in each frame, for the calibration."""
+        return self._kept.frames
+
+    def add(self, points: StereoPoints) -> list[FoundBody]:
+        """Take a frame; return the targets that are found in it."""
+        found = self._finder.find(points)
+        self._kept.add(found)
+        return found
+
+    def motions(self, pairs: Sequence[tuple[str, str]] = ()) -> list[JointMotion]:
+        """Return how far the targets of some pairs have moved against each other; of all pairs if none is named."""
+        frames = self.frames
+        return [joint_motion(frames, *pair) for pair in pairs or combinations(self.names, 2)]

@@ -1,0 +1,49 @@
+"""Functions compiled by numba, kept on disk for the next time, and their plain twins.
+
+Loops over single numbers that would be slow in Python stand in modules named ``compiled...``. Each has a twin that does
+the same by whole arrays: easier to read, the measure for tests, and used where numba cannot keep what it compiles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from types import ModuleType
+from typing import Any, TypeVar, cast
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def compile_function(function: _Function) -> _Function:
+    """Return the function compiled; it runs without Python's lock, so that threads run side by side.
+
+    Compiling takes a second or two for each sort, set or array expression of NumPy's: loops over numbers take none.
+    What it calls must be compiled as well. numba looks at the caller's file alone to see whether what it kept is still
+    good: functions that change together belong in one module.
+
+    Raises
+    ------
+    RuntimeError
+        If numba finds no folder to write its cache to.
+    """
+    import numba  # noqa: PLC0415 - a quarter of a second
+
+    return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+@cache
+def loops(compiled: str, plain: str) -> ModuleType:
+    """Return a module of compiled loops, or its plain twin where numba cannot keep what it compiles.
+
+    The twins agree to rounding only: which of them is used must not depend on what ran before.
+
+    Parameters
+    ----------
+    compiled, plain : str
+        Full names of two modules with the same functions. They are imported when they are first asked for.
+    """
+    try:
+        return import_module(compiled)
+    except (ImportError, RuntimeError):
+        return import_module(plain)

@@ -1,0 +1,165 @@
+"""Compiled loops that judge identities; `weighing` is the NumPy twin and says what each function returns.
+
+Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.compiling import compile_function
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels.weighing import CHANGE, COORDINATES, FOUL_PART, FOUND, FREEDOMS, MOST_NATS, PEAK, Evidence
+
+
+@compile_function
+def evidence_of(
+    positions: Floats, distance: Floats, spread: Floats, mates: Ints, rivals: Ints, reach: float
+) -> Evidence:
+    """Weigh the distances of each frame."""
+    n_frames, n_markers = positions.shape[:2]
+    evidence = np.zeros((n_frames, n_markers), dtype=np.float32)
+    rival = np.full((n_frames, n_markers), -1, dtype=np.int16)
+    n_seen = np.zeros((n_frames, n_markers), dtype=np.int8)
+    lengths, own = np.empty(mates.shape[1]), np.empty(mates.shape[1])
+    gain = np.empty((n_markers, rivals.shape[1] + 1))
+    law = _law(distance, spread)
+    for frame in range(n_frames):
+        for marker in range(n_markers):
+            n_seen[frame, marker] = _fill_lengths(lengths, positions[frame], marker, mates[marker])
+            for index in range(len(own)):
+                own[index] = _density(lengths[index], law[marker, mates[marker, index]], reach)
+            gain[marker, 0] = _against_nowhere(lengths, own, reach)
+            for slot in range(rivals.shape[1]):
+                gain[marker, slot + 1] = _against(rivals[marker, slot], lengths, own, mates[marker], law, reach)
+        for marker in range(n_markers):
+            least = gain[marker, 0]
+            for slot in range(rivals.shape[1]):
+                other = rivals[marker, slot]
+                value = gain[marker, slot + 1]
+                if other >= 0 and not math.isnan(positions[frame, other, 0]):
+                    value += _returned(gain, rivals, marker, other)
+                if value < least:
+                    least = value
+                    rival[frame, marker] = other
+            evidence[frame, marker] = min(max(least, -MOST_NATS), MOST_NATS)
+    return evidence, rival, n_seen
+
+
+@compile_function
+def _law(distance: Floats, spread: Floats) -> Floats:
+    """Middle, inverse width, and density at the middle but for foul distances, of each distance; NaN if unknown."""
+    law = np.empty((*distance.shape, 3))
+    for marker in range(len(distance)):
+        for other in range(len(distance)):
+            law[marker, other, 0] = distance[marker, other]
+            law[marker, other, 1] = 1.0 / spread[marker, other]
+            law[marker, other, 2] = (1.0 - FOUL_PART) * PEAK / spread[marker, other]
+    return law
+
+
+@compile_function
+def _fill_lengths(lengths: Floats, points: Floats, marker: int, mates: Ints) -> int:
+    """Fill in the distances to mates, NaN where unknown, and return how many are known."""
+    n_known = 0
+    for index in range(len(mates)):
+        total = 0.0
+        for axis in range(3):
+            away = points[mates[index], axis] - points[marker, axis]
+            total += away * away
+        lengths[index] = math.sqrt(total) if mates[index] >= 0 else math.nan
+        n_known += not math.isnan(lengths[index])
+    return n_known
+
+
+@compile_function
+def _density(length: float, law: Floats, reach: float) -> float:
+    """Density of a distance [1/mm] about what is usual."""
+    off = (length - law[0]) * law[1]
+    inner = 1.0 + off * off / FREEDOMS
+    density = law[2] / (inner * inner * math.sqrt(inner)) + FOUL_PART / reach
+    return 1.0 / reach if math.isnan(density) else density
+
+
+@compile_function
+def _against_nowhere(lengths: Floats, own: Floats, reach: float) -> float:
+    """Nats for the own place against nowhere in particular."""
+    product, n_told = 1.0, 0
+    for index in range(len(own)):
+        if not math.isnan(lengths[index]):
+            product *= own[index] * reach
+            n_told += 1
+    return math.log(product) * min(1.0, COORDINATES / max(n_told, 1))
+
+
+@compile_function
+def _against(other: int, lengths: Floats, own: Floats, mates: Ints, law: Floats, reach: float) -> float:
+    """Nats for the own place against that of another marker."""
+    if other < 0:
+        return math.inf
+    ours, theirs, n_told = 1.0, 1.0, 0
+    for index in range(len(own)):
+        if not math.isnan(lengths[index]) and mates[index] != other:
+            ours *= own[index]
+            theirs *= _density(lengths[index], law[other, mates[index]], reach)
+            n_told += 1
+    return math.log(ours / theirs) * min(1.0, COORDINATES / max(n_told, 1))
+
+
+@compile_function
+def _returned(gain: Floats, rivals: Ints, marker: int, other: int) -> float:
+    """Nats that the rival would lose by taking the marker's place in return."""
+    for slot in range(rivals.shape[1]):
+        if rivals[other, slot] == marker:
+            return float(gain[other, slot + 1])
+    return 0.0
+
+
+@compile_function
+def probabilities(
+    evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bools, breaks: Bools, right: float, lost: float
+) -> Floats:
+    """Probability that each marker is right, from all frames; NaN where unseen."""
+    n_frames, n_markers = seen.shape
+    total = np.empty((n_frames, n_markers))
+    state = np.full(n_markers, math.log(right / (1.0 - right)))
+    for frame in range(n_frames):
+        for marker in range(n_markers):
+            if frame > 0:
+                state[marker] = _passed(state[marker], breaks[frame, marker], lost, True)
+            odds = _odds(evidence, share, seen, stated, frame, marker)
+            state[marker] = total[frame, marker] = _bounded(state[marker] + odds)
+    state[:] = 0.0  # from now on: log likelihood ratio of what follows
+    for frame in range(n_frames - 1, -1, -1):
+        for marker in range(n_markers):
+            sure = 1.0 / (1.0 + math.exp(-_bounded(total[frame, marker] + state[marker])))
+            total[frame, marker] = sure if seen[frame, marker] else math.nan
+            odds = _odds(evidence, share, seen, stated, frame, marker)
+            state[marker] = _passed(_bounded(state[marker] + odds), breaks[frame, marker], lost, False)
+    return total
+
+
+@compile_function
+def _odds(evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bools, frame: int, marker: int) -> float:
+    """Log odds of one frame."""
+    if len(stated) > 0 and stated[frame, marker]:
+        return MOST_NATS
+    return float(evidence[frame, marker] / np.float32(share)) if seen[frame, marker] else 0.0
+
+
+@compile_function
+def _bounded(nats: float) -> float:
+    return min(max(nats, -MOST_NATS), MOST_NATS)
+
+
+@compile_function
+def _passed(state: float, broken: bool, lost: float, forwards: bool) -> float:
+    """Log odds a frame later, or the log likelihood ratio of all that follows a frame earlier."""
+    lose, find = (lost, FOUND) if broken else (CHANGE, CHANGE)
+    ratio = math.exp(state)
+    if forwards:
+        return math.log((ratio * (1.0 - lose) + find) / (ratio * lose + 1.0 - find))
+    return math.log((ratio * (1.0 - lose) + lose) / (ratio * find + 1.0 - find))
