@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,10 +16,11 @@ from skelgen.capture.detection import (
     edges,
     opencv,
     plain,
+    separation,
 )
 from skelgen.capture.detection.discs import normal_equations
 from skelgen.capture.detection.separation import inscribed_discs
-from skelgen.capture.detection.spots import AREA, FULL
+from skelgen.capture.detection.spots import AREA, BOTTOM, FULL, LEFT, RIGHT, TOP
 from skelgen.capture.detection.thresholds import dark_noise, find_thresholds, level_of
 from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.rig import RenderParameters, render_view
@@ -225,8 +228,66 @@ def test_dull_metal_is_no_ball():
     assert len(detect_balls(image)) == 10
 
 
+def spots_of_many_balls(seed):
+    """Windows of an image in which up to six balls hang together, some cut by its border."""
+    rng, camera = np.random.default_rng(seed), seed_rig().left
+    middles = np.column_stack([rng.uniform([-400, -290], [400, 290], (30, 2)), np.full(30, 1000.0)])
+    places = np.repeat(middles, 4, axis=0)
+    points = places + rng.uniform(-22.0, 22.0, places.shape) * [1.0, 1.0, 3.0]
+    image, _ = render_view(camera, points, RenderParameters(reflections=20), seed)
+    thresholds = find_thresholds(plain.histogram(image, 4), DetectionParameters())
+    for spot in plain.find_spots(image, int(thresholds.low), thresholds.weights, 16)[0]:
+        left, top, right, bottom = (int(spot[column]) for column in (LEFT, TOP, RIGHT, BOTTOM))
+        light = thresholds.weights[image[max(top - 2, 0) : bottom + 3, max(left - 2, 0) : right + 3]]
+        yield light, (left < 2, right > camera.width - 3, top < 2, bottom > camera.height - 3)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_compiled_and_plain_separation_find_the_same_discs(seed):
+    compiled = pytest.importorskip("skelgen.capture.detection.compiled_separation", reason="numba is not installed")
+    numbers = []
+    for light, at_border in spots_of_many_balls(seed):
+        window = compiled.own_light(light)
+        assert np.array_equal(window, separation.own_light(light), equal_nan=True)
+        one, other = (twin.find_discs(window, 0.01, at_border) for twin in (compiled, separation))
+        numbers.append(0 if other is None else len(other.radii))
+        assert numbers[-1] == (0 if one is None else len(one.radii))
+        if one is not None:
+            assert one.centres == pytest.approx(other.centres, abs=1e-4)
+            assert (one.rms, one.width, *one.std) == pytest.approx((other.rms, other.width, *other.std), abs=1e-4)
+    assert {0, 1, 2, 3} < set(numbers)
+
+
+def test_compiled_and_plain_discs_are_inscribed_alike():
+    compiled = pytest.importorskip("skelgen.capture.detection.compiled_separation", reason="numba is not installed")
+    for light, at_border in spots_of_many_balls(2):
+        centres, radii = separation.inscribed_discs(light > FULL // 2, at_border)
+        found = compiled.inscribed_discs(light > FULL // 2, at_border)
+        assert found == pytest.approx(np.column_stack([centres, radii]), abs=1e-9)
+
+
+@pytest.mark.parametrize("distortion", [(0.0,) * 5, (-0.25, 0.1, 1e-3, -2e-3, 0.0)])
+def test_compiled_and_plain_outlines_have_the_same_centres(distortion):
+    image, _ = scene(12, 4, (400.0, 900.0))
+    camera, balls = replace(seed_rig().left, distortion=np.array(distortion)), detect_balls(image)
+    one, other = (centred(camera, balls, compiled=how).centres for how in (True, False))
+    assert np.abs(one - balls.centres).max() > 0.005
+    assert one == pytest.approx(other, abs=1e-9)
+
+
+def test_a_cable_of_light_is_not_fitted_with_discs(monkeypatch):
+    image, _ = scene(5, 6)
+    image = image.copy()
+    for step in range(200):
+        image[100 + step, 200 + step : 205 + step] = 255
+    monkeypatch.setattr(separation, "fit_discs", lambda *_: pytest.fail("was fitted"))
+    balls = detect_balls(image, DetectionParameters(method="plain"))
+    assert len(balls) == 5
+    assert balls.centres == pytest.approx(detect_balls(image).centres, abs=1e-9)
+
+
 def test_compiled_and_plain_fits_agree():
-    compiled = pytest.importorskip("skelgen.capture.detection.compiled", reason="numba is not installed")
+    compiled = pytest.importorskip("skelgen.capture.detection.compiled_discs", reason="numba is not installed")
     rng = np.random.default_rng(1)
     window = rng.uniform(size=(14, 17))
     window[:3, :5] = np.nan

@@ -10,7 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.detection.discs import PER_DISC, TINY
 from skelgen.capture.detection.edges import NEAREST, REACH, RING, STEPS
 from skelgen.capture.detection.spots import (
     AREA,
@@ -40,8 +39,6 @@ from skelgen.model.arrays import Floats
 
 _Table = NDArray[np.int64]
 
-_FAR = 5.0  # standard deviations: 3e-7 is left
-_NOTHING = 1e-9  # derivative: brightness by a pixel or by a part of itself
 _NOBODY = -1  # parent of a root: the seed's null pointer
 
 
@@ -162,88 +159,9 @@ def _gathered(runs: _Table, parents: _Table, min_area: int) -> _Table:
 
 
 @compile_function
-def normal_equations(window: Floats, unknowns: Floats) -> tuple[Floats, Floats, float, int]:
-    """Return the sums of a fit of discs; arguments and results as `discs.normal_equations`."""
-    n_unknowns = len(unknowns)
-    normal, slope, row = np.zeros((n_unknowns, n_unknowns)), np.zeros(n_unknowns), np.empty(n_unknowns)
-    used, cost, n_pixels = np.empty(n_unknowns, dtype=np.intp), 0.0, 0
-    for y in range(window.shape[0]):
-        for x in range(window.shape[1]):
-            if math.isnan(window[y, x]):
-                continue
-            n_pixels += 1
-            residual = _derivatives(unknowns, x, y, row) - window[y, x]
-            cost += residual * residual
-            n_used = 0
-            for i in range(n_unknowns):
-                if abs(row[i]) > _NOTHING:  # most pixels are far from most discs, or wholly inside one
-                    used[n_used] = i
-                    n_used += 1
-            for a in range(n_used):
-                i = used[a]
-                slope[i] += row[i] * residual
-                for b in range(a + 1):
-                    normal[i, used[b]] += row[i] * row[used[b]]
-    for i in range(n_unknowns):
-        for j in range(i):
-            normal[j, i] = normal[i, j]
-    return normal, slope, cost, n_pixels
-
-
-@compile_function
 def _length(x: float, y: float) -> float:
     """Length of a vector of pixels, which needs none of the care of `math.hypot`."""
     return math.sqrt(x * x + y * y)
-
-
-@compile_function
-def _depth(across: float, down: float, radius: float, width: float) -> tuple[float, float]:
-    """Distance of a pixel from a disc's centre, and how deep it lies in the disc in widths of the edge.
-
-    Beyond `_FAR` widths from the edge, where most pixels are, both are stand-ins that need no root.
-    """
-    squared, reach = across * across + down * down, _FAR * width
-    if squared >= (radius + reach) * (radius + reach):
-        return 1.0, -2.0 * _FAR
-    if radius > reach and squared <= (radius - reach) * (radius - reach):
-        return 1.0, 2.0 * _FAR
-    distance = max(math.sqrt(squared), TINY)
-    return distance, (radius - distance) / width
-
-
-@compile_function
-def _part_covered(depth: float) -> float:
-    """The normal distribution; beyond `_FAR` deviations it is 0 or 1, as most pixels of a window are."""
-    if depth > _FAR:
-        return 1.0
-    return 0.5 * math.erfc(-depth * math.sqrt(0.5)) if depth > -_FAR else 0.0
-
-
-@compile_function
-def _derivatives(unknowns: Floats, x: int, y: int, row: Floats) -> float:
-    """Fill the derivatives of a pixel's brightness by all unknowns; returns the brightness."""
-    width, last = unknowns[-1], len(unknowns) - 1
-    free, total, light = 1.0, 0.0, 0.0
-    for first in range(0, last, PER_DISC):
-        distance, depth = _depth(x - unknowns[first], y - unknowns[first + 1], unknowns[first + 2], width)
-        part = max(_part_covered(depth), TINY)
-        row[first], row[first + 1], row[first + 2], row[first + 3] = distance, depth, part, max(1.0 - part, TINY)
-        free *= row[first + 3]
-        total += part
-        light += part * unknowns[first + 3]
-    covered, mean = 1.0 - free, light / total
-    row[last] = 0.0
-    for first in range(0, last, PER_DISC):
-        distance, depth, part = row[first], row[first + 1], row[first + 2]
-        by_part = free / row[first + 3] * mean + covered * (unknowns[first + 3] - mean) / total
-        rise = 0.0
-        if abs(depth) < _FAR:
-            rise = by_part * math.exp(-depth * depth / 2.0) / math.sqrt(2.0 * math.pi) / width
-        row[first] = rise * (x - unknowns[first]) / distance
-        row[first + 1] = rise * (y - unknowns[first + 1]) / distance
-        row[first + 2], row[first + 3] = rise, covered * part / total
-        row[last] -= rise * depth
-    return covered * mean
 
 
 @compile_function

@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 
 from skelgen.capture.blobs import Balls
-from skelgen.capture.detection import discs, edges, opencv, plain
+from skelgen.capture.detection import edges, opencv, plain, separation
 from skelgen.capture.detection.measure import Fits, Spots
 from skelgen.capture.detection.parameters import DetectionParameters
 from skelgen.capture.detection.spots import MOST_PIXELS
@@ -17,7 +17,7 @@ from skelgen.capture.frames import Image
 from skelgen.errors import InputError
 
 _DEFAULTS = DetectionParameters()
-_PLAIN_FITS = Fits(edges.edge_centres, discs.normal_equations)
+_PLAIN_FITS = Fits(edges.edge_centres, separation.own_light, separation.find_discs)
 
 
 def detect_balls(
@@ -92,8 +92,8 @@ def _loops(method: str) -> tuple[ModuleType, Fits]:
     if method == "plain":
         return plain, _PLAIN_FITS
     try:
-        from skelgen.capture.detection import compiled  # noqa: PLC0415 - numba takes a second to import
+        from skelgen.capture.detection import compiled, compiled_separation  # noqa: PLC0415 - numba takes a second
     except (ImportError, RuntimeError):
         return (opencv if method == "opencv" else plain), _PLAIN_FITS
-    fits = Fits(compiled.edge_centres, compiled.normal_equations)
+    fits = Fits(compiled.edge_centres, compiled_separation.own_light, compiled_separation.find_discs)
     return (opencv if method == "opencv" else compiled), fits

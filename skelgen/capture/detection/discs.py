@@ -1,5 +1,7 @@
 """Blurred discs fitted to the grey values of a spot: balls that touch, and balls that the image's border cuts.
 
+This is the plain twin of `compiled_discs`.
+
 Disc i covers the part q_i = Phi((r_i - |p - c_i|) / w) of a pixel at p: its edge is blurred by w. All discs together
 cover 1 - prod (1 - q_i) of it, and what is covered is as bright as the discs in the mean, weighted by their parts.
 Levenberg and Marquardt's method finds centres, radii and brightnesses a_i from all pixels at once, so that the centres
@@ -9,7 +11,6 @@ are as certain as the pixels make them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -24,18 +25,11 @@ TINY = 1e-12
 FIRST_WIDTH = 0.6
 """Width [px] that the fit starts from: the blur of a lens, sharpened by the thresholds."""
 
-_MAX_STEPS = 25
-_PATIENCE, _FAR_OFF = 5, 4.0  # steps after which, and square of the limit from which, a fit is given up
-_SETTLED = 3e-3  # px: the step after one below it, and no centre changes by a tenth of that
-_FIRST_DAMPING, _LESS, _MORE, _MOST_DAMPING = 1e-3, 0.2, 8.0, 1e6
-_WIDTHS = (0.15, 3.0)  # px: sharper than a pixel shows, and blurred beyond use
-
-
-class NormalEquations(Protocol):
-    """Sums over the pixels of a window that a step of the fit needs; see `normal_equations`."""
-
-    def __call__(self, window: Floats, unknowns: Floats) -> tuple[Floats, Floats, float, int]:
-        """Return J^T J, J^T residual, the sum of squared residuals and the number of pixels."""
+MAX_STEPS = 25
+PATIENCE, FAR_OFF = 5, 4.0  # steps after which, and square of the limit from which, a fit is given up
+SETTLED = 3e-3  # px: the step after one below it, and no centre changes by a tenth of that
+FIRST_DAMPING, LESS, MORE, MOST_DAMPING = 1e-3, 0.2, 8.0, 1e6
+WIDTHS = (0.15, 3.0)  # px: sharper than a pixel shows, and blurred beyond use
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +60,7 @@ class Discs:
     rms: float
 
 
-def fit_discs(
-    window: Floats, centres: Floats, radii: Floats, equations: NormalEquations, limit: float = np.inf
-) -> Discs | None:
+def fit_discs(window: Floats, centres: Floats, radii: Floats, limit: float = np.inf) -> Discs | None:
     """Fit discs to the pixels of a window.
 
     Parameters
@@ -79,8 +71,6 @@ def fit_discs(
         Where the discs are at first.
     radii : ndarray, shape (n_discs,), px
         How large they are at first.
-    equations : NormalEquations
-        The compiled twin or the plain one.
     limit : float
         Root mean square residual that is wanted; a fit that is still far from it after some steps is given up.
 
@@ -92,29 +82,29 @@ def fit_discs(
     peak = float(np.nanmax(window))
     discs = np.column_stack([centres, radii, np.full(len(radii), peak)])
     unknowns = np.append(discs.ravel(), FIRST_WIDTH)
-    normal, slope, cost, n_pixels = equations(window, unknowns)
-    damping = _FIRST_DAMPING
-    for n_steps in range(_MAX_STEPS):
+    normal, slope, cost, n_pixels = normal_equations(window, unknowns)
+    damping = FIRST_DAMPING
+    for n_steps in range(MAX_STEPS):
         step = _solved(normal + damping * np.diag(np.diag(normal) + TINY), -slope)
         if step is None:
             return None
         tried = _bounded(unknowns + step)
-        is_settled = np.abs(tried - unknowns).max() < _SETTLED
-        next_normal, next_slope, next_cost, _ = equations(window, tried)
+        is_settled = np.abs(tried - unknowns).max() < SETTLED
+        next_normal, next_slope, next_cost, _ = normal_equations(window, tried)
         if next_cost < cost:
             unknowns, normal, slope, cost = tried, next_normal, next_slope, next_cost
-            damping *= _LESS
+            damping *= LESS
         else:
-            damping *= _MORE
-        if is_settled or damping > _MOST_DAMPING:
+            damping *= MORE
+        if is_settled or damping > MOST_DAMPING:
             break
-        if n_steps >= _PATIENCE and cost > _FAR_OFF * limit**2 * n_pixels:
+        if n_steps >= PATIENCE and cost > FAR_OFF * limit**2 * n_pixels:
             return None
     return _discs(unknowns, normal, cost, n_pixels)
 
 
 def normal_equations(window: Floats, unknowns: Floats) -> tuple[Floats, Floats, float, int]:
-    """Return J^T J, J^T residual, the sum of squared residuals and the number of pixels: the plain twin.
+    """Return J^T J, J^T residual, the sum of squared residuals and the number of pixels.
 
     Parameters
     ----------
@@ -148,15 +138,17 @@ def normal_equations(window: Floats, unknowns: Floats) -> tuple[Floats, Floats, 
 
 
 def _solved(matrix: Floats, vector: Floats) -> Floats | None:
+    """What a symmetric matrix takes to a vector, or None if the matrix is not positive."""
     try:
+        np.linalg.cholesky(matrix)
         return np.asarray(np.linalg.solve(matrix, vector))
     except np.linalg.LinAlgError:
         return None
 
 
 def _bounded(unknowns: Floats) -> Floats:
-    unknowns[-1] = min(max(unknowns[-1], _WIDTHS[0]), _WIDTHS[1])
-    unknowns[2:-1:PER_DISC] = np.maximum(unknowns[2:-1:PER_DISC], _WIDTHS[0])
+    unknowns[-1] = min(max(unknowns[-1], WIDTHS[0]), WIDTHS[1])
+    unknowns[2:-1:PER_DISC] = np.maximum(unknowns[2:-1:PER_DISC], WIDTHS[0])
     return unknowns
 
 

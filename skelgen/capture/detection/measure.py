@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.capture.blobs import Balls
-from skelgen.capture.detection.discs import Discs, NormalEquations
+from skelgen.capture.detection.discs import Discs
 from skelgen.capture.detection.parameters import DetectionParameters
-from skelgen.capture.detection.separation import find_discs
+from skelgen.capture.detection.separation import MARGIN
 from skelgen.capture.detection.spots import (
     AREA,
     BOTTOM,
@@ -38,17 +38,17 @@ from skelgen.model.arrays import Bools, Floats
 
 _FLOOR = 0.006  # px: what the grid of pixels makes of a centre without any noise
 _FITTED_FLOOR = 0.05  # px: what discs with even edges leave of balls that touch
-_MARGIN = 2  # px around a spot that are dark, which tells a fit where it ends
 _BLUR_VARIANCE = 0.5  # px^2 that blur adds to a disc's second moments
 _TINY = 1e-3  # px^2: a spot of one row or column has no width
 _ROUNDER = 0.06  # part by which the second moments of one disc may exceed those of its area
 
 
 class Fits(NamedTuple):
-    """The loops that measure spots: compiled, or their plain twins."""
+    """What measures spots: compiled, or their plain twins."""
 
     edge_centres: Callable[[Image, NDArray[np.int64], float], Floats]
-    normal_equations: NormalEquations
+    own_light: Callable[[NDArray[np.int64]], Floats]
+    find_discs: Callable[[Floats, float, tuple[bool, bool, bool, bool]], Discs | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,26 +117,12 @@ class Spots:
     def _discs(self, spot: NDArray[np.int64]) -> Floats | None:
         """Rows of the balls that discs fitted to a spot are, or None."""
         height, width = self.image.shape
-        left, top = max(spot[LEFT] - _MARGIN, 0), max(spot[TOP] - _MARGIN, 0)
-        right, bottom = min(spot[RIGHT] + _MARGIN + 1, width), min(spot[BOTTOM] + _MARGIN + 1, height)
-        window = self._window(spot, (left, right, top, bottom))
-        at_border = (left == 0, right == width, top == 0, bottom == height)
-        found = find_discs(window, self._noise_of_weight(), at_border, self.fits.normal_equations)
+        left, top = max(spot[LEFT] - MARGIN, 0), max(spot[TOP] - MARGIN, 0)
+        right, bottom = min(spot[RIGHT] + MARGIN + 1, width), min(spot[BOTTOM] + MARGIN + 1, height)
+        window = self.fits.own_light(self.thresholds.weights[self.image[top:bottom, left:right]])
+        at_border = (bool(left == 0), bool(right == width), bool(top == 0), bool(bottom == height))
+        found = self.fits.find_discs(window, self._noise_of_weight(), at_border)
         return None if found is None else _rows(found, (left, top))
-
-    def _window(self, spot: NDArray[np.int64], limits: tuple[int, int, int, int]) -> Floats:
-        """Weights of a spot and of the dark around it, 1 being the upper threshold; NaN where other spots are."""
-        from scipy.ndimage import label  # noqa: PLC0415 - few spots need it
-
-        left, right, top, bottom = limits
-        weights = self.thresholds.weights[self.image[top:bottom, left:right]]
-        labels, n_labels = label(weights > 0)
-        window = weights / FULL
-        if n_labels > 1:
-            sizes = np.bincount(labels.ravel())[1:]
-            own = 1 + int(np.argmax(sizes))
-            window[(labels != own) & (labels > 0)] = np.nan
-        return np.asarray(window)
 
 
 def _rows(found: Discs, corner: tuple[int, int]) -> Floats:

@@ -1,4 +1,4 @@
-"""Spots that are several balls in one: where the balls may be, and whether discs fit there.
+"""Spots that are several balls in one: where the balls may be, and whether discs fit there; the plain twin.
 
 Pintaric and Kaufmann (2007) find the circles of overlapping markers by their outlines; the seed names that as its
 future work. Here the largest discs that the outline can hold are placed first, by the distance of each pixel from it,
@@ -8,34 +8,37 @@ and then fitted to the grey values.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skelgen.capture.detection.discs import Discs, NormalEquations, fit_discs
+from skelgen.capture.detection.discs import Discs, fit_discs
+from skelgen.capture.detection.spots import FULL
 from skelgen.model.arrays import Bools, Floats
 
 MOST_DISCS = 6
 """Balls in one spot: more have no outline left to be found by."""
 
-_EDGE = 0.5  # of the brightest pixel: where the outline is drawn
-_ENOUGH_NEW = 0.12  # of a disc's own pixels that no disc before it holds
-_ENOUGH_HELD = 0.97  # of the spot's pixels
-_MOST_RMS = 0.06  # of the brightest pixel, without noise: balls leave 0.01 to 0.035, dull metal 0.05 to 0.2
-_NOISE_ALLOWED = 1.5
-_MOST_WIDTH = 0.33  # of the smallest radius: edges of balls are 0.05 to 0.2 wide, dull metal has 0.36 and more
-_BETTER = 0.5  # rms of more discs over that of fewer, above which the fewer are believed
-_LEAST_RADIUS = 1.2  # px: below it a disc is noise on an outline
-_MOST_UNLIKE = 2.0  # largest radius over the smallest of balls of one size
-_LEAST_SEEN = 0.2  # of a disc that no other covers
-_LEAST_APART = 0.33  # of a radius between two centres: nearer ones would leave less than that to be seen
-_HELD_BY_TWO = 0.85  # of a spot's pixels by two discs, below which it is not two balls
-_CLEARLY_TWO = 1.35  # longest axis over the shortest of a spot that is not one ball
-_UNIT_DISC = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 13)] * 2), axis=-1).reshape(-1, 2)
-_UNIT_DISC = _UNIT_DISC[(_UNIT_DISC**2).sum(axis=1) <= 1.0]
-_MOST_STD = 0.5  # px: no better than where the spot is
+EDGE = 0.5  # of the brightest pixel: where the outline is drawn
+ENOUGH_NEW = 0.12  # of a disc's own pixels that no disc before it holds
+ENOUGH_HELD = 0.97  # of the spot's pixels
+MOST_RMS = 0.06  # of the brightest pixel, without noise: balls leave 0.01 to 0.035, dull metal 0.05 to 0.2
+NOISE_ALLOWED = 1.5
+MOST_WIDTH = 0.33  # of the smallest radius: edges of balls are 0.05 to 0.2 wide, dull metal has 0.36 and more
+BETTER = 0.5  # rms of more discs over that of fewer, above which the fewer are believed
+LEAST_RADIUS = 1.2  # px: below it a disc is noise on an outline
+MOST_UNLIKE = 2.0  # largest radius over the smallest of balls of one size
+LEAST_SEEN = 0.2  # of a disc that no other covers
+LEAST_APART = 0.33  # of a radius between two centres: nearer ones would leave less than that to be seen
+HELD_BY_TWO = 0.85  # of a spot's pixels by two discs, below which it is not two balls
+CLEARLY_TWO = 1.35  # longest axis over the shortest of a spot that is not one ball
+UNIT_DISC = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 13)] * 2), axis=-1).reshape(-1, 2)
+UNIT_DISC = UNIT_DISC[(UNIT_DISC**2).sum(axis=1) <= 1.0]
+MOST_STD = 0.5  # px: no better than where the spot is
+MARGIN = 2  # px around a spot that are dark, which tells a fit where it ends
+LEAST_FILLED = 0.08
+"""Of the square about a spot: six discs in a row fill 0.13 of theirs, seams of light and cables hardly any."""
 
 
-def find_discs(
-    window: Floats, noise: float, at_border: tuple[bool, bool, bool, bool], equations: NormalEquations
-) -> Discs | None:
+def find_discs(window: Floats, noise: float, at_border: tuple[bool, bool, bool, bool]) -> Discs | None:
     """Find the balls of a spot.
 
     Parameters
@@ -46,8 +49,6 @@ def find_discs(
         Standard deviation of a pixel.
     at_border : tuple of bool
         Whether the window's left, right, upper and lower side is the image's border, beyond which a ball may go on.
-    equations : NormalEquations
-        The compiled twin or the plain one.
 
     Returns
     -------
@@ -55,15 +56,17 @@ def find_discs(
         None if the spot is not made of discs.
     """
     peak = float(np.nanmax(window))
-    limit = _MOST_RMS * peak + _NOISE_ALLOWED * noise
+    if not any(at_border) and np.nansum(window) < LEAST_FILLED * peak * (max(window.shape) - 2 * MARGIN) ** 2:
+        return None
+    limit = MOST_RMS * peak + NOISE_ALLOWED * noise
     halves, elongation = _halves(window)
-    if elongation < _CLEARLY_TWO or any(at_border):
-        one = _fitted(window, _whole(window), equations, limit)
+    if elongation < CLEARLY_TWO or any(at_border):
+        one = _fitted(window, _whole(window), limit)
         if one is not None:
             return one
-    inside = window >= _EDGE * peak
-    are_two = elongation > _CLEARLY_TWO and _held_part(inside, *halves) > _HELD_BY_TWO
-    best = _fitted(window, halves, equations, limit) if are_two else None
+    inside = window >= EDGE * peak
+    are_two = elongation > CLEARLY_TWO and _held_part(inside, *halves) > HELD_BY_TWO
+    best = _fitted(window, halves, limit) if are_two else None
     if best is not None and best.rms < limit / 2:  # most spots are two balls: nothing else need be tried
         return best
     inscribed = inscribed_discs(inside, at_border)
@@ -71,16 +74,16 @@ def find_discs(
     for guess in sorted(guesses, key=lambda guess: len(guess[1])):
         if best is not None and len(guess[1]) <= len(best.radii):
             continue
-        found = _fitted(window, guess, equations, limit)
-        if found is not None and (best is None or found.rms < _BETTER * best.rms):
+        found = _fitted(window, guess, limit)
+        if found is not None and (best is None or found.rms < BETTER * best.rms):
             best = found
     return best
 
 
-def _fitted(window: Floats, guess: tuple[Floats, Floats], equations: NormalEquations, limit: float) -> Discs | None:
+def _fitted(window: Floats, guess: tuple[Floats, Floats], limit: float) -> Discs | None:
     """Discs fitted from a guess, if they leave little and are plausible; one that only fills a gap is left out."""
     while True:
-        found = fit_discs(window, *guess, equations, limit)
+        found = fit_discs(window, *guess, limit)
         if found is None or found.rms > limit:
             return None
         if _are_balls(found):
@@ -89,6 +92,29 @@ def _fitted(window: Floats, guess: tuple[Floats, Floats], equations: NormalEquat
             return None
         kept = np.arange(len(found.radii)) != np.argmin(found.radii**2 * _seen_parts(found))
         guess = found.centres[kept], found.radii[kept]
+
+
+def own_light(weights: NDArray[np.int64]) -> Floats:
+    """Return the light of a window's largest spot and of the dark around it.
+
+    Parameters
+    ----------
+    weights : ndarray of int64, shape (height, width)
+        Weights of all pixels, 0 .. `FULL`.
+
+    Returns
+    -------
+    ndarray, shape (height, width)
+        1 is the upper threshold; NaN where other spots are.
+    """
+    from scipy.ndimage import label  # noqa: PLC0415 - few spots need it
+
+    labels, n_labels = label(weights > 0)
+    window = weights / FULL
+    if n_labels > 1:
+        own = 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))
+        window[(labels != own) & (labels > 0)] = np.nan
+    return np.asarray(window)
 
 
 def inscribed_discs(inside: Bools, at_border: tuple[bool, bool, bool, bool]) -> tuple[Floats, Floats]:
@@ -117,12 +143,12 @@ def inscribed_discs(inside: Bools, at_border: tuple[bool, bool, bool, bool]) -> 
     holds = gaps <= radii[:, np.newaxis]
     chosen: list[int] = []
     is_held = np.zeros(len(places), dtype=np.bool_)
-    while len(chosen) < MOST_DISCS and is_held.mean() < _ENOUGH_HELD:
+    while len(chosen) < MOST_DISCS and is_held.mean() < ENOUGH_HELD:
         away = np.linalg.norm(candidates[:, np.newaxis] - candidates[chosen], axis=2)
-        is_apart = (away >= _LEAST_APART * radii[:, np.newaxis]).all(axis=1)
+        is_apart = (away >= LEAST_APART * radii[:, np.newaxis]).all(axis=1)
         added = (holds & ~is_held).sum(axis=1) * is_apart
         best = int(np.argmax(added))
-        if chosen and added[best] < _ENOUGH_NEW * holds[best].sum():
+        if chosen and added[best] < ENOUGH_NEW * holds[best].sum():
             break
         chosen.append(best)
         is_held |= holds[best]
@@ -152,11 +178,10 @@ def _halves(window: Floats) -> tuple[tuple[Floats, Floats], float]:
     total = by_x.sum()
     centre = np.array([by_x @ x, by_y @ y]) / total
     off_x, off_y = x - centre[0], y - centre[1]
-    mixed = off_y @ weights @ off_x
-    moments = np.array([[by_x @ off_x**2, mixed], [mixed, by_y @ off_y**2]]) / total
-    (short, long), axes = np.linalg.eigh(moments)
-    short = max(short, _LEAST_RADIUS**2 / 4)
-    shift = np.sqrt(max(long - short, 0.0)) * axes[:, 1]
+    xx, xy, yy = by_x @ off_x**2 / total, off_y @ weights @ off_x / total, by_y @ off_y**2 / total
+    middle, half, turn = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy), np.arctan2(2 * xy, xx - yy) / 2
+    short, long = max(middle - half, LEAST_RADIUS**2 / 4), middle + half
+    shift = np.sqrt(max(long - short, 0.0)) * np.array([np.cos(turn), np.sin(turn)])
     return (np.stack([centre - shift, centre + shift]), np.full(2, 2 * np.sqrt(short))), float(np.sqrt(long / short))
 
 
@@ -183,19 +208,19 @@ def _are_balls(found: Discs) -> bool:
     """Whether fitted discs are plausible as balls of about one size."""
     radii = found.radii
     return bool(
-        radii.min() >= _LEAST_RADIUS
-        and found.width <= _MOST_WIDTH * radii.min()
-        and radii.max() <= _MOST_UNLIKE * radii.min()
-        and found.std.max() <= _MOST_STD
+        radii.min() >= LEAST_RADIUS
+        and found.width <= MOST_WIDTH * radii.min()
+        and radii.max() <= MOST_UNLIKE * radii.min()
+        and found.std.max() <= MOST_STD
         and found.brightness.min() > 0.0
-        and (len(radii) == 1 or _seen_parts(found).min() >= _LEAST_SEEN)
+        and (len(radii) == 1 or _seen_parts(found).min() >= LEAST_SEEN)
     )
 
 
 def _seen_parts(found: Discs) -> Floats:
     """Part of each disc that no other one covers, on a grid of points, shape (n_discs,)."""
     n_discs = len(found.radii)
-    points = found.centres[:, np.newaxis] + found.radii[:, np.newaxis, np.newaxis] * _UNIT_DISC
+    points = found.centres[:, np.newaxis] + found.radii[:, np.newaxis, np.newaxis] * UNIT_DISC
     gaps = np.linalg.norm(points[:, :, np.newaxis] - found.centres, axis=3) - found.radii
     gaps[np.arange(n_discs), :, np.arange(n_discs)] = np.inf
     return np.asarray((gaps > 0.0).all(axis=2).mean(axis=1))

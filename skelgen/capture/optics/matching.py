@@ -14,7 +14,7 @@ import numpy as np
 
 from skelgen.capture.blobs import Balls, StereoPoints
 from skelgen.capture.optics.epipolar import Rays, candidates, essential_matrix, rays_of, sampson_distances
-from skelgen.capture.optics.projection import folding_radius
+from skelgen.capture.optics.projection import camera_numbers
 from skelgen.capture.optics.triangulation import triangulate_rays
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -79,7 +79,7 @@ def _match_plain(left: Balls, right: Balls, rig: StereoRig, gate: float) -> _Mat
 def _match_compiled(twin: ModuleType, left: Balls, right: Balls, rig: StereoRig, gate: float) -> _Matched | None:
     """The same, compiled; None if a pair lies next to an epipole."""
     seen = [
-        (np.ascontiguousarray(balls.centres, dtype=np.float64), _noise(balls, rig.noise), _camera_numbers(eye))
+        (np.ascontiguousarray(balls.centres, dtype=np.float64), _noise(balls, rig.noise), camera_numbers(eye))
         for balls, eye in ((left, rig.left), (right, rig.right))
     ]
     right_from_left = rig.right_from_left
@@ -90,13 +90,6 @@ def _match_compiled(twin: ModuleType, left: Balls, right: Balls, rig: StereoRig,
     pose = rig.left.camera_from_world
     back = pose[:3, :3].T
     return _Matched(pairs, (inside - pose[:3, 3]) @ back.T, back @ covariance @ back.T, shifts)
-
-
-def _camera_numbers(eye: Camera) -> Floats:
-    """Focal lengths, principal point, skew, lens and the square of its folding radius."""
-    matrix = eye.matrix
-    own = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], matrix[0, 1]]
-    return np.array([*own, *eye.distortion, folding_radius(eye) ** 2])
 
 
 @cache

@@ -124,6 +124,16 @@ def folding_radius(camera: Camera) -> float:
     return _folding_radius(float(k1), float(k2), float(k3))
 
 
+def camera_numbers(camera: Camera) -> Floats:
+    """Return what compiled functions take of a camera, shape (11,).
+
+    Focal lengths, principal point, skew, k1 k2 p1 p2 k3, and the square of its folding radius.
+    """
+    matrix = camera.matrix
+    own = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], matrix[0, 1]]
+    return np.array([*own, *camera.distortion, folding_radius(camera) ** 2])
+
+
 @lru_cache(maxsize=64)
 def _folding_radius(k1: float, k2: float, k3: float) -> float:
     roots = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
