@@ -7,25 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtWidgets import (
-    QFileDialog,
-    QFrame,
-    QHBoxLayout,
-    QLabel,
-    QPushButton,
-    QScrollArea,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFileDialog, QPushButton, QWidget
 
-from skelgen.errors import Cancelled, SkelgenError
 from skelgen_gui.capture.board_form import BoardForm
 from skelgen_gui.capture.coverage_view import CoverageView
-from skelgen_gui.capture.feed import Feed
-from skelgen_gui.capture.messages import BoardShot, GatheringOrders
+from skelgen_gui.capture.messages import GatheringOrders
 from skelgen_gui.capture.space import Found
-from skelgen_gui.capture.verdict_view import CameraTable, VerdictLabel
+from skelgen_gui.capture.step import Step, row_of
+from skelgen_gui.capture.verdict_view import CameraTable
 from skelgen_gui.capture.view_list import Fit, ViewList
 from skelgen_gui.capture.views import ENOUGH, View, ViewBook, gaps
 from skelgen_gui.jobs import Jobs
@@ -38,33 +28,25 @@ _CAMERAS = ("firewire:", "gige:", "gentl:")
 """Sources that are cameras: the next capture comes from them too."""
 
 
-class Assistant(QWidget):
+class Assistant(Step):
     """Gathers views, calibrates, says what it is worth, and saves settings.
 
     Signals
     -------
-    shot(object)
-        The newest pair of images and the board in it, a `BoardShot`.
     calibrated(object, object)
         The rig that was found, and the boards in space, a `Found`.
-    saved(object)
-        Settings were saved; their path.
 
     Parameters
     ----------
-    jobs : Jobs
-        Where the work is done.
-    tell_error : callable (error)
-        Shows faults that nobody foresaw.
+    jobs, tell_error
+        As of `Step`.
     settings : callable () -> str
         The settings file that is in use, whose bodies and joints are kept; empty if there is none.
     parent : QWidget, optional
         Parent widget.
     """
 
-    shot = Signal(object)
     calibrated = Signal(object, object)
-    saved = Signal(object)
 
     def __init__(
         self,
@@ -73,27 +55,33 @@ class Assistant(QWidget):
         settings: Callable[[], str],
         parent: QWidget | None = None,
     ) -> None:
-        super().__init__(parent)
-        self._jobs, self._tell_error, self._settings = jobs, tell_error, settings
+        super().__init__(jobs, tell_error, parent)
+        self._settings = settings
         self._orders: GatheringOrders | None = None
         self._fits: dict[str, Fit] = {}
         self.found: StereoCalibration | None = None
         self.book = ViewBook()
-        self.feed: Feed[BoardShot] = Feed(self)
-        self.form, self.go, self.take = BoardForm(self), QPushButton(self), QPushButton(self)
-        self.state, self.coverage, self.views = QLabel(self), CoverageView(self), ViewList(self)
+        self.form, self.take = BoardForm(self), QPushButton(self)
+        self.coverage, self.views = CoverageView(self), ViewList(self)
         self.remove, self.clear = QPushButton(self.tr("Remove"), self), QPushButton(self.tr("Clear"), self)
         self.calibrate, self.save = QPushButton(self.tr("Calibrate"), self), QPushButton(self)
-        self.verdict, self.cameras = VerdictLabel(self), CameraTable(self)
+        self.cameras = CameraTable(self)
         self._describe()
-        self._lay_out()
+        self.lay_out(
+            (
+                self.form,
+                row_of(self.go, self.take),
+                self.state,
+                self.coverage,
+                row_of(self.calibrate, self.save),
+                self.verdict,
+                self.views,
+                row_of(self.remove, self.clear),
+                self.cameras,
+            )
+        )
         self._connect()
-        self._follow()
-
-    @property
-    def is_gathering(self) -> bool:
-        """Whether views are being gathered."""
-        return self._orders is not None
+        self.follow()
 
     def start(self) -> None:
         """Look for the board in the images of the source."""
@@ -110,20 +98,9 @@ class Assistant(QWidget):
         def work(monitor: Any) -> None:
             from skelgen_gui.capture.gathering import Gathering  # noqa: PLC0415 - loads what captures need
 
-            try:
-                Gathering(text, board, book, orders, feed).run(title, monitor)
-            except Cancelled:
-                return
+            Gathering(text, board, book, orders, feed).run(title, monitor)
 
-        if not self._jobs.start(title, work, self._finish, self._fail):
-            self._orders = None
-        self._follow()
-
-    def stop(self) -> None:
-        """End after this pair."""
-        if self._orders is not None:
-            self._orders.stop.set()
-            self.go.setEnabled(False)
+        self.gather(title, orders.stop, work, lambda _: None)
 
     def run_calibration(self) -> None:
         """Calibrate with the views that are there."""
@@ -143,7 +120,7 @@ class Assistant(QWidget):
             return found, boards_in_space(found.rig, found.pairs, board)
 
         self._forget_result()
-        self._jobs.start(title, work, self._show_found, self._fail)
+        self.run(title, work, self._show_found)
 
     def save_settings(self) -> None:
         """Ask for a file, and write the settings of the cameras."""
@@ -155,24 +132,25 @@ class Assistant(QWidget):
             self._save(path if path.suffix else path.with_suffix(".xml"))
 
     def _save(self, path: Path) -> None:
-        if self.found is None:
+        found, before, source = self.found, self._settings(), self.form.source.source
+        if found is None:
             return
-        try:
-            kept = _write(self.found, self._settings(), self.form.source.source, path)
-        except SkelgenError as error:
-            self._tell_error(error)
-            return
-        told = self.tr("Saved: {0}.").format(path)
-        if kept:
-            told += " " + self.tr("Its {0} bodies and joints are those of the settings before.").format(kept)
-        self.state.setText(told)
-        self.saved.emit(path)
+
+        def work(_: Any) -> int:
+            return _write(found, before, source, path)
+
+        def done(n_kept: int) -> None:
+            told = self.tr("Saved: {0}.").format(path)
+            if n_kept:
+                told += " " + self.tr("Its {0} bodies and joints are those of the settings before.").format(n_kept)
+            self.state.setText(told)
+            self.saved.emit(path)
+
+        self.run(self.tr("Saving"), work, done)
 
     def _describe(self) -> None:
         self.take.setText(self.tr("Take this view"))
         self.save.setText(self.tr("Save settings…"))
-        self.state.setWordWrap(True)
-        self.state.setTextFormat(Qt.TextFormat.PlainText)
         self.state.setAccessibleName(self.tr("How many views there are, and what is missing"))
         for button, tip in (
             (self.take, self.tr("Keep the next pair that shows the whole board, even if it moves or is like others")),
@@ -187,32 +165,7 @@ class Assistant(QWidget):
             button.setToolTip(tip)
             button.setAccessibleName(button.text())
 
-    def _lay_out(self) -> None:
-        self._area, inner = QScrollArea(self), QWidget(self)
-        column = QVBoxLayout(inner)
-        column.addWidget(self.form)
-        column.addLayout(_row(self.go, self.take))
-        column.addWidget(self.state)
-        column.addWidget(self.coverage)
-        column.addLayout(_row(self.calibrate, self.save))
-        column.addWidget(self.verdict)
-        column.addWidget(self.views)
-        column.addLayout(_row(self.remove, self.clear))
-        column.addWidget(self.cameras)
-        column.addStretch(1)
-        area = self._area
-        area.setWidgetResizable(True)
-        area.setFrameShape(QFrame.Shape.NoFrame)
-        area.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # what is in it is reached by Tab, and scrolled to
-        area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        area.setWidget(inner)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(area)
-
     def _connect(self) -> None:
-        self.feed.arrived.connect(self._take_newest)
-        self.go.clicked.connect(self._start_or_stop)
         self.take.clicked.connect(self._take_this)
         self.form.start_wanted.connect(self._start_anew)
         self.form.changed.connect(self._start_over)
@@ -223,14 +176,6 @@ class Assistant(QWidget):
         self.views.itemSelectionChanged.connect(self._mark)
         self.calibrate.clicked.connect(self.run_calibration)
         self.save.clicked.connect(self.save_settings)
-        self._jobs.begun.connect(self._follow)
-        self._jobs.ended.connect(self._follow)
-
-    def _start_or_stop(self) -> None:
-        if self.is_gathering:
-            self.stop()
-        else:
-            self.start()
 
     def _start_anew(self) -> None:
         """Another source was chosen: its views belong to other cameras."""
@@ -255,41 +200,24 @@ class Assistant(QWidget):
     def _mark(self) -> None:
         """Show which corners are those of the chosen views."""
         self.coverage.mark_views(self.views.selected_views)
-        self._follow()
+        self.follow()
 
-    def _take_newest(self) -> None:
+    def hear(self) -> None:
+        """Show the newest pair, and the views that there are by now."""
         newest, _ = self.feed.take()
         if newest is not None:
             self.shot.emit(newest)
         self._show_views()
 
-    def _finish(self, _: None) -> None:
-        self._orders = None
-        self._take_newest()
-        self._follow()
-
-    def _fail(self, error: Exception) -> None:
-        self._orders = None
-        self._take_newest()
-        if isinstance(error, SkelgenError):
-            self.verdict.show_problem(str(error))
-        else:
-            self._tell_error(error)
-        self._follow()
-
     def _show_found(self, result: tuple[StereoCalibration, Found]) -> None:
         self.found, boards = result
         found = self.found
         self._fits = {pair.name: (pair.left_rms, pair.right_rms, pair.is_used) for pair in found.pairs}
-        self.verdict.show_calibration(found)
+        self.verdict.show_verdict(found.verdict)
         self.cameras.show_calibration(found)
         self._show_views()
-        QTimer.singleShot(0, self._show_end)  # when the layout has made room
+        self.show_end()
         self.calibrated.emit(found.rig, boards)
-
-    def _show_end(self) -> None:
-        """Scroll to what came out."""
-        self._area.ensureWidgetVisible(self.verdict)
 
     def _forget_result(self) -> None:
         self.found, self._fits = None, {}
@@ -302,7 +230,7 @@ class Assistant(QWidget):
         self.views.show_views(views, self._fits)
         self.coverage.show_views(views)
         self.state.setText(self._told(views))
-        self._follow()
+        self.follow()
 
     def _told(self, views: tuple[View, ...]) -> str:
         """How many views there are, and what is missing."""
@@ -315,28 +243,18 @@ class Assistant(QWidget):
                 told.append(self.tr("Still empty in the {0} image: {1}.").format(side, ", ".join(missing)))
         return " ".join(told)
 
-    def _follow(self) -> None:
+    def follow(self) -> None:
         """What can be done depends on what runs and what is there."""
+        super().follow()
         is_busy, has_views = self._jobs.is_busy, bool(self.book.views)
-        if not is_busy:
-            self._orders = None  # one that was cancelled before it began says nothing
-        self.go.setText(self.tr("Stop") if self.is_gathering else self.tr("Start"))
         self.go.setAccessibleName(self.tr("Stop looking") if self.is_gathering else self.tr("Look for the board"))
         self.go.setToolTip(self.go.accessibleName())
-        self.go.setEnabled(self.is_gathering or not is_busy)
         self.take.setEnabled(self.is_gathering)
         self.form.setEnabled(not is_busy)
         self.clear.setEnabled(has_views)
         self.remove.setEnabled(bool(self.views.selected_views))
         self.calibrate.setEnabled(has_views and not is_busy)
-        self.save.setEnabled(self.found is not None)
-
-
-def _row(*widgets: QWidget) -> QHBoxLayout:
-    row = QHBoxLayout()
-    for widget in widgets:
-        row.addWidget(widget)
-    return row
+        self.save.setEnabled(self.found is not None and not is_busy)
 
 
 def _write(found: StereoCalibration, before: str, source: str, path: Path) -> int:

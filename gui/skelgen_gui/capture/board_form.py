@@ -5,7 +5,6 @@ from __future__ import annotations
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QDoubleSpinBox,
-    QFileDialog,
     QFormLayout,
     QHBoxLayout,
     QLabel,
@@ -15,7 +14,7 @@ from PySide6.QtWidgets import (
 )
 
 from skelgen.capture.calibration.board import Board
-from skelgen_gui.capture.choice import SourceField
+from skelgen_gui.capture.choice import FolderButton, SourceField
 
 SIMULATED_BOARD = "simulated:board?paced=yes&rate=30&frames=1800"
 """A simulated chessboard as cameras would deliver it, for a minute."""
@@ -49,13 +48,13 @@ class BoardForm(QWidget):
         super().__init__(parent)
         self.columns, self.rows, self.square = QSpinBox(self), QSpinBox(self), QDoubleSpinBox(self)
         self.source = SourceField(self)
-        self.folder, self.simulated = QPushButton(self.tr("Image folder…"), self), QPushButton(self)
+        self.folder, self.simulated = FolderButton(self), QPushButton(self)
         self._describe()
         self._lay_out()
         for box in (self.columns, self.rows):
             box.valueChanged.connect(self.changed)
         self.square.valueChanged.connect(self.size_changed)
-        self.folder.clicked.connect(self._choose_folder)
+        self.folder.chosen.connect(self._take_folder)
         self.simulated.clicked.connect(self._choose_simulation)
 
     @property
@@ -80,8 +79,6 @@ class BoardForm(QWidget):
         self.square.setAccessibleName(self.tr("Side of a square"))
         self.square.setToolTip(self.tr("Measure over several squares: all lengths in later captures rest on it"))
         self.source.show_hint(self.tr("cameras, a folder, a list or videos"))
-        self.folder.setAccessibleName(self.tr("Take the images of a folder"))
-        self.folder.setToolTip(self.tr("A folder with pairs of images such as left01.jpg and right01.jpg"))
         self.simulated.setText(self.tr("Simulated board"))
         self.simulated.setAccessibleName(self.tr("Look at a simulated board"))
         self.simulated.setToolTip(self.tr("Try the assistant without cameras: a board moves before the simulated rig"))
@@ -101,11 +98,9 @@ class BoardForm(QWidget):
         layout.addRow(self.tr("Source"), self.source)
         layout.addRow("", sources)
 
-    def _choose_folder(self) -> None:
-        name = QFileDialog.getExistingDirectory(self, self.tr("Folder with images of the board"))
-        if name:
-            self.source.show_source(f"folder:{name}")
-            self.start_wanted.emit()
+    def _take_folder(self, source: str) -> None:
+        self.source.show_source(source)
+        self.start_wanted.emit()
 
     def _choose_simulation(self) -> None:
         self.columns.setValue(9)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QCoreApplication, Qt, Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -115,6 +115,55 @@ class SourceField(QComboBox):
             edit.setPlaceholderText(text)
 
 
+class SettingsField(FileField):
+    """The settings file of the capture.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(
+            QCoreApplication.translate("SettingsField", "Settings of the capture"),
+            QCoreApplication.translate(
+                "SettingsField", "The XML file with cameras, bodies and joints, written by the calibrations"
+            ),
+            QCoreApplication.translate("SettingsField", "Settings (*.xml)"),
+            parent,
+        )
+
+
+class FolderButton(QPushButton):
+    """Asks for a folder with images, as a source.
+
+    Signals
+    -------
+    chosen(str)
+        The source that was chosen.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    chosen = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setText(self.tr("Image folder…"))
+        self.setAccessibleName(self.tr("Take the images of a folder"))
+        self.setToolTip(self.tr("A folder with pairs of images such as left01.jpg and right01.jpg"))
+        self.clicked.connect(self._choose)
+
+    def _choose(self) -> None:
+        name = QFileDialog.getExistingDirectory(self, self.tr("Folder with images"))
+        if name:
+            self.chosen.emit(f"folder:{name}")
+
+
 class LiveChoice(QWidget):
     """The form above a live capture.
 
@@ -133,26 +182,23 @@ class LiveChoice(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.settings = FileField(
-            self.tr("Settings of the capture"),
-            self.tr("The XML file with cameras, bodies and joints, written by the calibrations"),
-            self.tr("Settings (*.xml)"),
-            self,
-        )
+        self.settings = SettingsField(self)
         self.source = SourceField(self)
         self.source.show_hint(self.tr("that of the settings"))
         self.simulated = QPushButton(self.tr("Simulated rig"), self)
         self.simulated.setAccessibleName(self.tr("Start the simulated rig"))
         self.simulated.setToolTip(self.tr("Try everything without cameras: two simulated ones look at a moving arm"))
-        self.predicts = QCheckBox(self.tr("Predict and smooth poses"), self)
+        self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
         self.predicts.setToolTip(self.tr("A Kalman filter: steadier poses and a shorter search, a little later"))
         layout = QFormLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
         layout.addRow(self.tr("Settings"), self.settings)
         layout.addRow(self.tr("Source"), self.source)
-        layout.addRow("", self.predicts)
-        layout.addRow("", self.simulated)
+        row = QHBoxLayout()
+        row.addWidget(self.simulated)
+        row.addWidget(self.predicts, 1)
+        layout.addRow("", row)
         self.simulated.clicked.connect(self.choose_simulation)
 
     @property

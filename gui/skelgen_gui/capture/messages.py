@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 
 from skelgen.errors import SkelgenError
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import CaptureSettings, StereoRig
 from skelgen_gui.capture.overlay import Eye
 
 if TYPE_CHECKING:
     from skelgen.capture.angles import JointAngle
     from skelgen.capture.blobs import FoundBody
+    from skelgen.capture.calibration.motion import JointMotion
+    from skelgen.capture.calibration.taking import BodyProgress
+    from skelgen_gui.capture.space import Found
 
 SIMULATED = "simulated:arm?paced=yes&rate=30&frames=3600"
 """The simulated rig as cameras would deliver it, for two minutes."""
@@ -156,3 +159,45 @@ class GatheringOrders:
 
     stop: Event = field(default_factory=Event)
     take: Event = field(default_factory=Event)
+
+
+@dataclass(frozen=True)
+class JointProgress:
+    """How far the taking of joints is.
+
+    Attributes
+    ----------
+    n_frames : int
+        Frames that came.
+    n_found : dict of str to int
+        In how many of them each target was found, in the order of the settings.
+    motions : tuple of JointMotion
+        How far targets have moved against each other.
+    """
+
+    n_frames: int = 0
+    n_found: dict[str, int] = field(default_factory=dict)
+    motions: tuple[JointMotion, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class TakenShot:
+    """What the window shows of one pair of images while a target or joints are taken.
+
+    Attributes
+    ----------
+    left, right : Eye
+        Both pictures.
+    found : Found
+        Points and targets in space.
+    rig : StereoRig
+        Who sees them.
+    progress : BodyProgress or JointProgress
+        How far it is.
+    """
+
+    left: Eye
+    right: Eye
+    found: Found
+    rig: StereoRig
+    progress: BodyProgress | JointProgress

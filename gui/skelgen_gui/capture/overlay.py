@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skelgen.capture.blobs import Balls, FoundBody
+from skelgen.capture.blobs import Balls, FoundBody, StereoPoints
 from skelgen.capture.calibration.board import BoardView
 from skelgen.capture.frames import Image
 from skelgen.model.arrays import Floats, Ints
@@ -85,6 +85,14 @@ def eye_with_balls(image: Image, balls: Balls, bodies: list[tuple[int, FoundBody
         x = float(balls.centres[mine, 0].mean())
         names.append(Name(body.name, x, float(balls.centres[mine, 1].min()), group))
     return Eye(image, balls.centres, groups, tuple(names))
+
+
+def groups_of_points(points: StereoPoints, bodies: list[tuple[int, FoundBody]]) -> Ints:
+    """Return the group of each point in space, `NO_BODY` for those of no body; bodies come with their groups."""
+    groups = np.full(len(points), NO_BODY, dtype=np.intp)
+    for group, body in bodies:
+        groups[body.points[body.points >= 0]] = group
+    return groups
 
 
 def eye_with_board(image: Image, view: BoardView | None) -> Eye:

@@ -1,20 +1,24 @@
-"""The Capture page: live on one tab, the assistant that calibrates cameras on the other."""
+"""The Capture page: live on one tab, the steps that calibrate cameras, targets and joints on the others."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QTabWidget, QVBoxLayout, QWidget
 
 from skelgen_gui.capture.assistant import Assistant
+from skelgen_gui.capture.choice import FileField
+from skelgen_gui.capture.joint_step import JointStep
 from skelgen_gui.capture.live_panel import LivePanel
+from skelgen_gui.capture.target_step import TargetStep
 from skelgen_gui.capture.view import CaptureView
 from skelgen_gui.pages.context import Context
 
 if TYPE_CHECKING:
     from skelgen.model.rig import StereoRig
-    from skelgen_gui.capture.messages import BoardShot, Ended
+    from skelgen_gui.capture.messages import BoardShot, Ended, TakenShot
     from skelgen_gui.capture.space import Found
 
 
@@ -40,14 +44,19 @@ class CapturePage(QWidget):
         self.live = LivePanel(context.jobs, context.tell_error, self)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
+        self.tabs.setUsesScrollButtons(False)
         self.tabs.setAccessibleName(self.tr("Capture or calibrate"))
-        self.tabs.setToolTip(self.tr("Capture with cameras that are calibrated, or calibrate them"))
-        self.tabs.setTabToolTip(self.tabs.addTab(self.live, self.tr("Live")), self.tr("Capture, see and record"))
+        self.tabs.setToolTip(self.tr("Calibrate cameras, targets and joints in this order, then capture with them"))
         self.assistant = Assistant(context.jobs, context.tell_error, lambda: self.live.choice.settings.path, self)
-        self.tabs.setTabToolTip(
-            self.tabs.addTab(self.assistant, self.tr("Calibrate cameras")),
-            self.tr("Measure the cameras with a chessboard"),
-        )
+        self.target = TargetStep(context.jobs, context.tell_error, self)
+        self.joints = JointStep(context.jobs, context.tell_error, self)
+        for panel, title, tip in (
+            (self.live, self.tr("Live"), self.tr("Capture, see and record")),
+            (self.assistant, self.tr("Cameras"), self.tr("Measure the cameras with a chessboard")),
+            (self.target, self.tr("Rigid body"), self.tr("Measure the balls of a target")),
+            (self.joints, self.tr("Joints"), self.tr("Measure the joints between targets")),
+        ):
+            self.tabs.setTabToolTip(self.tabs.addTab(panel, title), tip)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.tabs)
@@ -56,7 +65,13 @@ class CapturePage(QWidget):
         self.live.ended.connect(self._remember)
         self.assistant.shot.connect(self._show_board)
         self.assistant.calibrated.connect(self._show_calibrated)
-        self.assistant.saved.connect(self._use)
+        self._fields = [one.settings for one in (self.live.choice, self.target.form, self.joints.form)]
+        for field in self._fields:
+            field.changed.connect(partial(self._share, field))
+        for step in (self.target, self.joints):
+            step.shot.connect(self._show_taken)
+        for saving in (self.assistant, self.target, self.joints):
+            saving.saved.connect(self._use)
 
     def _remember(self, ended: Ended) -> None:
         """Let the 3-D view know which cameras took the recordings, for when they are opened."""
@@ -71,6 +86,18 @@ class CapturePage(QWidget):
         self.view.space.show_rig(rig)
         self.view.space.show_found(boards)
 
+    def _show_taken(self, shot: TakenShot) -> None:
+        self.view.pictures.show_pair(shot.left, shot.right)
+        self.view.space.show_rig(shot.rig)
+        self.view.space.show_found(shot.found)
+
     def _use(self, path: Path) -> None:
-        """Capture with settings that were just saved."""
+        """Go on with settings that were just saved."""
         self.live.choice.settings.show_path(str(path))
+        self.joints.read_targets()
+
+    def _share(self, field: FileField) -> None:
+        """All steps use one file; the simulated rig, which needs none, leaves those of the others as they are."""
+        if field.path:
+            for other in self._fields:
+                other.show_path(field.path)

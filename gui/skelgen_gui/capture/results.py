@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from PySide6.QtCore import Qt
@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen.model.rig import CaptureSettings
+from skelgen.model.rig import CaptureSettings, JointModel
 from skelgen_gui.capture.messages import Shot
 
 MOST_SENTENCES = 200
@@ -67,25 +67,33 @@ class ValueTable(QTableWidget):
 
     Parameters
     ----------
-    name : str
-        What it is, for readers of the screen.
-    tip : str
-        What its numbers are.
-    columns : sequence of str
-        Titles.
     parent : QWidget, optional
         Parent widget.
     """
 
-    def __init__(self, name: str, tip: str, columns: Sequence[str], parent: QWidget | None = None) -> None:
-        super().__init__(0, len(columns), parent)
-        self.setHorizontalHeaderLabels(list(columns))
-        self.setAccessibleName(name)
-        self.setToolTip(tip)
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
+
+    def describe(self, name: str, tip: str, titles: Sequence[str]) -> None:
+        """Say what the table is.
+
+        Parameters
+        ----------
+        name : str
+            What it is, for readers of the screen.
+        tip : str
+            What its numbers are.
+        titles : sequence of str
+            Of its columns.
+        """
+        self.setAccessibleName(name)
+        self.setToolTip(tip)
+        self.setColumnCount(len(titles))
+        self.setHorizontalHeaderLabels(list(titles))
         header = self.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
@@ -107,73 +115,90 @@ class ValueTable(QTableWidget):
             if item is not None and item.text() != text:
                 item.setText(text)
 
+    def show_rows(self, rows: Sequence[Sequence[str]]) -> None:
+        """Show other rows, each a name and its numbers."""
+        self.show_names([name for name, *_ in rows])
+        for row, (_, *texts) in enumerate(rows):
+            self.show_row(row, texts)
 
-class AngleTable(ValueTable):
+
+class ShotTable(ValueTable):
+    """Numbers of each pair of images; the rows follow from the settings."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._settings: CaptureSettings | None = None
+
+    def show_shot(self, shot: Shot) -> None:
+        """Show the numbers of a pair."""
+        if shot.settings is not self._settings:
+            self._settings = shot.settings
+            self.show_names(self.names_of(shot.settings))
+        for row, texts in enumerate(self.texts_of(shot)):
+            self.show_row(row, texts or (_NOTHING,) * (self.columnCount() - 1))
+
+    def names_of(self, settings: CaptureSettings) -> list[str]:
+        """Return the names of the rows."""
+        raise NotImplementedError
+
+    def texts_of(self, shot: Shot) -> Iterator[tuple[str, ...]]:
+        """Yield the numbers of each row; none for what is not seen."""
+        raise NotImplementedError
+
+
+class AngleTable(ShotTable):
     """Angles of joints, in degrees."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__("", "", ("", "", "", ""), parent)
-        self.setHorizontalHeaderLabels([self.tr("Joint"), self.tr("Angle [°]"), self.tr("± [°]"), self.tr("Gap [mm]")])
-        self.setAccessibleName(self.tr("Joint angles"))
-        self.setToolTip(
-            self.tr(
-                "Angles of joints, their standard deviations, and how far the joint's places in both bodies are "
-                "apart; a ball joint has three, the parts of its rotation vector"
-            )
+        super().__init__(parent)
+        tip = self.tr(
+            "Angles of joints, their standard deviations, and how far the joint's places in both bodies are "
+            "apart; a ball joint has three, the parts of its rotation vector"
         )
-        self._settings: CaptureSettings | None = None
+        titles = self.tr("Joint"), self.tr("Angle [°]"), self.tr("± [°]"), self.tr("Gap [mm]")
+        self.describe(self.tr("Joint angles"), tip, titles)
 
-    def show_shot(self, shot: Shot) -> None:
-        """Show the angles of a pair."""
-        if shot.settings is not self._settings:
-            self._settings = shot.settings
-            self.show_names([name for joint in shot.settings.joints for name in _angle_names(joint.name, joint.kind)])
-        row = 0
+    def names_of(self, settings: CaptureSettings) -> list[str]:
+        """Return a name for each angle."""
+        return [name for joint in settings.joints for name in _angle_names(joint)]
+
+    def texts_of(self, shot: Shot) -> Iterator[tuple[str, ...]]:
+        """Yield each angle with its deviation; the gap once for a joint."""
         for joint in shot.settings.joints:
-            angle, n_angles = shot.angles.get(joint.name), len(_angle_names(joint.name, joint.kind))
-            for part in range(n_angles):
-                self.show_row(
-                    row + part,
-                    (_NOTHING,) * 3
-                    if angle is None
-                    else (
-                        f"{math.degrees(angle.angles[part]):.2f}",
-                        f"{math.degrees(angle.std[part]):.2f}",
-                        f"{angle.residual:.2f}" if part == 0 else "",
-                    ),
-                )
-            row += n_angles
+            angle = shot.angles.get(joint.name)
+            for part in range(len(_angle_names(joint))):
+                if angle is None:
+                    yield ()
+                    continue
+                turn, std = math.degrees(angle.angles[part]), math.degrees(angle.std[part])
+                yield f"{turn:.2f}", f"{std:.2f}", f"{angle.residual:.2f}" if part == 0 else ""
 
 
-class BodyTable(ValueTable):
+class BodyTable(ShotTable):
     """Bodies and where they are."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__("", "", ("", "", "", "", ""), parent)
-        titles = [self.tr("Body"), self.tr("x [mm]"), self.tr("y [mm]"), self.tr("z [mm]"), self.tr("± [mm]")]
-        self.setHorizontalHeaderLabels(titles)
-        self.setAccessibleName(self.tr("Bodies"))
-        self.setToolTip(
-            self.tr(
-                "Where bodies are in the rig's world, and the standard deviation of that in all; "
-                "a dash stands for one that is not seen"
-            )
+        super().__init__(parent)
+        tip = self.tr(
+            "Where bodies are in the rig's world, and the standard deviation of that in all; "
+            "a dash stands for one that is not seen"
         )
-        self._settings: CaptureSettings | None = None
+        titles = [self.tr("Body"), self.tr("x [mm]"), self.tr("y [mm]"), self.tr("z [mm]"), self.tr("± [mm]")]
+        self.describe(self.tr("Bodies"), tip, titles)
 
-    def show_shot(self, shot: Shot) -> None:
-        """Show the bodies of a pair."""
-        if shot.settings is not self._settings:
-            self._settings = shot.settings
-            self.show_names([body.name for body in shot.settings.bodies])
-        for row, body in enumerate(shot.settings.bodies):
+    def names_of(self, settings: CaptureSettings) -> list[str]:
+        """Return the names of the bodies."""
+        return [body.name for body in settings.bodies]
+
+    def texts_of(self, shot: Shot) -> Iterator[tuple[str, ...]]:
+        """Yield the place of each body, and its deviation."""
+        for body in shot.settings.bodies:
             found = shot.bodies.get(body.name)
             if found is None:
-                self.show_row(row, (_NOTHING,) * 4)
+                yield ()
                 continue
             spread = math.sqrt(float(np.trace(found.covariance[3:, 3:])))
-            place = found.world_from_body[:3, 3].tolist()
-            self.show_row(row, (*(f"{value:.1f}" for value in place), f"{spread:.2f}"))
+            yield *(f"{value:.1f}" for value in found.world_from_body[:3, 3].tolist()), f"{spread:.2f}"
 
 
 class Sentences(QListWidget):
@@ -200,5 +225,5 @@ class Sentences(QListWidget):
                 self.takeItem(self.count() - 1)
 
 
-def _angle_names(name: str, kind: str) -> tuple[str, ...]:
-    return (name,) if kind == "hinge" else tuple(f"{name}.{axis}" for axis in "xyz")
+def _angle_names(joint: JointModel) -> tuple[str, ...]:
+    return (joint.name,) if joint.kind == "hinge" else tuple(f"{joint.name}.{axis}" for axis in "xyz")

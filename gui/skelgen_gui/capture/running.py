@@ -19,7 +19,7 @@ from skelgen.model.rig import CaptureSettings
 from skelgen.progress import Monitor
 from skelgen_gui.capture.feed import Feed
 from skelgen_gui.capture.messages import Ended, LiveWish, Orders, Recorded, Shot
-from skelgen_gui.capture.overlay import NO_BODY, eye_with_balls
+from skelgen_gui.capture.overlay import eye_with_balls, groups_of_points
 
 SPEED_FRAMES = 60
 """Pairs over which their number a second and their latency are averaged."""
@@ -98,16 +98,12 @@ class LiveRun:
         bodies = [
             (group, captured.bodies[b.name]) for group, b in enumerate(settings.bodies) if b.name in captured.bodies
         ]
-        points = captured.points
-        groups = np.full(len(points), NO_BODY, dtype=np.intp)
-        for group, body in bodies:
-            groups[body.points[body.points >= 0]] = group
-        pair = captured.pair
+        points, pair = captured.points, captured.pair
         return Shot(
             eye_with_balls(pair.left.copy(), captured.left, bodies, points.left),
             eye_with_balls(pair.right.copy(), captured.right, bodies, points.right),
             points.points,
-            groups,
+            groups_of_points(points, bodies),
             captured.bodies,
             captured.angles,
             settings,
@@ -215,7 +211,7 @@ def opened(wish: LiveWish) -> tuple[CaptureSettings, FrameSource]:
     if not isinstance(settings, CaptureSettings):
         raise InputError(
             "of these cameras nothing is known: choose the settings file that their calibration wrote, or calibrate "
-            "them under Calibrate cameras"
+            "them on the tab Cameras"
         )
     return settings, source
 

@@ -8,13 +8,13 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QLabel, QWidget
 
+from skelgen.capture.calibration.grades import REPEAT, Verdict
 from skelgen_gui.capture.results import ValueTable
 from skelgen_gui.theme import PROBLEM_ROLE
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
 
-_REPEAT = "repeat"
 _HEIGHT = 290  # px, of the table: all its rows
 
 
@@ -34,11 +34,11 @@ class VerdictLabel(QLabel):
         self.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.setAccessibleName(self.tr("Verdict on the calibration"))
 
-    def show_calibration(self, found: StereoCalibration) -> None:
-        """Show the verdict."""
-        role = PROBLEM_ROLE if found.verdict.grade == _REPEAT else QPalette.ColorRole.WindowText
+    def show_verdict(self, verdict: Verdict) -> None:
+        """Show a verdict."""
+        role = PROBLEM_ROLE if verdict.grade == REPEAT else QPalette.ColorRole.WindowText
         self.setForegroundRole(role)
-        self.setText("\n".join(found.verdict.sentences))
+        self.setText("\n".join(verdict.sentences))
 
     def show_problem(self, sentence: str) -> None:
         """Say why there is no calibration."""
@@ -56,10 +56,9 @@ class CameraTable(ValueTable):
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__("", "", ("", "", ""), parent)
-        self.setHorizontalHeaderLabels(["", self.tr("left"), self.tr("right")])
-        self.setAccessibleName(self.tr("Numbers of both cameras"))
-        self.setToolTip(self.tr("What was measured, with standard deviations; what has none was held"))
+        super().__init__(parent)
+        tip = self.tr("What was measured, with standard deviations; what has none was held")
+        self.describe(self.tr("Numbers of both cameras"), tip, ("", self.tr("left"), self.tr("right")))
         self.setFixedHeight(_HEIGHT)
         self.hide()
 
@@ -67,8 +66,5 @@ class CameraTable(ValueTable):
         """Show what was found."""
         from skelgen.capture.calibration.table import camera_rows  # noqa: PLC0415 - only where there is a result
 
-        rows = camera_rows(found)
-        self.show_names([name for name, _, _ in rows])
-        for row, (_, *values) in enumerate(rows):
-            self.show_row(row, values)
+        self.show_rows(camera_rows(found))
         self.show()

@@ -35,15 +35,13 @@ class ViewList(ValueTable):
     removal_wanted = Signal(object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__("", "", ("", "", "", ""), parent)
-        self.setHorizontalHeaderLabels([self.tr("View"), self.tr("Left"), self.tr("Right"), self.tr("Used")])
-        self.setAccessibleName(self.tr("Views of the board"))
-        self.setToolTip(
-            self.tr(
-                "Views that were taken; after the calibration, how far their corners are from where they are "
-                "expected [px]. Delete takes the chosen ones away"
-            )
+        super().__init__(parent)
+        tip = self.tr(
+            "Views that were taken; after the calibration, how far their corners are from where they are "
+            "expected [px]. Delete takes the chosen ones away"
         )
+        titles = self.tr("View"), self.tr("Left"), self.tr("Right"), self.tr("Used")
+        self.describe(self.tr("Views of the board"), tip, titles)
         self.setFixedHeight(_HEIGHT)
         self._views: tuple[View, ...] = ()
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from skelgen.capture.calibration.joints import JointCalibration
 from skelgen.capture.calibration.stereo import StereoCalibration
-from skelgen.model.rig import BodyTarget, Camera
+from skelgen.model.rig import BodyTarget, Camera, JointModel
 
 INTRINSIC = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
 """What the numbers of one camera are called, in the order of `intrinsic` and of the calibration's deviations."""
@@ -50,8 +49,8 @@ def joint_rows(done: JointCalibration) -> list[dict[str, Any]]:
             "kind": joint.kind,
             "parent": joint.parent,
             "child": joint.child,
-            "in parent [mm]": _place(joint.parent_from_joint[:3, 3], joint.std[0]),
-            "in child [mm]": _place(joint.child_from_joint[:3, 3], joint.std[1]),
+            "in parent [mm]": " ".join(place_texts(joint)[0]),
+            "in child [mm]": " ".join(place_texts(joint)[1]),
             "gap [mm]": round(fit.gap, 2),
             "frames": len(fit.frames),
         }
@@ -59,8 +58,13 @@ def joint_rows(done: JointCalibration) -> list[dict[str, Any]]:
     ]
 
 
-def _place(place: Iterable[float], std: Iterable[float]) -> str:
-    return " ".join(_hundredths(*pair) for pair in zip(place, std, strict=True))
+def place_texts(joint: JointModel) -> tuple[list[str], list[str]]:
+    """Return x, y and z [mm] of a joint in its parent, then in its child."""
+    in_parent, in_child = (
+        [_hundredths(*pair) for pair in zip(place.tolist(), std.tolist(), strict=True)]
+        for place, std in zip((joint.parent_from_joint[:3, 3], joint.child_from_joint[:3, 3]), joint.std, strict=True)
+    )
+    return in_parent, in_child
 
 
 def _hundredths(value: float, std: float) -> str:

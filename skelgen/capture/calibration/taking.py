@@ -15,8 +15,8 @@ import numpy as np
 
 from skelgen.capture.blobs import FoundBody, StereoPoints
 from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets
-from skelgen.capture.calibration.body import first_shape, sure_points
-from skelgen.capture.calibration.motion import JointMotion, joint_motion
+from skelgen.capture.calibration.body import ENOUGH_FRAMES, first_shape, sure_points
+from skelgen.capture.calibration.motion import LEAST_TURN, JointMotion, joint_motion
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.model.arrays import Floats
@@ -78,6 +78,11 @@ class BodyProgress:
     n_found: int = 0
     turn: float = 0.0
     problem: str = ""
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether a good calibration can be made of it."""
+        return self.n_found >= ENOUGH_FRAMES and self.turn >= LEAST_TURN
 
 
 class BodyTaking:
@@ -163,6 +168,13 @@ class BodyTaking:
 class JointTaking:
     """Takes frames of targets that move against each other.
 
+    Attributes
+    ----------
+    names : list of str
+        The targets.
+    n_frames : int
+        Frames that came.
+
     Parameters
     ----------
     targets : sequence of BodyTarget
@@ -178,6 +190,7 @@ class JointTaking:
         if len(targets) < 2:
             raise InputError("joints are between two targets; calibrate these first")
         self.names = [target.name for target in targets]
+        self.n_frames, self._n_found = 0, Counter(dict.fromkeys(self.names, 0))
         self._finder = BodyFinder(targets)
         self._kept: EvenFrames[list[FoundBody]] = EvenFrames()
 
@@ -186,9 +199,16 @@ class JointTaking:
         """What was found in each frame, for the calibration."""
         return self._kept.frames
 
+    @property
+    def n_found(self) -> dict[str, int]:
+        """In how many frames each target was found."""
+        return dict(self._n_found)
+
     def add(self, points: StereoPoints) -> list[FoundBody]:
         """Take a frame; return the targets that are found in it."""
         found = self._finder.find(points)
+        self.n_frames += 1
+        self._n_found.update(body.name for body in found)
         self._kept.add(found)
         return found
 

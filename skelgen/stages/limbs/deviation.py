@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.compiling import loops
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.limbs.parameters import LimbParameters
 
@@ -14,15 +15,6 @@ CHUNK_FLOATS = 4_000_000
 
 MIN_COMMON_SAMPLES = 8
 """Fewer sampled frames with both markers say nothing about rigidity; other frames are then asked."""
-
-FAR = 3.0
-"""Standard deviations beyond which a distance is far from the others."""
-
-FAR_PART = 0.05
-"""Part of the distances that may be left out as far: a joint that moves for longer is a joint."""
-
-CLIPPINGS = 3
-"""Turns of leaving out what is far: wrong labels hide behind the deviation that they make themselves."""
 
 
 def sample_frames(n_frames: int, parameters: LimbParameters, seed: int | tuple[int, ...]) -> Ints:
@@ -85,7 +77,7 @@ def distance_deviations(positions: Floats, frames: Ints) -> Deviations:
         do, as many as there are samples.
     """
     plain, steady, common = _deviations(positions[frames])
-    rare = (common < MIN_COMMON_SAMPLES) & (len(frames) < len(positions))
+    rare = (common < MIN_COMMON_SAMPLES) & ~np.eye(len(common), dtype=bool) & (len(frames) < len(positions))
     others = _frames_with_both(positions, rare, len(frames))
     if len(others):
         markers = np.flatnonzero(rare.any(axis=1))
@@ -110,44 +102,16 @@ def _frames_with_both(positions: Floats, pairs: Bools, most: int) -> Ints:
 
 def _deviations(positions: Floats) -> tuple[Floats, Floats, Ints]:
     n_frames, n_markers = positions.shape[:2]
+    fast = loops(f"{__package__}.compiled_pair_sums", f"{__package__}.pair_sums")
     sums, steady_sums = np.zeros((2, 3, n_markers, n_markers))
-    shift = np.zeros((n_markers, n_markers))
+    shift = np.full((n_markers, n_markers), np.nan)
     step = max(1, CHUNK_FLOATS // max(1, 3 * n_markers))
     for start in range(0, n_frames, step):
-        places = np.ascontiguousarray(positions[start : start + step].transpose(2, 1, 0))
-        shown = ~np.isnan(places[0])
-        places[:, ~shown] = 0.0
-        for marker in range(n_markers - 1):
-            later = slice(marker + 1, None)
-            both = shown[later] & shown[marker]
-            distance = np.sqrt(((places[:, later] - places[:, marker : marker + 1]) ** 2).sum(axis=0))
-            if start == 0:
-                shift[marker, later] = distance[np.arange(len(both)), both.argmax(axis=1)]
-            distance = (distance - shift[marker, later, np.newaxis]) * both
-            sums[:, marker, later] += _moments(distance, both)
-            steady_sums[:, marker, later] += _moments(distance, _without_far(distance, both))
+        plain, steady = fast.pair_sums(positions[start : start + step], shift)
+        sums += plain
+        steady_sums += steady
     plain, steady = (_standard_deviation(*table) for table in (sums, steady_sums))
     return plain, steady, (sums[0] + sums[0].T).astype(np.intp)
-
-
-def _moments(values: Floats, used: Bools) -> Floats:
-    """Number, sum and sum of squares of the used values of each row, shape (3, n_rows)."""
-    weights = used.astype(np.float64)
-    weighted = values * weights
-    return np.stack([weights.sum(axis=1), weighted.sum(axis=1), np.einsum("mf,mf->m", weighted, values)])
-
-
-def _without_far(values: Floats, used: Bools) -> Bools:
-    """Leave out values that are far from the others of their row; where they are many, they are motion and stay."""
-    kept = used
-    for _ in range(CLIPPINGS):
-        count, total, squares = _moments(values, kept)
-        count = np.maximum(count, 1)
-        mean = total / count
-        limit = FAR**2 * np.maximum(squares / count - mean**2, 0.0)
-        kept = used & ((values - mean[:, np.newaxis]) ** 2 <= limit[:, np.newaxis])
-    few = kept.sum(axis=1) >= (1 - FAR_PART) * used.sum(axis=1)
-    return np.where(few[:, np.newaxis], kept, used)
 
 
 def _standard_deviation(count: Floats, total: Floats, squares: Floats) -> Floats:

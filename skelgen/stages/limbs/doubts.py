@@ -64,12 +64,15 @@ def limb_doubts(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints) 
 
 
 def _at_one_place(sampled: Floats) -> Iterator[tuple[int, int]]:
-    for first in range(sampled.shape[1]):
-        gap = np.linalg.norm(sampled[:, first + 1 :] - sampled[:, first, np.newaxis], axis=2)
-        seen = ~np.isnan(gap)
-        largest = np.where(seen, gap, 0.0).max(axis=0, initial=0.0)
-        for other in np.flatnonzero(seen.any(axis=0) & (largest < ONE_PLACE)).tolist():
-            yield first, first + 1 + other
+    first, second = np.triu_indices(sampled.shape[1], 1)
+    for frame in sampled:  # hardly a pair is left after the first
+        if not len(first):
+            return
+        near = ~(np.linalg.norm(frame[second] - frame[first], axis=1) >= ONE_PLACE)
+        first, second = first[near], second[near]
+    for pair in zip(first.tolist(), second.tolist(), strict=True):
+        if not np.isnan(sampled[:, pair, 0]).any(axis=1).all():
+            yield pair
 
 
 def _mirrored_frames(sampled: Floats) -> int:

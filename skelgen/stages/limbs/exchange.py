@@ -81,18 +81,17 @@ class _Exchange:
         """Gain [nats per frame] beyond what it must be at least, markers and new limb of all moves."""
         members = {limb: tuple(np.flatnonzero(groups == limb).tolist()) for limb in np.unique(groups).tolist()}
         seen = self._movements.seen_part
+        farthest = {limb: self._ratio[:, other].max(axis=1) for limb, other in members.items()}
         for block in self._wishes.blocks:
             own = members[int(groups[block[0]])]
             rest = tuple(marker for marker in own if marker not in block)
             if len(rest) < LEAST_MARKERS or seen[list(block)].min() < SEEN_PART:
                 continue
             for limb, other in members.items():
-                if other != own and len(other) >= LEAST_MARKERS and self._may_join(block, other):
+                if other == own or len(other) < LEAST_MARKERS or farthest[limb][list(block)].max() > EXCHANGED:
+                    continue
+                if not self._wishes.apart[np.ix_(block, other)].any():
                     yield self._gain((own, other), (rest, tuple(sorted(other + block)))), block, limb
-
-    def _may_join(self, block: Group, other: Group) -> bool:
-        across = np.ix_(block, other)
-        return bool(self._ratio[across].max() <= EXCHANGED) and not self._wishes.apart[across].any()
 
     def _gain(self, now: tuple[Group, Group], then: tuple[Group, Group]) -> float:
         explained = [sum(_n_inner(group) for group in pair) for pair in (now, then)]

@@ -69,6 +69,7 @@ def test_real_boards_are_drawn_calibrated_judged_and_saved(
     saved = few_boards / "rig.xml"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *args: (str(saved), ""))
     qtbot.mouseClick(assistant.save, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: not window.jobs.is_busy, timeout=WAIT)
     assert saved.exists()
     assert page.live.choice.settings.path == str(saved)
 

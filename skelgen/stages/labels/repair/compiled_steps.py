@@ -99,15 +99,16 @@ def lengths(positions: Floats, marker: int, others: Ints) -> Floats:
 
 
 @compile_function
-def middle(steps: Floats, chosen: Ints) -> Floats:
-    """Median of the known steps of some markers [mm], the lower one of two; NaN where none is known."""
+def relative_steps(steps: Floats, marker: int, others: Ints) -> Floats:
+    """Steps of a marker [mm] less the median of the known steps of others, the lower one of two."""
     result = np.empty((len(steps), 3))
-    values = np.empty(len(chosen))
+    values = np.empty(len(others))
     for frame in range(len(steps)):
         for axis in range(3):
-            for index in range(len(chosen)):
-                values[index] = steps[frame, chosen[index], axis]
-            result[frame, axis] = _lower_median(values)
+            for index in range(len(others)):
+                values[index] = steps[frame, others[index], axis]
+            usual = _lower_median(values)
+            result[frame, axis] = steps[frame, marker, axis] - (0.0 if math.isnan(usual) else usual)
     return result
 
 
@@ -178,10 +179,12 @@ def strayed(positions: Floats, expected: Floats, factor: float) -> tuple[Bools, 
 
 
 @compile_function
-def fitted_steps(towards: Floats, sudden: Floats, weights: Floats, seen: Floats, direct: float) -> Floats:
+def fitted_steps(
+    positions: Floats, marker: int, mates: Ints, sudden: Floats, weights: Floats, seen: Floats, direct: float
+) -> Floats:
     """Step of a marker [mm] by least squares from those of its distances and from that which is seen in space."""
     result = np.empty((len(sudden), 3))
-    normal = np.empty((3, 3))
+    normal, towards = np.empty((3, 3)), np.empty(3)
     for frame in range(len(sudden)):
         normal[:] = 0.0
         for axis in range(3):
@@ -189,14 +192,25 @@ def fitted_steps(towards: Floats, sudden: Floats, weights: Floats, seen: Floats,
             result[frame, axis] = direct * seen[frame, axis]
         for mate in range(len(weights)):
             jump = sudden[frame, mate]
-            if not (math.isnan(jump) or math.isnan(towards[frame, mate, 0])):
+            length = _fill_direction(towards, positions[frame, mates[mate]], positions[frame, marker])
+            if length > 0.0 and not math.isnan(jump):
                 for axis in range(3):
-                    weighted = weights[mate] * towards[frame, mate, axis]
+                    weighted = weights[mate] * towards[axis]
                     result[frame, axis] += weighted * jump
                     for other in range(axis + 1):
-                        normal[axis, other] += weighted * towards[frame, mate, other]
+                        normal[axis, other] += weighted * towards[other]
         _solve(normal, result[frame])
     return result
+
+
+@compile_function
+def _fill_direction(towards: Floats, start: Floats, end: Floats) -> float:
+    """Fill in the direction from one point to another, and return how far [mm] it is."""
+    for axis in range(3):
+        towards[axis] = end[axis] - start[axis]
+    length = math.sqrt(towards[0] * towards[0] + towards[1] * towards[1] + towards[2] * towards[2])
+    towards /= length
+    return length
 
 
 @compile_function

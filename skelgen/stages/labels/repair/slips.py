@@ -153,7 +153,8 @@ def find_slips(trajectories: Trajectories, parameters: LabelParameters | None = 
     found: list[_Found] = []
     for marker in range(trajectories.n_markers):
         beside = near[marker, 1 : N_NEIGHBOURS + 1]
-        seen = np.nan_to_num(steps[:, marker] - np.nan_to_num(fast.middle(steps, beside)))
+        seen = fast.relative_steps(steps, marker, beside)
+        seen[np.isnan(seen)] = 0.0
         place = _Place(positions, marker, near[marker, 1:], seen, window)
         found += _slips_of(names, marker, place, seen, parameters.slip_evidence)
         found += _leaps_of(names, marker, seen, partial(_pace, positions, marker, beside), place, window)
@@ -209,11 +210,9 @@ class _Place:
         chosen = chosen[np.isfinite(spread[chosen])]
         self.mates, self.spread, self.window = near[chosen], spread[chosen], window
         self.lengths: Floats = lengths[:, chosen]
-        away = positions[:, [marker]] - positions[:, self.mates]
-        with np.errstate(invalid="ignore"):  # markers in one place have no direction
-            self.towards = away / self.lengths[..., np.newaxis]
         self.sudden: Floats = step_loops().jumps(self.lengths)
-        self.step = _step(self.towards, self.sudden, seen) if len(chosen) else seen
+        self._positions, self._marker = positions, marker
+        self.step = self._fitted(seen) if len(chosen) else seen
 
     @cached_property
     def at_once(self) -> Floats:
@@ -232,9 +231,25 @@ class _Place:
         known = self.lengths[~np.isnan(self.lengths)]
         return LARGEST * float(np.median(known)) if len(known) else 0.0
 
+    def _fitted(self, seen: Floats) -> Floats:
+        """Step of the marker [mm], shape (n_frames, 3), from those of its distances and from that seen in space.
+
+        Least squares, weighted by how much either varies in the take: of a fast movement distances tell more, and
+        across the plane of few mates only the step in space does.
+        """
+        weights = 1.0 / _spread(self.sudden) ** 2
+        direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
+        steps: Floats = step_loops().fitted_steps(
+            self._positions, self._marker, self.mates, self.sudden, weights, seen, direct
+        )
+        return steps
+
     def weights(self, frame: int) -> Floats:
         """How much each mate's distance tells of the step in a frame, shape (n_mates,)."""
-        return np.asarray(np.nan_to_num(self.towards[frame] @ self.step[frame]) / self.spread**2)
+        away = self._positions[frame, self._marker] - self._positions[frame, self.mates]
+        with np.errstate(invalid="ignore"):  # markers in one place have no direction
+            along = away @ self.step[frame] / self.lengths[frame]
+        return np.asarray(np.nan_to_num(along) / self.spread**2)
 
     def gains(self, frame: int, weights: Floats) -> Floats:
         """Changes of distances as parts of what the step demands: lines, one frame, and later ones."""
@@ -286,7 +301,8 @@ def _leaps_of(
 def _pace(positions: Floats, marker: int, beside: Ints) -> Floats:
     """Step of a marker from the frame before [mm], less the median one of those beside it, shape (n_frames, 3)."""
     paces = np.diff(positions[:, [marker, *beside]], axis=0, prepend=np.nan)
-    return np.asarray(paces[:, 0] - np.nan_to_num(step_loops().middle(paces, np.arange(1, len(beside) + 1))))
+    relative: Floats = step_loops().relative_steps(paces, 0, np.arange(1, len(beside) + 1))
+    return relative
 
 
 def _stays(gains: Floats) -> bool:
@@ -297,20 +313,9 @@ def _stays(gains: Floats) -> bool:
     return bool(enough and np.nanmax(gains) < LARGEST_GAIN)
 
 
-def _step(towards: Floats, sudden: Floats, seen: Floats) -> Floats:
-    """Step of a marker [mm], shape (n_frames, 3), from those of its distances and from the one that is seen in space.
-
-    Least squares, weighted by how much either varies in the take: of a fast movement distances tell more, and across
-    the plane of few mates only the step in space does.
-    """
-    direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
-    steps: Floats = step_loops().fitted_steps(towards, sudden, 1.0 / _spread(sudden) ** 2, seen, direct)
-    return steps
-
-
 def _peaks(own: Floats, factor: float) -> list[int]:
     """Frames at which a marker jumps by more than it does elsewhere, the clearest first."""
-    size = np.nan_to_num(np.linalg.norm(own, axis=1))
+    size = np.linalg.norm(own, axis=1)
     known = size[size > 0]
     if not len(known):
         return []
@@ -354,7 +359,5 @@ def _one_of_each(slips: list[_Found], near: Ints, window: int) -> tuple[Slip, ..
 
 def _spread(values: Floats) -> Floats:
     """Robust standard deviation of each column [mm]; infinite where nothing is known."""
-    known = (~np.isnan(values)).any(axis=0)
-    middle = np.full(values.shape[1], np.inf)
-    middle[known] = median_of_known(np.abs(values[:, known]))
-    return np.asarray(np.maximum(SIGMA_OF_MEDIAN * middle, LEAST_DEVIATION))
+    middle = median_of_known(np.abs(values))
+    return np.maximum(SIGMA_OF_MEDIAN * np.where(np.isnan(middle), np.inf, middle), LEAST_DEVIATION)

@@ -84,25 +84,24 @@ def lengths(positions: Floats, marker: int, others: Ints) -> Floats:
     return np.asarray(np.linalg.norm(positions[:, [marker]] - positions[:, others], axis=2))
 
 
-def middle(steps: Floats, chosen: Ints) -> Floats:
-    """Median of the known steps of some markers [mm], the lower one of two; NaN where none is known.
+def relative_steps(steps: Floats, marker: int, others: Ints) -> Floats:
+    """Steps of a marker [mm] less the median of the known steps of others, the lower one of two.
 
     Parameters
     ----------
     steps : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unknown.
-    chosen : ndarray of intp, shape (n_chosen,)
-        The markers.
+    marker : int
+        The one.
+    others : ndarray of intp, shape (n_others,)
+        The others. Where none of theirs is known, nothing is subtracted.
 
     Returns
     -------
     ndarray, shape (n_frames, 3), mm
-        Each coordinate for itself.
+        Each coordinate for itself; NaN where the marker's own step is unknown.
     """
-    ordered = np.sort(steps[:, chosen], axis=1)
-    count = (~np.isnan(ordered[..., 0])).sum(axis=1)
-    place = (np.maximum(count - 1, 0) // 2)[:, np.newaxis, np.newaxis]
-    return np.asarray(np.take_along_axis(ordered, place, axis=1)[:, 0])
+    return np.asarray(steps[:, marker] - np.nan_to_num(_lower_median(steps[:, others])))
 
 
 def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: float) -> tuple[Floats, Floats]:
@@ -127,7 +126,7 @@ def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: 
         Frames since the label was seen.
     """
     steps = np.diff(positions, axis=0, prepend=np.nan)
-    moved = np.stack([middle(steps, neighbours[marker]) for marker in chosen], axis=1)
+    moved = np.stack([_lower_median(steps[:, neighbours[marker]]) for marker in chosen], axis=1)
     travelled = np.cumsum(np.nan_to_num(moved), axis=0)
     own = positions[:, chosen]
     index = np.arange(len(own))[:, np.newaxis]
@@ -167,13 +166,19 @@ def strayed(positions: Floats, expected: Floats, factor: float) -> tuple[Bools, 
     return (own > factor**2 * nearest) & ~itself & np.isfinite(nearest), target
 
 
-def fitted_steps(towards: Floats, sudden: Floats, weights: Floats, seen: Floats, direct: float) -> Floats:
+def fitted_steps(
+    positions: Floats, marker: int, mates: Ints, sudden: Floats, weights: Floats, seen: Floats, direct: float
+) -> Floats:
     """Step of a marker [mm] by least squares from those of its distances and from that which is seen in space.
 
     Parameters
     ----------
-    towards : ndarray, shape (n_frames, n_mates, 3)
-        Directions from mates to the marker; NaN where unknown.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    marker : int
+        The one.
+    mates : ndarray of intp, shape (n_mates,)
+        Markers to which distances are measured.
     sudden : ndarray, shape (n_frames, n_mates), mm
         Jumps of the distances; NaN where unknown.
     weights : ndarray, shape (n_mates,)
@@ -187,11 +192,21 @@ def fitted_steps(towards: Floats, sudden: Floats, weights: Floats, seen: Floats,
     -------
     ndarray, shape (n_frames, 3), mm
     """
-    towards = np.nan_to_num(towards)
+    away = positions[:, [marker]] - positions[:, mates]
+    with np.errstate(invalid="ignore"):  # markers in one place have no direction
+        towards = np.nan_to_num(away / np.linalg.norm(away, axis=2, keepdims=True))
     weighted = (towards * np.where(np.isnan(sudden), 0.0, weights)[..., np.newaxis]).swapaxes(1, 2)
     normal = weighted @ towards + direct * np.eye(3)
     right = weighted @ np.nan_to_num(sudden)[..., np.newaxis] + direct * seen[..., np.newaxis]
     return np.asarray(np.linalg.solve(normal, right)[..., 0])
+
+
+def _lower_median(steps: Floats) -> Floats:
+    """Median of the known steps of each frame, the lower one of two; NaN where none is known, shape (n_frames, 3)."""
+    ordered = np.sort(steps, axis=1)
+    count = (~np.isnan(ordered[..., 0])).sum(axis=1)
+    place = (np.maximum(count - 1, 0) // 2)[:, np.newaxis, np.newaxis]
+    return np.asarray(np.take_along_axis(ordered, place, axis=1)[:, 0])
 
 
 def _line_ends(series: Floats, times: NDArray[np.floating], first: int) -> Floats:

@@ -20,7 +20,7 @@ from skelgen.model.labelling import Finding
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.repair.evidence import Evidence, best_spans, misfits, weigh
-from skelgen.stages.labels.repair.jumps import Cycle, jumping_cycles, neighbours_of
+from skelgen.stages.labels.repair.jumps import Cycle, jumping_cycles, neighbours_of, step_loops
 from skelgen.stages.labels.repair.rigid import RigidModel, limb_pairs, rigid_model, robust_limbs
 
 MOST_ROUNDS = 12
@@ -254,6 +254,6 @@ def _is_off(positions: Floats, marker: int, model: RigidModel) -> Bools:
     partners = model.partners(marker)
     if not len(partners):
         return np.zeros(len(positions), dtype=bool)
-    lengths = np.linalg.norm(positions[:, partners] - positions[:, [marker]], axis=2)
+    lengths = step_loops().lengths(positions, marker, partners)
     off = np.abs(lengths - model.distance[marker, partners]) / model.spread[marker, partners]
     return np.asarray((off > BAD).sum(axis=1) * 2 >= np.maximum((~np.isnan(off)).sum(axis=1), 1))

@@ -1,7 +1,8 @@
-"""Compiled loops of labelled takes and their NumPy twins agree, with gaps, exact takes and strangers alike."""
+"""Compiled loops for labelled takes and their NumPy twins agree: with gaps, wrong labels, and in exact takes."""
 
 from __future__ import annotations
 
+import dataclasses
 from importlib import import_module
 
 import numpy as np
@@ -11,12 +12,17 @@ from skelgen.stages.labels.repair.jumps import neighbours_of
 from skelgen.stages.labels.usual import usual_distances
 
 ROUNDING = 1e-9  # mm and nats: sums of a few thousand products of millimetres, in another order
+SQUARES = 1e-6  # mm^2: the same of squares of distances that change by up to a metre
 SINGLE = 1e-5  # evidence is kept in single precision, up to 20 nats
 
 
 @pytest.fixture(params=[{}, {"dropouts": 0.3}, {"noise": 0.0}], ids=["complete", "gaps", "exact"])
 def take(request, simulated):
-    return simulated("human", n_frames=120, **{"noise": 0.5, "soft_tissue": 1.0, **request.param}).take
+    """A human of whose labels two are exchanged for three frames."""
+    take = simulated("human", n_frames=120, **{"noise": 0.5, "soft_tissue": 1.0, **request.param}).take
+    positions = take.positions.copy()
+    positions[50:53, [4, 5]] = positions[50:53, [5, 4]]
+    return dataclasses.replace(take, positions=positions)
 
 
 def twins(plain):
@@ -36,21 +42,20 @@ def arguments(name, take):
     positions, markers = take.positions, np.arange(take.n_markers)
     near = neighbours_of(positions)
     steps, lengths = np.diff(positions, axis=0), np.linalg.norm(np.diff(positions[:, :6], axis=1), axis=2)
-    directions = np.diff(positions[:, :6], axis=1) / lengths[..., np.newaxis]
     known = np.nan_to_num(positions[:, 0])
     return {
         "jumps": (positions.reshape(len(positions), -1),),
         "changes": (lengths, 20, 4),
         "lengths": (positions, 3, near[3, 1:]),
-        "middle": (steps, near[3, 1:]),
+        "relative_steps": (steps, 3, near[3, 1:]),
         "expected_places": (positions, markers[::2], near, 10.0),
         "strayed": (positions, positions[:, ::-1].copy(), 2.0),
-        "fitted_steps": (directions, np.roll(lengths, 3, axis=0), np.linspace(0.5, 2.0, 5), known, 0.1),
+        "fitted_steps": (positions, 3, near[3, 1:], lengths, np.linspace(0.5, 2.0, 5), known, 0.1),
     }[name]
 
 
 @pytest.mark.parametrize(
-    "name", ["jumps", "changes", "lengths", "middle", "expected_places", "strayed", "fitted_steps"]
+    "name", ["jumps", "changes", "lengths", "relative_steps", "expected_places", "strayed", "fitted_steps"]
 )
 def test_steps_of_both_twins_agree(take, name):
     results = [getattr(twin, name)(*arguments(name, take)) for twin in twins("skelgen.stages.labels.repair.steps")]
@@ -78,3 +83,22 @@ def test_probabilities_of_both_twins_agree(take, is_stated):
     stated = rng.random(take.seen.shape) < 0.01 if is_stated else np.zeros((0, 0), dtype=bool)
     given = (evidence, 3.0, take.seen, stated, breaks, 0.9, 0.1)
     assert_same(*[(twin.probabilities(*given),) for twin in twins("skelgen.stages.labels.weighing")])
+
+
+def test_sums_of_distances_of_both_twins_agree(take):
+    results = []
+    for twin in twins("skelgen.stages.limbs.pair_sums"):
+        shift = np.full((take.n_markers, take.n_markers), np.nan)
+        first = twin.pair_sums(take.positions[:70], shift)
+        results.append((*first, *twin.pair_sums(take.positions[70:], shift), np.nan_to_num(shift)))
+    assert_same(*results, SQUARES)
+    assert (results[0][1][0] < results[0][0][0]).any()  # some distances are far, and left out
+
+
+def test_a_pair_that_is_never_seen_together_has_no_sums_in_either_twin(simulated):
+    positions = simulated("human", n_frames=20).take.positions.copy()
+    positions[:10, 0], positions[10:, 1] = np.nan, np.nan
+    for twin in twins("skelgen.stages.limbs.pair_sums"):
+        shift = np.full((positions.shape[1], positions.shape[1]), np.nan)
+        assert not twin.pair_sums(positions, shift)[0][:, 0, 1].any()
+        assert np.isnan(shift[0, 1])

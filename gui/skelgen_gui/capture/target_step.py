@@ -1,0 +1,101 @@
+"""The step that calibrates a rigid body: turn it before the cameras, name it, add it to the settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from threading import Event
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtWidgets import QWidget
+
+from skelgen_gui.capture.adding import AddingStep, Plan
+from skelgen_gui.capture.measured import BallTable
+from skelgen_gui.capture.source_form import TargetForm
+from skelgen_gui.capture.step import row_of
+from skelgen_gui.jobs import Jobs
+
+if TYPE_CHECKING:
+    from skelgen.capture.calibration.body import BodyCalibration
+    from skelgen.capture.calibration.taking import BodyProgress
+    from skelgen.model.rig import CaptureSettings
+
+
+class TargetStep(AddingStep):
+    """Takes pairs of images of one target, calibrates it, says what it is worth, adds it to the settings.
+
+    Parameters
+    ----------
+    jobs, tell_error, parent
+        As of `Step`.
+    """
+
+    def __init__(self, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
+        super().__init__(TargetForm(), jobs, tell_error, parent)
+        self.balls = BallTable(self)
+        self.add.setToolTip(self.tr("Write the target into the settings, in place of one of the same name"))
+        self.lay_out((self.form, self.go, self.state, row_of(self.calibrate, self.add), self.verdict, self.balls))
+        self.form.name.textChanged.connect(self.follow)
+        self.follow()
+
+    @property
+    def invitation(self) -> str:
+        """What to do, before anything is seen."""
+        return self.tr(
+            "Press Start, hold one target before the cameras, nothing else that shines, and turn it slowly to all "
+            "sides."
+        )
+
+    def plan(self) -> Plan:
+        """Return what is to be done as the form says now."""
+        wish, name, n_balls = self.form.wish, self._name, self.form.n_balls
+
+        def take(stop: Event, feed: Any) -> Any:
+            from skelgen_gui.capture.taking import TargetTaking  # noqa: PLC0415 - loads what captures need
+
+            return TargetTaking(wish, stop, feed, name, n_balls)
+
+        return Plan(take, lambda taking, monitor: taking.calibrate(name, n_balls, monitor))
+
+    def show_progress(self, progress: BodyProgress) -> None:
+        """Show how far it is."""
+        if progress.problem:
+            self.verdict.show_problem(progress.problem)
+        else:
+            self.verdict.clear()
+        if not progress.n_balls:
+            self.state.setText(self.tr("No target is seen in {0} pairs of images.").format(progress.n_frames))
+            return
+        told = self.tr("{0} balls, seen alone in {1} of {2} pairs of images; turned by {3:.0f}°.")
+        told = told.format(progress.n_balls, progress.n_alone, progress.n_frames, progress.turn)
+        more = self.tr("That is enough.") if progress.is_enough else self.tr("Turn it further, to all sides.")
+        self.state.setText(f"{told} {more}")
+
+    def show_found(self, found: BodyCalibration | None) -> None:
+        """Show what came out."""
+        if found is None:
+            self.balls.hide()
+        else:
+            self.balls.show_calibration(found)
+
+    def change(self, told: list[str]) -> Callable[[CaptureSettings], CaptureSettings]:
+        """Return what adds the target to settings, under the name that stands in the form by now."""
+        target = replace(self.found.target, name=self._name)
+
+        def added(settings: CaptureSettings) -> CaptureSettings:
+            from skelgen.app.capture import outdated, with_body  # noqa: PLC0415
+
+            told.extend(outdated(settings, target.name))
+            return with_body(settings, target)
+
+        return added
+
+    def follow(self) -> None:
+        """What can be done depends on what runs and what is there."""
+        super().follow()
+        self.add.setEnabled(self.add.isEnabled() and bool(self.form.name.text().strip()))
+
+    @property
+    def _name(self) -> str:
+        """What the target is called; it may be named when it was calibrated."""
+        return self.form.name.text().strip() or self.tr("target")
