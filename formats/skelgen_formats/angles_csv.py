@@ -16,6 +16,7 @@ import numpy as np
 from skelgen.model import Project, Take
 from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.csv_rows import write_csv
+from skelgen_formats.digits import fixed_rows
 from skelgen_formats.finished import finished_project
 from skelgen_formats.joints_csv import joint_names
 from skelgen_formats.registry import Format
@@ -23,6 +24,7 @@ from skelgen_formats.world import RATE
 
 _TITLE = "Joint angles, CSV"
 _CHUNK_FRAMES = 2000
+_DECIMALS = 6
 
 
 def write_angles_csv(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
@@ -56,9 +58,9 @@ def _rows(project: Project) -> Iterator[str]:
         pairs = [np.stack(both, axis=2) for both in zip(posture.angles, posture.angle_std, strict=True)]
         numbers = [np.rad2deg(pair).reshape(len(frames), -1) for pair in pairs]
         table = np.concatenate([np.zeros((len(frames), 0)), *numbers], axis=1)
-        row = "%d,%r" + ",%.6f" * table.shape[1] + "\n"
-        for frame, time, values in zip(frames.tolist(), motion.times[frames].tolist(), table.tolist(), strict=True):
-            yield row % (frame, time, *values)
+        rows = fixed_rows(table, _DECIMALS)
+        for frame, time, row in zip(frames.tolist(), motion.times[frames].tolist(), rows, strict=True):
+            yield f"{frame},{time!r}{row}\n"
 
 
 FORMAT = Format(

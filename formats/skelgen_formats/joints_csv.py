@@ -13,12 +13,14 @@ from pathlib import Path
 from skelgen.model import Project, Skeleton, Take
 from skelgen.progress import SILENT, Monitor, told
 from skelgen_formats.csv_rows import write_csv
+from skelgen_formats.digits import fixed_rows
 from skelgen_formats.finished import finished_project
 from skelgen_formats.markers import MM_PER_UNIT
 from skelgen_formats.registry import Format
 from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _DECIMALS_OF_MM = 6
+_CHUNK_FRAMES = 2000
 _TITLE = "Joint positions, CSV"
 
 
@@ -47,10 +49,12 @@ def write_joints_csv(value: Project | Take, path: Path, unit: str = "mm", monito
 def _rows(project: Project, unit: str) -> Iterator[str]:
     motion = project.motion
     decimals = _DECIMALS_OF_MM + round(math.log10(MM_PER_UNIT[unit]))
-    row = "%d,%r" + f",%.{decimals}f" * (3 * motion.joint_positions.shape[1]) + "\n"
-    joints = motion.joint_positions * per_mm(unit)
-    for frame, (time, positions) in enumerate(zip(motion.times.tolist(), joints, strict=True)):
-        yield row % (frame, time, *positions.ravel().tolist())
+    for first in range(0, motion.n_frames, _CHUNK_FRAMES):
+        frames = slice(first, first + _CHUNK_FRAMES)
+        joints = motion.joint_positions[frames] * per_mm(unit)
+        rows = fixed_rows(joints.reshape(len(joints), -1), decimals)
+        for frame, (time, row) in enumerate(zip(motion.times[frames].tolist(), rows, strict=True), first):
+            yield f"{frame},{time!r}{row}\n"
 
 
 FORMAT = Format(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import cast
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,6 +17,7 @@ from skelgen.model.skeleton import Skeleton
 from skelgen.progress import Monitor
 from skelgen.stages.known.posing import known_motion, pose_known
 from skelgen.stages.known.sensors import Seat, reseated
+from skelgen.stages.skeleton.parameters import SkeletonParameters
 
 
 def apply_to_sensors(project: Project, known: Project, settings: Settings, monitor: Monitor) -> Project:
@@ -42,10 +44,9 @@ def apply_to_sensors(project: Project, known: Project, settings: Settings, monit
     InputError
         If no body of the take is one of the skeleton's.
     """
-    take, started = project.take, time.perf_counter()
-    assert isinstance(take, Poses)
+    take, started = cast(Poses, project.take), time.perf_counter()
     check_take(take)
-    posing = settings.of("skeleton")
+    posing = cast(SkeletonParameters, settings.of("skeleton"))
     monitor.begin("poses of the known skeleton")
     names = known.trajectories.names
     positions = _positions(take, known)

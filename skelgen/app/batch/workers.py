@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 TRIES = 2
 """A take whose worker dies is given to another one once: somebody may have killed it by mistake."""
 
-RECYCLED_ABOVE = 400_000_000
+RECYCLED_ABOVE = 500_000_000
 """bytes; a worker that has held more is replaced, since Python seldom gives memory back. A usual take needs half."""
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "NUMBA_NUM_THREADS")
