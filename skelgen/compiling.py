@@ -12,6 +12,9 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
@@ -47,3 +50,13 @@ def loops(compiled: str, plain: str) -> ModuleType:
         return import_module(compiled)
     except (ImportError, RuntimeError):
         return import_module(plain)
+
+
+def in_order(*arrays: NDArray[Any]) -> list[NDArray[Any]]:
+    """Return arrays as compiled functions want them: one number after the other in memory, and not read-only.
+
+    numba compiles a function anew for each kind of array that it is called with.
+    """
+    return [
+        array if array.flags.c_contiguous and array.flags.writeable else np.array(array, order="C") for array in arrays
+    ]

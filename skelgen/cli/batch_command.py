@@ -8,9 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skelgen.cli.options import AsJson, Config, FormatName, Hierarchy, NLimbs, NMarkers, Quiet, Root, Seed, given
+from skelgen.cli.options import (
+    AsJson,
+    Config,
+    FormatName,
+    Hierarchy,
+    KnownSkeleton,
+    NLimbs,
+    NMarkers,
+    Quiet,
+    Root,
+    Seed,
+    given,
+)
 from skelgen.cli.screen import Screen
-from skelgen.cli.stage_commands import Assignments, UntilStage, hierarchy_in
+from skelgen.cli.stage_commands import Assignments, UntilStage, hierarchy_in, refuse_beside_skeleton
 from skelgen.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -56,6 +68,7 @@ def batch(
     n_limbs: NLimbs = None,
     hierarchy: Hierarchy = None,
     root: Root = None,
+    skeleton: KnownSkeleton = None,
     seed: Seed = None,
     config: Config = None,
     assignments: Assignments = None,
@@ -70,12 +83,16 @@ def batch(
     Exit codes: 0 every take is done; 3 some failed; 2 all failed, or the batch cannot begin or go on; 130 interrupted.
     """
     from skelgen.app.batch.job import Job
+    from skelgen.app.batch.known import known_file
     from skelgen.app.batch.run import read_manifest, run_batch
     from skelgen.app.configuration import Settings, settings_with
     from skelgen.app.stages import Wishes, find_stage
 
     if until_stage is not None:
         find_stage(until_stage)
+    if skeleton is not None:
+        told = {"--n-markers": n_markers, "--n-limbs": n_limbs, "--hierarchy": hierarchy, "--root": root}
+        refuse_beside_skeleton(told | {"--until": until_stage})
     job = Job(
         settings=settings_with(Settings(config), assignments or ()).as_mapping(),
         wishes=Wishes(n_markers, n_limbs, 1, hierarchy_in(hierarchy), root),
@@ -84,6 +101,7 @@ def batch(
         format_name=format_name,
         reader_options=given(reader_values),
         formats=tuple(formats or ()),
+        skeleton=None if skeleton is None else known_file(skeleton),
     )
     screen = Screen(quiet, as_json)
     with screen.counting() as monitor:

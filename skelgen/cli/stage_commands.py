@@ -137,7 +137,7 @@ def run(
     folder = output or _folder_for(take)
     if skeleton is not None:
         told = {"--n-markers": n_markers, "--n-limbs": n_limbs, "--identities": identities, "--hierarchy": hierarchy}
-        _refuse_beside_skeleton(told | {"--root": root, "--from": from_stage, "--until": until_stage})
+        refuse_beside_skeleton(told | {"--root": root, "--from": from_stage, "--until": until_stage})
         return _apply_and_write(screen, project, skeleton, settings, folder, stem_of(take))
     _run_and_write(screen, project, (from_stage, until_stage), settings, wishes, folder, stem_of(take))
 
@@ -244,7 +244,8 @@ def _run_and_write(
     screen.json({**tables, "files": [str(file) for file in files]})
 
 
-def _refuse_beside_skeleton(wishes: dict[str, Any]) -> None:
+def refuse_beside_skeleton(wishes: dict[str, Any]) -> None:
+    """Raise `ParameterError` if something is told, by its flag, that a known skeleton tells."""
     for flag, wish in wishes.items():
         if wish is not None:
             raise ParameterError(f"{flag} cannot be told beside --skeleton, which tells markers, limbs and tree")

@@ -8,15 +8,17 @@ singular value decomposition (Umeyama 1991). Neither ever returns a reflection.
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 
-from skelgen.geometry.quartic import fast_rotations
+from skelgen.compiling import in_order, loops
+from skelgen.geometry import plain
 from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.model.arrays import Bools, Floats
 
 MANY_FRAMES = 100
-"""From here on the quartic is faster than an eigensolver."""
+"""From here on the quartic is faster than an eigensolver, and compiled loops are worth the import of numba."""
 
 Rotator = Callable[[Floats], Floats]
 
@@ -32,9 +34,9 @@ def rotation_by_quaternion(moments: Floats) -> Floats:
     flat = moments.reshape(-1, 3, 3)
     if len(flat) < MANY_FRAMES:
         return _by_eigenvectors(flat).reshape(moments.shape)
-    turns, sure = fast_rotations(flat)
+    turns, sure = _twin(len(flat)).fast_rotations(*in_order(flat))
     turns[~sure] = _by_eigenvectors(flat[~sure])
-    return turns.reshape(moments.shape)
+    return np.asarray(turns.reshape(moments.shape))
 
 
 def _by_eigenvectors(moments: Floats) -> Floats:
@@ -82,17 +84,20 @@ def fit_transform(source: Floats, target: Floats, seen: Bools, rotator: Rotator 
     ndarray, shape (..., 4, 4)
         target_from_source; NaN where no point is seen.
     """
-    weight = seen.astype(np.float64)[..., np.newaxis]
-    count = weight.sum(axis=-2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        filled = np.where(seen[..., np.newaxis], target, 0.0)
-        target_centre = filled.sum(axis=-2) / count
-        source_centre = (source * weight).sum(axis=-2) / count
-    inner = (source - source_centre[..., np.newaxis, :]) * weight
-    outer = (filled - target_centre[..., np.newaxis, :]) * weight
-    moments = np.where(np.isfinite(count)[..., np.newaxis], np.swapaxes(outer, -1, -2) @ inner, 0.0)
-    rotation = rotator(np.nan_to_num(moments))
-    translation = target_centre - np.einsum("...ij,...j->...i", rotation, source_centre)
-    transform = transform_from(rotation, translation)
-    transform[count[..., 0] == 0] = np.nan
-    return transform
+    shape = seen.shape
+    flat = seen.reshape(-1, shape[-1])
+    source, target = (np.reshape(one, (-1, shape[-1], 3)) for one in (source, target))
+    moments, before, after, count = _twin(len(flat)).moments_of(*in_order(source, target, flat))
+    rotation = rotator(moments)
+    transform = transform_from(rotation, after - (rotation @ before[..., np.newaxis])[..., 0])
+    transform[count == 0] = np.nan
+    return transform.reshape(*shape[:-1], 4, 4)
+
+
+def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:
+    """Return the mean of each point in the frame of a body, shape (n_points, 3), mm; see `plain.means_in_body`."""
+    return np.asarray(_twin(len(poses)).means_in_body(*in_order(poses, places, seen)))
+
+
+def _twin(n_frames: int) -> ModuleType:
+    return loops("skelgen.geometry.compiled", "skelgen.geometry.plain") if n_frames >= MANY_FRAMES else plain

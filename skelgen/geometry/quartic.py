@@ -27,7 +27,7 @@ LEAST_SLOPE = 1e-6
 
 RIDGE = 1e-12
 
-_TINY = np.finfo(np.float64).tiny
+TINY = float(np.finfo(np.float64).tiny)
 
 
 def fast_rotations(moments: Floats) -> tuple[Floats, Bools]:
@@ -45,7 +45,7 @@ def fast_rotations(moments: Floats) -> tuple[Floats, Bools]:
     """
     m = np.ascontiguousarray(np.moveaxis(moments, 0, -1))
     size = np.sqrt(np.einsum("ijf,ijf->f", m, m))
-    m = m / np.maximum(size, _TINY)
+    m = m / np.maximum(size, TINY)
     columns = _adjugate(_horn_matrix(m) - _largest_root(m) * np.eye(4)[:, :, np.newaxis])
     gaps = np.abs(np.einsum("iif->if", columns))
     best = gaps.argmax(axis=0)

@@ -43,12 +43,19 @@ def quaternion_from_matrix(matrix: Floats) -> Floats:
 
 def matrix_from_vector(vector: Floats) -> Floats:
     """Return rotation matrices, shape (..., 3, 3), from rotation vectors [rad], shape (..., 3) (Rodrigues)."""
-    angle = np.linalg.norm(vector, axis=-1)[..., np.newaxis, np.newaxis]
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    xx, yy, zz = x * x, y * y, z * z
+    angle = np.sqrt(xx + yy + zz)
     safe = np.maximum(angle, SMALL_ANGLE)
-    cross = cross_matrix(vector)
     sine = np.where(angle > SMALL_ANGLE, np.sin(safe) / safe, 1.0)
     half = np.where(angle > SMALL_ANGLE, 2 * (np.sin(safe / 2) / safe) ** 2, 0.5)
-    return np.asarray(np.eye(3) + sine * cross + half * (cross @ cross))
+    xy, xz, yz = half * x * y, half * x * z, half * y * z
+    out = np.empty((*angle.shape, 3, 3))
+    out[..., 0, 0], out[..., 1, 1], out[..., 2, 2] = 1 - half * (yy + zz), 1 - half * (xx + zz), 1 - half * (xx + yy)
+    x, y, z = sine * x, sine * y, sine * z
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = xy - z, xz + y, yz - x
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = xy + z, xz - y, yz + x
+    return out
 
 
 def vector_from_matrix(matrix: Floats) -> Floats:

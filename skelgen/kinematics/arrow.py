@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Generic, TypeVar
 
 import numpy as np
 
+from skelgen.compiling import in_order, loops
 from skelgen.model.arrays import Floats
 
 MAX_ROUNDS = 30
@@ -24,7 +26,8 @@ LEAST_GAIN = 1e-7
 RANK_TOLERANCE = 1e-12
 """Directions whose information is below this part of the largest are not determined: double precision ends there."""
 
-_RIDGE = 1e-14  # of a frame's own normal matrix: keeps angles that nothing measures in place
+OWN_RIDGE = 1e-14
+"""Of a frame's own normal matrix: keeps angles that nothing measures in place."""
 
 State = TypeVar("State")
 
@@ -91,13 +94,9 @@ class Solution:
 
 def solve_arrow(linear: Linear) -> Solution:
     """Solve a linear problem by eliminating the frames' own unknowns."""
-    inverse, gain = own_gain(linear.angles)
-    follow, alone = gain @ linear.constants, (gain @ linear.residuals[..., np.newaxis])[..., 0]
-    reduced = linear.constants - linear.angles @ follow
-    left = linear.residuals - (linear.angles @ alone[..., np.newaxis])[..., 0]
-    flat = reduced.reshape(-1, reduced.shape[2])
-    covariance, unknown = _pseudo_inverse(flat.T @ flat)
-    step = covariance @ (flat.T @ left.ravel())
+    inverse, follow, alone, reduced, left, normal, pull = _eliminated(linear)
+    covariance, unknown = _pseudo_inverse(normal)
+    step = covariance @ pull
     last = left - reduced @ step
     return Solution(
         constants=step,
@@ -110,6 +109,27 @@ def solve_arrow(linear: Linear) -> Solution:
     )
 
 
+def _step(linear: Linear) -> tuple[Floats, Floats]:
+    """The constants and angles of `solve_arrow` alone."""
+    _, follow, alone, _, _, normal, pull = _eliminated(linear)
+    covariance, _ = _pseudo_inverse(normal)
+    constants = covariance @ pull
+    return constants, alone - follow @ constants
+
+
+def _eliminated(linear: Linear) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+    """What is left when the frames' own unknowns are taken out; see `plain_kinds.eliminate`."""
+    found: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats] = kind_loops().eliminate(
+        *in_order(linear.residuals, linear.constants, linear.angles)
+    )
+    return found
+
+
+def kind_loops() -> ModuleType:
+    """Return the compiled loops over frames, or their plain twin."""
+    return loops("skelgen.kinematics.compiled_kinds", "skelgen.kinematics.plain_kinds")
+
+
 def own_gain(slopes: Floats) -> tuple[Floats, Floats]:
     """Return the inverse normal matrix of each frame's own unknowns, and how they follow its residuals.
 
@@ -120,7 +140,7 @@ def own_gain(slopes: Floats) -> tuple[Floats, Floats]:
     """
     own = np.swapaxes(slopes, 1, 2)
     normal = own @ slopes
-    level = _RIDGE * np.einsum("fii->f", normal)[:, np.newaxis, np.newaxis] + np.finfo(np.float64).tiny
+    level = OWN_RIDGE * np.einsum("fii->f", normal)[:, np.newaxis, np.newaxis] + np.finfo(np.float64).tiny
     inverse = np.linalg.inv(normal + level * np.eye(normal.shape[1]))
     return inverse, inverse @ own
 
@@ -149,9 +169,9 @@ def descend(
     """
     linear = linearised(state)
     for _ in range(max_rounds):
-        solution = solve_arrow(linear)
+        constants, angles = _step(linear)
         for part in STEP_PARTS:
-            trial = stepped(state, part * solution.constants, part * solution.angles)
+            trial = stepped(state, part * constants, part * angles)
             trial_linear = linearised(trial)
             if trial_linear.squares <= linear.squares:
                 break

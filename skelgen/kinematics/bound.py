@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.border import frames_together, linearised, n_constants, reduced_information
-from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
+from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.information import total_information
 from skelgen.kinematics.uncertainty import axis_projectors, expected_distance, frame_covariances, inverse_root
 from skelgen.model.arrays import Bools, Floats
 
@@ -63,20 +63,3 @@ def cramer_rao_bound(
     covariances = across @ found.joints @ across
     distance = expected_distance(covariances)
     return Bound(covariances, distance, distance <= DETERMINED * np.median(distance, axis=0), information)
-
-
-def total_information(
-    chain: Chain,
-    articulation: Articulation,
-    poses: ChainPoses,
-    positions: Floats,
-    weights: Floats | None = None,
-) -> Floats:
-    """Information of the constants from all frames for noise 1, poses eliminated, shape (n_constants, n_constants)."""
-    weights = seen_weights(positions, weights)
-    together = frames_together(chain, articulation)
-    total = np.zeros((n_constants(chain, articulation),) * 2)
-    for first in range(0, len(positions), together):
-        part = slice(first, first + together)
-        total += reduced_information(linearised(chain, articulation, poses[part], positions[part], weights[part]))
-    return np.asarray((total + total.T) / 2)

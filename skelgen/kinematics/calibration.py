@@ -20,8 +20,9 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.border import frames_together, linearised, n_constants, reduced_information
+from skelgen.kinematics.border import n_constants
 from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
+from skelgen.kinematics.information import total_information
 from skelgen.kinematics.posing import fit_poses
 from skelgen.kinematics.pull import constant_pull
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -211,12 +212,7 @@ def _information(
     """S of all frames, scaled up from at most some that are evenly spread."""
     frames = _spread_frames(weights > 0, most)
     scale = (weights > 0).sum() / max((weights[frames] > 0).sum(), 1)
-    together = frames_together(chain, articulation)
-    total = np.zeros((n_constants(chain, articulation),) * 2)
-    for first in range(0, len(frames), together):
-        part = frames[first : first + together]
-        total += reduced_information(linearised(chain, articulation, poses[part], positions[part], weights[part]))
-    return np.asarray(scale * (total + total.T) / 2)
+    return np.asarray(scale * total_information(chain, articulation, poses[frames], positions[frames], weights[frames]))
 
 
 def _spread_frames(seen: Bools, most: int) -> Ints:

@@ -9,9 +9,9 @@ import numpy as np
 
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.border import frames_together, linearised, n_constants, reduced_information
-from skelgen.kinematics.bound import total_information
 from skelgen.kinematics.calibration import Calibration
 from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.information import total_information
 from skelgen.kinematics.pull import constant_pull
 from skelgen.kinematics.rings import STIFFNESS, Rings, closed_squares, fit_closed_poses, with_rings
 from skelgen.model.arrays import Floats, Ints

@@ -20,15 +20,29 @@ def effective_frames(residuals: Floats, *, of_squares: bool = False) -> float:
     of_squares : bool
         Count what their variance rests on, not their mean: the squares of normal numbers forget twice as fast.
     """
+    correlation = _correlation(residuals)
+    return _effective(correlation * np.abs(correlation) if of_squares else correlation)
+
+
+def effective_frames_of_both(residuals: Floats) -> tuple[float, float]:
+    """Return the number of independent frames that would tell as much of the mean, and as much of the variance."""
+    correlation = _correlation(residuals)
+    return _effective(correlation), _effective(correlation * np.abs(correlation))
+
+
+def _correlation(residuals: Floats) -> Floats:
+    """How alike residuals are that are 0, 1, ... frames apart, 1 for themselves, shape (n_frames,)."""
     n_frames = len(residuals)
     squares = float((residuals**2).sum())
     if n_frames < 2 or squares == 0:
-        return float(n_frames)
+        return np.append(np.ones(min(n_frames, 1)), np.zeros(max(n_frames - 1, 0)))
     spectrum = np.fft.rfft(residuals, 2 * n_frames, axis=0)
     power = (spectrum.real**2 + spectrum.imag**2).sum(axis=1)
-    correlation = np.fft.irfft(power)[:n_frames] / squares
-    if of_squares:
-        correlation = correlation * np.abs(correlation)
+    return np.asarray(np.fft.irfft(power)[:n_frames] / squares)
+
+
+def _effective(correlation: Floats) -> float:
+    n_frames = len(correlation)
     pairs = correlation[: n_frames - n_frames % 2].reshape(-1, 2).sum(axis=1)
     ends = np.flatnonzero(pairs <= 0)
     total = pairs[: ends[0] if len(ends) else None].sum()

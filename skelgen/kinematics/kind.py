@@ -15,12 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtri
 
-from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
-from skelgen.kinematics.arrow import Linear, descend
-from skelgen.kinematics.correlated import effective_frames
+from skelgen.compiling import in_order
+from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.arrow import Linear, descend, kind_loops
+from skelgen.kinematics.correlated import effective_frames_of_both
 from skelgen.kinematics.hinge import hinge_turning
 from skelgen.kinematics.relative import whitener
-from skelgen.kinematics.turning import FixedTurning, Turning, TwoAxisTurning, axis_covariance
+from skelgen.kinematics.turning import AxisTurning, FixedTurning, Turning, TwoAxisTurning, axis_covariance
 from skelgen.kinematics.universal import universal_turning
 from skelgen.model.arrays import Floats
 
@@ -53,6 +54,8 @@ LEAST_BETWEEN = np.deg2rad(30.0)
 
 KNOWN_KINDS = ("rigid", "hinge", "universal", "ball")
 """From the simplest to the one that allows all turns."""
+
+HeldTurning = FixedTurning | AxisTurning | TwoAxisTurning
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +197,7 @@ def find_kind(
     for name in KNOWN_KINDS[:-1] if wanted is None else (wanted,):
         if name == "ball":
             break
-        left = leftovers[name] = _leftover(name, rotations, weight, freedoms, limits)
+        left = leftovers[name] = _leftover(name, rotations, weight, singular, freedoms, limits)
         if wanted is not None or _explains(left, limits):
             kind = name if wanted is not None or _is_told(left) else "undetermined"
             break
@@ -212,17 +215,18 @@ def find_kind(
     )
 
 
-def _leftover(name: str, rotations: Floats, weight: Floats, freedoms: float, limits: KindLimits) -> Leftover:
+def _leftover(
+    name: str, rotations: Floats, weight: Floats, singular: Floats, freedoms: float, limits: KindLimits
+) -> Leftover:
     """Fit one kind, and weigh what it leaves over."""
     start = _start(name, rotations)
     found = descend(start, lambda turning: _linearised(turning, rotations, weight), _stepped, MAX_ROUNDS, LEAST_GAIN)
     n_frames, n_rows = len(rotations), 3 - start.n_angles
     ratio = found.squares / max(n_rows * n_frames - start.n_constants, 1)
-    independent = effective_frames(found.solution.residuals, of_squares=True)
-    growth = ratio * n_frames / effective_frames(found.solution.residuals)
+    for_means, independent = effective_frames_of_both(found.solution.residuals)
     limit = float(fdtri(n_rows * independent, max(freedoms * independent, LEAST_FREEDOMS), 1 - limits.doubt))
-    errors = vector_from_matrix(rotations @ found.state.rotations().swapaxes(1, 2))
-    wobble = float(np.sqrt((errors**2).sum(axis=1).mean()))
+    unweighted = np.broadcast_to(np.eye(3), rotations.shape)
+    wobble = float(np.sqrt(_linearised(found.state, rotations, unweighted).squares / n_frames))
     noise = wobble / np.sqrt(ratio) if ratio > 0 else 0.0
     true_wobble = float(np.sqrt(max(wobble**2 - limit * noise**2, 0.0)))
     return Leftover(
@@ -232,8 +236,8 @@ def _leftover(name: str, rotations: Floats, weight: Floats, freedoms: float, lim
         wobble=wobble,
         true_wobble=true_wobble if wobble > ROUNDING_TURN else 0.0,
         hidden=float(noise * np.sqrt(max(limit - 1, 0.0))),
-        allowed=_allowed(name, rotations),
-        axis_covariance=growth * axis_covariance(found.state, found.solution.covariance),
+        allowed=_allowed(name, singular),
+        axis_covariance=ratio * n_frames / for_means * axis_covariance(found.state, found.solution.covariance),
     )
 
 
@@ -249,28 +253,28 @@ def _is_told(left: Leftover) -> bool:
     return left.hidden <= (CLEARLY_LESS * left.allowed if left.turning.n_angles else RIGID_TURN)
 
 
-def _allowed(name: str, rotations: Floats) -> float:
+def _allowed(name: str, singular: Floats) -> float:
     """Root mean square [rad] of the smallest turn that a kind allows, of those that are there.
 
     Turns of variance a, b and c about three axes leave singular values 1 - (b + c) / 2, 1 - (a + c) / 2 and
     1 - (a + b) / 2 of the mean rotation.
     """
-    lost = 2 * (1 - np.linalg.svd(rotations.mean(axis=0), compute_uv=False))
+    lost = 2 * (1 - singular)
     variances = lost.sum() / 2 - lost
     return 0.0 if name == "rigid" else float(np.sqrt(max(variances[0 if name == "hinge" else 1], 0.0)))
 
 
-def _start(name: str, rotations: Floats) -> Turning:
+def _start(name: str, rotations: Floats) -> HeldTurning:
     if name == "rigid":
         return FixedTurning(nearest_rotation(rotations.mean(axis=0)), len(rotations))
     return hinge_turning(rotations) if name == "hinge" else universal_turning(rotations)
 
 
-def _linearised(turning: Turning, rotations: Floats, weight: Floats) -> Linear:
-    constants, angles = turning.slopes()
-    errors = vector_from_matrix(rotations @ turning.rotations().swapaxes(1, 2))
-    return Linear((weight @ errors[..., np.newaxis])[..., 0], weight @ constants, weight @ angles)
+def _linearised(turning: HeldTurning, rotations: Floats, weight: Floats) -> Linear:
+    in_parent, in_child, between, angles = turning.parts()
+    held = in_order(in_parent, in_child), in_order(angles, rotations, weight)
+    return Linear(*kind_loops().linearised(*held[0], between, *held[1]))
 
 
-def _stepped(turning: Turning, constants: Floats, angles: Floats) -> Turning:
+def _stepped(turning: HeldTurning, constants: Floats, angles: Floats) -> HeldTurning:
     return turning.stepped(constants, angles)

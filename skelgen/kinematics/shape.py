@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.orientation import Rotator, fit_transform, rotation_by_quaternion
+from skelgen.geometry.orientation import Rotator, fit_transform, means_in_body, rotation_by_quaternion
 from skelgen.model.arrays import Bools, Floats, Ints
 
 MAX_ROUNDS = 30
@@ -22,6 +22,8 @@ MOST_COUNTED = 16
 
 FLATNESS = 0.02
 """Points whose second extent is below this part of the first are on one line: their roll is not determined."""
+
+_ROUNDING = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +101,7 @@ def determines_pose(points: Floats, seen: Bools, flatness: float = FLATNESS) -> 
         Points whose second extent is below this part of the first are on one line.
     """
     patterns, inverse = distinct_rows(seen)
-    fixed = np.array([_spans_a_plane(points[pattern], flatness) for pattern in patterns], dtype=bool)
-    return np.asarray(fixed[inverse])
+    return np.asarray(_span_planes(points, patterns, flatness)[inverse])
 
 
 def distinct_rows(seen: Bools) -> tuple[Bools, Ints]:
@@ -119,11 +120,15 @@ def distinct_rows(seen: Bools) -> tuple[Bools, Ints]:
     return (found[:, np.newaxis] >> np.arange(n_columns)[::-1] & 1).astype(bool), place[code]
 
 
-def _spans_a_plane(points: Floats, flatness: float) -> bool:
-    if len(points) < 3:
-        return False
-    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(extents[1] > flatness * extents[0] and extents[1] > 0)
+def _span_planes(points: Floats, sets: Bools, flatness: float) -> Bools:
+    """Whether the points of each set are three or more that are not on one line."""
+    spans = sets.sum(axis=1) >= 3
+    counted = sets[spans].astype(np.float64)
+    middles = counted @ points / counted.sum(axis=1, keepdims=True)
+    arms = (points - middles[:, np.newaxis]) * counted[..., np.newaxis]
+    extents = np.linalg.eigvalsh(arms.swapaxes(1, 2) @ arms)
+    spans[spans] = extents[:, 1] > max(flatness**2, _ROUNDING) * extents[:, 2]
+    return np.asarray(spans)
 
 
 def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floats:
@@ -148,8 +153,5 @@ def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floa
 
 def _lined_up_mean(points: Floats, positions: Floats, seen: Bools, known: Bools, rotator: Rotator) -> Floats:
     poses = fit_transform(points, positions, seen & known, rotator)
-    body = np.einsum("fij,fni->fnj", poses[:, :3, :3], positions - poses[:, np.newaxis, :3, 3])
-    count = seen.sum(axis=0)[:, np.newaxis]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(seen[..., np.newaxis], body, 0.0).sum(axis=0) / count
+    mean = means_in_body(poses, positions, seen)
     return np.asarray(mean - np.nanmean(mean, axis=0))

@@ -22,6 +22,9 @@ from skelgen.model.arrays import Floats
 
 X = np.eye(3)[0]
 
+Parts = tuple[Floats, Floats, float, Floats]
+"""Joint's frames in the parent and in the child, shape (3, 3), the angle between the axes, and the frames' angles."""
+
 
 class Turning(Protocol):
     """Rotations parent from child of all frames, as one kind of joint allows them."""
@@ -86,6 +89,10 @@ class FixedTurning:
     def axes(self) -> None:
         """Return None: there are no axes."""
 
+    def parts(self) -> Parts:
+        """Return what the rotations are made of."""
+        return self.rotation, np.eye(3), 0.0, np.zeros((self.n_frames, 0))
+
     def slopes(self) -> tuple[Floats, Floats]:
         """Return three constant turns, and no angles."""
         return np.tile(np.eye(3), (self.n_frames, 1, 1)), np.zeros((self.n_frames, 3, 0))
@@ -121,6 +128,10 @@ class AxisTurning:
     def axes(self) -> tuple[Floats, Floats]:
         """Return the axis in the parent and in the child."""
         return self.in_parent[:, 2], self.in_child[:, 2]
+
+    def parts(self) -> Parts:
+        """Return what the rotations are made of."""
+        return self.in_parent, self.in_child, 0.0, self.angles[:, np.newaxis]
 
     def slopes(self) -> tuple[Floats, Floats]:
         """Return tilts of the axis in the parent and in the child (two each), and the turn about it."""
@@ -168,6 +179,10 @@ class TwoAxisTurning:
     def axes(self) -> tuple[Floats, Floats]:
         """Return the axis in the parent and in the child."""
         return self.in_parent[:, 2], self.in_child[:, 2]
+
+    def parts(self) -> Parts:
+        """Return what the rotations are made of."""
+        return self.in_parent, self.in_child, self.between, self.angles
 
     def slopes(self) -> tuple[Floats, Floats]:
         """Return tilts of both axes (two each) and the angle between them, and the turns about them."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.arrow import kind_loops
 from skelgen.kinematics.turning import TwoAxisTurning, frame_along
 from skelgen.model.arrays import Floats
 
@@ -21,8 +22,10 @@ N_STARTS = 48
 N_ROUNDS = 4
 """Rounds of alternation from each; the refinement does the rest."""
 
+UNIVERSAL_RIDGE = 1e-6
+"""Of unit variance: axes that never move against each other make no universal joint."""
+
 _GOLDEN = (1 + 5**0.5) / 2
-_RIDGE = 1e-6  # of unit variance: axes that never move against each other make no universal joint
 
 
 def universal_turning(rotations: Floats) -> TwoAxisTurning:
@@ -36,19 +39,28 @@ def universal_turning(rotations: Floats) -> TwoAxisTurning:
     mean = rotations.mean(axis=0)
     flat = (rotations - mean).reshape(len(rotations), 9)
     moments = (flat.T @ flat / len(flat)).reshape(3, 3, 3, 3)
-    second = _half_sphere(N_STARTS)
-    for _ in range(N_ROUNDS):
-        first, _ = _best_partner(moments, mean, second)
-        second, variances = _best_partner(moments.transpose(1, 0, 3, 2), mean.T, first)
+    second, variances = kind_loops().alternated(moments, mean, _half_sphere(N_STARTS), N_ROUNDS)
     best = int(np.argmin(variances))
-    return _turning(rotations, first[best], second[best])
+    first, _ = best_partners(moments, mean, second[best : best + 1])
+    second, _ = best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)
+    return _turning(rotations, first[0], second[0])
 
 
-def _best_partner(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats, Floats]:
-    """Axes on the left that keep their angle to each of some axes on the right best, and the angles' variances."""
+def best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats, Floats]:
+    """Return axes on the left that keep their angle to each of some axes on the right best, and the angles' variances.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (3, 3, 3, 3)
+        Covariances of the elements of the rotations.
+    mean : ndarray, shape (3, 3)
+        Their mean.
+    known : ndarray, shape (n, 3)
+        Unit axes on the right.
+    """
     spread = np.einsum("iajb,na,nb->nij", moments, known, known)
     middle = known @ mean.T
-    weight = (1 + _RIDGE) * np.eye(3) - middle[:, :, np.newaxis] * middle[:, np.newaxis, :]
+    weight = (1 + UNIVERSAL_RIDGE) * np.eye(3) - middle[:, :, np.newaxis] * middle[:, np.newaxis, :]
     root = np.linalg.inv(np.linalg.cholesky(weight))
     values, vectors = np.linalg.eigh(root @ spread @ root.swapaxes(1, 2))
     axis = (root.swapaxes(1, 2) @ vectors[:, :, :1])[..., 0]

@@ -8,9 +8,10 @@ import pytest
 from skelgen.evaluation.physical_limit import true_chain as chain_of_truth
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.border import linearised, n_constants
-from skelgen.kinematics.bound import cramer_rao_bound, total_information
+from skelgen.kinematics.bound import cramer_rao_bound
 from skelgen.kinematics.calibration import calibrate
 from skelgen.kinematics.chain import ChainPoses
+from skelgen.kinematics.information import total_information
 from skelgen.kinematics.uncertainty import expected_distance
 from skelgen.simulation import simulate
 

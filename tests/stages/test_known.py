@@ -10,16 +10,19 @@ import pytest
 import skelgen
 from skelgen.errors import InputError
 from skelgen.evaluation.identity import find_identity
-from skelgen.model import Project, StageReport, Trajectories
+from skelgen.model import PointCloud, Project, StageReport, Trajectories
 from skelgen.simulation import Structure, simulate
 from skelgen.simulation.structures import find_structure
-from skelgen.stages.known import fit_known
+from skelgen.stages.known import fit_known, labels
 from skelgen.stages.known.moved import N_SPANS, compare_places
+from skelgen.stages.known.points import TrackedPoints
 from skelgen.stages.known.posing import pose_known
+from skelgen.stages.known.voted import by_tracks
 
 FRAMES = 300
 NOISE = 0.5  # mm
 SEED = 7
+SIDES = ("left", "right")
 IDF1 = 0.99  # wanted of labels by a known skeleton
 
 
@@ -97,6 +100,44 @@ def test_exchanged_names_are_put_right(known):
     fit = fit_known(Trajectories(positions, take.names, take.rate, "walk"), known)
     np.testing.assert_allclose(fit.trajectories.positions[:, [3, 20]], take.positions[:, [3, 20]])
     assert fit.moved == ()
+
+
+def test_legs_that_the_pose_exchanged_for_a_while_are_told_by_their_tracks(known, monkeypatch):
+    new = take_of(labelled=False)
+    names = known.trajectories.names
+    left, right = (np.array([names.index(f"{side} hind foot {number}") for number in (1, 2, 3)]) for side in SIDES)
+    follow = labels._one_way
+
+    def exchanged(points, skeleton, spacing, frames, monitor):
+        owner = follow(points, skeleton, spacing, frames, monitor)
+        for one, other in ((left, right), (right, left)) if frames.step > 0 else ():
+            wrong = (points.frames < FRAMES / 3) & np.isin(owner, one)
+            owner[wrong] = other[np.searchsorted(one, owner[wrong])] + len(names)
+        owner[owner >= len(names)] -= len(names)
+        owner[points.frames == 0] = -1  # points that are left alone: the take is followed backward too
+        return owner
+
+    monkeypatch.setattr(labels, "_one_way", exchanged)
+    assert score(fit_known(new.take, known), new) > IDF1
+
+
+def tracked(tracks, frames, n_frames):
+    """Points of tracks, in the order of their frames."""
+    starts = np.searchsorted(frames, np.arange(n_frames + 1))
+    cloud = PointCloud(np.zeros((len(tracks), 3)), starts, np.arange(n_frames) / 100)
+    return TrackedPoints(cloud, np.array(frames), np.array(tracks), ())
+
+
+def test_track_is_the_marker_for_which_most_frames_vote():
+    points = tracked([0, 0, 0, 0, -1], [0, 1, 2, 3, 3], 4)
+    ways = [np.array([1, 1, 0, 0, 0]), np.array([1, -1, 1, -1, -1])]
+    assert by_tracks(points, ways, 2).tolist() == [1, 1, 1, 1, -1]
+
+
+def test_tracks_that_are_seen_together_are_never_one_marker():
+    points = tracked([0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 3], 4)
+    votes = np.array([1, 1, 1, 1, 1, 1])
+    assert by_tracks(points, [votes], 2).tolist() == [1, 1, -1, 1, -1, 1]
 
 
 def test_missing_and_new_markers_are_said(known):

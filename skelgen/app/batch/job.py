@@ -14,6 +14,22 @@ from skelgen.app.stages import Wishes
 
 
 @dataclass(frozen=True)
+class KnownFile:
+    """The file of a known skeleton.
+
+    Attributes
+    ----------
+    path : str
+        A project; on a cluster all machines see it at this path.
+    sha256 : str
+        Checksum of its content: takes of one batch have one skeleton.
+    """
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True)
 class Job:
     """What is done with every take.
 
@@ -33,6 +49,8 @@ class Job:
         What readers are told.
     formats : tuple of str
         Formats that are written beside the usual files.
+    skeleton : KnownFile or None
+        Skeleton of another take, by which all takes are labelled and posed; None finds that of each.
     version : str
         Version of skelgen that all workers must have: results of two would not be those of either.
     """
@@ -44,6 +62,7 @@ class Job:
     format_name: str | None = None
     reader_options: Mapping[str, Any] = field(default_factory=dict)
     formats: tuple[str, ...] = ()
+    skeleton: KnownFile | None = None
     version: str = skelgen.__version__
 
     def as_mapping(self) -> dict[str, Any]:

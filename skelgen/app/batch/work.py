@@ -16,6 +16,7 @@ from skelgen_formats.registry import find_format, write_file
 
 import skelgen
 from skelgen.app.batch.job import Job
+from skelgen.app.batch.known import known_of
 from skelgen.app.batch.records import (
     DONE,
     FAILED,
@@ -32,6 +33,7 @@ from skelgen.app.batch.takes import Entry
 from skelgen.app.configuration import Settings
 from skelgen.app.export import REPORT
 from skelgen.app.files import open_input
+from skelgen.app.known_skeleton import apply_skeleton
 from skelgen.app.monitors import CollectingMonitor
 from skelgen.app.outputs import OUTPUTS, Output, write_outputs
 from skelgen.app.pipeline import run_stages
@@ -155,7 +157,11 @@ def _source_facts(entry: Entry) -> Record:
 def _done(entry: Entry, job: Job) -> Record:
     """Run the stages and write the files; facts, files, and times."""
     project = open_input(entry.source, job.format_name, job.seed, **job.reader_options)
-    project = run_stages(project, until_stage=job.until, settings=Settings(job.settings), wishes=job.wishes)
+    settings = Settings(job.settings)
+    if job.skeleton is None:
+        project = run_stages(project, until_stage=job.until, settings=settings, wishes=job.wishes)
+    else:
+        project = apply_skeleton(project, known_of(job.skeleton), settings=settings)
     seconds = {name: report.seconds for name, report in project.reports.items()}
     timeless = {name: replace(report, seconds=0.0) for name, report in project.reports.items()}
     project = replace(project, reports=timeless)  # the same take gives the same bytes, whenever and wherever

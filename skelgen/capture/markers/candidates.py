@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from skelgen.capture.blobs import StereoPoints
 from skelgen.model.arrays import Floats, Ints
 
+_UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz of a symmetric matrix
+_SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # and where each entry of the matrix is among them
+
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
@@ -22,8 +25,8 @@ class Candidates:
         In the rig's world.
     misfit : ndarray of float32, shape (n,), px
         How far the balls were from seeing one point.
-    std : ndarray of float32, shape (n,), mm
-        Standard deviation of the point in its worst direction.
+    spread : ndarray of float32, shape (n, 6), mm^2
+        Covariance of the point: xx, xy, xz, yy, yz, zz.
     left, right : ndarray of int32, shape (n,)
         Tracks of the two balls.
     per_frame : ndarray of intp, shape (n_frames,)
@@ -32,17 +35,26 @@ class Candidates:
 
     points: Floats
     misfit: NDArray[np.float32]
-    std: NDArray[np.float32]
+    spread: NDArray[np.float32]
     left: NDArray[np.int32]
     right: NDArray[np.int32]
     per_frame: Ints
 
+    @property
+    def frames(self) -> Ints:
+        """The frame of each candidate, shape (n,)."""
+        return np.repeat(np.arange(len(self.per_frame)), self.per_frame)
+
+    def covariance(self, indices: Ints) -> Floats:
+        """Covariances [mm^2] of some candidates, shape (n_indices, 3, 3)."""
+        return self.spread[indices][:, _SQUARE].astype(np.float64)
+
 
 class CandidateStore:
-    """Candidates of frames as they come: 44 bytes each."""
+    """Candidates of frames as they come: 60 bytes each."""
 
     def __init__(self) -> None:
-        self._points, self._misfit, self._std = array("d"), array("f"), array("f")
+        self._points, self._misfit, self._spread = array("d"), array("f"), array("f")
         self._left, self._right, self._per_frame = array("i"), array("i"), array("i")
 
     def add(self, points: StereoPoints, left: Ints, right: Ints) -> None:
@@ -55,10 +67,9 @@ class CandidateStore:
         left, right : ndarray of intp, shape (n_balls,)
             The track of each ball of the left and of the right image.
         """
-        worst = np.linalg.eigvalsh(points.covariance)[:, -1] if len(points) else np.empty(0)
         self._points.frombytes(np.ascontiguousarray(points.points, dtype=np.float64).tobytes())
         self._misfit.frombytes(points.epipolar_distance.astype(np.float32).tobytes())
-        self._std.frombytes(np.sqrt(worst).astype(np.float32).tobytes())
+        self._spread.frombytes(points.covariance[:, *_UPPER].astype(np.float32).tobytes())
         self._left.frombytes(left[points.left].astype(np.int32).tobytes())
         self._right.frombytes(right[points.right].astype(np.int32).tobytes())
         self._per_frame.append(len(points))
@@ -68,7 +79,7 @@ class CandidateStore:
         return Candidates(
             np.frombuffer(self._points, np.float64).reshape(-1, 3),
             np.frombuffer(self._misfit, np.float32),
-            np.frombuffer(self._std, np.float32),
+            np.frombuffer(self._spread, np.float32).reshape(-1, 6),
             np.frombuffer(self._left, np.int32),
             np.frombuffer(self._right, np.int32),
             np.frombuffer(self._per_frame, np.int32).astype(np.intp),

@@ -78,7 +78,7 @@ class _Recording:
     """What is kept of the images that were seen."""
 
     def __init__(self, settings: CaptureSettings, size: tuple[int, int], threads: ThreadPoolExecutor | None) -> None:
-        self._rig = settings.rig
+        self._rig, self._targets = settings.rig, settings.bodies
         self._finder = PointFinder(settings, threads)
         self._tracks = BallTracks(size), BallTracks(size)
         self._store = CandidateStore()
@@ -100,13 +100,13 @@ class _Recording:
         self._health.check(name)
         candidates = self._store.all()
         left, right = ((follower.first, follower.last) for follower in self._tracks)
-        kept = chosen(candidates, left, right, self._rig.noise)
-        frames = np.repeat(np.arange(len(self._times)), candidates.per_frame)[kept]
+        kept = chosen(candidates, left, right, self._rig.noise, _step(self._times), self._targets)
+        frames = candidates.frames[kept]
         starts = np.concatenate([[0], np.cumsum(np.bincount(frames, minlength=len(self._times)))])
-        points = candidates.points[kept]
+        points, covariance = candidates.points[kept], candidates.covariance(np.flatnonzero(kept))
         attributes = {
             "reprojection_error": misfit_in_space(points, candidates.misfit[kept].astype(np.float64), self._rig.left),
-            "std": candidates.std[kept].astype(np.float64),
+            "std": np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]),
             "n_blobs": np.full(len(points), float(N_BLOBS)),
         }
         notices = (*self._health.notices(), *_said_of(candidates, kept), *_said_of_times(rate))
@@ -176,6 +176,12 @@ def misfit_in_space(points: Floats, misfit: Floats, camera: Camera) -> Floats:
     """
     depths = points @ camera.camera_from_world[2, :3] + camera.camera_from_world[2, 3]
     return np.asarray(misfit * depths / camera.matrix[0, 0])
+
+
+def _step(times: list[float]) -> float:
+    """Usual time [s] between pairs of images."""
+    steps = np.diff(times)
+    return float(np.median(steps)) if len(steps) else 0.0
 
 
 def _said_of(candidates: Candidates, kept: Bools) -> tuple[str, ...]:

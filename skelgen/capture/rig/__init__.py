@@ -3,6 +3,7 @@
 from skelgen.capture.rig.arm import seed_arm
 from skelgen.capture.rig.board import BoardTruth, SimulatedBoard, board_places, draw_board
 from skelgen.capture.rig.parameters import RenderParameters
+from skelgen.capture.rig.projected import projected_balls
 from skelgen.capture.rig.render import PairTruth, render_pair, render_view
 from skelgen.capture.rig.scene import Scene, scene_of_bodies, scene_of_structure, view_centre, wandering_poses
 from skelgen.capture.rig.source import SimulatedRig, simulated_rig, suited_parameters
@@ -20,6 +21,7 @@ __all__ = [
     "board_places",
     "draw_board",
     "hand_held_target",
+    "projected_balls",
     "render_pair",
     "render_view",
     "scene_of_bodies",

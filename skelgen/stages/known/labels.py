@@ -1,8 +1,9 @@
 """Labels by a known skeleton: which point of a new take is which of its markers, and what the others are.
 
-Two proposals are made: the names, where the take has some that the skeleton knows, and the pose of the skeleton
-followed through the take forward and backward, names or none. The one that explains more positions is kept. The
-skeleton is then posed in all frames, and points that no marker has are given to markers whose place they are at.
+Proposals are made: the names, where the take has some that the skeleton knows, and the pose of the skeleton followed
+through the take forward and backward, names or none, as each frame tells and as all frames of a track tell together.
+The one that explains most positions is kept. The skeleton is then posed in all frames, and points that no marker has
+are given to markers whose place they are at.
 Tracks that remain and keep their place on a limb are markers: moved ones, where one of the limb is missing, or new.
 """
 
@@ -20,6 +21,7 @@ from skelgen.progress import SILENT, Monitor
 from skelgen.stages.known.points import TrackedPoints, tracked_points
 from skelgen.stages.known.posing import KnownPoses, pose_known
 from skelgen.stages.known.remainder import Settler, settled_tracks
+from skelgen.stages.known.voted import by_tracks
 from skelgen.stages.labels.follow import typical_spacing
 from skelgen.stages.labels.online.chain import Chain
 from skelgen.stages.labels.online.model import ModelLabels
@@ -34,8 +36,11 @@ LEAST_EXPLAINED = 0.5
 ROUNDS = 3
 """Turns of points to markers and of poses: a point that is found poses its limb, which finds others."""
 
+HELD_SHARE = 0.5
+"""A track that is at a marker's place in more than this part of its frames is that marker's in between too."""
+
 JUDGED_FRAMES = 200
-"""Frames in which two proposals are compared."""
+"""Frames in which proposals are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,13 +104,7 @@ def label_known(
     monitor.begin("labels by the known skeleton")
     points = tracked_points(take, parameters or LabelParameters(), monitor)
     gates = GATE * Chain(skeleton).deviation
-    proposals = [(_followed(points, skeleton, monitor), False)]
-    named = _named(points, names)
-    if named is not None:
-        proposals.append((named, True))
-    owner, by_name = max(
-        proposals, key=lambda proposal: (_n_explained(points, proposal[0], skeleton, gates), proposal[1])
-    )
+    owner, by_name = _proposed(points, skeleton, names, gates, monitor)
     placed, poses = _placed(points, owner, skeleton, gates, monitor)
     explained = _share(points, placed, skeleton)
     if explained < LEAST_EXPLAINED:
@@ -122,27 +121,46 @@ def label_known(
     return KnownLabels(result, points, poses, moved, new, explained, by_name)
 
 
+def _proposed(
+    points: TrackedPoints, skeleton: Skeleton, names: tuple[str, ...], gates: Floats, monitor: Monitor
+) -> tuple[Ints, bool]:
+    """Markers of the points by what explains most of them, and whether that is the names of the take."""
+    ways = _ways(points, skeleton, monitor)
+    proposals = [(_frame_by_frame(points, ways, len(names)), False), (by_tracks(points, ways, len(names)), False)]
+    named = _named(points, names)
+    if named is not None:
+        proposals.append((named, True))
+    counts = [_n_explained(points, owner, skeleton, gates) for owner, _ in proposals]
+    return proposals[max(range(len(proposals)), key=lambda index: (counts[index], index))]
+
+
 def _named(points: TrackedPoints, names: tuple[str, ...]) -> Ints | None:
     """Markers by the names of the take, if there are any that the skeleton knows."""
     known = np.array([names.index(name) if name in names else -1 for name in points.names], dtype=np.intp)
     return known[points.tracks] if (known >= 0).any() else None
 
 
-def _followed(points: TrackedPoints, skeleton: Skeleton, monitor: Monitor) -> Ints:
+def _ways(points: TrackedPoints, skeleton: Skeleton, monitor: Monitor) -> list[Ints]:
     """Markers by the pose of the skeleton, followed forward, and backward where that leaves points alone."""
-    spacing = typical_spacing(points.cloud)
-    forward = _one_way(points, skeleton, spacing, range(points.cloud.n_frames), monitor)
-    n_carried = int((skeleton.limb_of_marker >= 0).sum())
-    alone = np.bincount(points.frames[forward < 0], minlength=points.cloud.n_frames)
-    missing = n_carried - np.bincount(points.frames[forward >= 0], minlength=points.cloud.n_frames)
+    spacing, n_frames = typical_spacing(points.cloud), points.cloud.n_frames
+    forward = _one_way(points, skeleton, spacing, range(n_frames), monitor)
+    alone = np.bincount(points.frames[forward < 0], minlength=n_frames)
+    missing = _n_carried(skeleton) - np.bincount(points.frames[forward >= 0], minlength=n_frames)
     if not ((alone > 0) & (missing > 0)).any():
-        return forward
-    backward = _one_way(points, skeleton, spacing, range(points.cloud.n_frames - 1, -1, -1), monitor)
-    taken = np.zeros((points.cloud.n_frames, len(skeleton.limb_of_marker)), dtype=np.bool_)
-    owned = forward >= 0
-    taken[points.frames[owned], forward[owned]] = True
-    free = (forward < 0) & (backward >= 0) & ~taken[points.frames, backward]
-    return np.where(free, backward, forward)
+        return [forward]
+    return [forward, _one_way(points, skeleton, spacing, range(n_frames - 1, -1, -1), monitor)]
+
+
+def _frame_by_frame(points: TrackedPoints, ways: list[Ints], n_markers: int) -> Ints:
+    """Markers by the first way, by the next ones where that leaves both point and marker alone."""
+    owner = ways[0]
+    for other in ways[1:]:
+        taken = np.zeros((points.cloud.n_frames, n_markers), dtype=np.bool_)
+        owned = owner >= 0
+        taken[points.frames[owned], owner[owned]] = True
+        free = (owner < 0) & (other >= 0) & ~taken[points.frames, other]
+        owner = np.where(free, other, owner)
+    return owner
 
 
 def _one_way(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
@@ -175,7 +193,42 @@ def _away(poses: KnownPoses, skeleton: Skeleton, positions: Floats) -> Floats:
 def _placed(
     points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
 ) -> tuple[Ints, KnownPoses]:
-    """Keep points that are at their marker's place, give others to markers whose place they are at, and pose again."""
+    """Keep points that are at their marker's place, give others to markers whose place they are at, and pose again.
+
+    A track that is at a marker's place now and then is tried as that marker in all its frames, which turns a limb that
+    few markers hold to where it belongs.
+    """
+    owner, poses = _settled(points, owner, skeleton, gates, monitor)
+    n_markers = len(skeleton.limb_of_marker)
+    tried = _frame_by_frame(points, [owner, by_tracks(points, [owner], n_markers)], n_markers)
+    if not np.array_equal(owner, tried):
+        other, poses_of_other = _settled(points, tried, skeleton, gates, monitor)
+        if (other >= 0).sum() > (owner >= 0).sum():
+            owner, poses = other, poses_of_other
+    return _held(points, owner, poses.markers(skeleton)), poses
+
+
+def _held(points: TrackedPoints, owner: Ints, predicted: Floats) -> Ints:
+    """Leave a marker what its track shows in between: skin may stray farther than the calibrated take told.
+
+    The track is at the marker's place in most of its frames, and no farther from it than half the points' spacing.
+    """
+    if (owner < 0).all():
+        return owner
+    n_markers = predicted.shape[1]
+    most = by_tracks(points, [owner], n_markers)
+    own = np.maximum(most, 0)
+    tracks = np.maximum(points.tracks, 0)
+    agreed = np.bincount(tracks, (owner == most) & (most >= 0)) > HELD_SHARE * np.bincount(tracks)
+    away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
+    near = agreed[tracks] & (away < typical_spacing(points.cloud) / 2)
+    return _frame_by_frame(points, [owner, np.where(near, most, -1)], n_markers)
+
+
+def _settled(
+    points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
+) -> tuple[Ints, KnownPoses]:
+    """Turns of points to markers and of poses until nothing changes."""
     n_markers = len(skeleton.limb_of_marker)
     if (owner < 0).all():
         return owner, pose_known(skeleton, points.positions(owner, n_markers)[:0])
@@ -211,6 +264,9 @@ def _reassigned(points: TrackedPoints, owner: Ints, predicted: Floats, gates: Fl
 
 def _share(points: TrackedPoints, owner: Ints, skeleton: Skeleton) -> float:
     """Part of what could be explained, frame by frame the fewer of points and markers, that is explained."""
-    n_carried = int((skeleton.limb_of_marker >= 0).sum())
-    possible = np.minimum(points.cloud.points_per_frame, n_carried).sum()
+    possible = np.minimum(points.cloud.points_per_frame, _n_carried(skeleton)).sum()
     return float((owner >= 0).sum() / max(int(possible), 1))
+
+
+def _n_carried(skeleton: Skeleton) -> int:
+    return int((skeleton.limb_of_marker >= 0).sum())

@@ -1,0 +1,335 @@
+r"""Information of a chain's constants, frame by frame, compiled; `plain_information` is the twin, and says what it is.
+
+Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
+
+As in `tree`, what a limb's markers and all beyond it say is a quadratic form in the limb's turn :math:`\omega` and the
+shift :math:`\delta` of its origin, and the turns are minimised out from the leaves to the root. Here the constants c
+come into it on the way, each where it belongs, by columns T and F and what they cost by themselves,
+
+.. math::
+    \omega^T T c + \delta^T F c + \tfrac12 c^T S c .
+
+A marker's offset comes in with its limb, the tilts of an axis before the turn about it is minimised out, a joint when
+its limb is carried to the parent. So a limb knows of no constants but those of its own and beyond, which stand side by
+side; when the root's turn and shift are gone too, S is left.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from skelgen.compiling import compile_function
+from skelgen.kinematics.articulation import AXIS_CONSTANTS, PARALLEL, Articulation, across
+from skelgen.kinematics.border import POSE_RIDGE
+from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.chain_table import ChainTable, chain_table, fresh
+from skelgen.kinematics.compiled_posing import (
+    BY_SHIFT,
+    BY_TURN,
+    MIXED,
+    N_AXIS,
+    N_FORM,
+    SHIFT,
+    Place,
+    carry_form,
+    find_forms,
+    new_place,
+    put,
+    take_axis,
+    world_axis,
+)
+from skelgen.kinematics.compiled_vectors import (
+    Matrix,
+    Symmetric,
+    Vector,
+    add_symmetric,
+    by_symmetric,
+    cross,
+    dot,
+    matrix,
+    plus,
+    set_matrix,
+    symmetric,
+    times,
+    transposed,
+    turned,
+    vector,
+)
+from skelgen.model.arrays import Floats, Ints
+
+TORQUES, FORCES, ROWS = 0, 3, 6
+"""Rows of the table of columns: T, F, and what a turn that is minimised out leaves."""
+
+
+class Columns(NamedTuple):
+    """Where the constants stand, sorted so that those of a limb and all beyond it stand side by side.
+
+    Attributes
+    ----------
+    order : ndarray of intp, shape (n_limbs,)
+        Limbs, each before all beyond it.
+    first, last : ndarray of intp, shape (n_limbs,)
+        Where the constants of each limb and of those beyond it begin and end: joint, tilts, offsets, limbs beyond.
+    n_tilts : ndarray of intp, shape (n_limbs,)
+        Constants of the axis of each limb's joint.
+    across : ndarray, shape (n_limbs, 2, 3)
+        Directions in the parent about which axes are tilted.
+    """
+
+    order: Ints
+    first: Ints
+    last: Ints
+    n_tilts: Ints
+    across: Floats
+
+
+def summed(chain: Chain, articulation: Articulation, poses: ChainPoses, weights: Floats) -> Floats:
+    """Return the information of some frames; parameters are those of the plain twin."""
+    columns, places = _columns(chain, articulation)
+    total = np.zeros((len(places), len(places)))
+    add_frames(chain_table(chain, articulation), columns, fresh(poses.rotations), fresh(weights), total)
+    result = np.empty_like(total)
+    result[np.ix_(places, places)] = np.triu(total) + np.triu(total, 1).T
+    return result
+
+
+def _columns(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
+    """Where the constants stand, and which of `Calibration.information` each of them is."""
+    n_limbs, n_offsets = chain.n_limbs, 3 * chain.n_markers
+    below = chain.ancestry()
+    order = sorted(range(n_limbs), key=lambda limb: [int(one) for one in np.flatnonzero(below[:, limb])])
+    own = []
+    for limb in range(n_limbs):
+        joint = np.arange(3) + n_offsets + 3 * (limb - 1) if limb else np.zeros(0, dtype=np.intp)
+        axes = articulation.constant_columns[limb]
+        tilts = np.arange(axes.start, axes.stop) + n_offsets + 3 * (n_limbs - 1)
+        markers = np.flatnonzero(chain.limb_of_marker == limb)
+        own.append(np.concatenate([joint, tilts, (3 * markers[:, np.newaxis] + np.arange(3)).ravel()]))
+    sizes = np.array([len(one) for one in own])
+    first = np.empty(n_limbs, dtype=np.intp)
+    first[order] = np.cumsum(sizes[order]) - sizes[order]
+    directions = np.zeros((n_limbs, 2, 3))
+    n_tilts = np.array([AXIS_CONSTANTS[kind] for kind in articulation.kinds], dtype=np.intp)
+    for limb in np.flatnonzero(n_tilts).tolist():
+        directions[limb] = across(articulation.in_parent[limb]).T
+    last = first + below @ sizes
+    places = np.concatenate([own[limb] for limb in order]).astype(np.intp)
+    return Columns(np.array(order, dtype=np.intp), first, last.astype(np.intp), n_tilts, directions), places
+
+
+@compile_function
+def add_frames(table: ChainTable, columns: Columns, rotations: Floats, weights: Floats, total: Floats) -> None:
+    """Add what some frames tell to the upper half of S."""
+    n_limbs, n_markers = len(table.parents), len(table.markers)
+    place, nowhere = new_place(n_limbs, n_markers), np.zeros((n_markers, 3))  # what is measured does not count
+    forms, whole, solved = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS))
+    work = np.zeros((ROWS + 3, len(total)))
+    for axis in range(3):
+        place.root[axis] = 0.0
+    for frame in range(len(weights)):
+        for limb in range(n_limbs):
+            set_matrix(place.rotations, limb, matrix(rotations[frame], limb))
+        put(table, nowhere, weights[frame], place)
+        all_weights, _ = find_forms(table, weights[frame], place, forms)
+        level = ridge(mean_turn(table, place, forms, whole))
+        for entry in range(n_limbs - 1, 0, -1):
+            limb = columns.order[entry]
+            add_offsets(table, columns, weights[frame], place, limb, work, total)
+            if table.freedoms[limb] == 3:
+                take_free_turn(forms, limb, level, work, columns.first[limb] + 3, columns.last[limb], total)
+            else:
+                add_tilts(table, columns, place, forms, limb, work, total)
+                take_axes(table, columns, place, forms, limb, level, solved, work, total)
+            add_joint(columns, matrix(place.rotations, table.parents[limb]), forms, limb, work, total)
+            carry_columns(table, columns, place, forms, limb, work)
+        add_offsets(table, columns, weights[frame], place, 0, work, total)
+        take_free_turn(forms, 0, level, work, 0, len(total), total)
+        factor = inverse_root(symmetric(forms, 0, SHIFT), ridge(all_weights))
+        take_rows(factor, work, FORCES, 0, len(total), total)
+
+
+@compile_function
+def ridge(diagonal: float) -> float:
+    """What keeps a matrix regular that has this mean diagonal; as `border.with_ridge` has it."""
+    return POSE_RIDGE * diagonal if diagonal > 0.0 else 1.0
+
+
+@compile_function
+def mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> float:
+    """Return the mean diagonal of all turns' matrix while all of them are unknown."""
+    total, n_turns = 0.0, 0
+    for limb in range(len(forms)):
+        for column in range(N_FORM):
+            whole[limb, column] = forms[limb, column]
+    for limb in range(len(forms) - 1, -1, -1):
+        turn = symmetric(whole, limb, 0)
+        n_turns += table.freedoms[limb]
+        if table.freedoms[limb] == 3:
+            total += turn[0] + turn[3] + turn[5]
+        else:
+            for which in range(table.freedoms[limb]):
+                axis = world_axis(table, place, limb, which)
+                total += dot(axis, by_symmetric(turn, axis))
+        if limb > 0:
+            carry_form(table, place, whole, limb)
+    return total / n_turns
+
+
+@compile_function
+def add_offsets(
+    table: ChainTable, columns: Columns, weights: Floats, place: Place, limb: int, work: Floats, total: Floats
+) -> None:
+    """Let the offsets of a limb's markers come in."""
+    column = columns.first[limb] + columns.n_tilts[limb] + (3 if limb > 0 else 0)
+    axes = transposed(matrix(place.rotations, limb))
+    for own in range(table.starts[limb], table.starts[limb + 1]):
+        weight = weights[table.markers[own]]
+        for axis in range(3):
+            force = times(weight, axes[axis])
+            torque = cross(vector(place.arms, own, 0), force) if weight > 0.0 else force
+            set_column(work, FORCES, column, force)
+            set_column(work, TORQUES, column, torque)
+            total[column, column] += weight
+            column += 1
+
+
+@compile_function
+def add_tilts(
+    table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats, total: Floats
+) -> None:
+    """Let the constants of the axis of a limb's joint come in: they turn it."""
+    parent = matrix(place.rotations, table.parents[limb])
+    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
+    for tilt in range(columns.n_tilts[limb] - 1, -1, -1):
+        if tilt < 2:
+            change = turned(parent, vector(columns.across[limb], tilt, 0))
+        else:
+            first = turned(parent, vector(table.in_parent, limb, 0))
+            normal = cross(first, turned(matrix(place.rotations, limb), vector(table.in_child, limb, 0)))
+            size = math.sqrt(dot(normal, normal))
+            change = times(1.0 / size if size > PARALLEL else 0.0, normal)
+        column = columns.first[limb] + 3 + tilt
+        set_column(work, TORQUES, column, by_symmetric(symmetric(forms, limb, 0), change))
+        set_column(work, FORCES, column, (dot(a, change), dot(b, change), dot(c, change)))
+        mix(total, column, 1.0, change, work, TORQUES, column, columns.last[limb])
+
+
+@compile_function
+def add_joint(columns: Columns, parent: Matrix, forms: Floats, limb: int, work: Floats, total: Floats) -> None:
+    """Let the joint above a limb come in: it shifts the origin."""
+    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
+    axes = transposed(parent)
+    for axis in range(2, -1, -1):
+        column, shift = columns.first[limb] + axis, axes[axis]
+        set_column(work, FORCES, column, by_symmetric(symmetric(forms, limb, SHIFT), shift))
+        set_column(work, TORQUES, column, plus(plus(times(shift[0], a), times(shift[1], b)), times(shift[2], c)))
+        mix(total, column, 1.0, shift, work, FORCES, column, columns.last[limb])
+
+
+@compile_function
+def take_free_turn(forms: Floats, limb: int, level: float, work: Floats, first: int, last: int, total: Floats) -> None:
+    """Minimise a free turn out."""
+    factor = inverse_root(symmetric(forms, limb, 0), level)
+    a = turned(factor, vector(forms, limb, MIXED))
+    b = turned(factor, vector(forms, limb, MIXED + 3))
+    c = turned(factor, vector(forms, limb, MIXED + 6))
+    add_symmetric(forms, limb, SHIFT, (-dot(a, a), -dot(a, b), -dot(a, c), -dot(b, b), -dot(b, c), -dot(c, c)))
+    take_rows(factor, work, TORQUES, first, last, total)
+    mix(work, FORCES, 1.0, times(-1.0, a), work, ROWS, first, last)
+    mix(work, FORCES + 1, 1.0, times(-1.0, b), work, ROWS, first, last)
+    mix(work, FORCES + 2, 1.0, times(-1.0, c), work, ROWS, first, last)
+
+
+@compile_function
+def take_rows(factor: Matrix, work: Floats, source: int, first: int, last: int, total: Floats) -> None:
+    """Take what three unknowns tell from S, their columns multiplied by the root of their inverse matrix."""
+    mix(work, ROWS, 0.0, factor[0], work, source, first, last)
+    mix(work, ROWS + 1, 0.0, factor[1], work, source, first, last)
+    mix(work, ROWS + 2, 0.0, factor[2], work, source, first, last)
+    for row in range(first, last):
+        own = (-work[ROWS, row], -work[ROWS + 1, row], -work[ROWS + 2, row])
+        mix(total, row, 1.0, own, work, ROWS, row, last)
+
+
+@compile_function
+def take_axes(
+    table: ChainTable,
+    columns: Columns,
+    place: Place,
+    forms: Floats,
+    limb: int,
+    level: float,
+    solved: Floats,
+    work: Floats,
+    total: Floats,
+) -> None:
+    """Minimise the turns about the axes of a limb's joint out, the outer first."""
+    first, last = columns.first[limb] + 3, columns.last[limb]
+    for place_of_axis in range(table.freedoms[limb] - 1, -1, -1):
+        axis = world_axis(table, place, limb, place_of_axis)
+        root = math.sqrt(take_axis(forms, limb, axis, level, solved, 0))
+        by_turn, by_shift = vector(solved, limb, BY_TURN), vector(solved, limb, BY_SHIFT)
+        mix(work, ROWS, 0.0, times(root, axis), work, TORQUES, first, last)
+        for row in range(first, last):
+            take_row(total, row, work[ROWS, row], work, row, last)
+        for part in range(3):
+            take_row(work, TORQUES + part, by_turn[part] / root, work, first, last)
+            take_row(work, FORCES + part, by_shift[part] / root, work, first, last)
+
+
+@compile_function
+def carry_columns(table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats) -> None:
+    """Carry a limb's form with its columns to its parent."""
+    first, last = columns.first[limb], columns.last[limb]
+    kept = 0.0 if table.freedoms[limb] == 3 else 1.0
+    carry_form(table, place, forms, limb)
+    x, y, z = vector(place.links, limb, 0)
+    mix(work, TORQUES, kept, (0.0, -z, y), work, FORCES, first, last)
+    mix(work, TORQUES + 1, kept, (z, 0.0, -x), work, FORCES, first, last)
+    mix(work, TORQUES + 2, kept, (-y, x, 0.0), work, FORCES, first, last)
+
+
+@compile_function
+def inverse_root(matrix: Symmetric, level: float) -> Matrix:
+    """Return W with W^T W = (matrix + level)^-1, lower, no pivot below the level."""
+    a, b, c, d, e, f = matrix
+    pivot = max(a + level, level)
+    low, lower, first = b / pivot, c / pivot, 1.0 / math.sqrt(pivot)
+    pivot = max(d + level - low * b, level)
+    mixed = e - lower * b
+    across, second = mixed / pivot, 1.0 / math.sqrt(pivot)
+    third = 1.0 / math.sqrt(max(f + level - lower * c - across * mixed, level))
+    return (
+        (first, 0.0, 0.0),
+        (-low * second, second, 0.0),
+        ((low * across - lower) * third, -across * third, third),
+    )
+
+
+@compile_function
+def set_column(work: Floats, top: int, column: int, value: Vector) -> None:
+    """Write three numbers one below the other."""
+    work[top, column], work[top + 1, column], work[top + 2, column] = value
+
+
+@compile_function
+def mix(
+    target: Floats, row: int, kept: float, factors: Vector, source: Floats, top: int, first: int, last: int
+) -> None:
+    """Replace a part of a row by `kept` times itself and three rows of a table times factors."""
+    a, b, c = factors
+    out = target[row, first:last]  # numbers from 0 on tell the compiler that nothing counts from the end
+    x, y, z = source[top, first:last], source[top + 1, first:last], source[top + 2, first:last]
+    for place in range(len(out)):
+        out[place] = kept * out[place] + a * x[place] + b * y[place] + c * z[place]
+
+
+@compile_function
+def take_row(target: Floats, row: int, factor: float, work: Floats, first: int, last: int) -> None:
+    """Take a part of the first of what is left by an unknown, times a factor, from a row."""
+    out, taken = target[row, first:last], work[ROWS, first:last]
+    for place in range(len(out)):
+        out[place] -= factor * taken[place]

@@ -1,0 +1,293 @@
+"""Compiled loops over frames that tell what kind a joint is; `plain_kinds` is the NumPy twin.
+
+Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from skelgen.compiling import compile_function
+from skelgen.geometry.rotations import SMALL_ANGLE
+from skelgen.kinematics.arrow import OWN_RIDGE
+from skelgen.kinematics.universal import UNIVERSAL_RIDGE
+from skelgen.model.arrays import Floats
+
+Eliminated = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]
+MAX_SWEEPS = 30
+JACOBI_TOLERANCE = 1e-34
+"""Of the sum of squares: what is left aside of the diagonal is less than rounding."""
+
+_TINY = float(np.finfo(np.float64).tiny)
+
+
+@compile_function
+def whitened(covariances: Floats) -> Floats:
+    """Return matrices W with W^T W = covariance^-1; see `plain_kinds.whitened`."""
+    out, room = np.zeros_like(covariances), np.empty_like(covariances[0])
+    for frame in range(len(covariances)):
+        room[:] = covariances[frame]
+        _write_inverse_root(room, out[frame])
+    return out
+
+
+@compile_function
+def _write_inverse_root(matrix: Floats, out: Floats) -> None:
+    """Write the inverse of the lower root of a matrix (Cholesky), which is lost."""
+    size = len(matrix)
+    for j in range(size):
+        for i in range(j, size):
+            for k in range(j):
+                matrix[i, j] -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = math.sqrt(max(matrix[j, j], _TINY)) if i == j else matrix[i, j] / matrix[j, j]
+    for j in range(size):
+        for i in range(size):
+            out[i, j] = 0.0
+        out[j, j] = 1.0 / matrix[j, j]
+        for i in range(j + 1, size):
+            total = 0.0
+            for k in range(j, i):
+                total -= matrix[i, k] * out[k, j]
+            out[i, j] = total / matrix[i, i]
+
+
+@compile_function
+def eliminate(residuals: Floats, constants: Floats, angles: Floats) -> Eliminated:
+    """Take the frames' own unknowns out of a least squares problem; see `plain_kinds.eliminate`."""
+    n_frames, n_rows, n_constants = constants.shape
+    n_angles = angles.shape[2]
+    inverse, follow = np.zeros((n_frames, n_angles, n_angles)), np.zeros((n_frames, n_angles, n_constants))
+    alone, reduced, left = np.zeros((n_frames, n_angles)), constants.copy(), residuals.copy()
+    normal, pull = np.zeros((n_constants, n_constants)), np.zeros(n_constants)
+    for frame in range(n_frames):
+        _invert_own(angles[frame], inverse[frame])
+        _follow(angles[frame], inverse[frame], constants[frame], residuals[frame], follow[frame], alone[frame])
+        for row in range(n_rows):
+            for a in range(n_angles):
+                left[frame, row] -= angles[frame, row, a] * alone[frame, a]
+                for c in range(n_constants):
+                    reduced[frame, row, c] -= angles[frame, row, a] * follow[frame, a, c]
+            for c in range(n_constants):
+                pull[c] += reduced[frame, row, c] * left[frame, row]
+                for d in range(c + 1):
+                    normal[c, d] += reduced[frame, row, c] * reduced[frame, row, d]
+    for c in range(n_constants):
+        for d in range(c):
+            normal[d, c] = normal[c, d]
+    return inverse, follow, alone, reduced, left, normal, pull
+
+
+@compile_function
+def _follow(
+    angles: Floats, inverse: Floats, constants: Floats, residuals: Floats, follow: Floats, alone: Floats
+) -> None:
+    """Add how a frame's own unknowns follow the constants, and what they are without."""
+    for a in range(len(alone)):
+        for row in range(len(residuals)):
+            gain = 0.0
+            for b in range(len(alone)):
+                gain += inverse[a, b] * angles[row, b]
+            alone[a] += gain * residuals[row]
+            for c in range(constants.shape[1]):
+                follow[a, c] += gain * constants[row, c]
+
+
+@compile_function
+def _invert_own(slopes: Floats, out: Floats) -> None:
+    """Write the inverse of slopes^T slopes, its diagonal a little raised: Gauss and Jordan without exchanges."""
+    n_rows, size = slopes.shape
+    trace = 0.0
+    for i in range(size):
+        for j in range(size):
+            out[i, j] = 0.0
+            for row in range(n_rows):
+                out[i, j] += slopes[row, i] * slopes[row, j]
+        trace += out[i, i]
+    level = OWN_RIDGE * trace + _TINY
+    for i in range(size):
+        out[i, i] += level
+    for pivot in range(size):
+        scale = 1.0 / max(out[pivot, pivot], level)
+        out[pivot, pivot] = 1.0
+        for j in range(size):
+            out[pivot, j] *= scale
+        for i in range(size):
+            if i != pivot:
+                factor = out[i, pivot]
+                out[i, pivot] = 0.0
+                for j in range(size):
+                    out[i, j] -= factor * out[pivot, j]
+
+
+@compile_function
+def linearised(
+    in_parent: Floats, in_child: Floats, between: float, angles: Floats, rotations: Floats, weight: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return whitened errors of rotations and how a joint's rotations follow its unknowns; see `plain_kinds`."""
+    n_frames, n_angles = angles.shape
+    residuals = np.empty((n_frames, 3))
+    constants, own = np.empty((n_frames, 3, 3 + n_angles)), np.empty((n_frames, 3, n_angles))
+    first, both, model, error = in_parent.copy(), in_parent.copy(), np.empty((3, 3)), np.empty((3, 3))
+    columns, vector = np.empty((3, 3 + 2 * n_angles)), np.empty(3)
+    cosine, sine = math.cos(between), math.sin(between)
+    for frame in range(n_frames):
+        if n_angles > 0:
+            _turn(in_parent, 0, math.cos(angles[frame, 0]), math.sin(angles[frame, 0]), both)
+        if n_angles == 2:
+            first, both = both, first
+            _turn(first, 1, cosine, sine, both)
+            _turn(both, 0, math.cos(angles[frame, 1]), math.sin(angles[frame, 1]), both)
+        _times_transposed(both, in_child, model)
+        _times_transposed(rotations[frame], model, error)
+        _write_vector(error, vector)
+        _write_slopes(in_parent, first, both, n_angles, columns)
+        for i in range(3):
+            residuals[frame, i] = weight[frame, i, 0] * vector[0]
+            residuals[frame, i] += weight[frame, i, 1] * vector[1] + weight[frame, i, 2] * vector[2]
+            for column in range(3 + 2 * n_angles):
+                value = weight[frame, i, 0] * columns[0, column] + weight[frame, i, 1] * columns[1, column]
+                value += weight[frame, i, 2] * columns[2, column]
+                if column < 3 + n_angles:
+                    constants[frame, i, column] = value
+                else:
+                    own[frame, i, column - 3 - n_angles] = value
+    return residuals, constants, own
+
+
+@compile_function
+def _turn(frame: Floats, start: int, cosine: float, sine: float, out: Floats) -> None:
+    """Write a frame turned in the plane of two neighbouring axes: about z or x; both may be the same array."""
+    other, still = start + 1, 2 - 2 * start
+    for i in range(3):
+        x, y = frame[i, start], frame[i, other]
+        out[i, start], out[i, other], out[i, still] = cosine * x + sine * y, cosine * y - sine * x, frame[i, still]
+
+
+@compile_function
+def _times_transposed(first: Floats, second: Floats, out: Floats) -> None:
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = first[i, 0] * second[j, 0] + first[i, 1] * second[j, 1] + first[i, 2] * second[j, 2]
+
+
+@compile_function
+def _write_vector(m: Floats, out: Floats) -> None:
+    """Write the rotation vector of a rotation: the largest part of its quaternion is found first (Shepperd 1978)."""
+    trace = m[0, 0] + m[1, 1] + m[2, 2]
+    best, most = -1, trace
+    for i in range(3):
+        if m[i, i] > most:
+            best, most = i, m[i, i]
+    if best < 0:
+        w, x, y, z = 1.0 + trace, m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+    else:
+        i, j, k = best, (best + 1) % 3, (best + 2) % 3
+        out[i], out[j], out[k] = 1.0 + 2.0 * m[i, i] - trace, m[i, j] + m[j, i], m[i, k] + m[k, i]
+        w, x, y, z = m[k, j] - m[j, k], out[0], out[1], out[2]
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    w, x, y, z = w / length, x / length, y / length, z / length
+    sine = math.sqrt(x * x + y * y + z * z)
+    factor = 2.0 * math.atan2(sine, w) / sine if sine > SMALL_ANGLE else 2.0
+    out[0], out[1], out[2] = factor * x, factor * y, factor * z
+
+
+@compile_function
+def _write_slopes(in_parent: Floats, first: Floats, both: Floats, n_angles: int, out: Floats) -> None:
+    """Write how a turn follows the constants of its kind, then the frame's angles."""
+    for i in range(3):
+        if n_angles == 0:
+            for column in range(3):
+                out[i, column] = 1.0 if i == column else 0.0
+        else:
+            out[i, 0], out[i, 1], out[i, 2], out[i, 3] = in_parent[i, 0], in_parent[i, 1], -both[i, 0], -both[i, 1]
+            if n_angles == 1:
+                out[i, 4] = in_parent[i, 2]
+            else:
+                out[i, 4], out[i, 5], out[i, 6] = first[i, 0], in_parent[i, 2], both[i, 2]
+
+
+@compile_function
+def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> tuple[Floats, Floats]:
+    """Return axes in the child before the last of some rounds, and variances after it; see `plain_kinds.alternated`."""
+    before, variances = starts.copy(), np.empty(len(starts))
+    first, second = np.empty(3), np.empty(3)
+    room = np.empty((4, 3, 3))
+    for start in range(len(starts)):
+        second[:] = starts[start]
+        for _ in range(n_rounds):
+            before[start] = second
+            _write_partner(moments, mean, second, False, room, first)
+            variances[start] = _write_partner(moments, mean, first, True, room, second)
+    return before, variances
+
+
+@compile_function
+def _write_partner(moments: Floats, mean: Floats, known: Floats, back: bool, room: Floats, out: Floats) -> float:
+    """Write the axis that keeps its angle to a known one best, and return the angle's variance."""
+    spread, root, turned, vectors = room[0], room[1], room[2], room[3]
+    middle = np.zeros(3)
+    for i in range(3):
+        for a in range(3):
+            middle[i] += (mean[a, i] if back else mean[i, a]) * known[a]
+    for i in range(3):
+        for j in range(3):
+            spread[i, j] = 0.0
+            root[i, j] = (1.0 + UNIVERSAL_RIDGE if i == j else 0.0) - middle[i] * middle[j]
+            for a in range(3):
+                for b in range(3):
+                    value = moments[a, i, b, j] if back else moments[i, a, j, b]
+                    spread[i, j] += value * known[a] * known[b]
+    _write_inverse_root(root, turned)
+    for i in range(3):
+        for j in range(3):
+            root[i, j] = turned[i, 0] * spread[0, j] + turned[i, 1] * spread[1, j] + turned[i, 2] * spread[2, j]
+    _times_transposed(root, turned, spread)
+    _turn_to_axes(spread, vectors)
+    least = 0
+    for i in range(1, 3):
+        if spread[i, i] < spread[least, least]:
+            least = i
+    length = 0.0
+    for i in range(3):
+        out[i] = turned[0, i] * vectors[0, least] + turned[1, i] * vectors[1, least] + turned[2, i] * vectors[2, least]
+        length += out[i] ** 2
+    for i in range(3):
+        out[i] /= math.sqrt(length)
+    return float(spread[least, least])
+
+
+@compile_function
+def _turn_to_axes(matrix: Floats, vectors: Floats) -> None:
+    """Make a symmetric matrix (3 x 3) diagonal by Jacobi's rotations, and write its eigenvectors as columns."""
+    for i in range(3):
+        for j in range(3):
+            vectors[i, j] = 1.0 if i == j else 0.0
+    for _ in range(MAX_SWEEPS):
+        aside = matrix[0, 1] ** 2 + matrix[0, 2] ** 2 + matrix[1, 2] ** 2
+        if aside <= (matrix[0, 0] ** 2 + matrix[1, 1] ** 2 + matrix[2, 2] ** 2) * JACOBI_TOLERANCE:
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if matrix[p, q] != 0.0:
+                    _rotate(matrix, vectors, p, q)
+
+
+@compile_function
+def _rotate(matrix: Floats, vectors: Floats, p: int, q: int) -> None:
+    """Bring one element of a symmetric matrix to 0."""
+    ratio = (matrix[q, q] - matrix[p, p]) / (2.0 * matrix[p, q])
+    tangent = (1.0 if ratio >= 0.0 else -1.0) / (abs(ratio) + math.sqrt(ratio * ratio + 1.0))
+    cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
+    sine = tangent * cosine
+    for k in range(3):
+        first, second = matrix[k, p], matrix[k, q]
+        matrix[k, p], matrix[k, q] = cosine * first - sine * second, sine * first + cosine * second
+    for k in range(3):
+        first, second = matrix[p, k], matrix[q, k]
+        matrix[p, k], matrix[q, k] = cosine * first - sine * second, sine * first + cosine * second
+        first, second = vectors[k, p], vectors[k, q]
+        vectors[k, p], vectors[k, q] = cosine * first - sine * second, sine * first + cosine * second

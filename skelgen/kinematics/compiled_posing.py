@@ -1,0 +1,352 @@
+"""Poses of a chain frame by frame, compiled; `plain_posing` does the same for many frames at once, and says how.
+
+Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
+A frame's numbers stay in the processor's nearest memory. Forms (see `tree.Form`) are rows of numbers: the upper half of
+the turns' matrix, the columns of the mixed one, the upper half of the shifts', torque and pull.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from skelgen.compiling import compile_function
+from skelgen.kinematics.articulation import Articulation
+from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.chain_table import ChainTable, chain_table, fresh
+from skelgen.kinematics.compiled_vectors import (
+    Matrix,
+    Vector,
+    add_symmetric,
+    add_vector,
+    by_symmetric,
+    cross,
+    dot,
+    inverse,
+    largest,
+    matrix,
+    minus,
+    plus,
+    product,
+    proper,
+    rotation_by,
+    set_matrix,
+    set_symmetric,
+    set_vector,
+    symmetric,
+    times,
+    turned,
+    upper_of_product,
+    vector,
+)
+from skelgen.kinematics.plain_posing import (
+    DAMPING,
+    GAIN_TOLERANCE,
+    GIVE_UP_DAMPING,
+    LEAST_RIDGE,
+    STEP_TOLERANCE,
+)
+from skelgen.model.arrays import Floats
+
+MIXED, SHIFT, TORQUE, PULL, N_FORM = 6, 15, 21, 24, 27
+"""Where the parts of a form begin, and its length."""
+
+FOLLOW, FREE_REST = 0, 9
+"""Where the parts of a free turn that is minimised out begin: columns of `tree.FreeTurn.follow`, and rest."""
+
+AXIS, BY_TURN, BY_SHIFT, REST, N_AXIS = 0, 3, 6, 9, 10
+"""Where the parts of a turn about an axis begin, see `tree.AxisTurn`; a second axis follows."""
+
+
+class Place(NamedTuple):
+    """Where a chain is in one frame: pose, links, origins, and each limb's markers from there and off the measured."""
+
+    root: Floats
+    rotations: Floats
+    links: Floats
+    origins: Floats
+    arms: Floats
+    errors: Floats
+
+
+def settled(
+    chain: Chain, articulation: Articulation, start: ChainPoses, positions: Floats, weights: Floats, max_steps: int
+) -> ChainPoses:
+    """Return the poses that fit best; parameters are those of the plain twin."""
+    found = ChainPoses(fresh(start.root), fresh(start.rotations))
+    table = chain_table(chain, articulation)
+    settle_frames(table, fresh(positions), fresh(weights), found.root, found.rotations, max_steps)
+    return found
+
+
+@compile_function
+def settle_frames(
+    table: ChainTable, positions: Floats, weights: Floats, roots: Floats, rotations: Floats, max_steps: int
+) -> None:
+    """Step each frame's pose until it does not gain; poses are replaced."""
+    n_limbs = len(table.parents)
+    here, there = new_place(n_limbs, len(table.markers)), new_place(n_limbs, len(table.markers))
+    forms, solved = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS))
+    steps, spins = np.empty((n_limbs, 6)), np.empty((n_limbs, 3, 3))
+    for frame in range(len(positions)):
+        for axis in range(3):
+            here.root[axis] = roots[frame, axis]
+        for limb in range(n_limbs):
+            set_matrix(here.rotations, limb, matrix(rotations[frame], limb))
+        squares = put(table, positions[frame], weights[frame], here)
+        damping = DAMPING
+        for _ in range(max_steps):
+            total, trace = find_forms(table, weights[frame], here, forms)
+            eliminate(table, here, forms, max(damping * trace / (3 * n_limbs), LEAST_RIDGE), solved)
+            size = walk(table, here, forms, max(damping * total, LEAST_RIDGE), solved, steps, spins, there)
+            after = put(table, positions[frame], weights[frame], there)
+            gain = squares - after
+            is_settled = size < STEP_TOLERANCE or 0.0 <= gain <= GAIN_TOLERANCE * squares
+            if gain >= 0.0:
+                here, there = there, here
+                squares, damping = after, max(damping / 10, DAMPING)
+            else:
+                damping *= 100
+            if is_settled or damping >= GIVE_UP_DAMPING:
+                break
+        for axis in range(3):
+            roots[frame, axis] = here.root[axis]
+        for limb in range(n_limbs):
+            set_matrix(rotations[frame], limb, proper(matrix(here.rotations, limb)))
+
+
+@compile_function
+def new_place(n_limbs: int, n_markers: int) -> Place:
+    """Room for one frame."""
+    return Place(
+        np.empty(3),
+        np.empty((n_limbs, 3, 3)),
+        np.zeros((n_limbs, 3)),
+        np.empty((n_limbs, 3)),
+        np.empty((n_markers, 3)),
+        np.empty((n_markers, 3)),
+    )
+
+
+@compile_function
+def put(table: ChainTable, positions: Floats, weights: Floats, place: Place) -> float:
+    """Place limbs and markers by root and rotations; return the weighted sum of squares."""
+    squares = 0.0
+    for limb in range(len(table.parents)):
+        rotation, origin = matrix(place.rotations, limb), (place.root[0], place.root[1], place.root[2])
+        if limb > 0:
+            parent = table.parents[limb]
+            link = turned(matrix(place.rotations, parent), vector(table.joints, limb, 0))
+            origin = plus(vector(place.origins, parent, 0), link)
+            set_vector(place.links, limb, 0, link)
+        set_vector(place.origins, limb, 0, origin)
+        for own in range(table.starts[limb], table.starts[limb + 1]):
+            marker = table.markers[own]
+            if weights[marker] > 0.0:
+                arm = turned(rotation, vector(table.offsets, own, 0))
+                error = minus(minus(vector(positions, marker, 0), arm), origin)
+                set_vector(place.arms, own, 0, arm)
+                set_vector(place.errors, own, 0, error)
+                squares += weights[marker] * dot(error, error)
+    return squares
+
+
+@compile_function
+def find_forms(table: ChainTable, weights: Floats, place: Place, forms: Floats) -> tuple[float, float]:
+    """Write what each limb's markers say by themselves; return sum of weights and trace of the turns' matrices."""
+    all_weights, all_traces = 0.0, 0.0
+    for limb in range(len(table.parents)):
+        total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        moment, torque, pull = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        for own in range(table.starts[limb], table.starts[limb + 1]):
+            weight = weights[table.markers[own]]
+            if weight > 0.0:
+                arm, force = vector(place.arms, own, 0), times(weight, vector(place.errors, own, 0))
+                x, y, z = arm
+                total += weight
+                xx, xy, xz = xx + weight * x * x, xy + weight * x * y, xz + weight * x * z
+                yy, yz, zz = yy + weight * y * y, yz + weight * y * z, zz + weight * z * z
+                moment, pull = plus(moment, times(weight, arm)), plus(pull, force)
+                torque = plus(torque, cross(arm, force))
+        set_symmetric(forms, limb, 0, (yy + zz, -xy, -xz, xx + zz, -yz, xx + yy))
+        x, y, z = moment
+        set_vector(forms, limb, MIXED, (0.0, z, -y))
+        set_vector(forms, limb, MIXED + 3, (-z, 0.0, x))
+        set_vector(forms, limb, MIXED + 6, (y, -x, 0.0))
+        set_symmetric(forms, limb, SHIFT, (total, 0.0, 0.0, total, 0.0, total))
+        set_vector(forms, limb, TORQUE, torque)
+        set_vector(forms, limb, PULL, pull)
+        all_weights += total
+        all_traces += 2.0 * (xx + yy + zz)
+    return all_weights, all_traces
+
+
+@compile_function
+def eliminate(table: ChainTable, place: Place, forms: Floats, level: float, solved: Floats) -> None:
+    """Minimise all turns out, from the leaves to the root; of the root's form, what is said of its shift is left."""
+    for limb in range(len(table.parents) - 1, 0, -1):
+        if table.freedoms[limb] == 3:
+            take_turn(forms, limb, level, solved)
+        else:
+            for axis in range(table.freedoms[limb] - 1, -1, -1):
+                take_axis(forms, limb, world_axis(table, place, limb, axis), level, solved, N_AXIS * axis)
+        carry_form(table, place, forms, limb)
+    take_turn(forms, 0, level, solved)
+
+
+@compile_function
+def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
+    """Minimise a free turn out of a limb's form."""
+    covariance = inverse(symmetric(forms, limb, 0), level)
+    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
+    p, q, r = by_symmetric(covariance, a), by_symmetric(covariance, b), by_symmetric(covariance, c)
+    torque = vector(forms, limb, TORQUE)
+    set_vector(solved, limb, FOLLOW, p)
+    set_vector(solved, limb, FOLLOW + 3, q)
+    set_vector(solved, limb, FOLLOW + 6, r)
+    set_vector(solved, limb, FREE_REST, by_symmetric(covariance, torque))
+    add_symmetric(forms, limb, SHIFT, (-dot(a, p), -dot(a, q), -dot(a, r), -dot(b, q), -dot(b, r), -dot(c, r)))
+    add_vector(forms, limb, PULL, (-dot(p, torque), -dot(q, torque), -dot(r, torque)))
+
+
+@compile_function
+def world_axis(table: ChainTable, place: Place, limb: int, axis: int) -> Vector:
+    """Return an axis of a limb's joint in the world, the first fixed in the parent, a second in the limb."""
+    if axis == 0:
+        return turned(matrix(place.rotations, table.parents[limb]), vector(table.in_parent, limb, 0))
+    return turned(matrix(place.rotations, limb), vector(table.in_child, limb, 0))
+
+
+@compile_function
+def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floats, first: int) -> float:
+    """Minimise a turn about an axis out of a limb's form; return the variance of its angle."""
+    along = by_symmetric(symmetric(forms, limb, 0), axis)
+    sideways = (
+        dot(axis, vector(forms, limb, MIXED)),
+        dot(axis, vector(forms, limb, MIXED + 3)),
+        dot(axis, vector(forms, limb, MIXED + 6)),
+    )
+    variance = 1.0 / (max(dot(axis, along), 0.0) + level)
+    by_turn, by_shift = times(variance, along), times(variance, sideways)
+    rest = variance * dot(axis, vector(forms, limb, TORQUE))
+    set_vector(solved, limb, first + AXIS, axis)
+    set_vector(solved, limb, first + BY_TURN, by_turn)
+    set_vector(solved, limb, first + BY_SHIFT, by_shift)
+    solved[limb, first + REST] = rest
+    add_symmetric(forms, limb, 0, upper_of_product(along, times(-1.0, by_turn)))
+    for column in range(3):
+        add_vector(forms, limb, MIXED + 3 * column, times(-by_shift[column], along))
+    add_symmetric(forms, limb, SHIFT, upper_of_product(sideways, times(-1.0, by_shift)))
+    add_vector(forms, limb, TORQUE, times(-rest, along))
+    add_vector(forms, limb, PULL, times(-rest, sideways))
+    return variance
+
+
+@compile_function
+def carry_form(table: ChainTable, place: Place, forms: Floats, limb: int) -> None:
+    """Add what is said of a limb to what is said of its parent."""
+    link = vector(place.links, limb, 0)
+    if table.freedoms[limb] == 3:
+        carry_point(forms, limb, table.parents[limb], link)
+    else:
+        carry(forms, limb, table.parents[limb], link)
+
+
+@compile_function
+def carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
+    """Add what is said of the point of a parent at `link`, the origin of a limb that turns freely."""
+    shift, pull = symmetric(forms, limb, SHIFT), vector(forms, limb, PULL)
+    a, b, c, d, e, f = shift
+    p, q, r = cross(link, (a, b, c)), cross(link, (b, d, e)), cross(link, (c, e, f))
+    x, y, z = levered(link, p, q, r)
+    add_symmetric(forms, parent, 0, (x[0], x[1], x[2], y[1], y[2], z[2]))
+    add_columns(forms, parent, p, q, r)
+    add_symmetric(forms, parent, SHIFT, shift)
+    add_vector(forms, parent, TORQUE, cross(link, pull))
+    add_vector(forms, parent, PULL, pull)
+
+
+@compile_function
+def carry(forms: Floats, limb: int, parent: int, link: Vector) -> None:
+    """Add what is said of a limb whose turn counts as its parent's own."""
+    carry_point(forms, limb, parent, link)
+    a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
+    x, y, z = levered(link, a, b, c)
+    add_symmetric(forms, parent, 0, symmetric(forms, limb, 0))
+    add_symmetric(forms, parent, 0, (2 * x[0], x[1] + y[0], x[2] + z[0], 2 * y[1], y[2] + z[1], 2 * z[2]))
+    add_columns(forms, parent, a, b, c)
+    add_vector(forms, parent, TORQUE, vector(forms, limb, TORQUE))
+
+
+@compile_function
+def levered(link: Vector, a: Vector, b: Vector, c: Vector) -> Matrix:
+    """Return -[a b c] @ [link]x, of which each row is link x that of [a b c]."""
+    return (
+        cross(link, (a[0], b[0], c[0])),
+        cross(link, (a[1], b[1], c[1])),
+        cross(link, (a[2], b[2], c[2])),
+    )
+
+
+@compile_function
+def add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> None:
+    """Add columns to those of a mixed matrix."""
+    add_vector(forms, limb, MIXED, a)
+    add_vector(forms, limb, MIXED + 3, b)
+    add_vector(forms, limb, MIXED + 6, c)
+
+
+@compile_function
+def walk(
+    table: ChainTable,
+    here: Place,
+    forms: Floats,
+    level: float,
+    solved: Floats,
+    steps: Floats,
+    spins: Floats,
+    there: Place,
+) -> float:
+    """Find the steps from the root outward, and the pose after them; return the largest number of a step."""
+    size = 0.0
+    for limb in range(len(table.parents)):
+        parent = max(table.parents[limb], 0)
+        if limb == 0:
+            shift = by_symmetric(inverse(symmetric(forms, 0, SHIFT), level), vector(forms, 0, PULL))
+            for axis in range(3):
+                there.root[axis] = here.root[axis] + shift[axis]
+            size = largest(shift)
+        else:
+            shift = plus(vector(steps, parent, 3), cross(vector(steps, parent, 0), vector(here.links, limb, 0)))
+        if table.freedoms[limb] == 3:
+            turn = free_turn(solved, limb, shift)
+            spin = rotation_by(turn)
+        else:
+            turn, spin = vector(steps, parent, 0), matrix(spins, parent)
+            for first in range(0, table.freedoms[limb] * N_AXIS, N_AXIS):
+                about = turn_about(solved, limb, first, turn, shift)
+                turn, spin = plus(turn, about), product(spin, rotation_by(about))
+        size = max(size, largest(turn))
+        set_vector(steps, limb, 0, turn)
+        set_vector(steps, limb, 3, shift)
+        set_matrix(spins, limb, spin)
+        set_matrix(there.rotations, limb, product(spin, matrix(here.rotations, limb)))
+    return size
+
+
+@compile_function
+def free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
+    """Return the turn of a limb below a ball joint whose origin is shifted."""
+    x = times(shift[0], vector(solved, limb, FOLLOW))
+    y = times(shift[1], vector(solved, limb, FOLLOW + 3))
+    z = times(shift[2], vector(solved, limb, FOLLOW + 6))
+    return minus(minus(minus(vector(solved, limb, FREE_REST), x), y), z)
+
+
+@compile_function
+def turn_about(solved: Floats, limb: int, first: int, turn: Vector, shift: Vector) -> Vector:
+    """Return the turn about an axis of a limb that is turned and shifted already."""
+    by_turn, by_shift = vector(solved, limb, first + BY_TURN), vector(solved, limb, first + BY_SHIFT)
+    angle = solved[limb, first + REST] - dot(by_turn, turn) - dot(by_shift, shift)
+    return times(angle, vector(solved, limb, first + AXIS))

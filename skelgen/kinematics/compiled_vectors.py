@@ -1,0 +1,199 @@
+"""Vectors and matrices of three as plain numbers, for compiled loops: they stay in the processor's registers.
+
+Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
+Symmetric matrices are held by their upper halves, row by row; others by their rows. `geometry.frames_last` does the
+same for many frames at once.
+"""
+
+from __future__ import annotations
+
+from skelgen.compiling import compile_function
+from skelgen.model.arrays import Floats
+
+Vector = tuple[float, float, float]
+Symmetric = tuple[float, float, float, float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+@compile_function
+def vector(table: Floats, row: int, first: int) -> Vector:
+    """Three numbers of a table."""
+    return table[row, first], table[row, first + 1], table[row, first + 2]
+
+
+@compile_function
+def set_vector(table: Floats, row: int, first: int, value: Vector) -> None:
+    """Write three numbers into a table."""
+    table[row, first], table[row, first + 1], table[row, first + 2] = value
+
+
+@compile_function
+def add_vector(table: Floats, row: int, first: int, value: Vector) -> None:
+    """Add three numbers to those in a table."""
+    table[row, first] += value[0]
+    table[row, first + 1] += value[1]
+    table[row, first + 2] += value[2]
+
+
+@compile_function
+def symmetric(table: Floats, row: int, first: int) -> Symmetric:
+    """Six numbers of a table."""
+    return (
+        table[row, first],
+        table[row, first + 1],
+        table[row, first + 2],
+        table[row, first + 3],
+        table[row, first + 4],
+        table[row, first + 5],
+    )
+
+
+@compile_function
+def set_symmetric(table: Floats, row: int, first: int, value: Symmetric) -> None:
+    """Write six numbers into a table."""
+    set_vector(table, row, first, (value[0], value[1], value[2]))
+    set_vector(table, row, first + 3, (value[3], value[4], value[5]))
+
+
+@compile_function
+def add_symmetric(table: Floats, row: int, first: int, value: Symmetric) -> None:
+    """Add six numbers to those in a table."""
+    add_vector(table, row, first, (value[0], value[1], value[2]))
+    add_vector(table, row, first + 3, (value[3], value[4], value[5]))
+
+
+@compile_function
+def matrix(matrices: Floats, place: int) -> Matrix:
+    """One of some matrices."""
+    return (
+        (matrices[place, 0, 0], matrices[place, 0, 1], matrices[place, 0, 2]),
+        (matrices[place, 1, 0], matrices[place, 1, 1], matrices[place, 1, 2]),
+        (matrices[place, 2, 0], matrices[place, 2, 1], matrices[place, 2, 2]),
+    )
+
+
+@compile_function
+def set_matrix(matrices: Floats, place: int, value: Matrix) -> None:
+    """Write one of some matrices."""
+    for row in range(3):
+        for column in range(3):
+            matrices[place, row, column] = value[row][column]
+
+
+@compile_function
+def plus(first: Vector, second: Vector) -> Vector:
+    """Return first + second."""
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
+
+
+@compile_function
+def minus(first: Vector, second: Vector) -> Vector:
+    """Return first - second."""
+    return first[0] - second[0], first[1] - second[1], first[2] - second[2]
+
+
+@compile_function
+def times(factor: float, vector: Vector) -> Vector:
+    """Return factor * vector."""
+    return factor * vector[0], factor * vector[1], factor * vector[2]
+
+
+@compile_function
+def dot(first: Vector, second: Vector) -> float:
+    """Return first . second."""
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
+
+
+@compile_function
+def cross(first: Vector, second: Vector) -> Vector:
+    """Return first x second."""
+    return (
+        first[1] * second[2] - first[2] * second[1],
+        first[2] * second[0] - first[0] * second[2],
+        first[0] * second[1] - first[1] * second[0],
+    )
+
+
+@compile_function
+def largest(vector: Vector) -> float:
+    """Return the largest absolute number of a vector."""
+    return max(abs(vector[0]), abs(vector[1]), abs(vector[2]))
+
+
+@compile_function
+def turned(rotation: Matrix, vector: Vector) -> Vector:
+    """Return rotation @ vector."""
+    return dot(rotation[0], vector), dot(rotation[1], vector), dot(rotation[2], vector)
+
+
+@compile_function
+def product(first: Matrix, second: Matrix) -> Matrix:
+    """Return first @ second."""
+    x, y, z = transposed(second)
+    return (
+        (dot(first[0], x), dot(first[0], y), dot(first[0], z)),
+        (dot(first[1], x), dot(first[1], y), dot(first[1], z)),
+        (dot(first[2], x), dot(first[2], y), dot(first[2], z)),
+    )
+
+
+@compile_function
+def transposed(matrix: Matrix) -> Matrix:
+    """Return matrix^T, the columns of a matrix."""
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    return (a, d, g), (b, e, h), (c, f, i)
+
+
+@compile_function
+def by_symmetric(matrix: Symmetric, vector: Vector) -> Vector:
+    """Return matrix @ vector."""
+    a, b, c, d, e, f = matrix
+    x, y, z = vector
+    return a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z
+
+
+@compile_function
+def upper_of_product(first: Vector, second: Vector) -> Symmetric:
+    """Return first second^T of parallel vectors."""
+    a, b, c = first
+    x, y, z = second
+    return a * x, a * y, a * z, b * y, b * z, c * z
+
+
+@compile_function
+def inverse(matrix: Symmetric, level: float) -> Symmetric:
+    """Return (matrix + level)^-1; see `frames_last.inverse_of_symmetric`."""
+    a, b, c, d, e, f = matrix
+    first = 1.0 / max(a + level, level)
+    low, lower = b * first, c * first
+    second = 1.0 / max(d + level - low * b, level)
+    mixed = e - lower * b
+    last = mixed * second
+    third = 1.0 / max(f + level - lower * c - last * mixed, level)
+    corner = low * last - lower
+    xz, yz = corner * third, -last * third
+    xy, yy = -low * second - last * xz, second - last * yz
+    return first + low * low * second + corner * xz, xy, xz, yy, yz, third
+
+
+@compile_function
+def rotation_by(vector: Vector) -> Matrix:
+    """Return the rotation about a vector by 2 arctan(length / 2); see `frames_last.rotation_by`."""
+    scale = 1.0 / (1.0 + dot(vector, vector) / 4.0)
+    x, y, z = vector
+    xx, xy, xz, yy, yz, zz = upper_of_product(vector, times(scale / 2.0, vector))
+    x, y, z = x * scale, y * scale, z * scale
+    return (1.0 - yy - zz, xy - z, xz + y), (xy + z, 1.0 - xx - zz, yz - x), (xz - y, yz + x, 1.0 - xx - yy)
+
+
+@compile_function
+def proper(matrix: Matrix) -> Matrix:
+    """Return a rotation that is proper to rounding; see `frames_last.orthonormal`."""
+    x, y, z = transposed(matrix)
+    square = ((dot(x, x), dot(x, y), dot(x, z)), (dot(y, x), dot(y, y), dot(y, z)), (dot(z, x), dot(z, y), dot(z, z)))
+    away = product(matrix, square)
+    return (
+        minus(times(1.5, matrix[0]), times(0.5, away[0])),
+        minus(times(1.5, matrix[1]), times(0.5, away[1])),
+        minus(times(1.5, matrix[2]), times(0.5, away[2])),
+    )

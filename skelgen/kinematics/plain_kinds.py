@@ -1,0 +1,101 @@
+"""What the kind of a joint is told by, over all frames: the NumPy twin of `compiled_kinds`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.kinematics.arrow import own_gain
+from skelgen.kinematics.turning import AxisTurning, FixedTurning, Turning, TwoAxisTurning
+from skelgen.kinematics.universal import best_partners
+from skelgen.model.arrays import Floats
+
+
+def whitened(covariances: Floats) -> Floats:
+    """Return matrices W with W^T W = covariance^-1, shape (n_frames, n, n)."""
+    return np.linalg.inv(np.linalg.cholesky(covariances))
+
+
+def eliminate(
+    residuals: Floats, constants: Floats, angles: Floats
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+    """Take the frames' own unknowns out of a least squares problem.
+
+    Parameters
+    ----------
+    residuals, constants, angles : ndarray
+        See `arrow.Linear`.
+
+    Returns
+    -------
+    tuple of ndarray
+        Inverse normal matrices of the frames' own unknowns, shape (n_frames, n_angles, n_angles); how these follow the
+        constants, shape (n_frames, n_angles, n_constants), and what they are without, shape (n_frames, n_angles); the
+        constants' slopes and the residuals that they leave, shapes (n_frames, n_rows, n_constants) and
+        (n_frames, n_rows); the constants' normal matrix and right-hand side.
+    """
+    inverse, gain = own_gain(angles)
+    follow, alone = gain @ constants, (gain @ residuals[..., np.newaxis])[..., 0]
+    reduced = constants - angles @ follow
+    left = residuals - (angles @ alone[..., np.newaxis])[..., 0]
+    flat = reduced.reshape(-1, reduced.shape[2])
+    return inverse, follow, alone, reduced, left, flat.T @ flat, flat.T @ left.ravel()
+
+
+def linearised(
+    in_parent: Floats, in_child: Floats, between: float, angles: Floats, rotations: Floats, weight: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return whitened errors of rotations, and how a joint's rotations follow its constants and angles.
+
+    Parameters
+    ----------
+    in_parent, in_child, between, angles
+        `Turning.parts` of a rigid joint, hinge or universal joint.
+    rotations : ndarray, shape (n_frames, 3, 3)
+        Measured, parent from child.
+    weight : ndarray, shape (n_frames, 3, 3)
+        Whitening of small turns.
+
+    Returns
+    -------
+    tuple of ndarray
+        Shapes (n_frames, 3), (n_frames, 3, 3 + n_angles) and (n_frames, 3, n_angles).
+    """
+    turning = _turning(in_parent, in_child, between, angles)
+    constants, own = turning.slopes()
+    errors = vector_from_matrix(rotations @ turning.rotations().swapaxes(1, 2))
+    return (weight @ errors[..., np.newaxis])[..., 0], weight @ constants, weight @ own
+
+
+def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> tuple[Floats, Floats]:
+    """Find two axes whose angle hardly changes, one at a time.
+
+    Parameters
+    ----------
+    moments, mean
+        See `universal.best_partners`.
+    starts : ndarray, shape (n, 3)
+        First guesses of the axis in the child.
+    n_rounds : int
+        How often each of the two axes is found.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n, 3) and (n,)
+        The axes in the child before the last round, and the angles' variances after it.
+    """
+    before = second = starts
+    variances = np.zeros(len(starts))
+    for _ in range(n_rounds):
+        before = second
+        first, _ = best_partners(moments, mean, second)
+        second, variances = best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)
+    return before, variances
+
+
+def _turning(in_parent: Floats, in_child: Floats, between: float, angles: Floats) -> Turning:
+    if angles.shape[1] == 0:
+        return FixedTurning(in_parent, len(angles))
+    if angles.shape[1] == 1:
+        return AxisTurning(in_parent, in_child, angles[:, 0])
+    return TwoAxisTurning(in_parent, in_child, between, angles)

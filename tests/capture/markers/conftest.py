@@ -1,0 +1,57 @@
+"""Candidates of recordings whose truth is known, without rendering."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skelgen.capture.markers.candidates import CandidateStore
+from skelgen.capture.markers.tracks import BallTracks
+from skelgen.capture.optics.matching import match_and_triangulate
+from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.rig import projected_balls, scene_of_structure
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.model.rig import CaptureSettings
+
+
+class Projected:
+    """Balls of a structure, 0.1 px off, seen by a rig that was turned by `turned` px after its calibration."""
+
+    def __init__(self, structure, seed, n_frames, rate, turned=0.0):
+        rig = seed_rig()
+        self.scene = scene_of_structure(structure, rig, seed=seed, n_frames=n_frames, rate=rate)
+        turn = np.eye(4)
+        turn[:3, :3] = matrix_from_vector(np.array([turned / rig.right.matrix[1, 1], 0.0, 0.0]))
+        right = replace(rig.right, camera_from_world=turn @ rig.right.camera_from_world)
+        self.settings = CaptureSettings(replace(rig, right=right), self.scene.bodies, self.scene.joints)
+        self.step, rng = 1 / rate, np.random.default_rng(seed)
+        store, followers, is_right, is_shared = (
+            CandidateStore(),
+            (BallTracks((640, 480)), BallTracks((640, 480))),
+            [],
+            [],
+        )
+        for frame in range(n_frames):
+            (left, of_left), (right_balls, of_right) = projected_balls(self.scene, frame, rig, 0.1, rng)
+            points = match_and_triangulate(left, right_balls, self.settings.rig)
+            tracks = [
+                follower.follow(balls.centres, frame / rate)
+                for follower, balls in zip(followers, (left, right_balls), strict=True)
+            ]
+            store.add(points, *tracks)
+            is_right.append(of_left[points.left] == of_right[points.right])
+            is_shared.append(points.ambiguous)
+        self.candidates = store.all()
+        self.spans = [(follower.first, follower.last) for follower in followers]
+        self.is_right, self.is_shared = np.concatenate(is_right), np.concatenate(is_shared)
+
+    def wrong_part(self, kept):
+        """Part of the ambiguous candidates that are judged wrongly."""
+        return float((kept != self.is_right)[self.is_shared].mean())
+
+
+@pytest.fixture(scope="session")
+def projected():
+    return Projected
