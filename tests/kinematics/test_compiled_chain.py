@@ -22,7 +22,7 @@ compiled_information = pytest.importorskip("skelgen.kinematics.compiled_informat
 
 SAME = 1e-9  # rad, and of the largest number: rounding of some thousand operations
 SAME_PLACE = 1e-3  # mm; where damping alone holds a turn, it lets rounding grow a million times
-SAME_COVARIANCE = 1e-7  # the same where a turn is known by the level that is given only, a millionth of what others tell
+SAME_COVARIANCE = 1e-7  # the same where nothing but the given level tells of a turn
 SAME_FIT = 1e-6  # the same where a fit may end a step earlier
 
 
