@@ -10,16 +10,21 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import chdir
 from pathlib import Path
 
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication, QDockWidget
+from skelgen_formats.capture_settings import write_settings
+from skelgen_gui.capture.page import CapturePage
 from skelgen_gui.preferences import Preferences
 from skelgen_gui.session import Selection
 from skelgen_gui.theme import Theme, prepare_high_dpi
 from skelgen_gui.window import Window
 
 import skelgen
+from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.model.rig import CaptureSettings
 from skelgen.simulation import simulate
 
 FOLDER = Path(__file__).parent / "pictures"
@@ -82,7 +87,7 @@ def take_pictures(app: QApplication, window: Window) -> None:
 
 
 def take_capture_pictures(app: QApplication, window: Window) -> None:
-    """Save pictures of the Capture page: the simulated rig after two seconds, and a calibration with its board."""
+    """Save pictures of the Capture page: the simulated rig after two seconds, and each step of the calibration."""
     page = window.pages.page("capture")
     shots: list[object] = []
     page.live.shot.connect(shots.append)
@@ -99,6 +104,35 @@ def take_capture_pictures(app: QApplication, window: Window) -> None:
     page.assistant.run_calibration()
     wait(app, lambda: page.assistant.found is not None)
     save(app, window, "calibration")
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):  # pictures show no folder of this machine
+        take_target_pictures(app, window, page)
+
+
+def take_target_pictures(app: QApplication, window: Window, page: CapturePage) -> None:
+    """Save pictures of a target and of joints that are calibrated on the simulated rig."""
+    path = Path("rig.xml")
+    write_settings(CaptureSettings(seed_rig()), path)
+    page.target.form.settings.show_path(str(path))
+    page.tabs.setCurrentWidget(page.target)
+    for name in ("torso", "upper arm", "lower arm"):
+        page.target.form.name.setText(name)
+        page.target.form.take_source(f"simulated:target?rate=15&frames=150&show={name}")
+        wait(app, lambda: page.target.found is not None and not window.jobs.is_busy)
+        if name == "upper arm":
+            save(app, window, "target")
+        page.target.add.click()
+        wait(app, lambda: not window.jobs.is_busy)
+    page.tabs.setCurrentWidget(page.joints)
+    wishes = page.joints.wishes
+    wait(app, lambda: wishes.parent_box.count() == 3)
+    for name, parent, child in (("shoulder", "torso", "upper arm"), ("elbow", "upper arm", "lower arm")):
+        wishes.name.setText(name)
+        wishes.parent_box.setCurrentText(parent)
+        wishes.child_box.setCurrentText(child)
+        wishes.more.click()
+    page.joints.form.take_source("simulated:arm?rate=20&frames=300")
+    wait(app, lambda: page.joints.found is not None and not window.jobs.is_busy)
+    save(app, window, "joint-calibration")
 
 
 def save(app: QApplication, window: Window, name: str) -> None:

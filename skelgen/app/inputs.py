@@ -64,7 +64,7 @@ def check_trajectories(trajectories: Trajectories) -> None:
         raise InputError(f"{name}: nothing moves; limbs and joints show only in motion")
 
 
-def trajectories_from_poses(poses: Poses) -> Trajectories:
+def trajectories_from_poses(poses: Poses, length: float | None = None) -> Trajectories:
     """Put virtual markers on every body: its origin and both ends of its axes.
 
     The farther the ends, the more the rotations count: they are where errors of position and of rotation weigh alike,
@@ -74,6 +74,8 @@ def trajectories_from_poses(poses: Poses) -> Trajectories:
     ----------
     poses : Poses
         Bodies with orientation.
+    length : float, mm, optional
+        How far the ends are; found from the frames if left out.
 
     Returns
     -------
@@ -82,11 +84,17 @@ def trajectories_from_poses(poses: Poses) -> Trajectories:
     """
     from skelgen.kinematics.relative import noise_size  # noqa: PLC0415 - scipy costs 0.1 s, and few takes are poses
 
-    length = np.clip(noise_size(poses) * np.sqrt(len(_BODY_POINTS) / _AXIS_MARKERS), *AXIS_LENGTHS)
+    if length is None:
+        length = float(np.clip(noise_size(poses) * np.sqrt(len(_BODY_POINTS) / _AXIS_MARKERS), *AXIS_LENGTHS))
     rotations, origins = poses.world_from_body[..., :3, :3], poses.world_from_body[..., :3, 3]
     points = np.einsum("fbij,kj->fbki", rotations, length * _BODY_POINTS) + origins[:, :, np.newaxis]
     names = tuple(f"{body}:{point}" for body in poses.names for point in BODY_POINT_NAMES)
     return Trajectories(points.reshape(poses.n_frames, len(names), 3), names, poses.rate, poses.name, poses.notices)
+
+
+def body_of(marker: str) -> str:
+    """Return the body of a virtual marker, by its name."""
+    return marker.rpartition(":")[0]
 
 
 def limbs_from_poses(poses: Poses, trajectories: Trajectories) -> Limbs:

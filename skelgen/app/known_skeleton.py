@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from skelgen.app.configuration import Settings
 from skelgen.app.inputs import check_take
+from skelgen.app.known_sensors import apply_to_sensors
 from skelgen.app.store import find_result, open_project
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Poses, Project, StageReport
@@ -42,8 +41,6 @@ def check_known(known: Project, where: str) -> Project:
     """Return a project that has a skeleton with markers, or raise `InputError`."""
     if not known.has("skeleton"):
         raise InputError(f"{where}: holds no skeleton yet; run all stages on its take first: skelgen run {where}")
-    if isinstance(known.take, Poses):
-        raise InputError(f"{where}: is a skeleton of bodies with orientation; only one with markers labels other takes")
     return known
 
 
@@ -72,17 +69,21 @@ def apply_skeleton(
     Raises
     ------
     InputError
-        If the take shows another body, or is of bodies with orientation.
+        If the take shows another body, or one take is of markers and the other of bodies with orientation.
 
     Examples
     --------
     >>> walk = apply_skeleton(Project(skelgen.read("walk.c3d")), rom)  # doctest: +SKIP
     """
     take, settings = project.take, settings or Settings()
-    if isinstance(take, Poses):
-        raise InputError(f"{project.name}: holds bodies with orientation; a known skeleton is applied to markers")
-    check_take(take)
     check_known(known, known.name or "the known skeleton")
+    if isinstance(take, Poses) != isinstance(known.take, Poses):
+        what = ("markers", "bodies with orientation")
+        of_take, of_known = (what[isinstance(one, Poses)] for one in (take, known.take))
+        raise InputError(f"{project.name}: holds {of_take}, and the known skeleton is of {of_known}")
+    if isinstance(take, Poses):
+        return apply_to_sensors(project, known, settings, monitor)
+    check_take(take)
     labelling, posing = settings.of("labels"), settings.of("skeleton")
     started = time.perf_counter()
     with threadpool_limits(limits=1):
@@ -96,8 +97,7 @@ def apply_skeleton(
         fit.trajectories, StageReport(labelling.as_mapping(), seconds, (*taken, *fit.sentences)), _account(project, fit)
     )
     done = done.with_limbs(fit.limbs, StageReport({}, 0.0, taken))
-    raw = np.full((take.n_frames, known.topology.n_joints, 3), np.nan)
-    done = done.with_topology(replace(known.topology, raw_joint_positions=raw), StageReport({}, 0.0, taken))
+    done = done.with_topology(known.topology.for_take(take.n_frames), StageReport({}, 0.0, taken))
     return done.with_skeleton(fit.skeleton, fit.motion, StageReport(posing.as_mapping(), 0.0, taken))
 
 

@@ -11,7 +11,9 @@ from skelgen.benchmark.machine import machine_line
 from skelgen.benchmark.sections import MISSED, REACHED, Section
 
 
-def write_benchmark_page(sections: Sequence[Section], path: Path, *, measured: str = "", command: str = "") -> Path:
+def write_benchmark_page(
+    sections: Sequence[Section], path: Path, *, measured: str = "", command: str = "", missing: Sequence[str] = ()
+) -> Path:
     """Write the page.
 
     Parameters
@@ -24,6 +26,8 @@ def write_benchmark_page(sections: Sequence[Section], path: Path, *, measured: s
         When, and how long it took.
     command : str
         What repeats it.
+    missing : sequence of str
+        Suites that are not measured yet.
 
     Raises
     ------
@@ -38,6 +42,7 @@ def write_benchmark_page(sections: Sequence[Section], path: Path, *, measured: s
         measured=measured,
         command=command,
         sentence=counts_sentence(sections),
+        missing=", ".join(missing),
         missed=MISSED,
     )
 

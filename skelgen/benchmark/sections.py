@@ -30,6 +30,8 @@ class Effort:
         From the rig.
     frames : tuple of int
         Lengths of the takes whose time is measured.
+    cloud_frames : tuple of int
+        Lengths of the takes without names.
     limbs : tuple of int
         Sizes of the random trees whose time is measured.
     """
@@ -39,7 +41,8 @@ class Effort:
     n_label_frames: int = 1500
     n_trials: int = 400
     distances: tuple[float, ...] = (1000.0, 1500.0, 2000.0, 3000.0)
-    frames: tuple[int, ...] = (500, 1000, 2000, 6000, 24_000)
+    frames: tuple[int, ...] = (500, 1000, 2000, 6000, 24_000, 72_000)
+    cloud_frames: tuple[int, ...] = (500, 1000, 2000, 6000)
     limbs: tuple[int, ...] = (5, 10, 20, 30)
 
 
@@ -50,6 +53,7 @@ QUICK = Effort(
     n_trials=200,
     distances=(1000.0, 2000.0),
     frames=(500, 1000, 2000),
+    cloud_frames=(500, 1000),
     limbs=(5, 10, 20),
 )
 """Two to three minutes of one core: fewer seeds and frames, so that single figures are less certain."""

@@ -2,48 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 from skelgen.benchmark.plots import Series, draw
 from skelgen.benchmark.sections import Effort, Figure, Section, table
-from skelgen.benchmark.takes import LONG_TAKE_MARKERS, long_take
+from skelgen.benchmark.takes import LONG_TAKE_MARKERS, fifty_markers, long_take
 from skelgen.benchmark.timing import Run, measure_runs
-from skelgen.model import Trajectories
+from skelgen.evaluation import Table
+from skelgen.model import PointCloud, Trajectories
 from skelgen.progress import Monitor
 from skelgen.simulation import simulate
 
 _TREE_FRAMES = 600
 _FAULTS: dict[str, Any] = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
+_SEEN: dict[str, Any] = {"noise": 0.3, "soft_tissue": 2.0, "n_cameras": 8, "ghosts": 0.2}
 _STAGES = ("limbs", "joints", "skeleton")
 
 
 def measure_speed(effort: Effort, monitor: Monitor) -> Section:
-    """Time and memory of limbs, joints and skeleton, on one core."""
-    total = len(effort.frames) + len(effort.limbs)
-    by_frames: list[tuple[int, Run]] = []
-    by_markers: list[tuple[int, Run]] = []
-    for done, n_frames in enumerate(effort.frames):
-        monitor.advance(done, total)
-        by_frames.append((n_frames, measure_runs(long_take, n_frames)[0]))
-    for done, n_limbs in enumerate(effort.limbs, start=len(by_frames)):
-        monitor.advance(done, total)
-        by_markers.append((tree_take(n_limbs).n_markers, measure_runs(tree_take, n_limbs)[0]))
-    monitor.advance(total, total)
-    columns = (*(f"{stage} [s]" for stage in _STAGES), "all [s]", "peak [GB]")
-    human = f"A human of {LONG_TAKE_MARKERS} markers at 200 Hz, 2 mm soft tissue"
+    """Time and memory of all stages, on one core."""
+    named = f"A human of {LONG_TAKE_MARKERS} markers at 200 Hz, 2 mm soft tissue"
+    cloud = "A human of 50 markers before 8 cameras, without names"
     trees = f"Random trees, {_TREE_FRAMES} frames, 0.5 mm noise, 5 % dropouts"
+    kinds: tuple[tuple[str, str, Callable[..., PointCloud | Trajectories], Sequence[int], tuple[str, ...]], ...] = (
+        (named, "frames", long_take, effort.frames, _STAGES),
+        (cloud, "frames", cloud_take, effort.cloud_frames, ("labels", *_STAGES)),
+        (trees, "markers", tree_take, effort.limbs, _STAGES),
+    )
+    tables: list[Table] = []
+    figures: list[Figure] = []
+    done, total = 0, sum(len(sizes) for _, _, _, sizes, _ in kinds)
+    for title, axis, make, sizes, stages in kinds:
+        runs = []
+        for size in sizes:
+            monitor.advance(done, total)
+            shown = size if axis == "frames" else tree_take(size).n_markers
+            runs.append((shown, measure_runs(make, size)[0]))
+            done += 1
+        columns = (axis, *(f"{stage} [s]" for stage in stages), "all [s]", "peak [GB]")
+        tables.append(table(title, columns, [_row(*one, stages) for one in runs]))
+        figures += _figures(title, axis, runs, stages)
+    monitor.advance(total, total)
     return Section(
         "speed",
         "Time and memory",
-        "Labelled takes; processor time of a first run on one core, with what it imports; each size in a process of "
-        "its own, whose peak of memory holds Python, its packages and the take.",
-        (
-            table(human, ("frames", *columns), [_row(*one) for one in by_frames]),
-            table(trees, ("markers", *columns), [_row(*one) for one in by_markers]),
-        ),
-        (*_figures(human, "frames", by_frames), *_figures(trees, "markers", by_markers)),
+        "Processor time of a first run on one core, with what it imports; each size in a process of its own, whose "
+        "peak of memory holds Python, its packages, the take and its making.",
+        tuple(tables),
+        tuple(figures),
     )
+
+
+def cloud_take(n_frames: int) -> PointCloud:
+    """Return a take without names as cameras see it."""
+    return cast(PointCloud, simulate(fifty_markers(), n_frames=n_frames, labelled=False, **_SEEN).take)
 
 
 def tree_take(n_limbs: int) -> Trajectories:
@@ -51,14 +64,14 @@ def tree_take(n_limbs: int) -> Trajectories:
     return cast(Trajectories, simulate(f"tree:{n_limbs}", n_frames=_TREE_FRAMES, **_FAULTS).take)
 
 
-def _row(size: int, run: Run) -> tuple[str, ...]:
-    stages = (f"{getattr(run, stage):.2f}" for stage in _STAGES)
-    return (str(size), *stages, f"{run.seconds:.2f}", f"{run.peak:.2f}", "")
+def _row(size: int, run: Run, stages: Sequence[str]) -> tuple[str, ...]:
+    seconds = (f"{getattr(run, stage):.2f}" for stage in stages)
+    return (str(size), *seconds, f"{run.seconds:.2f}", f"{run.peak:.2f}", "")
 
 
-def _figures(title: str, axis: str, runs: Sequence[tuple[int, Run]]) -> tuple[Figure, Figure]:
+def _figures(title: str, axis: str, runs: Sequence[tuple[int, Run]], stages: Sequence[str]) -> tuple[Figure, Figure]:
     sizes = [float(size) for size, _ in runs]
-    times = [Series(stage, sizes, [getattr(run, stage) for _, run in runs]) for stage in _STAGES]
+    times = [Series(stage, sizes, [getattr(run, stage) for _, run in runs]) for stage in stages]
     times.append(Series("all", sizes, [run.seconds for _, run in runs]))
     memory = [Series("peak", sizes, [run.peak for _, run in runs])]
     return (

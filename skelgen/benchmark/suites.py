@@ -9,8 +9,8 @@ from threadpoolctl import threadpool_limits
 from skelgen.benchmark import accuracy
 from skelgen.benchmark.sections import QUICK, Effort, Section
 from skelgen.benchmark.speed import measure_speed
-from skelgen.errors import InputError
-from skelgen.progress import SILENT, Monitor
+from skelgen.errors import InputError, SkelgenError
+from skelgen.progress import SILENT, Cancelled, Monitor
 
 SUITES: dict[str, Callable[[Effort, Monitor], Section]] = {
     "labels": accuracy.measure_labels,
@@ -24,7 +24,18 @@ SUITES: dict[str, Callable[[Effort, Monitor], Section]] = {
 """Every suite by its name, in the order of the page."""
 
 
-def run_benchmark(names: Sequence[str] = (), *, quick: bool = False, monitor: Monitor = SILENT) -> list[Section]:
+SECONDS = {"labels": 150, "exact": 20, "joints": 40, "tissue": 15, "stereo": 40, "exports": 5, "speed": 240}
+"""What each suite takes in full on one core of a machine in use [s]: how far the whole benchmark is."""
+
+
+def run_benchmark(
+    names: Sequence[str] = (),
+    *,
+    quick: bool = False,
+    known: Sequence[Section] = (),
+    arrived: Callable[[list[Section]], None] = lambda sections: None,
+    monitor: Monitor = SILENT,
+) -> list[Section]:
     """Measure accuracy, speed and memory on this machine, on one core.
 
     Parameters
@@ -33,8 +44,17 @@ def run_benchmark(names: Sequence[str] = (), *, quick: bool = False, monitor: Mo
         Suites, see `SUITES`; all if left out.
     quick : bool
         Fewer seeds and frames: two to three minutes.
+    known : sequence of Section
+        Suites that were measured before, and are not measured again.
+    arrived : callable (sections) -> None
+        Called after each suite with all that are done so far, in the order of the page.
     monitor : Monitor
-        Told which suite runs and how far it is.
+        Told how much of the whole is done, in percent.
+
+    Returns
+    -------
+    list of Section
+        A suite that cannot be measured says why.
 
     Raises
     ------
@@ -44,9 +64,60 @@ def run_benchmark(names: Sequence[str] = (), *, quick: bool = False, monitor: Mo
     for name in names:
         if name not in SUITES:
             raise InputError(f"there is no suite {name!r}; suites are {', '.join(SUITES)}")
-    sections = []
+    done = {section.name: section for section in known}
+    wanted = chosen(names)
+    missing = [name for name in wanted if name not in done]
+    whole = _Whole(missing, monitor)
     with threadpool_limits(limits=1):
-        for name in [name for name in SUITES if not names or name in names]:
-            monitor.begin(f"measuring {name}")
-            sections.append(SUITES[name](QUICK if quick else Effort(), monitor))
-    return sections
+        for name in missing:
+            done[name] = _measured(name, QUICK if quick else Effort(), whole.part(name))
+            arrived([done[one] for one in wanted if one in done])
+    return [done[name] for name in wanted]
+
+
+def chosen(names: Sequence[str]) -> list[str]:
+    """Return the suites that are named, in the order of the page; all if none is."""
+    return [name for name in SUITES if not names or name in names]
+
+
+def _measured(name: str, effort: Effort, monitor: Monitor) -> Section:
+    """A suite's section; what goes wrong in it must not cost the others."""
+    try:
+        return SUITES[name](effort, monitor)
+    except Cancelled:
+        raise
+    except SkelgenError as error:
+        monitor.notice(f"{name}: {error}")
+        return Section(name, name.capitalize(), f"Not measured: {error}.", ())
+
+
+class _Whole:
+    """Progress of the whole benchmark in percent, each suite by what it usually takes."""
+
+    def __init__(self, names: Sequence[str], monitor: Monitor) -> None:
+        self._monitor, self._names = monitor, names
+        self._total = sum(SECONDS[name] for name in names)
+        monitor.begin("percent")
+
+    def part(self, name: str) -> Monitor:
+        """Return the monitor of one suite."""
+        before = sum(SECONDS[one] for one in self._names[: self._names.index(name)])
+        return _Part(self._monitor, 100.0 * before / self._total, 100.0 * SECONDS[name] / self._total)
+
+
+class _Part:
+    """Progress of one suite, as part of the whole."""
+
+    def __init__(self, monitor: Monitor, first: float, share: float) -> None:
+        self._monitor, self._first, self._share = monitor, first, share
+
+    def begin(self, name: str) -> None:
+        """Ignore steps within a suite."""
+
+    def advance(self, done: float, total: float) -> None:
+        """Tell the percent of the whole."""
+        self._monitor.advance(round(self._first + self._share * done / max(total, 1)), 100)
+
+    def notice(self, sentence: str) -> None:
+        """Pass it on."""
+        self._monitor.notice(sentence)

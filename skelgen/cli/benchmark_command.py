@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skelgen.cli.options import AsJson, Quiet
 from skelgen.cli.screen import Screen
+
+if TYPE_CHECKING:
+    from skelgen.benchmark import Section
 
 PageFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write, HTML.")]
 Suites = Annotated[
@@ -24,10 +27,16 @@ Suites = Annotated[
 Quick = Annotated[bool, typer.Option("--quick", help="Fewer seeds and frames: two to three minutes.")]
 
 
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Go on with a benchmark that was interrupted: finished suites are kept.")
+]
+
+
 def benchmark(
     output: PageFile = Path("benchmark.html"),
     suites: Suites = None,
     quick: Quick = False,
+    resume: Resume = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
@@ -35,16 +44,27 @@ def benchmark(
     from skelgen.benchmark import run_benchmark, write_benchmark_page
     from skelgen.benchmark.machine import machine_line
     from skelgen.benchmark.page import counts_sentence
-    from skelgen.files import replacing
+    from skelgen.benchmark.state import load_state, save_state
+    from skelgen.benchmark.suites import chosen
 
     screen = Screen(quiet, as_json)
-    started = time.monotonic()
-    with replacing(output) as page:  # a page that cannot be written shall not cost the whole benchmark
-        with screen.watching() as monitor:
-            sections = run_benchmark(suites or (), quick=quick, monitor=monitor)
-        measured = f"{time.strftime('%Y-%m-%d')}, {time.monotonic() - started:.0f} s"
-        words = ["skelgen benchmark", *(["--quick"] if quick else []), *(f"--suite {name}" for name in suites or ())]
-        write_benchmark_page(sections, page, measured=measured, command=" ".join(words))
+    words = ["skelgen benchmark", *(["--quick"] if quick else []), *(f"--suite {name}" for name in suites or ())]
+    known, before = load_state(output, quick=quick) if resume else ([], 0.0)
+    started = time.monotonic() - before
+
+    def measured() -> str:
+        return f"{time.strftime('%Y-%m-%d')}, {time.monotonic() - started:.0f} s"
+
+    def write(sections: list[Section]) -> None:
+        names = {section.name for section in sections}
+        missing = [name for name in chosen(suites or ()) if name not in names]
+        save_state(sections, output, quick=quick, seconds=time.monotonic() - started)
+        write_benchmark_page(sections, output, measured=measured(), command=" ".join(words), missing=missing)
+
+    write(known)  # a page that cannot be written shall not cost the whole benchmark
+    with screen.counting() as monitor:
+        sections = run_benchmark(suites or (), quick=quick, known=known, arrived=write, monitor=monitor)
+    write(sections)
     for section in sections:
         for table in section.tables:
             names = [*table.columns[:-1], "verdict"]
@@ -52,4 +72,4 @@ def benchmark(
             screen.table(f"{section.title}: {table.title}", rows)
     screen.say(f"{counts_sentence(sections)}; written: {output}")
     tables = {section.name: [vars(table) for table in section.tables] for section in sections}
-    screen.json({"machine": machine_line(), "measured": measured, "sections": tables, "file": str(output)})
+    screen.json({"machine": machine_line(), "measured": measured(), "sections": tables, "file": str(output)})

@@ -95,7 +95,7 @@ class Solution:
 def solve_arrow(linear: Linear) -> Solution:
     """Solve a linear problem by eliminating the frames' own unknowns."""
     inverse, follow, alone, reduced, left, normal, pull = _eliminated(linear)
-    covariance, unknown = _pseudo_inverse(normal)
+    covariance, unknown = pseudo_inverse(normal)
     step = covariance @ pull
     last = left - reduced @ step
     return Solution(
@@ -107,14 +107,6 @@ def solve_arrow(linear: Linear) -> Solution:
         scores=np.einsum("frc,fr->fc", reduced, last),
         unknown=unknown,
     )
-
-
-def _step(linear: Linear) -> tuple[Floats, Floats]:
-    """The constants and angles of `solve_arrow` alone."""
-    _, follow, alone, _, _, normal, pull = _eliminated(linear)
-    covariance, _ = _pseudo_inverse(normal)
-    constants = covariance @ pull
-    return constants, alone - follow @ constants
 
 
 def _eliminated(linear: Linear) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
@@ -169,9 +161,9 @@ def descend(
     """
     linear = linearised(state)
     for _ in range(max_rounds):
-        constants, angles = _step(linear)
+        solution = solve_arrow(linear)
         for part in STEP_PARTS:
-            trial = stepped(state, part * constants, part * angles)
+            trial = stepped(state, part * solution.constants, part * solution.angles)
             trial_linear = linearised(trial)
             if trial_linear.squares <= linear.squares:
                 break
@@ -193,8 +185,8 @@ class Descent(Generic[State]):
     solution: Solution
 
 
-def _pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
-    """The inverse on what is determined, and unit directions of the rest."""
+def pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
+    """Return the inverse of an information matrix on what is determined, and unit directions of the rest."""
     if not len(matrix):
         return matrix, matrix
     scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))  # mm and rad beside each other

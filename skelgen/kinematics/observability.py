@@ -95,8 +95,8 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
     for joint in skeleton.joints:
         shown = np.flatnonzero(motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1))
         frames = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), MOST_FRAMES)).astype(np.intp))]
-        rotations = motion.world_from_limb[frames, :, :3, :3]
-        turned = range_of_motion(rotations[:, joint.parent].swapaxes(1, 2) @ rotations[:, joint.child])
+        parent, child = (motion.world_from_limb[frames, limb, :3, :3] for limb in (joint.parent, joint.child))
+        turned = range_of_motion(parent.swapaxes(1, 2) @ child)
         covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
         values, vectors = np.linalg.eigh(covariance)
         worst = float(np.sqrt(max(values[-1], 0.0)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,6 +59,10 @@ class Topology:
         for pair in self.loops:
             if len(pair) != 2 or not all(0 <= limb < n_limbs for limb in pair):
                 raise InputError(f"a loop joins two of {n_limbs} limbs, not {pair}")
+
+    def for_take(self, n_frames: int) -> Topology:
+        """Return the same tree for another take, where joints were not sought frame by frame."""
+        return replace(self, raw_joint_positions=np.full((n_frames, self.n_joints, 3), np.nan))
 
     @property
     def n_limbs(self) -> int:

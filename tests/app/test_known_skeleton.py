@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
 
@@ -11,8 +14,9 @@ from skelgen.app.known_skeleton import apply_skeleton
 from skelgen.cli import main
 from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
+from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model import Poses, Project
-from skelgen.simulation import read_truth, simulate
+from skelgen.simulation import Structure, find_structure, read_truth, simulate
 
 FRAMES = 200
 OPTIONS = {"n_frames": FRAMES, "noise": 1.0}
@@ -95,9 +99,108 @@ def test_marker_that_slipped_between_takes_does_not_spoil_the_skeleton():
     assert both.skeleton.skeleton.marker_std[names.index("left upper arm 2")] < 1.0
 
 
-def test_bodies_with_orientation_are_refused():
+def test_bodies_with_orientation_are_not_calibrated_together():
     poses = Poses(np.tile(np.eye(4), (10, 2, 1, 1)), ("a", "b"), 50.0, "sensors")
     with pytest.raises(InputError, match="sensors: holds bodies with orientation"):
-        apply_skeleton(Project(poses), Project(poses))
-    with pytest.raises(InputError, match="sensors: holds bodies with orientation"):
         calibrate_together([poses, poses])
+
+
+class TestSensors:
+    """Sensors on the limbs of the quadruped, off by 0.5 mm and a tenth of a degree."""
+
+    SHIFT, TURN = 0.5, 0.002  # mm, rad
+
+    def sensors(self, seed, mounts=None, structure="quadruped", n_frames=300):
+        truth, random = simulate(structure, seed=seed, n_frames=n_frames).truth, np.random.default_rng(seed)
+        world = truth.world_from_limb @ self.mounts(truth.n_limbs) if mounts is None else truth.world_from_limb @ mounts
+        world = world.copy()
+        world[..., :3, :3] @= matrix_from_vector(self.TURN * random.normal(size=(*world.shape[:2], 3)))
+        world[..., :3, 3] += self.SHIFT * random.normal(size=(*world.shape[:2], 3))
+        return Poses(world, truth.limb_names, 100.0, "sensors"), truth
+
+    @staticmethod
+    def mounts(n_limbs, seed=0):
+        random = np.random.default_rng(seed)
+        vectors, places = random.normal(size=(n_limbs, 3)), 30 * random.normal(size=(n_limbs, 3))
+        return transform_from(matrix_from_vector(vectors), places)
+
+    @staticmethod
+    def joint_error(project, truth):
+        """Mean distance [mm] of joints from the true ones that lie across the axes of hinges."""
+        names = [name.rpartition(":")[0] for name in project.trajectories.names]
+        body = [names[int(project.skeleton.markers_of(limb)[0])] for limb in range(project.skeleton.n_limbs)]
+        apart = []
+        for index, joint in enumerate(project.skeleton.joints):
+            pair = {body[joint.parent], body[joint.child]}
+            true = next(
+                number
+                for number, edge in enumerate(truth.edges.tolist())
+                if {truth.limb_names[limb] for limb in edge} == pair
+            )
+            if truth.joint_kinds[true] == "ball":
+                off = project.motion.joint_positions[:, index] - truth.joint_positions[:, true]
+                apart.append(np.linalg.norm(off, axis=1).mean())
+        return float(np.mean(apart))
+
+    def said(self, project):
+        return "; ".join(project.reports["labels"].notices)
+
+    def test_lengths_are_those_of_the_calibrated_take(self, known):
+        take, truth = self.sensors(2)
+        walk = apply_skeleton(Project(take), known)
+        assert walk.skeleton.lengths == known.skeleton.lengths
+        assert "elsewhere" not in self.said(walk)
+        assert "hold together" not in self.said(walk)
+        assert self.joint_error(walk, truth) < 1.0
+
+    def test_sensor_that_moved_is_placed_anew(self, known):
+        mounts = self.mounts(17)
+        limb = self.sensors(2, n_frames=30)[1].limb_names.index("trunk")
+        mounts[limb, :3, 3] += [8.0, 0.0, 0.0]
+        take, truth = self.sensors(2, mounts)
+        walk = apply_skeleton(Project(take), known)
+        [shift] = re.findall(r"placed anew by their joints: trunk by ([\d.]+) mm", self.said(walk))
+        assert float(shift) == pytest.approx(8.0, abs=0.5)
+        assert self.joint_error(walk, truth) < 1.5
+
+    def test_all_sensors_put_on_anew(self, known):
+        take, truth = self.sensors(2, self.mounts(17, seed=5))
+        walk = apply_skeleton(Project(take), known)
+        assert self.said(walk).count(" mm and ") == 17
+        assert self.joint_error(walk, truth) < 3.0  # what 300 frames tell of joints that all sensors carry anew
+        assert walk.skeleton.lengths == known.skeleton.lengths
+
+    def test_larger_body_does_not_hold_together(self, known):
+        take, _ = self.sensors(2, structure=larger(1.05))
+        assert "this is another body" in self.said(apply_skeleton(Project(take), known))
+
+    def test_missing_and_unknown_bodies_are_said(self, known):
+        take, _ = self.sensors(2)
+        names = ("spare", *take.names[1:])
+        said = self.said(apply_skeleton(Project(Poses(take.world_from_body, names, take.rate, "sensors")), known))
+        assert f"does not have: {take.names[0]}" in said
+        assert "left out: spare" in said
+
+    def test_other_names_and_other_kinds_of_takes_are_refused(self, known):
+        take, _ = self.sensors(2)
+        other = Poses(take.world_from_body, tuple(f"s{index}" for index in range(17)), take.rate, "sensors")
+        with pytest.raises(InputError, match="sensors: its bodies are called s0, s1"):
+            apply_skeleton(Project(other), known)
+        with pytest.raises(InputError, match="holds markers, and the known skeleton is of bodies with orientation"):
+            apply_skeleton(Project(simulate("rods", n_frames=100).take), known)
+
+
+@pytest.fixture(scope="module")
+def known():
+    """The quadruped calibrated with sensors."""
+    return skelgen.reconstruct(TestSensors().sensors(1)[0])
+
+
+def larger(factor):
+    """The quadruped with longer bones."""
+    body = find_structure("quadruped")
+    limbs = [
+        dataclasses.replace(limb, joint=factor * np.asarray(limb.joint), segment=factor * np.asarray(limb.segment))
+        for limb in body.limbs
+    ]
+    return Structure(body.name, tuple(limbs))

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +20,8 @@ from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabyt
 from skelgen.benchmark.peer import rotation_centre, score_error
 from skelgen.benchmark.plots import Series, draw
 from skelgen.benchmark.sections import MISSED, QUICK, REACHED, Effort, Figure, table
+from skelgen.benchmark.state import load_state, save_state
+from skelgen.benchmark.suites import SECONDS
 from skelgen.benchmark.takes import fifty_markers, long_take, ten_limbs, thirty_limbs
 from skelgen.benchmark.timing import measure_runs, run_stages
 from skelgen.cli import main
@@ -26,7 +31,14 @@ from skelgen.progress import SILENT
 from skelgen.simulation import simulate
 
 SMALL = Effort(
-    seeds=(0,), n_frames=200, n_label_frames=200, n_trials=20, distances=(1000.0,), frames=(200,), limbs=(3,)
+    seeds=(0,),
+    n_frames=200,
+    n_label_frames=200,
+    n_trials=20,
+    distances=(1000.0,),
+    frames=(200,),
+    cloud_frames=(200,),
+    limbs=(3,),
 )
 
 
@@ -78,13 +90,20 @@ def test_long_take_has_any_length_and_fresh_noise():
 def test_runs_are_measured_in_a_process_of_their_own_whose_memory_is_its_own():
     [run] = measure_runs(rods)
     assert min(run.limbs, run.joints, run.skeleton) > 0
-    assert run.seconds == pytest.approx(run.limbs + run.joints + run.skeleton)
+    assert run.labels < 0.1  # s: names are there
     ballast = np.ones(40_000_000)  # 0.32 GB here, which the other process does not hold
     assert in_own_process(held_by, 100) + 0.15 < peak_gigabytes() + 0.0 * ballast[0]
 
 
 def test_stages_are_timed_in_this_process_too():
     assert run_stages(rods(), "conjugate-gradient").joints > 0
+
+
+def test_labels_are_timed_where_there_are_no_names():
+    run = run_stages(simulate("rods", n_frames=100, labelled=False).take)
+    assert run.labels > 0
+    assert run.seconds == pytest.approx(run.labels + run.limbs + run.joints + run.skeleton)
+    assert run_stages(rods()).labels < run.labels
 
 
 def test_process_that_ends_without_an_answer_is_an_error():
@@ -134,12 +153,57 @@ def test_suite_that_does_not_exist_is_refused_before_anything_runs():
         run_benchmark(["speeed"])
 
 
-def test_suites_run_by_name_in_the_order_of_the_page(monkeypatch):
+@pytest.fixture
+def begun(monkeypatch):
+    """Suites that only note that they run, and that tell half of their way."""
     begun = []
+
+    def noting(effort, monitor, name):
+        begun.append((name, effort))
+        monitor.advance(1, 2)
+        return Section(name, name, "", ())
+
     for name in SUITES:
-        monkeypatch.setitem(SUITES, name, lambda effort, monitor, name=name: begun.append((name, effort)))
+        monkeypatch.setitem(SUITES, name, partial(noting, name=name))
+    return begun
+
+
+def test_suites_run_by_name_in_the_order_of_the_page(begun):
     run_benchmark(["speed", "labels"], quick=True)
     assert begun == [("labels", QUICK), ("speed", QUICK)]
+
+
+def test_suites_that_are_known_are_not_measured_again(begun):
+    arrived = []
+    known = [Section("labels", "", "", ())]
+    sections = run_benchmark(
+        ["labels", "exact", "speed"], known=known, arrived=lambda done: arrived.append([one.name for one in done])
+    )
+    assert [name for name, _ in begun] == ["exact", "speed"]
+    assert [section.name for section in sections] == ["labels", "exact", "speed"]
+    assert arrived == [["labels", "exact"], ["labels", "exact", "speed"]]
+
+
+def test_progress_is_that_of_the_whole_by_what_suites_take(begun):
+    told = []
+    monitor = SimpleNamespace(begin=lambda name: None, advance=lambda *given: told.append(given))
+    run_benchmark(["exact", "joints"], monitor=monitor)
+    whole = SECONDS["exact"] + SECONDS["joints"]
+    wanted = [SECONDS["exact"] / 2 / whole, (SECONDS["exact"] + SECONDS["joints"] / 2) / whole]
+    assert told == [(pytest.approx(100 * part, abs=0.5), 100) for part in wanted]
+
+
+def test_suite_that_cannot_be_measured_says_why_and_stops_nothing(begun, monkeypatch):
+    def broken(effort, monitor):
+        raise SkelgenError("memory is short")
+
+    monkeypatch.setitem(SUITES, "exact", broken)
+    notices = []
+    monitor = SimpleNamespace(begin=lambda name: None, advance=lambda *given: None, notice=notices.append)
+    first, second = run_benchmark(["exact", "joints"], monitor=monitor)
+    assert first.text == "Not measured: memory is short."
+    assert second.name == "joints"
+    assert notices == ["exact: memory is short"]
 
 
 @pytest.fixture
@@ -157,6 +221,21 @@ def test_page_counts_what_is_reached_and_escapes_what_it_shows(sections, tmp_pat
     assert "<svg" in text
     assert machine_line().partition(",")[0] in text
     assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_what_is_measured_is_kept_beside_the_page(sections, tmp_path, monkeypatch):
+    page = tmp_path / "b.html"
+    save_state(sections, page, quick=True, seconds=12.5)
+    assert load_state(page, quick=True) == (sections, 12.5)
+    assert load_state(page, quick=False) == ([], 0.0)  # another effort
+    monkeypatch.setattr("skelgen.__version__", "0.0")
+    assert load_state(page, quick=True) == ([], 0.0)  # another version
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"sections": 3}'])
+def test_what_is_damaged_is_measured_anew(tmp_path, text):
+    (tmp_path / "b.json").write_text(text)
+    assert load_state(tmp_path / "b.html", quick=False) == ([], 0.0)
 
 
 def test_page_that_cannot_be_written_is_an_error(sections, tmp_path):
@@ -185,12 +264,32 @@ def run(capsys):
 
 
 def test_command_writes_the_page_and_prints_json(run, monkeypatch, tmp_path, sections):
-    monkeypatch.setattr("skelgen.benchmark.run_benchmark", lambda names, quick, monitor: sections)
+    monkeypatch.setattr("skelgen.benchmark.run_benchmark", lambda names, **options: sections)
     code, output, _ = run("benchmark", "--quick", "--json", "-o", str(tmp_path / "b.html"))
     told = json.loads(output)
     assert code == 0
     assert told["sections"]["speed"][0]["rows"][0] == ["a<b", "1", REACHED]
     assert "skelgen benchmark --quick" in (tmp_path / "b.html").read_text()
+
+
+def test_interrupted_benchmark_leaves_a_page_of_what_is_done_and_goes_on(run, monkeypatch, tmp_path, sections, begun):
+    def interrupted(effort, monitor):
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(SUITES, "labels", lambda effort, monitor: replace(sections[0], name="labels"))
+    monkeypatch.setitem(SUITES, "joints", interrupted)
+    page = tmp_path / "b.html"
+    code, _, _ = run("benchmark", "-q", "-o", str(page))
+    assert code == 130
+    text = page.read_text()
+    assert "1 of 2 wanted figures reached" in text
+    assert "joints, tissue, stereo, exports, speed not measured yet" in text
+    assert "skelgen benchmark --resume" in text
+    monkeypatch.setitem(SUITES, "labels", lambda effort, monitor: pytest.fail("it measured again"))
+    monkeypatch.setitem(SUITES, "joints", lambda effort, monitor: Section("joints", "Joints", "", ()))
+    assert run("benchmark", "-q", "--resume", "-o", str(page))[0] == 0
+    assert "not measured yet" not in page.read_text()
+    assert [name for name, _ in begun] == ["exact", "tissue", "stereo", "exports", "speed"]
 
 
 def test_command_refuses_a_page_that_cannot_be_written_before_it_measures(run, monkeypatch, tmp_path):

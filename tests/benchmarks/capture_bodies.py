@@ -4,6 +4,9 @@ Three targets of five balls are posed at random in front of the seed's rig (Gasc
 hidden with 20 % chance, and stray points fill up to 40. All points err with the covariance that 0.1 px in both images
 give them. Bodies of which four balls or more are seen must be found; a pose counts if it is right within 2 mm.
 
+Then targets far away, of which four or five balls are seen: there depth errs by more than targets are distinct. Wrong is
+a pose that is off by more than 2 mm or 6 degrees, and by more than seven times what it states.
+
 Then the same from rendered images of 640 x 480 pixels through the whole capture, in which balls touch, hide each other,
 and are hidden by limbs: the seed's arm, and three targets that pass before each other. There a body can be found if at
 least half of four of its balls is seen in both images; a pose is wrong if the middle of the balls is off by more than
@@ -19,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from shown import show, show_machine, verdict
 
-from skelgen.capture.blobs import StereoPoints
+from skelgen.capture.blobs import FoundBody, StereoPoints
 from skelgen.capture.bodies import BodyFinder, propose_targets
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.optics.seed_rig import seed_rig
@@ -37,6 +40,8 @@ ROOM, MIDDLE = np.array([300.0, 220.0, 350.0]), np.array([-200.0, 0.0, 1200.0]) 
 WRONG = 2.0  # mm
 WRONG_TURN = 2.0  # degrees
 FRAMES, WARM_UP = 3000, 20
+FAR = ((2000.0, 4), (3000.0, 4), (3000.0, 5), (4000.0, 5))  # mm, and balls that are seen
+FAR_FRAMES, FAR_TURN, FAR_OFF = 500, 0.1, 50.0  # frames, rad, and squared deviations of a pose
 RENDERED, STEP = 300, 3  # frames of a rendered scene, of which every third is captured
 PASSING = ((1000.0, 120.0), (1000.0, 60.0), (1500.0, 60.0))  # mm: distance, and how far the targets stand apart
 SEEN = 0.5  # of a ball in both images
@@ -67,17 +72,27 @@ def covariances(rig: StereoRig, points: Floats) -> Floats:
     return np.linalg.inv(information)
 
 
-def make_frame(rig: StereoRig, targets: list[BodyTarget], rng: np.random.Generator, n_points: int) -> Frame:
+def make_frame(
+    rig: StereoRig,
+    targets: list[BodyTarget],
+    rng: np.random.Generator,
+    n_points: int,
+    distance: float = MIDDLE[2],
+    n_seen: int | None = None,
+) -> Frame:
     """Targets posed at random, with hidden balls and strays."""
     poses, places, seen = [], [], []
+    middle = np.array([*MIDDLE[:2], distance])
     for target in targets:
-        pose = transform_from(matrix_from_vector(rng.normal(size=3) * 2), MIDDLE + rng.uniform(-0.7, 0.7, 3) * ROOM)
+        pose = transform_from(matrix_from_vector(rng.normal(size=3) * 2), middle + rng.uniform(-0.7, 0.7, 3) * ROOM)
         shown = rng.uniform(size=len(target.points)) >= HIDDEN
+        if n_seen is not None:
+            shown = rng.permutation(len(target.points)) < n_seen
         poses.append(pose)
         places.append((target.points @ pose[:3, :3].T + pose[:3, 3])[shown])
         seen.append(int(shown.sum()))
     strays = n_points - sum(seen)
-    places.append(MIDDLE + rng.uniform(-1, 1, (strays, 3)) * ROOM)
+    places.append(middle + rng.uniform(-1, 1, (strays, 3)) * ROOM)
     points = rng.permutation(np.concatenate(places))
     covariance = covariances(rig, points)
     points = points + (np.linalg.cholesky(covariance) @ rng.normal(size=(len(points), 3, 1)))[..., 0]
@@ -128,6 +143,32 @@ def rows(n_frames: int) -> list[tuple[str, ...]]:
     return table
 
 
+def far_row(distance: float, n_seen: int) -> tuple[str, ...]:
+    """Found and wrong poses of targets far away, some of whose balls are hidden."""
+    rig, found, wrong, n = seed_rig(), 0, 0, 0
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        wished = [BodyTarget(f"body{i}", rng.uniform(-SIZE, SIZE, (N_BALLS, 3))) for i in range(N_TARGETS)]
+        finder = BodyFinder(targets := propose_targets(wished, seed=seed))
+        for _ in range(FAR_FRAMES // len(SEEDS)):
+            frame = make_frame(rig, targets, rng, N_POINTS, distance, n_seen)
+            bodies = {body.name: body for body in finder.find(frame.points)}
+            n += len(targets)
+            for target, pose in zip(targets, frame.poses, strict=True):
+                if target.name in bodies:
+                    is_wrong = far_off(bodies[target.name], pose)
+                    wrong, found = wrong + is_wrong, found + (not is_wrong)
+    return f"{n_seen} of {N_BALLS} balls, {distance / 1000:g} m", f"{100 * found / n:.1f} % of {n}", str(wrong)
+
+
+def far_off(body: FoundBody, pose: Floats) -> bool:
+    """Whether a pose is off by more than it may be and by more than it states."""
+    turn = vector_from_matrix(body.world_from_body[:3, :3] @ pose[:3, :3].T)
+    step = np.concatenate([turn, body.world_from_body[:3, 3] - pose[:3, 3]])
+    is_beyond = step @ np.linalg.solve(body.covariance, step) > FAR_OFF
+    return bool(is_beyond and (np.linalg.norm(step[3:]) > WRONG or np.linalg.norm(turn) > FAR_TURN))
+
+
 def scenes() -> list[tuple[str, SimulatedRig]]:
     """What is rendered."""
     rig, rng = seed_rig(), np.random.default_rng(0)
@@ -169,5 +210,7 @@ if __name__ == "__main__":
     n_frames = int(sys.argv[1]) if len(sys.argv) > 1 else FRAMES
     columns = ("case", "found (wanted 99.5 %)", "wrong (wanted 0)", "median (wanted 1 ms)", "99 %", "verdict")
     show("rigid bodies, 20 % of the balls hidden", columns, rows(n_frames))
+    columns = ("seen", "found", "wrong")
+    show(f"far away, among {N_POINTS} points", columns, [far_row(*one) for one in FAR])
     columns = ("scene", "found of those seen", "wrong (wanted 0)", "median error", "largest", "verdict")
     show("rendered images, balls that touch and hide each other", columns, [rendered_row(*scene) for scene in scenes()])

@@ -40,6 +40,7 @@ class JointStep(AddingStep):
         self.wishes, self.motions, self.turns = WishList(self), MotionTable(self), TurnView(self)
         self.joints = JointTable(self)
         self._reader = Deriver(self)
+        self.results = (self.joints,)
         self.add.setToolTip(self.tr("Write the joints into the settings, in place of those of the same names"))
         heading = QLabel(self.tr("Joints (found if none is named)"), self)
         parts = (self.form, heading, self.wishes, self.go, self.state, self.motions, self.turns)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QGroupBox, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
 
 from skelgen_gui.capture.choice import LiveChoice
 from skelgen_gui.capture.feed import Feed
@@ -98,21 +98,19 @@ class LivePanel(QWidget):
             self.go.setText(self.tr("Stopping…"))
 
     def _lay_out(self) -> None:
-        results = QGroupBox(self.tr("What is seen"), self)
-        column = QVBoxLayout(results)
-        for widget, share in ((self.numbers, 0), (self.angles, 4), (self.bodies, 3)):
-            column.addWidget(widget, share)
-        heading = QLabel(self.tr("What to know"), self)
-        column.addWidget(heading)
-        column.addWidget(self.sentences, 2)
         self.sentences.setMinimumHeight(_LEAST_HEIGHT)
-        buttons = QHBoxLayout()
-        buttons.addWidget(self.go)
         layout = QVBoxLayout(self)
-        layout.addWidget(self.choice)
-        layout.addLayout(buttons)
-        layout.addWidget(self.recorder)
-        layout.addWidget(results, 1)
+        for widget, share in (
+            (self.choice, 0),
+            (self.go, 0),
+            (self.recorder, 0),
+            (self.numbers, 0),
+            (self.angles, 4),
+            (self.bodies, 3),
+            (QLabel(self.tr("What to know"), self), 0),
+            (self.sentences, 1),
+        ):
+            layout.addWidget(widget, share)
 
     def _start_or_stop(self) -> None:
         if self.is_running:

@@ -55,7 +55,9 @@ class JointTable(RowTable):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        tip = self.tr("Where joints are in their targets, with standard deviations; kind and gap beside the name")
+        tip = self.tr(
+            "Where joints are in both targets, with standard deviations; the gap is how far these places are apart"
+        )
         titles = self.tr("Joint"), self.tr("x [mm]"), self.tr("y [mm]"), self.tr("z [mm]")
         self.describe(self.tr("Joints that were found"), tip, titles)
 
@@ -69,7 +71,7 @@ class JointTable(RowTable):
             kind = self.tr("ball") if joint.kind == "ball" else self.tr("hinge")
             rows.append([self.tr("{0}: {1}, gap {2:.2f} mm").format(joint.name, kind, fit.gap), "", "", ""])
             for name, texts in zip((joint.parent, joint.child), place_texts(joint), strict=True):
-                rows.append([self.tr("   in {0}").format(name), *texts])
+                rows.append([f"   {name}", *texts])
         self.show_rows(rows)
         for row in range(0, len(rows), _JOINT_ROWS):
             self.setSpan(row, 0, 1, self.columnCount())

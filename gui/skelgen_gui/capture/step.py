@@ -33,6 +33,8 @@ class Step(QWidget):
         How far it is.
     verdict : VerdictLabel
         What came out, or what is wrong.
+    results : tuple of QWidget
+        What shows the numbers of it.
 
     Parameters
     ----------
@@ -55,6 +57,7 @@ class Step(QWidget):
         self.go, self.state, self.verdict = QPushButton(self), QLabel(self), VerdictLabel(self)
         self.state.setWordWrap(True)
         self.state.setTextFormat(Qt.TextFormat.PlainText)
+        self.results: tuple[QWidget, ...] = ()
         self._area = QScrollArea(self)
         self.feed.arrived.connect(self.hear)
         self.go.clicked.connect(self._start_or_stop)
@@ -112,8 +115,13 @@ class Step(QWidget):
         self.follow()
 
     def show_end(self) -> None:
-        """Scroll to what came out, when the layout has made room."""
-        QTimer.singleShot(0, self, lambda: self._area.ensureWidgetVisible(self.verdict))
+        """Scroll to what came out, the verdict before all, when the layout has made room."""
+
+        def scroll() -> None:
+            for widget in (*self.results, self.verdict):
+                self._area.ensureWidgetVisible(widget)
+
+        QTimer.singleShot(0, self, scroll)
 
     def lay_out(self, parts: Iterable[QWidget | QLayout]) -> None:
         """Put everything below each other, where it can be scrolled."""

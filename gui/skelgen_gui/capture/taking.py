@@ -69,10 +69,14 @@ class Taking:
         self._rate = source.rate
         warm_up(monitor)
         monitor.begin(title)
-        for pair, left, right, points in self._seen(self.settings, source, monitor):
-            bodies = self.take(points)
+        last: TakenShot | None = None
+        for seen in self._seen(self.settings, source, monitor):
+            bodies = self.take(seen[-1])
             if self._feed.is_waited_for:
-                self._feed.put(self._shot(self.settings, (pair, left, right, points), bodies))
+                last = self._shot(self.settings, seen, bodies)
+                self._feed.put(last)
+        if last is not None:
+            self._feed.put(replace(last, progress=self.look()))
 
     def without_file(self, settings: CaptureSettings) -> CaptureSettings:
         """Return what is used of a simulated rig that knows its settings by itself."""
@@ -86,10 +90,14 @@ class Taking:
         """Take the points of a pair; return the targets in it with their groups."""
         raise NotImplementedError
 
+    def look(self) -> BodyProgress | JointProgress:
+        """Return how far it is."""
+        raise NotImplementedError
+
     @property
     def progress(self) -> BodyProgress | JointProgress:
-        """How far it is."""
-        raise NotImplementedError
+        """How far it is, or was a moment ago."""
+        return self.look()
 
     def _seen(self, settings: CaptureSettings, source: FrameSource, monitor: Monitor) -> Iterator[_Seen]:
         """Pairs with their balls and points."""
@@ -147,9 +155,8 @@ class TargetTaking(Taking):
         found = self._taking.add(points)
         return [] if found is None else [(0, found)]
 
-    @property
-    def progress(self) -> BodyProgress:
-        """How far it is."""
+    def look(self) -> BodyProgress:
+        """Return how far it is."""
         return self._taking.progress
 
     def calibrate(self, name: str, n_balls: int | None, monitor: Monitor) -> BodyCalibration:

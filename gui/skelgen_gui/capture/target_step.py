@@ -33,6 +33,7 @@ class TargetStep(AddingStep):
     def __init__(self, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
         super().__init__(TargetForm(), jobs, tell_error, parent)
         self.balls = BallTable(self)
+        self.results = (self.balls,)
         self.add.setToolTip(self.tr("Write the target into the settings, in place of one of the same name"))
         self.lay_out((self.form, self.go, self.state, row_of(self.calibrate, self.add), self.verdict, self.balls))
         self.form.name.textChanged.connect(self.follow)

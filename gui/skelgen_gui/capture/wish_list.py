@@ -141,6 +141,7 @@ class WishList(QWidget):
         name, parent, child, _ = self._wish
         is_new = bool(name) and name not in [wish.name for wish in self.wishes]
         self.more.setEnabled(is_new and bool(parent) and bool(child) and parent != child)
+        self.less.setVisible(bool(self.wishes))
         self.less.setEnabled(bool(self.table.selectedIndexes()))
 
     def _add(self) -> None:

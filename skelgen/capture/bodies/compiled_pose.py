@@ -28,8 +28,8 @@ def settle(
     matched: Ints,
     free: Bools,
     rules: Rules,
-) -> tuple[Floats, Floats, Ints, float, bool]:
-    """Return pose, covariance, matches, rms and whether they are sound; arguments are the plain twin's, unpacked."""
+) -> tuple[Floats, Floats, Ints, float, float, bool]:
+    """Return pose, covariance, matches, rms, misfit and whether all is sound; arguments are the plain twin's."""
     matched = matched.copy()
     n_matched = 0
     for ball in range(len(matched)):
@@ -48,20 +48,22 @@ def settle(
         if most <= rules.gate**2 and total <= fit_limit(3 * n_matched - 6, rules.gate):
             break
         if n_matched <= rules.min_points:
-            return pose, covariance, matched, np.inf, False
+            return pose, covariance, matched, np.inf, np.inf, False
         matched[worst] = -1
         n_matched -= 1
         pose, covariance = fit_pose(balls, variances, points, covariances, matched)
     if take_up(balls, variances, points, covariances, spans, matched, free, rules, pose, covariance):
         pose, covariance = fit_pose(balls, variances, points, covariances, matched)
-    total, n_matched = 0.0, 0
+    total, misfit, n_matched = 0.0, 0.0, 0
     for ball in range(len(matched)):
         if matched[ball] >= 0:
             away = points[matched[ball]] - carried(pose, balls[ball])
+            spread = spread_of(covariances[matched[ball]], pose, variances[ball], rules.floor)
             total += away[0] ** 2 + away[1] ** 2 + away[2] ** 2
+            misfit += weighed(away, inverse(spread))
             n_matched += 1
     rms = math.sqrt(total / n_matched)
-    return pose, covariance, matched, rms, rms <= rules.max_distance
+    return pose, covariance, matched, rms, misfit, rms <= rules.max_distance
 
 
 @compile_function

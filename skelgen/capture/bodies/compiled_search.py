@@ -56,6 +56,7 @@ def search(
     distances: Distances,
     allowed: Bools,
     rules: Rules,
+    known: Ints,
 ) -> tuple[Ints, float]:
     """Return the best matching and its cost; arguments are the plain twin's, unpacked."""
     n_balls = len(balls)
@@ -70,7 +71,9 @@ def search(
         sink(heap, keys, 0, size)
         if cost_of(keys[first] ** 2 / 2, n_balls, n_balls, rules) >= best_cost:
             break
-        best_cost = extend(matches[first], keys[first], balls, points, distances, allowed, rules, best, best_cost)
+        best_cost = extend(
+            matches[first], keys[first], balls, points, distances, allowed, rules, known, best, best_cost
+        )
     return best, best_cost
 
 
@@ -83,9 +86,10 @@ def cost_of(squares: float, n_matched: int, n_balls: int, rules: Rules) -> float
 @compile_function
 def is_near(difference: float, variance: float, n_balls: int, rules: Rules) -> bool:
     """Whether two distances may differ so."""
-    if difference > math.sqrt(2.0 * n_balls) * rules.max_distance:
+    beyond = max(difference - rules.floor, 0.0)
+    if beyond * beyond > rules.gate * rules.gate * variance:  # nearly all: no root is drawn for them
         return False
-    return difference <= rules.floor + rules.gate * math.sqrt(variance)
+    return difference <= math.sqrt(2.0 * n_balls) * rules.max_distance
 
 
 @compile_function
@@ -97,19 +101,17 @@ def edge_matches(distances: Distances, allowed: Bools, rules: Rules) -> tuple[Fl
     for i in range(n_balls):
         for j in range(i + 1, n_balls):
             for a in range(n_points):
-                if not allowed[i, a]:
-                    continue
-                for b in range(n_points):
+                for b in range(a + 1, n_points):
                     difference = abs(spans[a, b] - edges[i, j])
                     if not is_near(difference, span_variances[a, b] + edge_variances[i, j], n_balls, rules):
                         continue
-                    if not allowed[j, b]:
-                        continue
-                    if n == len(keys):
+                    if n + 2 > len(keys):
                         keys, matches = doubled(keys, matches)
-                    keys[n] = difference
-                    matches[n, 0], matches[n, 1], matches[n, 2], matches[n, 3] = i, j, a, b
-                    n += 1
+                    for first, second in ((a, b), (b, a)):
+                        if allowed[i, first] and allowed[j, second]:
+                            keys[n] = difference
+                            matches[n, 0], matches[n, 1], matches[n, 2], matches[n, 3] = i, j, first, second
+                            n += 1
     return keys[:n], matches[:n]
 
 
@@ -159,6 +161,7 @@ def extend(
     distances: Distances,
     allowed: Bools,
     rules: Rules,
+    known: Ints,
     best: Ints,
     best_cost: float,
 ) -> float:
@@ -175,7 +178,7 @@ def extend(
     while level >= 0:
         if level == n_others:
             cost = cost_of(squares[level], n_matched, n_balls, rules)
-            if cost < best_cost:
+            if cost < best_cost and not is_part(matched, known):
                 best_cost = cost
                 best[:] = matched
             level -= 1
@@ -212,6 +215,15 @@ def extend(
         else:
             level -= 1
     return best_cost
+
+
+@compile_function
+def is_part(matched: Ints, known: Ints) -> bool:
+    """Whether all of a matching's matches are those of a known one."""
+    is_known = True
+    for ball in range(len(matched)):
+        is_known &= matched[ball] < 0 or matched[ball] == known[ball]
+    return bool(is_known)
 
 
 @compile_function

@@ -29,6 +29,22 @@ LEAST_WIDTH = 5.0
 """mm; root mean square distance from a line that the seen balls of a target need at least to fix its turn about it."""
 
 
+class AmbiguousTargetError(InputError):
+    """A target that can be taken for another one, or for itself turned.
+
+    Attributes
+    ----------
+    confusion : Confusion
+        Which balls can be taken for which.
+    target : BodyTarget
+        The target.
+    """
+
+    def __init__(self, confusion: Confusion, target: BodyTarget) -> None:
+        super().__init__(f"{confusion.sentence}; move a ball")
+        self.confusion, self.target = confusion, target
+
+
 @dataclass(frozen=True)
 class Confusion:
     """Balls of a target that can be taken for others.
@@ -77,7 +93,7 @@ def check_target(target: BodyTarget, beside: Sequence[BodyTarget], parameters: B
     """Refuse a target that cannot be found for sure beside others, which are good; see `check_targets`."""
     _check_shape(target, parameters)
     for confusion in find_confusions(target, beside, parameters):
-        raise InputError(confusion.sentence)
+        raise AmbiguousTargetError(confusion, target)
 
 
 def find_confusions(
@@ -162,7 +178,7 @@ class _Matcher:
             what = f"body {name!r} can be taken for {self.second.name!r}: its balls {listed} for the balls"
         return (
             f"{what} {_listed(others)}, {distance:.2f} mm apart where {self.distinct:g} mm are needed, because "
-            f"distances are near equal: {', '.join(pairs[:TOLD])}; move a ball (propose_targets says where to)"
+            f"distances are near equal: {', '.join(pairs[:TOLD])}"
         )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,8 +16,12 @@ from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.bodies.parameters import BodyParameters
 from skelgen.capture.bodies.plain_pose import Settled
 from skelgen.capture.bodies.tables import Rules, Scene, TargetTable, rules_of, scene_plain, target_table
+from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
+
+_FAR = 3.0
+"""Standard deviations by which poses must differ so that one of them is wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +108,8 @@ class BodyFinder:
         check_targets(targets, parameters)
         self.targets = tuple(targets)
         self._tables = [target_table(target) for target in targets]
-        self._rules = rules_of(parameters)
+        self._rules, self._distinct = rules_of(parameters), parameters.distinct
+        self._clearly = 2.0 * math.log(1.0 / parameters.doubt - 1.0)  # of two misfits: minus twice the log of the odds
         self._executor = executor
         self._twin: _Twin = _CompiledTwin() if _can_compile(compiled) else _PlainTwin()
 
@@ -142,42 +148,82 @@ class BodyFinder:
         everywhere = np.tile(free, (len(table.points), 1))
         if expected is not None:
             near = _near(table, scene, expected, self._rules) & free
-            found = self._sound(table, scene, near, free)
+            found = self._certain(table, scene, near, free)
             if found is not None:
                 return found
-        return self._sound(table, scene, everywhere, free)
+        return self._certain(table, scene, everywhere, free)
+
+    def _certain(self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools) -> _Candidate | None:
+        """The likeliest matching, or None if another one that tells another pose is nearly as likely."""
+        found = self._sound(table, scene, allowed, free)
+        if found is None:
+            return None
+        rivals = self._rivals(table, scene, allowed, free, found)
+        best, *others = sorted([found, *rivals], key=lambda one: (-_n_matched(one), one.settled.misfit))
+        for other in others:
+            is_likely = other.settled.misfit - best.settled.misfit < self._clearly
+            if (
+                _n_matched(other) == _n_matched(best)
+                and is_likely
+                and _are_apart(table, best.settled, other.settled, self._distinct)
+            ):
+                return None
+        return best if best.settled.rms <= self._rules.max_distance else None
+
+    def _rivals(
+        self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools, found: _Candidate
+    ) -> list[_Candidate]:
+        """Matchings of as many balls that tell another pose and that the noise explains, however far off in mm."""
+        rules = self._rules._replace(min_points=_n_matched(found), max_distance=np.inf)
+        rival = self._searched(table, scene, allowed, free, rules, known=found.settled.matched)
+        if rival is None:  # as nearly always
+            return []
+        rivals = [rival, *self._without(table, scene, allowed, free, found.settled.matched, rules)]
+        return [
+            rival
+            for rival in rivals
+            if rival.settled.is_sound and _are_apart(table, found.settled, rival.settled, self._distinct)
+        ]
 
     def _sound(self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools) -> _Candidate | None:
         """The best matching that the noise explains; one of more balls, if there is such, as it proves more."""
         best = self._searched(table, scene, allowed, free, self._rules)
         if best is None:
             return None
-        n_matched = int((best.settled.matched >= 0).sum())
+        n_matched = _n_matched(best)
         if n_matched < len(table.points):
             more = self._searched(table, scene, allowed, free, self._rules._replace(min_points=n_matched + 1))
             if more is not None and more.settled.is_sound:
                 return more
-        return best if best.settled.is_sound else self._second(table, scene, allowed, free, best.settled.matched)
+        if best.settled.is_sound:
+            return best
+        others = self._without(table, scene, allowed, free, best.settled.matched, self._rules)
+        return min((other for other in others if other.settled.is_sound), key=_cost, default=None)
 
-    def _second(
-        self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools, matched: Ints
-    ) -> _Candidate | None:
-        """The best sound matching that differs from one that is not."""
-        second: _Candidate | None = None
+    def _without(
+        self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools, matched: Ints, rules: Rules
+    ) -> Iterator[_Candidate]:
+        """The cheapest matchings without one or another match of a given one."""
         for ball in np.flatnonzero(matched >= 0):
             others = allowed.copy()
             others[ball, matched[ball]] = False
-            found = self._searched(table, scene, others, free, self._rules)
-            if found is not None and found.settled.is_sound and found.cost < _cost(second):
-                second = found
-        return second
+            found = self._searched(table, scene, others, free, rules)
+            if found is not None:
+                yield found
 
     def _searched(
-        self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools, rules: Rules
+        self,
+        table: TargetTable,
+        scene: Scene,
+        allowed: Bools,
+        free: Bools,
+        rules: Rules,
+        known: Ints | None = None,
     ) -> _Candidate | None:
         if allowed.any(axis=1).sum() < rules.min_points:
             return None
-        matched, cost = self._twin.search(table, scene, allowed, rules)
+        known = np.full(len(table.points), -1, dtype=np.intp) if known is None else known
+        matched, cost = self._twin.search(table, scene, allowed, rules, known)
         if not np.isfinite(cost):
             return None
         return _Candidate(self._twin.settle(table, scene, matched, free, rules), cost)
@@ -189,8 +235,8 @@ class _PlainTwin:
     def scene(self, points: StereoPoints) -> Scene:
         return scene_plain(points)
 
-    def search(self, table: TargetTable, scene: Scene, allowed: Bools, rules: Rules) -> tuple[Ints, float]:
-        return plain.search(table, scene, allowed, rules)
+    def search(self, table: TargetTable, scene: Scene, allowed: Bools, rules: Rules, known: Ints) -> tuple[Ints, float]:
+        return plain.search(table, scene, allowed, rules, known)
 
     def settle(self, table: TargetTable, scene: Scene, matched: Ints, free: Bools, rules: Rules) -> Settled:
         return plain_pose.settle(table, scene, matched, free, rules)
@@ -210,9 +256,9 @@ class _CompiledTwin:
         left, right = (np.array(side, dtype=np.intp) for side in (points.left, points.right))
         return Scene(places, covariances, *self._span_tables(places, covariances, left, right))
 
-    def search(self, table: TargetTable, scene: Scene, allowed: Bools, rules: Rules) -> tuple[Ints, float]:
+    def search(self, table: TargetTable, scene: Scene, allowed: Bools, rules: Rules, known: Ints) -> tuple[Ints, float]:
         distances = self._distances(table.edges, table.edge_variances, scene.spans, scene.span_variances)
-        return self._search(table.points, scene.points, distances, allowed, rules)
+        return self._search(table.points, scene.points, distances, allowed, rules, known)
 
     def settle(self, table: TargetTable, scene: Scene, matched: Ints, free: Bools, rules: Rules) -> Settled:
         places = (scene.points, scene.covariances, scene.spans)
@@ -235,6 +281,20 @@ def _can_compile(wanted: bool | None) -> bool:
 
 def _cost(candidate: _Candidate | None) -> float:
     return np.inf if candidate is None else candidate.cost
+
+
+def _n_matched(candidate: _Candidate) -> int:
+    return int((candidate.settled.matched >= 0).sum())
+
+
+def _are_apart(table: TargetTable, one: Settled, other: Settled, distinct: float) -> bool:
+    """Whether two poses put the balls farther apart than is distinct [mm], and than the errors of the pose tell."""
+    away = table.points @ (one.pose[:3, :3] - other.pose[:3, :3]).T + one.pose[:3, 3] - other.pose[:3, 3]
+    if (away**2).sum() <= len(away) * distinct**2:  # as where one of two balls hides the other
+        return False
+    turn = vector_from_matrix(one.pose[:3, :3] @ other.pose[:3, :3].T)
+    step = np.concatenate([turn, one.pose[:3, 3] - other.pose[:3, 3]])
+    return bool(step @ np.linalg.solve(one.covariance, step) > plain_pose.fit_limit(len(step), _FAR))
 
 
 def _settled(candidate: _Candidate | None) -> Settled:

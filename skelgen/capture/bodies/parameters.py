@@ -34,6 +34,13 @@ class BodyParameters(StageParameters):
         low=0.0,
         high=100.0,
     )
+    doubt: float = declare(
+        0.001,
+        "A body is left out where another pose, from other points or another order of the balls, is more likely than "
+        "this to be the right one.",
+        low=1e-9,
+        high=0.5,
+    )
     queue: int = declare(
         2000, "Edges from which a body is searched at most, the best first; a bound on the time of a frame.", low=1
     )

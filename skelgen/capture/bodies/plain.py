@@ -29,7 +29,7 @@ from skelgen.geometry.orientation import fit_transform, rotation_by_svd
 from skelgen.model.arrays import Bools, Floats, Ints
 
 
-def search(target: TargetTable, scene: Scene, allowed: Bools, rules: Rules) -> tuple[Ints, float]:
+def search(target: TargetTable, scene: Scene, allowed: Bools, rules: Rules, known: Ints) -> tuple[Ints, float]:
     """Return the best matching of a target and its cost.
 
     Parameters
@@ -42,6 +42,8 @@ def search(target: TargetTable, scene: Scene, allowed: Bools, rules: Rules) -> t
         Which point may be which ball.
     rules : Rules
         See `BodyParameters`.
+    known : ndarray of intp, shape (k,)
+        A matching of which the result shall be no part; -1 everywhere allows all.
 
     Returns
     -------
@@ -57,7 +59,7 @@ def search(target: TargetTable, scene: Scene, allowed: Bools, rules: Rules) -> t
         if cost_of(squares, len(target.points), len(target.points), rules) >= best.cost:
             break
         others = [ball for ball in range(len(target.points)) if ball not in (i, j)]
-        _extend(_Search(target, scene, allowed, rules, best, difference), {i: a, j: b}, squares, others)
+        _extend(_Search(target, scene, allowed, rules, known, best, difference), {i: a, j: b}, squares, others)
     return best.points, best.cost
 
 
@@ -87,10 +89,17 @@ class _Search:
     """What stays the same while one edge is extended."""
 
     def __init__(
-        self, target: TargetTable, scene: Scene, allowed: Bools, rules: Rules, best: _Best, first: float
+        self,
+        target: TargetTable,
+        scene: Scene,
+        allowed: Bools,
+        rules: Rules,
+        known: Ints,
+        best: _Best,
+        first: float,
     ) -> None:
         self.target, self.scene, self.allowed, self.rules = target, scene, allowed, rules
-        self.best, self.first = best, first
+        self.known, self.best, self.first = known, best, first
 
     def fits(self, matched: dict[int, int], ball: int, point: int) -> bool:
         """Whether one more match agrees with the distances of all others; none may be better than the first."""
@@ -125,8 +134,9 @@ def _extend(search: _Search, matched: dict[int, int], squares: float, others: li
     if squares > most * rules.max_distance**2:
         return
     if not others:
-        best.cost = cost_of(squares, most, n_balls, rules)
-        best.points = np.array([matched.get(ball, -1) for ball in range(n_balls)])
+        points = np.array([matched.get(ball, -1) for ball in range(n_balls)])
+        if ((points >= 0) & (points != search.known)).any():
+            best.cost, best.points = cost_of(squares, most, n_balls, rules), points
         return
     ball, rest = others[0], others[1:]
     for point in np.flatnonzero(search.allowed[ball]):

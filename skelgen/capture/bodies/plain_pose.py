@@ -30,12 +30,16 @@ STEP_TOLERANCE = 1e-10
 
 
 class Settled(NamedTuple):
-    """A target that was found: its pose, its covariance, which point is which ball, and the distances left over."""
+    """A target that was found: its pose, its covariance, which point is which ball, and what is left over.
+
+    `rms` [mm] is that of the distances, `misfit` the sum of their squares in deviations.
+    """
 
     pose: Floats
     covariance: Floats
     matched: Ints
     rms: float
+    misfit: float
     is_sound: bool
 
 
@@ -68,7 +72,7 @@ def settle(target: TargetTable, scene: Scene, matched: Ints, free: Bools, rules:
         if deviations.max() <= rules.gate and (deviations**2).sum() <= fit_limit(3 * n_matched - 6, rules.gate):
             break
         if n_matched <= rules.min_points:
-            return Settled(pose, covariance, matched, np.inf, False)
+            return Settled(pose, covariance, matched, np.inf, np.inf, False)
         matched[deviations.argmax()] = -1
         pose, covariance = fit_pose(target, scene, matched)
     if _take_up(target, scene, matched, free, rules, pose, covariance):
@@ -76,7 +80,8 @@ def settle(target: TargetTable, scene: Scene, matched: Ints, free: Bools, rules:
     seen = matched >= 0
     left_over = scene.points[matched[seen]] - target.points[seen] @ pose[:3, :3].T - pose[:3, 3]
     rms = float(np.sqrt((left_over**2).sum(axis=1).mean()))
-    return Settled(pose, covariance, matched, rms, rms <= rules.max_distance)
+    misfit = float((_deviations(target, scene, matched, pose, rules)[seen] ** 2).sum())
+    return Settled(pose, covariance, matched, rms, misfit, rms <= rules.max_distance)
 
 
 def fit_limit(n_free: int, gate: float) -> float:

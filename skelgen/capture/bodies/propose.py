@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -17,6 +19,10 @@ RADII = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 
 TRIALS = 30
 """Random displacements of each size."""
+
+DIRECTIONS = np.array([steps for steps in product((-1.0, 0.0, 1.0), repeat=3) if sum(map(abs, steps)) in (1, 3)])
+DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+"""Along the axes and diagonals of space: 14 unit vectors, in which one ball is tried elsewhere."""
 
 SPACING = 20.0
 """mm; least distance of two balls of a target: nearer ones merge in the images."""
@@ -53,6 +59,75 @@ def propose_targets(
     for target in targets:
         done.append(_better(target, done, parameters, rng))
     return done
+
+
+@dataclass(frozen=True)
+class BallMove:
+    """One ball that is put elsewhere, so that a target can be found for sure.
+
+    Attributes
+    ----------
+    ball : int
+        Which, counted from 0.
+    by : float, mm
+        How far it is moved.
+    before, after : tuple of float, mm
+        Its distances from all other balls, in their order.
+    """
+
+    ball: int
+    by: float
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+
+    @property
+    def sentence(self) -> str:
+        """What to do with a ruler."""
+        before, after = (", ".join(f"{length:.0f}" for length in lengths) for lengths in (self.before, self.after))
+        return (
+            f"it would do to move ball {self.ball + 1}, which is {before} mm from the others, by {self.by:.0f} mm, so "
+            f"that these distances become {after} mm"
+        )
+
+
+def propose_move(
+    target: BodyTarget,
+    beside: Sequence[BodyTarget] = (),
+    parameters: BodyParameters | None = None,
+) -> BallMove | None:
+    """Return the smallest move of one ball that makes a target good beside others; None if none was found.
+
+    Parameters
+    ----------
+    target : BodyTarget
+        An ambiguous target.
+    beside : sequence of BodyTarget
+        Others, which are good.
+    parameters : BodyParameters, optional
+        How many balls must be seen, and how different targets must be.
+    """
+    parameters = parameters or BodyParameters()
+    for radius in RADII:
+        good = [
+            (_difference(points, beside), ball, points)
+            for ball in range(len(target.points))
+            for points in _moved(target.points, ball, radius)
+            if _spacing(points) >= SPACING and _is_good(BodyTarget(target.name, points), beside, parameters)
+        ]
+        if good:
+            _, ball, points = max(good, key=lambda one: one[0])
+            others = np.delete(points, ball, axis=0)
+            before, after = (np.linalg.norm(others - place[ball], axis=1).tolist() for place in (target.points, points))
+            return BallMove(ball, radius, tuple(before), tuple(after))
+    return None
+
+
+def _moved(points: Floats, ball: int, radius: float) -> Iterator[Floats]:
+    """The points with one ball moved along the axes and diagonals of the target, both ways."""
+    for direction in DIRECTIONS:
+        moved = points.copy()
+        moved[ball] += radius * direction
+        yield moved
 
 
 def _better(

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.capture.blobs import FoundBody, StereoPoints
-from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets
+from skelgen.capture.bodies import AmbiguousTargetError, BodyFinder, BodyParameters, check_targets, propose_move
 from skelgen.capture.calibration.grades import GOOD, REPEAT, USABLE, Verdict, as_sentence
 from skelgen.capture.calibration.motion import LEAST_TURN
 from skelgen.capture.calibration.weighted_shape import WeightedShape, fit_weighted_shape
@@ -33,6 +33,10 @@ MOST_FRAMES = 300
 
 FIRST_FRAMES = 5
 """Frames that are tried as the one that shows the target alone."""
+
+MOST_PROPOSED = 8
+"""Balls of a design up to which a better one is looked for; it takes three seconds then, and grows with their fourth
+power."""
 
 DOUBTFUL_NOISE = 2.0
 """Residuals in stated deviations above which the rig's noise or the target's stiffness is doubted."""
@@ -118,7 +122,10 @@ def calibrate_body(
     found = _find_everywhere(chosen, target, parameters, monitor)
     shape = _shape(*_ordered(chosen, found, n_balls), name)
     target = _target(name, shape)
-    check_targets([*beside, target], parameters)
+    try:
+        check_targets([*beside, target], parameters)
+    except AmbiguousTargetError as error:
+        raise InputError(_with_advice(error, beside, parameters)) from error
     n_frames = len(shape.world_from_body)
     turn = _turn(shape)
     notices = tuple(_notices(name, shape, turn))
@@ -152,10 +159,20 @@ def _first_target(frames: Sequence[StereoPoints], name: str, n_balls: int, param
         agreeing = [sum(map(bool, _find_everywhere(samples, trial, parameters, SILENT))) for trial in trials]
     except InputError as error:
         raise InputError(
-            f"{error}. The pictures show {n_balls} balls at once; if those are not all of body {name!r}, cover the "
-            "others, or state its number of balls"
+            f"{_with_advice(error, (), parameters)}. The pictures show {n_balls} balls at once; if those are not all "
+            f"of body {name!r}, cover the others, or state its number of balls"
         ) from error
     return trials[int(np.argmax(agreeing))]
+
+
+def _with_advice(error: InputError, beside: Sequence[BodyTarget], parameters: BodyParameters) -> str:
+    """What is wrong with a target, and if it is ambiguous, which ball to move and where to."""
+    if not isinstance(error, AmbiguousTargetError):
+        return str(error)
+    few = len(error.target.points) <= MOST_PROPOSED
+    move = propose_move(error.target, beside, parameters) if few else None
+    advice = "choose one whose distances all differ" if move is None else move.sentence
+    return f"{error.confusion.sentence}; {advice}"
 
 
 def first_shape(frame: StereoPoints, name: str) -> BodyTarget:

@@ -57,7 +57,7 @@ def looser_joints(skeleton: Skeleton, before: KnownPoses, after: KnownPoses) -> 
     for index in bound:
         child = skeleton.joints[index].child
         samples = [
-            _log_spans(wobble[:, child], poses.seen[:, child])
+            log_spans(wobble[:, child], poses.seen[:, child])
             for wobble, poses in zip(wobbles, (before, after), strict=True)
         ]
         if min(map(len, samples)) >= LEAST_SPANS:
@@ -81,8 +81,8 @@ def _wobbles(skeleton: Skeleton, poses: KnownPoses) -> Floats:
     return angles
 
 
-def _log_spans(angles: Floats, seen: Bools) -> Floats:
-    """Logarithms of the root mean square in each span that shows enough."""
+def log_spans(angles: Floats, seen: Bools) -> Floats:
+    """Return logarithms of the root mean square in each span of a take that shows enough."""
     spans = zip(np.array_split(angles, N_SPANS), np.array_split(seen, N_SPANS), strict=True)
     shown = [part[known] for part, known in spans if known.sum() >= LEAST_SEEN]
     return np.array([np.log(np.sqrt((part**2).mean()) + _LEAST_ANGLE) for part in shown])

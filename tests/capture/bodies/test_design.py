@@ -3,7 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets, find_confusions, propose_targets
+from skelgen.capture.bodies import (
+    AmbiguousTargetError,
+    BodyFinder,
+    BodyParameters,
+    check_targets,
+    find_confusions,
+    propose_move,
+    propose_targets,
+)
 from skelgen.errors import InputError
 from skelgen.model.rig import BodyTarget
 
@@ -72,3 +80,39 @@ def test_good_targets_are_kept(targets):
 def test_target_that_cannot_be_helped_is_refused():
     with pytest.raises(InputError, match="no design for body 'few'"):
         propose_targets([BodyTarget("few", np.eye(3) * 50)])
+
+
+def test_one_ball_moved_as_proposed_makes_a_target_good():
+    square = BodyTarget("square", np.array([[0.0, 0, 0], [80, 0, 0], [80, 80, 0], [0, 80, 0], [40, 40, 50]]))
+    with pytest.raises(AmbiguousTargetError) as caught:
+        check_targets([square])
+    assert caught.value.target is square
+    move = propose_move(square)
+    assert f"move ball {move.ball + 1}, which is" in move.sentence
+    assert f"by {move.by:.0f} mm" in move.sentence
+    others = np.delete(square.points, move.ball, axis=0)
+    np.testing.assert_allclose(np.linalg.norm(others - square.points[move.ball], axis=1), move.before)
+    from scipy.optimize import least_squares
+
+    place = least_squares(  # where a ruler puts it
+        lambda place: np.linalg.norm(others - place, axis=1) - move.after, square.points[move.ball] + [0, 0, 1.0]
+    )
+    assert place.cost < 1e-12
+    moved = square.points.copy()
+    moved[move.ball] = place.x
+    check_targets([BodyTarget("square", moved)])
+
+
+def test_a_move_heeds_the_targets_beside():
+    old = np.array([[0.0, 0, 0], [61, 0, 0], [17, 72, 0], [-33, 25, 40], [40, 38, -52]])
+    new = old.copy()
+    new[4] = [-20.0, -55.0, 21.0]  # four balls are alike, which is all that may be seen
+    check_targets([BodyTarget("new", new)])
+    move = propose_move(BodyTarget("new", new), [BodyTarget("old", old)])
+    assert move.ball < 4
+    assert move.by >= 2.0
+
+
+def test_a_cross_is_mended_by_no_single_move():
+    cross = BodyTarget("cross", 50.0 * np.array([[0.0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]))
+    assert propose_move(cross) is None

@@ -14,6 +14,8 @@ from skelgen.model.rig import BodyTarget
 OPEN = rules_of(BodyParameters(max_distance=100.0, gate=100.0, floor=10.0, queue=100_000))
 """Rules under which nothing is cut but by cost."""
 
+NONE = np.full(5, -1, dtype=np.intp)
+
 
 @pytest.fixture
 def table(targets):
@@ -36,7 +38,7 @@ def test_pruning_never_loses_the_best_matching(seed, table):
     rng = np.random.default_rng(seed)
     points = np.concatenate([table.points[1:] + rng.normal(size=(4, 3)) * 9, rng.uniform(-80, 80, (2, 3))])
     scene = scene_of(points)
-    matched, cost = plain.search(table, scene, np.ones((5, len(points)), dtype=bool), OPEN)
+    matched, cost = plain.search(table, scene, np.ones((5, len(points)), dtype=bool), OPEN, NONE)
     assert cost == pytest.approx(best_by_trying_all(table, points, OPEN), rel=1e-12)
     held = {ball: int(point) for ball, point in enumerate(matched) if point >= 0}
     squares = plain.squares_of(table.points, points, held)
@@ -48,10 +50,25 @@ def test_compiled_search_costs_what_the_plain_one_does(seed, table):
     rng = np.random.default_rng(seed)
     points = np.concatenate([table.points + rng.normal(size=(5, 3)) * 5, rng.uniform(-80, 80, (4, 3))])
     scene, allowed = scene_of(points), rng.uniform(size=(5, 9)) < 0.9
-    _, cost = plain.search(table, scene, allowed, OPEN)
+    _, cost = plain.search(table, scene, allowed, OPEN, NONE)
     known = (table.edges, table.edge_variances, scene.spans, scene.span_variances)
-    _, same = compiled_search.search(table.points, points, compiled_search.Distances(*known), allowed, OPEN)
+    _, same = compiled_search.search(table.points, points, compiled_search.Distances(*known), allowed, OPEN, NONE)
     assert same == pytest.approx(cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_next_best_matching_is_no_part_of_the_best(seed, table):
+    rng = np.random.default_rng(seed)
+    points = np.concatenate([table.points + rng.normal(size=(5, 3)) * 5, rng.uniform(-80, 80, (3, 3))])
+    scene, allowed = scene_of(points), np.ones((5, 8), dtype=bool)
+    best, cost = plain.search(table, scene, allowed, OPEN, NONE)
+    second, more = plain.search(table, scene, allowed, OPEN, best)
+    assert ((second >= 0) & (second != best)).any()
+    assert more > cost
+    distances = compiled_search.Distances(table.edges, table.edge_variances, scene.spans, scene.span_variances)
+    same, as_much = compiled_search.search(table.points, points, distances, allowed, OPEN, best)
+    assert np.array_equal(same, second)
+    assert as_much == pytest.approx(more, rel=1e-9)
 
 
 def test_sum_of_squares_never_falls_when_a_match_is_added(table):

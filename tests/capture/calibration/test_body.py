@@ -133,3 +133,16 @@ def test_verdict_says_what_the_target_is_worth():
     assert few.sentences[1].startswith("Body 'hand' rests on 5 frames")
     sure = [stereo_points(frame.points, frame.covariance / 9) for frame in make_frames(3, 20)]
     assert calibrate_body(sure, "hand").verdict.grade == "repeat"
+
+
+def test_an_ambiguous_design_is_told_with_a_better_one():
+    pyramid = np.array([[0.0, 0, 0], [80, 0, 0], [80, 80, 0], [0, 80, 0], [40, 40, 50]])
+    with pytest.raises(InputError, match=r"it would do to move ball \d, which is .* mm from the others, by \d+ mm"):
+        calibrate_body(make_frames(0, 12, balls=pyramid), "pyramid")
+    cross = 50.0 * np.array([[0.0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    with pytest.raises(InputError, match="choose one whose distances all differ"):
+        calibrate_body(make_frames(0, 12, balls=cross), "cross")
+    other = BALLS.copy()
+    other[4] = [-20.0, -55.0, 21.0]  # four balls are alike, which is all that may be seen
+    with pytest.raises(InputError, match=r"can be taken for 'old'.*it would do to move ball"):
+        calibrate_body(make_frames(0, 12), "hand", beside=[BodyTarget("old", other)])

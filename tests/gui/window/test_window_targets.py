@@ -78,6 +78,7 @@ def test_a_target_is_taken_judged_and_added_as_the_command_does_it(qtbot, page, 
     takes(step, TORSO, path)
     assert step.verdict.text().startswith("Good: its balls are known to 0.0")
     assert "from 40 of 40 frames" in step.verdict.text()
+    assert "of 40 pairs of images" in step.state.text()
     assert "Its design is not ambiguous." in step.verdict.text()
     assert texts(step.balls)[0] == ["1", "0.00", "0.00", "0.00"]
     assert " ± 0.0" in texts(step.balls)[3][3]
@@ -96,6 +97,7 @@ def test_joints_are_taken_judged_and_added_as_the_command_does_it(page, takes, c
     said.write_bytes(arm.read_bytes())
     takes(step, ARM, arm)
     assert len(texts(step.motions)) == 2
+    assert step.state.text().startswith("120 pairs of images.")
     assert "is a ball, turned by" in step.verdict.text()
     assert "is a hinge, turned by" in step.verdict.text()
     assert " ± 0." in texts(step.joints)[1][1]
