@@ -89,7 +89,7 @@ class Columns(NamedTuple):
 
 def summed(chain: Chain, articulation: Articulation, poses: ChainPoses, weights: Floats) -> Floats:
     """Return the information of some frames; parameters are those of the plain twin."""
-    columns, places = _columns(chain, articulation)
+    columns, places = columns_of(chain, articulation)
     total = np.zeros((len(places), len(places)))
     add_frames(chain_table(chain, articulation), columns, fresh(poses.rotations), fresh(weights), total)
     result = np.empty_like(total)
@@ -97,7 +97,7 @@ def summed(chain: Chain, articulation: Articulation, poses: ChainPoses, weights:
     return result
 
 
-def _columns(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
+def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
     """Where the constants stand, and which of `Calibration.information` each of them is."""
     n_limbs, n_offsets = chain.n_limbs, 3 * chain.n_markers
     below = chain.ancestry()
@@ -202,20 +202,23 @@ def add_tilts(
     table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats, total: Floats
 ) -> None:
     """Let the constants of the axis of a limb's joint come in: they turn it."""
-    parent = matrix(place.rotations, table.parents[limb])
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
     for tilt in range(columns.n_tilts[limb] - 1, -1, -1):
-        if tilt < 2:
-            change = turned(parent, vector(columns.across[limb], tilt, 0))
-        else:
-            first = turned(parent, vector(table.in_parent, limb, 0))
-            normal = cross(first, turned(matrix(place.rotations, limb), vector(table.in_child, limb, 0)))
-            size = math.sqrt(dot(normal, normal))
-            change = times(1.0 / size if size > PARALLEL else 0.0, normal)
+        change = tilted(table, columns, place, limb, tilt)
         column = columns.first[limb] + 3 + tilt
         set_column(work, TORQUES, column, by_symmetric(symmetric(forms, limb, 0), change))
         set_column(work, FORCES, column, (dot(a, change), dot(b, change), dot(c, change)))
         mix(total, column, 1.0, change, work, TORQUES, column, columns.last[limb])
+
+
+@compile_part
+def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: int) -> Vector:
+    """Return how a constant of the axis of a limb's joint turns the limb; see `Articulation.axes_of`."""
+    if tilt < 2:
+        return turned(matrix(place.rotations, table.parents[limb]), vector(columns.across[limb], tilt, 0))
+    normal = cross(world_axis(table, place, limb, 0), world_axis(table, place, limb, 1))
+    size = math.sqrt(dot(normal, normal))
+    return times(1.0 / size if size > PARALLEL else 0.0, normal)
 
 
 @compile_part
