@@ -141,7 +141,7 @@ class LimbErrors:
             In the parents' axes; 0 for the root.
         """
         chain = self.chain
-        frames = linearised(chain, self.articulation, poses, positions, weights)
+        frames = linearised(chain, self.articulation, poses, positions, weights, poses_only=True)
         n_places = len(self.root) - self.articulation.n_constants
         own = frames.tilts @ self.root[n_places:] - frames.turns @ (frames.follow() @ self.root)
         own = own[:, 3:].reshape(len(positions), chain.n_limbs, 3, -1)

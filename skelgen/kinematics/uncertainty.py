@@ -83,7 +83,7 @@ def frame_covariances(
     for first in range(0, len(positions), together):
         part = slice(first, first + together)
         heard = None if weights is None else weights[part]
-        block = linearised(chain, articulation, poses[part], positions[part], heard)
+        block = linearised(chain, articulation, poses[part], positions[part], heard, poses_only=True)
         parts.append(_covariances(chain, articulation, poses[part], block, root, noise))
     return FrameCovariances(
         joints=np.concatenate([part.joints for part in parts]),
