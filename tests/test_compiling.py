@@ -52,12 +52,10 @@ def test_parts_are_compiled_once_whatever_fixed_numbers_they_are_given():
 
 
 def test_compiling_is_told_once_and_only_when_something_is_compiled():
-    pytest.importorskip("numba", reason="numba is not installed")
+    numba = pytest.importorskip("numba", reason="numba is not installed")
     told = []
-
-    @compile_function
-    def half(number):
-        return number / 2
+    compile_function(lambda number: number)  # from now on compiling is heard
+    half = numba.njit(lambda number: number / 2)  # of which nothing is kept on disk
 
     with telling_of_compiling(lambda: told.append("first")):
         half(1.0)
