@@ -12,16 +12,18 @@ import numpy as np
 from skelgen.compiling import compile_function
 from skelgen.geometry.rotations import SMALL_ANGLE
 from skelgen.kinematics.arrow import OWN_RIDGE, RANK_TOLERANCE, STEP_PARTS
+from skelgen.kinematics.compiled_small import (
+    TINY,
+    turn_to_axes,
+    write_inverse_root,
+    write_product,
+    write_times_transposed,
+)
 from skelgen.kinematics.turning import Parts
 from skelgen.kinematics.universal import UNIVERSAL_RIDGE
 from skelgen.model.arrays import Floats
 
 Eliminated = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]
-MAX_SWEEPS = 30
-JACOBI_TOLERANCE = 1e-31
-"""Of the sum of squares: what is left aside of the diagonal is less than rounding."""
-
-_TINY = float(np.finfo(np.float64).tiny)
 
 
 @compile_function
@@ -30,28 +32,8 @@ def whitened(covariances: Floats) -> Floats:
     out, room = np.zeros_like(covariances), np.empty_like(covariances[0])
     for frame in range(len(covariances)):
         room[:] = covariances[frame]
-        _write_inverse_root(room, out[frame])
+        write_inverse_root(room, out[frame])
     return out
-
-
-@compile_function
-def _write_inverse_root(matrix: Floats, out: Floats) -> None:
-    """Write the inverse of the lower root of a matrix (Cholesky), which is lost."""
-    size = len(matrix)
-    for j in range(size):
-        for i in range(j, size):
-            for k in range(j):
-                matrix[i, j] -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = math.sqrt(max(matrix[j, j], _TINY)) if i == j else matrix[i, j] / matrix[j, j]
-    for j in range(size):
-        for i in range(size):
-            out[i, j] = 0.0
-        out[j, j] = 1.0 / matrix[j, j]
-        for i in range(j + 1, size):
-            total = 0.0
-            for k in range(j, i):
-                total -= matrix[i, k] * out[k, j]
-            out[i, j] = total / matrix[i, i]
 
 
 @compile_function
@@ -106,7 +88,7 @@ def _invert_own(slopes: Floats, out: Floats) -> None:
             for row in range(n_rows):
                 out[i, j] += slopes[row, i] * slopes[row, j]
         trace += out[i, i]
-    level = OWN_RIDGE * trace + _TINY
+    level = OWN_RIDGE * trace + TINY
     for i in range(size):
         out[i, i] += level
     for pivot in range(size):
@@ -140,8 +122,8 @@ def linearised(
             first, both = both, first
             _turn(first, 1, cosine, sine, both)
             _turn(both, 0, math.cos(angles[frame, 1]), math.sin(angles[frame, 1]), both)
-        _times_transposed(both, in_child, model)
-        _times_transposed(rotations[frame], model, error)
+        write_times_transposed(both, in_child, model)
+        write_times_transposed(rotations[frame], model, error)
         _write_vector(error, vector)
         _write_slopes(in_parent, first, both, n_angles, columns)
         for i in range(3):
@@ -207,7 +189,7 @@ def _stepped(
     if n_angles == 0:
         turn = np.empty((3, 3))
         _write_turn(constants[0], constants[1], constants[2], turn)
-        _times(turn, in_parent, parent)
+        write_product(turn, in_parent, parent)
         return parent, child, between, angles
     _tilt(in_parent, constants[0], constants[1], parent)
     _tilt(in_child, constants[2], constants[3], child)
@@ -218,7 +200,7 @@ def _stepped(
 def _tilt(frame: Floats, about_x: float, about_y: float, out: Floats) -> None:
     turn = np.empty((3, 3))
     _write_turn(about_x, about_y, 0.0, turn)
-    _times(frame, turn, out)
+    write_product(frame, turn, out)
 
 
 @compile_function
@@ -233,24 +215,17 @@ def _write_turn(x: float, y: float, z: float, out: Floats) -> None:
 
 
 @compile_function
-def _times(first: Floats, second: Floats, out: Floats) -> None:
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = first[i, 0] * second[0, j] + first[i, 1] * second[1, j] + first[i, 2] * second[2, j]
-
-
-@compile_function
 def _solved(normal: Floats, pull: Floats) -> Floats:
     """Solve for a step along the directions that are determined; see `arrow.pseudo_inverse`."""
     size = len(pull)
     matrix, vectors, scale, out = np.empty((size, size)), np.empty((size, size)), np.empty(size), np.zeros(size)
     for i in range(size):
-        scale[i] = math.sqrt(max(normal[i, i], _TINY))
+        scale[i] = math.sqrt(max(normal[i, i], TINY))
     for i in range(size):
         for j in range(size):
             matrix[i, j] = normal[i, j] / (scale[i] * scale[j])
-    _turn_to_axes(matrix, vectors, size)
-    largest = _TINY
+    turn_to_axes(matrix, vectors, size)
+    largest = TINY
     for k in range(size):
         largest = max(largest, matrix[k, k])
     for k in range(size):
@@ -270,13 +245,6 @@ def _turn(frame: Floats, start: int, cosine: float, sine: float, out: Floats) ->
     for i in range(3):
         x, y = frame[i, start], frame[i, other]
         out[i, start], out[i, other], out[i, still] = cosine * x + sine * y, cosine * y - sine * x, frame[i, still]
-
-
-@compile_function
-def _times_transposed(first: Floats, second: Floats, out: Floats) -> None:
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = first[i, 0] * second[j, 0] + first[i, 1] * second[j, 1] + first[i, 2] * second[j, 2]
 
 
 @compile_function
@@ -362,12 +330,12 @@ def _write_partner(moments: Floats, mean: Floats, known: Floats, back: bool, roo
                 for b in range(3):
                     value = moments[a, i, b, j] if back else moments[i, a, j, b]
                     spread[i, j] += value * known[a] * known[b]
-    _write_inverse_root(root, turned)
+    write_inverse_root(root, turned)
     for i in range(3):
         for j in range(3):
             root[i, j] = turned[i, 0] * spread[0, j] + turned[i, 1] * spread[1, j] + turned[i, 2] * spread[2, j]
-    _times_transposed(root, turned, spread)
-    _turn_to_axes(spread, vectors, 3)
+    write_times_transposed(root, turned, spread)
+    turn_to_axes(spread, vectors, 3)
     least = 0
     for i in range(1, 3):
         if spread[i, i] < spread[least, least]:
@@ -379,40 +347,3 @@ def _write_partner(moments: Floats, mean: Floats, known: Floats, back: bool, roo
     for i in range(3):
         out[i] /= math.sqrt(length)
     return float(spread[least, least])
-
-
-@compile_function
-def _turn_to_axes(matrix: Floats, vectors: Floats, size: int) -> None:
-    """Make a symmetric matrix diagonal by Jacobi's rotations, and write its eigenvectors as columns."""
-    for i in range(size):
-        for j in range(size):
-            vectors[i, j] = 1.0 if i == j else 0.0
-    for _ in range(MAX_SWEEPS):
-        aside, whole = 0.0, 0.0
-        for i in range(size):
-            whole += matrix[i, i] ** 2
-            for j in range(i):
-                aside += matrix[j, i] ** 2
-        if aside <= whole * JACOBI_TOLERANCE:
-            break
-        for p in range(size - 1):
-            for q in range(p + 1, size):
-                if matrix[p, q] != 0.0:
-                    _rotate(matrix, vectors, size, p, q)
-
-
-@compile_function
-def _rotate(matrix: Floats, vectors: Floats, size: int, p: int, q: int) -> None:
-    """Bring one element of a symmetric matrix to 0."""
-    ratio = (matrix[q, q] - matrix[p, p]) / (2.0 * matrix[p, q])
-    tangent = (1.0 if ratio >= 0.0 else -1.0) / (abs(ratio) + math.sqrt(ratio * ratio + 1.0))
-    cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
-    sine = tangent * cosine
-    for k in range(size):
-        first, second = matrix[k, p], matrix[k, q]
-        matrix[k, p], matrix[k, q] = cosine * first - sine * second, sine * first + cosine * second
-    for k in range(size):
-        first, second = matrix[p, k], matrix[q, k]
-        matrix[p, k], matrix[q, k] = cosine * first - sine * second, sine * first + cosine * second
-        first, second = vectors[k, p], vectors[k, q]
-        vectors[k, p], vectors[k, q] = cosine * first - sine * second, sine * first + cosine * second
