@@ -68,28 +68,41 @@ class Solution:
         Steps of the frames' unknowns.
     covariance : ndarray, shape (n_constants, n_constants)
         Of the constants, for residuals of variance 1; 0 along directions that are not determined.
-    angle_covariance : ndarray, shape (n_frames, n_angles, n_angles)
-        Of the frames' unknowns, the constants' share included.
     residuals : ndarray, shape (n_frames, n_rows)
         What no step of any frame's own unknowns could take away.
-    scores : ndarray, shape (n_frames, n_constants)
-        How each frame's residuals pull at the constants; they balance at the solution.
     unknown : ndarray, shape (n_constants, n_unknown)
         Unit directions of the constants that are not determined.
+    own_inverse : ndarray, shape (n_frames, n_angles, n_angles)
+        Covariance of the frames' unknowns if the constants are known.
+    follow : ndarray, shape (n_frames, n_angles, n_constants)
+        How the frames' unknowns follow the constants.
+    reduced : ndarray, shape (n_frames, n_rows, n_constants)
+        Slopes of the constants that the frames' unknowns leave.
     """
 
     constants: Floats
     angles: Floats
     covariance: Floats
-    angle_covariance: Floats
     residuals: Floats
-    scores: Floats
     unknown: Floats
+    own_inverse: Floats
+    follow: Floats
+    reduced: Floats
 
     @property
     def rank(self) -> int:
         """Number of directions of the constants that are determined."""
         return len(self.constants) - int(self.unknown.shape[1])
+
+    @property
+    def angle_covariance(self) -> Floats:
+        """Covariance of the frames' unknowns, the constants' share included, shape (n_frames, n_angles, n_angles)."""
+        return np.asarray(self.own_inverse + self.follow @ self.covariance @ self.follow.swapaxes(1, 2))
+
+    @property
+    def scores(self) -> Floats:
+        """How each frame's residuals pull at the constants, in balance at the solution, (n_frames, n_constants)."""
+        return np.asarray(np.einsum("frc,fr->fc", self.reduced, self.residuals))
 
 
 def solve_arrow(linear: Linear) -> Solution:
@@ -97,15 +110,15 @@ def solve_arrow(linear: Linear) -> Solution:
     inverse, follow, alone, reduced, left, normal, pull = _eliminated(linear)
     covariance, unknown = pseudo_inverse(normal)
     step = covariance @ pull
-    last = left - reduced @ step
     return Solution(
         constants=step,
         angles=alone - follow @ step,
         covariance=covariance,
-        angle_covariance=inverse + follow @ covariance @ np.swapaxes(follow, 1, 2),
-        residuals=last,
-        scores=np.einsum("frc,fr->fc", reduced, last),
+        residuals=left - reduced @ step,
         unknown=unknown,
+        own_inverse=inverse,
+        follow=follow,
+        reduced=reduced,
     )
 
 

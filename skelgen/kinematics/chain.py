@@ -97,12 +97,12 @@ class ChainPoses:
     def origins(self, chain: Chain) -> Floats:
         """World positions of the limbs' origins [mm], shape (n_frames, n_limbs, 3)."""
         pose = in_order(chain.parents, chain.joints, self.root, self.rotations)
-        return np.asarray(_twin(len(self.root)).origins_of(*pose))
+        return np.asarray(chain_loops(len(self.root)).origins_of(*pose))
 
     def markers(self, chain: Chain) -> Floats:
         """World positions of the markers [mm], shape (n_frames, n_markers, 3)."""
         places = in_order(self.origins(chain), self.rotations, chain.limb_of_marker, chain.offsets)
-        return np.asarray(_twin(len(self.root)).markers_of(*places))
+        return np.asarray(chain_loops(len(self.root)).markers_of(*places))
 
     def stepped(self, step: Floats) -> ChainPoses:
         """Apply translations and rotation vectors, shape (n_frames, 3 + 3 n_limbs)."""
@@ -121,17 +121,17 @@ def seen_weights(positions: Floats, weights: Floats | None = None) -> Floats:
 
 def residuals(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
     """Measured minus predicted markers [mm], zero where unseen, shape (n_frames, n_markers, 3)."""
-    return np.asarray(_twin(len(positions)).errors_of(*in_order(positions, poses.markers(chain))))
+    return np.asarray(chain_loops(len(positions)).errors_of(*in_order(positions, poses.markers(chain))))
 
 
 def residuals_in_limbs(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
     """Residuals in the limbs' frames [mm], where soft tissue lasts, shape (n_frames, n_markers, 3)."""
     turned = in_order(poses.rotations, chain.limb_of_marker, residuals(chain, poses, positions))
-    return np.asarray(_twin(len(positions)).turned_back(*turned))
+    return np.asarray(chain_loops(len(positions)).turned_back(*turned))
 
 
-def _twin(n_frames: int) -> ModuleType:
-    """Compiled loops from so many frames on that they are worth the import of numba."""
+def chain_loops(n_frames: int) -> ModuleType:
+    """Return loops over frames: compiled ones from so many frames on that they are worth the import of numba."""
     return loops("skelgen.kinematics.compiled_chain", plain_chain.__name__) if n_frames >= MANY_FRAMES else plain_chain
 
 

@@ -68,3 +68,29 @@ def turned_back(rotations: Floats, limbs: Ints, vectors: Floats) -> Floats:
             for i in range(3):
                 out[frame, marker, i] = turn[0, i] * vector[0] + turn[1, i] * vector[1] + turn[2, i] * vector[2]
     return out
+
+
+@compile_function
+def variances_across(covariances: Floats, rotations: Floats, parents: Ints, shared: Floats, axes: Floats) -> Floats:
+    """Return variances along the world's axes, across an axis where there is one; see `plain_chain`."""
+    out, total, turned = np.empty(covariances.shape[:3]), np.empty((3, 3)), np.empty(3)
+    for frame in range(len(covariances)):
+        for limb in range(len(parents)):
+            turn = rotations[frame, max(parents[limb], 0)]
+            for i in range(3):
+                for k in range(3):
+                    turned[k] = 0.0
+                    for j in range(3):
+                        turned[k] += turn[i, j] * shared[limb, j, k]
+                for k in range(3):
+                    total[i, k] = covariances[frame, limb, i, k]
+                    for j in range(3):
+                        total[i, k] += turned[j] * turn[k, j]
+            axis = axes[frame, limb]
+            along = 0.0
+            for i in range(3):
+                turned[i] = total[i, 0] * axis[0] + total[i, 1] * axis[1] + total[i, 2] * axis[2]
+                along += axis[i] * turned[i]
+            for i in range(3):
+                out[frame, limb, i] = total[i, i] + axis[i] * (along * axis[i] - 2.0 * turned[i])
+    return out

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
+from skelgen.compiling import in_order
+from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.arrow import kind_loops
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats
 
@@ -50,7 +52,7 @@ def range_of_motion(relative: Floats) -> RangeOfMotion:
     if not len(relative):
         return RangeOfMotion(np.eye(3), np.zeros(3))
     middle = nearest_rotation(relative.mean(axis=0))
-    turns = vector_from_matrix(relative @ middle.T)
+    turns = kind_loops().relative_vectors(*in_order(middle[np.newaxis], relative)) @ middle.T
     _, vectors = np.linalg.eigh(turns.T @ turns)
     directions = vectors[:, ::-1].T
     along = turns @ directions.T

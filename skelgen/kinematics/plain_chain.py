@@ -60,3 +60,25 @@ def turned_back(rotations: Floats, limbs: Ints, vectors: Floats) -> Floats:
         The vectors.
     """
     return np.asarray((rotations[:, limbs].swapaxes(2, 3) @ vectors[..., np.newaxis])[..., 0])
+
+
+def variances_across(covariances: Floats, rotations: Floats, parents: Ints, shared: Floats, axes: Floats) -> Floats:
+    """Return variances of places along the world's axes, shape (n_frames, n_limbs, 3).
+
+    Parameters
+    ----------
+    covariances : ndarray, shape (n_frames, n_limbs, 3, 3)
+        Of the places in the world.
+    rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+        World from limb.
+    parents : ndarray of intp, shape (n_limbs,)
+        Parents, -1 for the root.
+    shared : ndarray, shape (n_limbs, 3, 3)
+        What is added to the covariance in every frame, in the axes of the parent.
+    axes : ndarray, shape (n_frames, n_limbs, 3)
+        Unit axes in the world along which nothing counts; 0 where all does.
+    """
+    turn = rotations[:, np.maximum(parents, 0)]
+    total = covariances + turn @ shared @ turn.swapaxes(2, 3)
+    across = np.eye(3) - axes[..., np.newaxis] * axes[..., np.newaxis, :]
+    return np.asarray(((across @ total) * across).sum(axis=3))

@@ -84,3 +84,14 @@ def test_places_and_errors_of_a_chain_are_those_of_the_plain_twin(chain, limbs):
     np.testing.assert_allclose(
         chain.turned_back(rotations, owner, errors), plain_chain.turned_back(rotations, owner, errors), **ROUNDING
     )
+
+
+def test_variances_across_axes_are_those_of_the_plain_twin(chain, limbs):
+    parents, _, _, rotations, _, _ = limbs
+    random = np.random.default_rng(13)
+    roots = random.normal(size=(N_FRAMES + 1, 3, 3, 3))
+    covariances = roots @ roots.swapaxes(2, 3)
+    axes = rotations[..., 0].copy()
+    axes[:, 0] = 0.0
+    given = covariances[:-1], rotations, parents, covariances[-1], axes
+    np.testing.assert_allclose(chain.variances_across(*given), plain_chain.variances_across(*given), atol=1e-12)

@@ -34,6 +34,7 @@ Fitted = tuple[Floats, float, float]
 """Table of discs, width of their edges, and what they leave; the latter is infinite if the fit was given up."""
 
 _FAR = 5.0  # standard deviations: 3e-7 is left
+_HEIGHT = 1.0 / math.sqrt(2.0 * math.pi)  # of the normal distribution
 _NOTHING = 1e-9  # derivative: brightness by a pixel or by a part of itself
 _OUTSIDE, _WITHIN, _AT_EDGE = -1, 0, 1  # where a pixel lies: out of all discs, within one alone, at an edge
 
@@ -221,16 +222,17 @@ def _derivatives(unknowns: Floats, x: int, y: int, row: Floats) -> float:
         free *= row[first + 3]
         total += part
         light += part * unknowns[first + 3]
-    covered, mean = 1.0 - free, light / total
+    covered, mean, share = 1.0 - free, light / total, (1.0 - free) / total
     row[last] = 0.0
     for first in range(0, last, PER_DISC):
-        distance, depth, part = row[first], row[first + 1], row[first + 2]
-        by_part = free / row[first + 3] * mean + covered * (unknowns[first + 3] - mean) / total
-        rise = 0.0
+        distance, depth, part, free_of_it = row[first], row[first + 1], row[first + 2], row[first + 3]
+        row[first] = row[first + 1] = row[first + 2] = 0.0
+        row[first + 3] = share * part
         if abs(depth) < _FAR:
-            rise = by_part * math.exp(-depth * depth / 2.0) / math.sqrt(2.0 * math.pi) / width
-        row[first] = rise * (x - unknowns[first]) / distance
-        row[first + 1] = rise * (y - unknowns[first + 1]) / distance
-        row[first + 2], row[first + 3] = rise, covered * part / total
-        row[last] -= rise * depth
+            by_part = free / free_of_it * mean + share * (unknowns[first + 3] - mean)
+            rise = by_part * math.exp(-depth * depth / 2.0) * _HEIGHT / width
+            row[first] = rise / distance * (x - unknowns[first])
+            row[first + 1] = rise / distance * (y - unknowns[first + 1])
+            row[first + 2] = rise
+            row[last] -= rise * depth
     return covered * mean
