@@ -6,7 +6,9 @@ the same by whole arrays: easier to read, the measure for tests, and used where 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from functools import cache
 from importlib import import_module
 from types import ModuleType
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+_told: ContextVar[Callable[[], None] | None] = ContextVar("told that loops are compiled", default=None)
 
 
 def compile_function(function: _Function) -> _Function:
@@ -32,7 +35,26 @@ def compile_function(function: _Function) -> _Function:
     """
     import numba  # noqa: PLC0415 - a quarter of a second
 
+    _listen()
     return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
+def compile_part(function: _Function) -> _Function:
+    """Return a function compiled that only compiled functions call: this takes half the time.
+
+    Numbers that are given to it should not be written out, nor be names of Python's whole numbers: it would be compiled
+    anew for each of them. Names of NumPy's are not; see `fixed`.
+    """
+    import numba  # noqa: PLC0415 - a quarter of a second
+
+    njit = cast(Any, numba.njit)  # whose stubs lack two of these words
+    options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast(_Function, njit(cache=True, nogil=True, error_model="numpy", **options)(function))
+
+
+def fixed(*numbers: int) -> tuple[int, ...]:
+    """Return places in tables, named once and for all, that are given to compiled functions; see `compile_part`."""
+    return tuple(cast(int, np.intp(number)) for number in numbers)
 
 
 @cache
@@ -60,3 +82,30 @@ def in_order(*arrays: NDArray[Any]) -> list[NDArray[Any]]:
     return [
         array if array.flags.c_contiguous and array.flags.writeable else np.array(array, order="C") for array in arrays
     ]
+
+
+@contextlib.contextmanager
+def telling_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
+    """Call `tell` once if something is compiled within: the first time on a machine that takes half a minute in all."""
+    token = _told.set(tell)
+    try:
+        yield
+    finally:
+        _told.reset(token)
+
+
+@cache
+def _listen() -> None:
+    from numba.core import event  # noqa: PLC0415 - a quarter of a second
+
+    class Listener(event.Listener):
+        def on_start(self, event: object) -> None:
+            tell = _told.get()
+            if tell is not None:
+                _told.set(None)
+                tell()
+
+        def on_end(self, event: object) -> None:
+            pass
+
+    cast(Any, event).register("numba:compile", Listener())  # which numba gives no types

@@ -27,7 +27,6 @@ HEAVY = [
     "numpy",
     "scipy",
     "sklearn",
-    "networkx",
     "numba",
     "matplotlib",
     "lxml",

@@ -25,7 +25,7 @@ from skelgen_formats.joints_csv import joint_names
 from skelgen_formats.registry import Format
 
 SCHEMA = "skelgen-summary-1"
-_PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn", "networkx", "numba")
+_PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn", "numba")
 
 
 def write_summary_json(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:

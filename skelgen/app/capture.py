@@ -178,6 +178,7 @@ def _points_of(
     """Points of every pair of a source."""
     monitor.begin("images")
     finder = PointFinder(settings)
+    finder.load()
     with source as pairs:
         total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
         return [finder.find(pair)[2] for pair in told(islice(pairs, n_frames), total, monitor)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 from threadpoolctl import threadpool_limits
 
@@ -10,6 +11,7 @@ from skelgen.app.configuration import Settings
 from skelgen.app.inputs import check_take
 from skelgen.app.monitors import CollectingMonitor
 from skelgen.app.stages import PIPELINE, Stage, Wishes, stage_names
+from skelgen.compiling import telling_of_compiling
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Project, StageReport
 from skelgen.progress import SILENT, Monitor
@@ -76,7 +78,8 @@ def _run(stage: Stage, project: Project, settings: Settings, wishes: Wishes, mon
     collecting.begin(stage.name)
     parameters = None if stage.given(project) else settings.of(stage.name)
     started = time.perf_counter()
-    results = stage.compute(project, parameters, wishes, collecting)
+    with telling_of_compiling(partial(monitor.begin, f"{stage.name}: compiling loops, this once")):
+        results = stage.compute(project, parameters, wishes, collecting)
     seconds = time.perf_counter() - started
     if parameters is None:
         report = StageReport({}, seconds, tuple(collecting.notices))

@@ -51,11 +51,12 @@ def measure_labels(effort: Effort, monitor: Monitor) -> Section:
         speed = effort.n_label_frames * len(found) / sum(seconds for _, seconds in found)
         figures = (f"{np.mean(idf1):.4f}", f"{min(idf1):.4f}", exact, f"{speed:.0f}", f">= {wanted}")
         rows.append((name, *figures, verdict(bool(np.mean(idf1) >= wanted))))
-    columns = ("take", "IDF1", "worst", "limbs and tree exact", "frames/s of all stages", "wanted IDF1")
+    columns = ("take", "IDF1", "worst", "limbs, tree exact", "frames/s", "wanted IDF1")
     return Section(
         "labels",
         "Labels of unlabelled points",
-        f"{effort.n_label_frames} frames at 100 Hz, {len(effort.seeds)} seeds, 0.3 mm noise, 0.2 false points a frame. "
+        f"{effort.n_label_frames} frames at 100 Hz, {len(effort.seeds)} seeds, 0.3 mm noise, 0.2 false points a frame; "
+        "frames per second are those of all stages. "
         "IDF1 is twice the right points by those found and those true (Ristani et al. 2016).",
         (table("Simulated takes seen by cameras", columns, rows),),
     )

@@ -78,6 +78,10 @@ class PointFinder:
         self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
         self._detect, self._centred, self._triangulate = detect_balls, centred, match_and_triangulate
 
+    def load(self) -> None:
+        """Load what is compiled, which takes a second: a camera that already runs would lose pairs meanwhile."""
+        self.find(trial_pair(self.rig))
+
     def find(self, pair: FramePair) -> tuple[Balls, Balls, StereoPoints]:
         """Return the balls of both images and the points that they may be.
 
@@ -151,8 +155,8 @@ class MotionCapture:
         self.n_dropped = 0
 
     def __enter__(self) -> Self:
-        """Load what is compiled, which takes a second: a camera that already runs would lose pairs meanwhile."""
-        self._points.find(trial_pair(self.settings.rig))
+        """Load what is compiled before cameras run; see `PointFinder.load`."""
+        self._points.load()
         for body in self.settings.bodies:
             self._bodies.find(trial_points(body))
         exact = {
@@ -160,6 +164,8 @@ class MotionCapture:
         }
         for joint in self.settings.joints:
             find_angles(joint, exact)
+        if self._prediction is not None:
+            self._prediction.load()
         return self
 
     def __exit__(

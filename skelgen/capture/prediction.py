@@ -11,6 +11,7 @@ raise it, nearer ones lower it, turns and shifts apart. A body at rest is smooth
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -19,7 +20,8 @@ import numpy as np
 
 from skelgen.capture.blobs import FoundBody
 from skelgen.capture.bodies import ExpectedPose
-from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
+from skelgen.capture.plain_filter import N_STATE
+from skelgen.compiling import loops
 from skelgen.model.arrays import Floats
 from skelgen.parameters import StageParameters, declare
 
@@ -38,22 +40,8 @@ SCALES = (0.003, 30.0)
 MOST_SURPRISE = 8.0
 """Of one pose, in squared deviations per freedom: more says nothing more."""
 
-N_STATE = 18
 _POSE, _VELOCITY, _ACCELERATION = slice(0, 6), slice(6, 12), slice(12, 18)  # each turn, then place
 _TURNS = np.array([True, True, True, False, False, False])
-_EACH = np.arange(6)
-_GROWTH = {
-    (0, 0): 1 / 20,
-    (0, 1): 1 / 8,
-    (0, 2): 1 / 6,
-    (1, 0): 1 / 8,
-    (1, 1): 1 / 3,
-    (1, 2): 1 / 2,
-    (2, 0): 1 / 6,
-    (2, 1): 1 / 2,
-    (2, 2): 1.0,
-}
-"""How white jerk grows in the covariances of pose, velocity and acceleration, times a power of the time step."""
 
 DOUBT = 25.0
 """Squared Mahalanobis distance per freedom of a found pose from the predicted one above which the filter starts anew:
@@ -90,6 +78,7 @@ class BodyFilter:
 
     def __init__(self, parameters: PredictionParameters) -> None:
         self._parameters = parameters
+        self._loops = loops("skelgen.capture.compiled_filter", "skelgen.capture.plain_filter")
         self._time: float | None = None
         self._seen = 0.0
         self._pose = np.eye(4)
@@ -109,29 +98,20 @@ class BodyFilter:
         """Take in a pose that was found at a time [s]; return the body with the smoothed pose and its covariance."""
         if self._time is None or time - self._seen > self._parameters.hold or time < self._time:
             return self._begun(time, found)
-        pose, rates, covariance = self._predicted(time)
-        turn = vector_from_matrix(found.world_from_body[:3, :3] @ pose[:3, :3].T)
-        error = np.concatenate([turn, found.world_from_body[:3, 3] - pose[:3, 3]])
-        spread = covariance[_POSE, _POSE] + found.covariance
-        if error @ np.linalg.solve(spread, error) > DOUBT * len(error):
+        after = self._loops.corrected(*self._predicted(time), *_as_floats(found))
+        if not after.deviation <= DOUBT * _POSE.stop:
             return self._begun(time, found)
         self._ahead = None
-        self._learn(error, spread)
-        gain = np.linalg.solve(spread, covariance[_POSE]).T
-        step = gain @ error
-        self._pose = _moved(pose, step[_POSE])
-        self._rates = rates + step[_POSE.stop :]
-        self._covariance = covariance - gain @ covariance[_POSE]
-        self._covariance = (self._covariance + self._covariance.T) / 2
+        self._learn(after.surprises)
+        self._pose, self._rates, self._covariance = after.pose, after.rates, after.covariance
         self._time = self._seen = time
         return replace(found, world_from_body=self._pose, covariance=self._covariance[_POSE, _POSE].copy())
 
-    def _learn(self, error: Floats, spread: Floats) -> None:
+    def _learn(self, surprises: tuple[float, float]) -> None:
         """Let the jerk follow how far poses are from the predicted ones, in units of what is to be expected."""
-        for part, at in enumerate((slice(0, 3), slice(3, 6))):
-            surprise = float(error[at] @ np.linalg.solve(spread[at, at], error[at])) / 3
-            self._scales[part] *= np.exp(PACE * (min(surprise, MOST_SURPRISE) - 1))
-        self._scales = np.clip(self._scales, *SCALES)
+        for part, surprise in enumerate(surprises):
+            scale = self._scales[part] * math.exp(PACE * (min(surprise, MOST_SURPRISE) - 1))
+            self._scales[part] = min(max(scale, SCALES[0]), SCALES[1])
 
     def _begun(self, time: float, found: FoundBody) -> FoundBody:
         """Start anew: where it was found, with velocities that nobody knows."""
@@ -154,16 +134,9 @@ class BodyFilter:
         return self._ahead[1:]
 
     def _carried(self, step: float) -> tuple[Floats, Floats, Floats]:
-        carry = np.eye(N_STATE)
-        carry[_EACH, _EACH + 6] = carry[_EACH + 6, _EACH + 12] = step
-        carry[_EACH, _EACH + 12] = step**2 / 2
         turning, shifting = self._scales * [self._parameters.turning_jerk, self._parameters.jerk]
         power = np.where(_TURNS, turning, shifting) ** 2 * FRAME
-        noise = np.zeros((N_STATE, N_STATE))
-        for (row, column), grown in _GROWTH.items():
-            noise[_EACH + 6 * row, _EACH + 6 * column] = power * step ** (5 - row - column) * grown
-        moved = carry @ np.concatenate([np.zeros(6), self._rates])
-        return _moved(self._pose, moved[_POSE]), moved[_POSE.stop :], carry @ self._covariance @ carry.T + noise
+        return self._loops.carried(self._pose, self._rates, self._covariance, power, step)  # type: ignore[no-any-return]
 
 
 class Prediction:
@@ -171,6 +144,12 @@ class Prediction:
 
     def __init__(self, names: Iterable[str], parameters: PredictionParameters | None = None) -> None:
         self._filters = {name: BodyFilter(parameters or PredictionParameters()) for name in names}
+
+    def load(self) -> None:
+        """Load what is compiled, before cameras run."""
+        trial, body = BodyFilter(PredictionParameters()), FoundBody("trial", np.eye(4), np.eye(6), np.arange(0), 0.0)
+        for frame in range(2):
+            trial.corrected(frame * FRAME, body)
 
     def expected(self, time: float) -> Mapping[str, ExpectedPose]:
         """Return where bodies will be at a time [s], those of which nobody knows left out."""
@@ -182,9 +161,6 @@ class Prediction:
         return [self._filters[body.name].corrected(time, body) for body in found]
 
 
-def _moved(pose: Floats, step: Floats) -> Floats:
-    """A pose after a turn about the world's axes and a shift."""
-    out = pose.copy()
-    out[:3, :3] = matrix_from_vector(step[:3]) @ pose[:3, :3]
-    out[:3, 3] += step[3:]
-    return out
+def _as_floats(found: FoundBody) -> tuple[Floats, Floats]:
+    """A pose and its covariance as compiled functions take them."""
+    return np.array(found.world_from_body, np.float64, order="C"), np.array(found.covariance, np.float64, order="C")

@@ -41,6 +41,20 @@ def moments_of(source: Floats, target: Floats, seen: Bools) -> tuple[Floats, Flo
 
 
 @compile_function
+def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) -> Floats:
+    """Return moments about given centres; see `plain.moments_about`."""
+    moments = np.zeros((len(target), 3, 3))
+    for frame in range(len(target)):
+        for point in range(len(source)):
+            if seen[frame, point]:
+                for i in range(3):
+                    outer = target[frame, point, i] - centres[frame, i]
+                    for j in range(3):
+                        moments[frame, i, j] += outer * source[point, j]
+    return moments
+
+
+@compile_function
 def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:
     """Return the mean of each point in the frame of a body; see `plain.means_in_body`."""
     n_frames, n_points = seen.shape

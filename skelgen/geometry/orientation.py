@@ -35,7 +35,8 @@ def rotation_by_quaternion(moments: Floats) -> Floats:
     if len(flat) < MANY_FRAMES:
         return _by_eigenvectors(flat).reshape(moments.shape)
     turns, sure = _twin(len(flat)).fast_rotations(*in_order(flat))
-    turns[~sure] = _by_eigenvectors(flat[~sure])
+    if not sure.all():
+        turns[~sure] = _by_eigenvectors(flat[~sure])
     return np.asarray(turns.reshape(moments.shape))
 
 
@@ -92,6 +93,11 @@ def fit_transform(source: Floats, target: Floats, seen: Bools, rotator: Rotator 
     transform = transform_from(rotation, after - (rotation @ before[..., np.newaxis])[..., 0])
     transform[count == 0] = np.nan
     return transform.reshape(*shape[:-1], 4, 4)
+
+
+def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) -> Floats:
+    """Return the moments of two sets of points about given centres, for a `Rotator`; see `plain.moments_about`."""
+    return np.asarray(_twin(len(target)).moments_about(*in_order(source, target, centres, seen)))
 
 
 def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:

@@ -7,7 +7,7 @@ import numpy as np
 from skelgen.geometry.quartic import fast_rotations
 from skelgen.model.arrays import Bools, Floats
 
-__all__ = ["fast_rotations", "means_in_body", "moments_of"]
+__all__ = ["fast_rotations", "means_in_body", "moments_about", "moments_of"]
 
 
 def moments_of(source: Floats, target: Floats, seen: Bools) -> tuple[Floats, Floats, Floats, Floats]:
@@ -35,6 +35,24 @@ def moments_of(source: Floats, target: Floats, seen: Bools) -> tuple[Floats, Flo
     inner = (source - np.nan_to_num(before)[:, np.newaxis]) * weight
     outer = (filled - np.nan_to_num(after)[:, np.newaxis]) * weight
     return outer.swapaxes(1, 2) @ inner, before, after, count[:, 0]
+
+
+def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) -> Floats:
+    """Return the moments of two sets of points about centres that coincide, shape (n_frames, 3, 3).
+
+    Parameters
+    ----------
+    source : ndarray, shape (n_points, 3), mm
+        Points from the centre, in the frame of a body.
+    target : ndarray, shape (n_frames, n_points, 3), mm
+        The same points in the world.
+    centres : ndarray, shape (n_frames, 3), mm
+        Where the centre is in the world.
+    seen : ndarray of bool, shape (n_frames, n_points)
+        Which points count.
+    """
+    filled = np.where(seen[..., np.newaxis], target - centres[:, np.newaxis], 0.0)
+    return filled.swapaxes(1, 2) @ source
 
 
 def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:

@@ -23,3 +23,21 @@ def median_of_known(values: Floats) -> Floats:
     lower, upper = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, max(len(values) - 1, 0))
     columns = np.arange(len(ordered))
     return np.asarray((ordered[columns, lower] + ordered[columns, upper]) / 2)
+
+
+def quantile_of(values: Floats, part: float) -> float:
+    """Return what a part of some numbers does not exceed, as `numpy.quantile` does, many times as fast.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        At least one, none NaN.
+    part : float
+        Between 0 and 1.
+    """
+    place = part * (len(values) - 1)
+    below = int(place)
+    above = min(below + 1, len(values) - 1)
+    ordered = np.partition(values, (below, above))
+    low, high, way = float(ordered[below]), float(ordered[above]), place - below
+    return low + (high - low) * way if way < 0.5 else high - (high - low) * (1 - way)

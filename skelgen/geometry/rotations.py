@@ -28,17 +28,26 @@ def quaternion_from_matrix(matrix: Floats) -> Floats:
     """
     m = np.asarray(matrix, dtype=np.float64)
     trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
-    squares = np.stack([trace, m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]], axis=-1)
-    outer = np.empty((*m.shape[:-2], 4, 4))
-    outer[..., 0, 0] = 1 + trace
+    chosen = np.empty((*m.shape[:-2], 4))
+    chosen[..., 0] = 1 + trace
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        outer[..., i + 1, i + 1] = 1 + 2 * m[..., i, i] - trace
-        outer[..., 0, i + 1] = outer[..., i + 1, 0] = m[..., k, j] - m[..., j, k]
-        outer[..., i + 1, j + 1] = outer[..., j + 1, i + 1] = m[..., i, j] + m[..., j, i]
-    best = np.argmax(squares, axis=-1)[..., np.newaxis, np.newaxis]
-    chosen = np.take_along_axis(outer, best, axis=-2)[..., 0, :]
-    chosen = chosen / np.linalg.norm(chosen, axis=-1, keepdims=True)
+        chosen[..., i + 1] = m[..., k, j] - m[..., j, k]
+    others = np.maximum(np.maximum(m[..., 0, 0], m[..., 1, 1]), m[..., 2, 2]) > trace
+    if others.any():
+        chosen[others] = _by_largest_of_vector(m[others], trace[others])
+    chosen /= np.sqrt((chosen * chosen).sum(axis=-1, keepdims=True))
     return np.asarray(np.where(chosen[..., :1] < 0, -chosen, chosen))
+
+
+def _by_largest_of_vector(m: Floats, trace: Floats) -> Floats:
+    """Quaternions times any number, shape (n, 4), of rotations whose largest candidate is not the first."""
+    candidates = np.empty((len(m), 3, 4))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        candidates[:, i, 0] = m[:, k, j] - m[:, j, k]
+        candidates[:, i, i + 1] = 1 + 2 * m[:, i, i] - trace
+        candidates[:, i, j + 1] = candidates[:, j, i + 1] = m[:, i, j] + m[:, j, i]
+    best = np.argmax(np.einsum("nii->ni", m), axis=1)
+    return np.asarray(candidates[np.arange(len(m)), best])
 
 
 def matrix_from_vector(vector: Floats) -> Floats:
@@ -70,7 +79,7 @@ def vector_from_matrix(matrix: Floats) -> Floats:
 def cross_matrix(vector: Floats) -> Floats:
     """Return the matrices [v]x with [v]x u = v x u, shape (..., 3, 3)."""
     out = np.zeros((*vector.shape[:-1], 3, 3))
-    x, y, z = np.moveaxis(vector, -1, 0)
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
     return out
@@ -108,10 +117,12 @@ def fill_rotations(rotations: Floats, known: Bools) -> Floats:
         return rotations
     if not known.any():
         return np.tile(np.eye(3), (len(rotations), 1, 1))
-    before, after, part = gap_neighbours(known)
+    missing = np.flatnonzero(~known)
+    before, after, part = (one[missing] for one in gap_neighbours(known))
     turn = vector_from_matrix(rotations[before].swapaxes(1, 2) @ rotations[after])
-    filled = rotations[before] @ matrix_from_vector(turn * part[:, np.newaxis])
-    return np.asarray(np.where(known[:, np.newaxis, np.newaxis], rotations, filled))
+    filled = rotations.copy()
+    filled[missing] = rotations[before] @ matrix_from_vector(turn * part[:, np.newaxis])
+    return filled
 
 
 def fill_vectors(vectors: Floats, known: Bools) -> Floats:

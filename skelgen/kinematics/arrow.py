@@ -68,53 +68,58 @@ class Solution:
         Steps of the frames' unknowns.
     covariance : ndarray, shape (n_constants, n_constants)
         Of the constants, for residuals of variance 1; 0 along directions that are not determined.
-    angle_covariance : ndarray, shape (n_frames, n_angles, n_angles)
-        Of the frames' unknowns, the constants' share included.
     residuals : ndarray, shape (n_frames, n_rows)
         What no step of any frame's own unknowns could take away.
-    scores : ndarray, shape (n_frames, n_constants)
-        How each frame's residuals pull at the constants; they balance at the solution.
     unknown : ndarray, shape (n_constants, n_unknown)
         Unit directions of the constants that are not determined.
+    own_inverse : ndarray, shape (n_frames, n_angles, n_angles)
+        Covariance of the frames' unknowns if the constants are known.
+    follow : ndarray, shape (n_frames, n_angles, n_constants)
+        How the frames' unknowns follow the constants.
+    reduced : ndarray, shape (n_frames, n_rows, n_constants)
+        Slopes of the constants that the frames' unknowns leave.
     """
 
     constants: Floats
     angles: Floats
     covariance: Floats
-    angle_covariance: Floats
     residuals: Floats
-    scores: Floats
     unknown: Floats
+    own_inverse: Floats
+    follow: Floats
+    reduced: Floats
 
     @property
     def rank(self) -> int:
         """Number of directions of the constants that are determined."""
         return len(self.constants) - int(self.unknown.shape[1])
 
+    @property
+    def angle_covariance(self) -> Floats:
+        """Covariance of the frames' unknowns, the constants' share included, shape (n_frames, n_angles, n_angles)."""
+        return np.asarray(self.own_inverse + self.follow @ self.covariance @ self.follow.swapaxes(1, 2))
+
+    @property
+    def scores(self) -> Floats:
+        """How each frame's residuals pull at the constants, in balance at the solution, (n_frames, n_constants)."""
+        return np.asarray(np.einsum("frc,fr->fc", self.reduced, self.residuals))
+
 
 def solve_arrow(linear: Linear) -> Solution:
     """Solve a linear problem by eliminating the frames' own unknowns."""
     inverse, follow, alone, reduced, left, normal, pull = _eliminated(linear)
-    covariance, unknown = _pseudo_inverse(normal)
+    covariance, unknown = pseudo_inverse(normal)
     step = covariance @ pull
-    last = left - reduced @ step
     return Solution(
         constants=step,
         angles=alone - follow @ step,
         covariance=covariance,
-        angle_covariance=inverse + follow @ covariance @ np.swapaxes(follow, 1, 2),
-        residuals=last,
-        scores=np.einsum("frc,fr->fc", reduced, last),
+        residuals=left - reduced @ step,
         unknown=unknown,
+        own_inverse=inverse,
+        follow=follow,
+        reduced=reduced,
     )
-
-
-def _step(linear: Linear) -> tuple[Floats, Floats]:
-    """The constants and angles of `solve_arrow` alone."""
-    _, follow, alone, _, _, normal, pull = _eliminated(linear)
-    covariance, _ = _pseudo_inverse(normal)
-    constants = covariance @ pull
-    return constants, alone - follow @ constants
 
 
 def _eliminated(linear: Linear) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
@@ -169,9 +174,9 @@ def descend(
     """
     linear = linearised(state)
     for _ in range(max_rounds):
-        constants, angles = _step(linear)
+        solution = solve_arrow(linear)
         for part in STEP_PARTS:
-            trial = stepped(state, part * constants, part * angles)
+            trial = stepped(state, part * solution.constants, part * solution.angles)
             trial_linear = linearised(trial)
             if trial_linear.squares <= linear.squares:
                 break
@@ -193,8 +198,8 @@ class Descent(Generic[State]):
     solution: Solution
 
 
-def _pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
-    """The inverse on what is determined, and unit directions of the rest."""
+def pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
+    """Return the inverse of an information matrix on what is determined, and unit directions of the rest."""
     if not len(matrix):
         return matrix, matrix
     scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))  # mm and rad beside each other

@@ -13,9 +13,11 @@ rotation never turns (the axis of a hinge) are not determined; there the point n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 
+from skelgen.compiling import in_order, loops
 from skelgen.model.arrays import Floats
 
 MIN_FRAMES = 3
@@ -71,22 +73,17 @@ def fit_fixed_point(
     FixedPoint or None
         None if fewer than `MIN_FRAMES` frames show both bodies.
     """
-    both = ~np.isnan(first[:, 0, 0]) & ~np.isnan(second[:, 0, 0])
-    if both.sum() < MIN_FRAMES:
+    weights = np.ones(len(first)) if weights is None else weights
+    sums = ball_loops().fixed_point_sums(*in_order(first, second, weights))
+    relative, seen_from_first, seen_from_second, square, n_frames = sums
+    if n_frames < MIN_FRAMES:
         return None
-    share = np.ones(int(both.sum())) if weights is None else weights[both]
-    share = share / share.sum()
-    ra, rb = first[both, :3, :3], second[both, :3, :3]
-    between = second[both, :3, 3] - first[both, :3, 3]
-    weighted = share[:, np.newaxis, np.newaxis] * ra
-    relative = np.tensordot(weighted, rb, ((0, 1), (0, 1)))
-    seen_from_first = np.tensordot(weighted, between, ((0, 1), (0, 1)))
-    seen_from_second = np.einsum("f,fji,fj->i", share, rb, between)
-    normal = np.block([[np.eye(3), -relative], [-relative.T, np.eye(3)]])
+    normal = np.eye(6)
+    normal[:3, 3:], normal[3:, :3] = -relative, -relative.T
     right = np.concatenate([seen_from_first, -seen_from_second])
     near = np.concatenate([near_first, near_second])
     point = near + np.linalg.solve(normal + RELATIVE_RIDGE * np.eye(6), right - normal @ near)
-    gap = share @ (between**2).sum(axis=1) - 2 * point @ right + point @ normal @ point
+    gap = square - 2 * point @ right + point @ normal @ point
     u, singular, vt = np.linalg.svd(relative)
     return FixedPoint(
         in_first=point[:3],
@@ -95,5 +92,10 @@ def fit_fixed_point(
         turning=np.asarray(1 - np.minimum(singular, 1.0) ** 2),
         axis_in_first=u[:, 0],
         axis_in_second=vt[0],
-        n_frames=int(both.sum()),
+        n_frames=n_frames,
     )
+
+
+def ball_loops() -> ModuleType:
+    """Return the compiled loops over frames of two bodies, or their plain twin."""
+    return loops("skelgen.kinematics.compiled_ball", "skelgen.kinematics.plain_ball")

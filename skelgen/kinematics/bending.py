@@ -8,11 +8,12 @@ displacements that nothing shows.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from skelgen.kinematics.calibration import Calibration
-from skelgen.kinematics.chain import Chain, residuals
+from skelgen.kinematics.chain import Chain, residuals_in_limbs
 from skelgen.kinematics.correlated import effective_frames
 from skelgen.kinematics.skin import Skin
 from skelgen.kinematics.sliding_system import Clusters
@@ -52,6 +53,7 @@ class Bending:
     moments: Floats
     inner: Floats
 
+    @cached_property
     def slopes(self) -> Floats:
         """How residuals follow the bends by least squares, shape (n_own, 3, n_bends)."""
         inverse = np.linalg.pinv(self.squares, hermitian=True)
@@ -72,7 +74,7 @@ class Bending:
         chosen = np.flatnonzero(skin.joints[self.bends] == joint)
         spread = np.linalg.pinv(self.squares.mean(axis=0), hermitian=True)[np.ix_(chosen, chosen)]
         values, vectors = np.linalg.eigh(spread)
-        inner = (self.inner @ self.slopes().reshape(3 * len(self.own), len(self.bends)))[:, chosen] @ vectors
+        inner = (self.inner @ self.slopes.reshape(3 * len(self.own), len(self.bends)))[:, chosen] @ vectors
         expected = np.tile(values, (len(inner), 1))
         return (expected * len(chosen)).ravel(), (inner**2 * len(chosen) / noise).ravel()
 
@@ -110,13 +112,6 @@ class SeenBending:
         return result * skin.shares
 
 
-def residuals_in_limbs(last: Calibration, positions: Floats) -> Floats:
-    """Residuals in the limbs' frames, where soft tissue lasts [mm], shape (n_frames, n_markers, 3)."""
-    limbs = last.poses.rotations[:, last.chain.limb_of_marker]
-    error = residuals(last.chain, last.poses, positions)
-    return np.asarray((limbs.swapaxes(2, 3) @ error[..., np.newaxis])[..., 0])
-
-
 def see_bending(last: Calibration, skin: Skin, clusters: Clusters) -> SeenBending:
     """Look for bending of clusters in the residuals of a fit.
 
@@ -129,13 +124,13 @@ def see_bending(last: Calibration, skin: Skin, clusters: Clusters) -> SeenBendin
     clusters : Clusters
         Rigid displacements of the markers.
     """
-    local = residuals_in_limbs(last, last.positions)
+    local = residuals_in_limbs(last.chain, last.poses, last.positions)
     bends, reach = skin.bends(last.chain, last.poses), skin.reach(last.chain)
     limbs, after = [], local.copy()
     for limb in range(last.chain.n_limbs):
         one = _bending_of(last, local, bends, clusters, limb, np.flatnonzero(reach[limb]))
         limbs.append(one)
-        explained = bends[:, one.bends] @ one.slopes().reshape(3 * len(one.own), len(one.bends)).T
+        explained = bends[:, one.bends] @ one.slopes.reshape(3 * len(one.own), len(one.bends)).T
         after[:, one.own] -= explained.reshape(len(local), len(one.own), 3) * last.weights[:, one.own, np.newaxis]
     kept = float((after**2).sum()) / max(float((local**2).sum()), np.finfo(np.float64).tiny)
     growth = len(after) / effective_frames(after.reshape(len(after), -1))

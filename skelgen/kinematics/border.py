@@ -63,7 +63,13 @@ def frames_together(chain: Chain, articulation: Articulation) -> int:
 
 
 def linearised(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats | None = None
+    chain: Chain,
+    articulation: Articulation,
+    poses: ChainPoses,
+    positions: Floats,
+    weights: Floats | None = None,
+    *,
+    poses_only: bool = False,
 ) -> Frames:
     """Return the blocks of the normal matrix for some frames.
 
@@ -75,19 +81,17 @@ def linearised(
         Measured markers, NaN where unseen.
     weights : ndarray, shape (n_frames, n_markers), optional
         Of the squared distances.
+    poses_only : bool
+        Leave the matrix of the constants empty: how poses follow them is told without.
     """
     weights = seen_weights(positions, weights)
     body_arms = chain.arms()
     hessian, _ = normal_equations(chain, body_arms, poses, positions, weights)
     border = _border(chain, body_arms, poses, weights)
-    constants = _constants(chain, poses, weights)
     turns, tilts = articulation.bases(chain.parents, poses.rotations)
+    by_tilt = hessian @ tilts
+    constants = np.zeros((0, 0)) if poses_only else _all_constants(chain, poses, weights, border, tilts, by_tilt)
     if articulation.n_constants:
-        by_tilt = hessian @ tilts
-        flat = tilts.reshape(-1, tilts.shape[2])
-        across = border.reshape(len(flat), -1).T @ flat
-        corner = flat.T @ by_tilt.reshape(flat.shape)
-        constants = np.block([[constants, across], [across.T, corner]])
         border = np.concatenate([border, by_tilt], axis=2)
     if not articulation.is_free:
         hessian = turns.swapaxes(1, 2) @ hessian @ turns
@@ -135,6 +139,19 @@ def _border(chain: Chain, body_arms: Floats, poses: ChainPoses, weights: Floats)
         moved = np.flatnonzero(np.abs(levers[:, :, limb]).max(axis=(0, 2), initial=0.0) > 0)
         border[:, 1 + limb][:, :, moved] = (cross_matrix(levers[:, moved, limb]) @ turning[:, moved]).swapaxes(1, 2)
     return border.reshape(n_frames, 3 + 3 * n_limbs, -1)
+
+
+def _all_constants(
+    chain: Chain, poses: ChainPoses, weights: Floats, border: Floats, tilts: Floats, by_tilt: Floats
+) -> Floats:
+    """Normal matrix of offsets, joints and axes, summed over frames."""
+    constants = _constants(chain, poses, weights)
+    if not tilts.shape[2]:
+        return constants
+    flat = tilts.reshape(-1, tilts.shape[2])
+    across = border.reshape(len(flat), -1).T @ flat
+    corner = flat.T @ by_tilt.reshape(flat.shape)
+    return np.block([[constants, across], [across.T, corner]])
 
 
 def _constants(chain: Chain, poses: ChainPoses, weights: Floats) -> Floats:

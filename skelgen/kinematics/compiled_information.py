@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.compiling import compile_function
+from skelgen.compiling import compile_function, compile_part, fixed
 from skelgen.kinematics.articulation import AXIS_CONSTANTS, PARALLEL, Articulation, across
 from skelgen.kinematics.border import POSE_RIDGE
 from skelgen.kinematics.chain import Chain, ChainPoses
@@ -33,6 +33,7 @@ from skelgen.kinematics.compiled_posing import (
     N_AXIS,
     N_FORM,
     SHIFT,
+    VARIANCE,
     Place,
     carry_form,
     find_forms,
@@ -60,7 +61,7 @@ from skelgen.kinematics.compiled_vectors import (
 )
 from skelgen.model.arrays import Floats, Ints
 
-TORQUES, FORCES, ROWS = 0, 3, 6
+TORQUES, FORCES, ROWS = fixed(0, 3, 6)
 """Rows of the table of columns: T, F, and what a turn that is minimised out leaves."""
 
 
@@ -88,7 +89,7 @@ class Columns(NamedTuple):
 
 def summed(chain: Chain, articulation: Articulation, poses: ChainPoses, weights: Floats) -> Floats:
     """Return the information of some frames; parameters are those of the plain twin."""
-    columns, places = _columns(chain, articulation)
+    columns, places = columns_of(chain, articulation)
     total = np.zeros((len(places), len(places)))
     add_frames(chain_table(chain, articulation), columns, fresh(poses.rotations), fresh(weights), total)
     result = np.empty_like(total)
@@ -96,7 +97,7 @@ def summed(chain: Chain, articulation: Articulation, poses: ChainPoses, weights:
     return result
 
 
-def _columns(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
+def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
     """Where the constants stand, and which of `Calibration.information` each of them is."""
     n_limbs, n_offsets = chain.n_limbs, 3 * chain.n_markers
     below = chain.ancestry()
@@ -151,13 +152,13 @@ def add_frames(table: ChainTable, columns: Columns, rotations: Floats, weights: 
         take_rows(factor, work, FORCES, 0, len(total), total)
 
 
-@compile_function
+@compile_part
 def ridge(diagonal: float) -> float:
     """What keeps a matrix regular that has this mean diagonal; as `border.with_ridge` has it."""
     return POSE_RIDGE * diagonal if diagonal > 0.0 else 1.0
 
 
-@compile_function
+@compile_part
 def mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> float:
     """Return the mean diagonal of all turns' matrix while all of them are unknown."""
     total, n_turns = 0.0, 0
@@ -178,7 +179,7 @@ def mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> 
     return total / n_turns
 
 
-@compile_function
+@compile_part
 def add_offsets(
     table: ChainTable, columns: Columns, weights: Floats, place: Place, limb: int, work: Floats, total: Floats
 ) -> None:
@@ -196,28 +197,31 @@ def add_offsets(
             column += 1
 
 
-@compile_function
+@compile_part
 def add_tilts(
     table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats, total: Floats
 ) -> None:
     """Let the constants of the axis of a limb's joint come in: they turn it."""
-    parent = matrix(place.rotations, table.parents[limb])
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
     for tilt in range(columns.n_tilts[limb] - 1, -1, -1):
-        if tilt < 2:
-            change = turned(parent, vector(columns.across[limb], tilt, 0))
-        else:
-            first = turned(parent, vector(table.in_parent, limb, 0))
-            normal = cross(first, turned(matrix(place.rotations, limb), vector(table.in_child, limb, 0)))
-            size = math.sqrt(dot(normal, normal))
-            change = times(1.0 / size if size > PARALLEL else 0.0, normal)
+        change = tilted(table, columns, place, limb, tilt)
         column = columns.first[limb] + 3 + tilt
         set_column(work, TORQUES, column, by_symmetric(symmetric(forms, limb, 0), change))
         set_column(work, FORCES, column, (dot(a, change), dot(b, change), dot(c, change)))
         mix(total, column, 1.0, change, work, TORQUES, column, columns.last[limb])
 
 
-@compile_function
+@compile_part
+def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: int) -> Vector:
+    """Return how a constant of the axis of a limb's joint turns the limb; see `Articulation.axes_of`."""
+    if tilt < 2:
+        return turned(matrix(place.rotations, table.parents[limb]), vector(columns.across[limb], tilt, 0))
+    normal = cross(world_axis(table, place, limb, 0), world_axis(table, place, limb, 1))
+    size = math.sqrt(dot(normal, normal))
+    return times(1.0 / size if size > PARALLEL else 0.0, normal)
+
+
+@compile_part
 def add_joint(columns: Columns, parent: Matrix, forms: Floats, limb: int, work: Floats, total: Floats) -> None:
     """Let the joint above a limb come in: it shifts the origin."""
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
@@ -229,7 +233,7 @@ def add_joint(columns: Columns, parent: Matrix, forms: Floats, limb: int, work: 
         mix(total, column, 1.0, shift, work, FORCES, column, columns.last[limb])
 
 
-@compile_function
+@compile_part
 def take_free_turn(forms: Floats, limb: int, level: float, work: Floats, first: int, last: int, total: Floats) -> None:
     """Minimise a free turn out."""
     factor = inverse_root(symmetric(forms, limb, 0), level)
@@ -243,7 +247,7 @@ def take_free_turn(forms: Floats, limb: int, level: float, work: Floats, first: 
     mix(work, FORCES + 2, 1.0, times(-1.0, c), work, ROWS, first, last)
 
 
-@compile_function
+@compile_part
 def take_rows(factor: Matrix, work: Floats, source: int, first: int, last: int, total: Floats) -> None:
     """Take what three unknowns tell from S, their columns multiplied by the root of their inverse matrix."""
     mix(work, ROWS, 0.0, factor[0], work, source, first, last)
@@ -254,7 +258,7 @@ def take_rows(factor: Matrix, work: Floats, source: int, first: int, last: int, 
         mix(total, row, 1.0, own, work, ROWS, row, last)
 
 
-@compile_function
+@compile_part
 def take_axes(
     table: ChainTable,
     columns: Columns,
@@ -270,7 +274,8 @@ def take_axes(
     first, last = columns.first[limb] + 3, columns.last[limb]
     for place_of_axis in range(table.freedoms[limb] - 1, -1, -1):
         axis = world_axis(table, place, limb, place_of_axis)
-        root = math.sqrt(take_axis(forms, limb, axis, level, solved, 0))
+        take_axis(forms, limb, axis, level, solved, 0)
+        root = math.sqrt(solved[limb, VARIANCE])
         by_turn, by_shift = vector(solved, limb, BY_TURN), vector(solved, limb, BY_SHIFT)
         mix(work, ROWS, 0.0, times(root, axis), work, TORQUES, first, last)
         for row in range(first, last):
@@ -280,7 +285,7 @@ def take_axes(
             take_row(work, FORCES + part, by_shift[part] / root, work, first, last)
 
 
-@compile_function
+@compile_part
 def carry_columns(table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats) -> None:
     """Carry a limb's form with its columns to its parent."""
     first, last = columns.first[limb], columns.last[limb]
@@ -292,7 +297,7 @@ def carry_columns(table: ChainTable, columns: Columns, place: Place, forms: Floa
     mix(work, TORQUES + 2, kept, (-y, x, 0.0), work, FORCES, first, last)
 
 
-@compile_function
+@compile_part
 def inverse_root(matrix: Symmetric, level: float) -> Matrix:
     """Return W with W^T W = (matrix + level)^-1, lower, no pivot below the level."""
     a, b, c, d, e, f = matrix
@@ -309,13 +314,13 @@ def inverse_root(matrix: Symmetric, level: float) -> Matrix:
     )
 
 
-@compile_function
+@compile_part
 def set_column(work: Floats, top: int, column: int, value: Vector) -> None:
     """Write three numbers one below the other."""
     work[top, column], work[top + 1, column], work[top + 2, column] = value
 
 
-@compile_function
+@compile_part
 def mix(
     target: Floats, row: int, kept: float, factors: Vector, source: Floats, top: int, first: int, last: int
 ) -> None:
@@ -327,7 +332,7 @@ def mix(
         out[place] = kept * out[place] + a * x[place] + b * y[place] + c * z[place]
 
 
-@compile_function
+@compile_part
 def take_row(target: Floats, row: int, factor: float, work: Floats, first: int, last: int) -> None:
     """Take a part of the first of what is left by an unknown, times a factor, from a row."""
     out, taken = target[row, first:last], work[ROWS, first:last]

@@ -11,13 +11,14 @@ import numpy as np
 
 from skelgen.compiling import compile_function
 from skelgen.geometry.rotations import SMALL_ANGLE
-from skelgen.kinematics.arrow import OWN_RIDGE
+from skelgen.kinematics.arrow import OWN_RIDGE, RANK_TOLERANCE, STEP_PARTS
+from skelgen.kinematics.turning import Parts
 from skelgen.kinematics.universal import UNIVERSAL_RIDGE
 from skelgen.model.arrays import Floats
 
 Eliminated = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]
 MAX_SWEEPS = 30
-JACOBI_TOLERANCE = 1e-34
+JACOBI_TOLERANCE = 1e-31
 """Of the sum of squares: what is left aside of the diagonal is less than rounding."""
 
 _TINY = float(np.finfo(np.float64).tiny)
@@ -157,6 +158,112 @@ def linearised(
 
 
 @compile_function
+def descended(
+    in_parent: Floats,
+    in_child: Floats,
+    between: float,
+    angles: Floats,
+    rotations: Floats,
+    weight: Floats,
+    max_rounds: int,
+    least_gain: float,
+) -> Parts:
+    """Return the parts of the joint that comes nearest to some rotations; see `plain_kinds.descended`."""
+    state = (in_parent, in_child, between, angles)
+    residuals, constants, own = linearised(in_parent, in_child, between, angles, rotations, weight)
+    squares = (residuals**2).sum()
+    for _ in range(max_rounds):
+        _, follow, alone, _, _, normal, pull = eliminate(residuals, constants, own)
+        step = _solved(normal, pull)
+        for frame in range(len(alone)):
+            for a in range(alone.shape[1]):
+                for c in range(len(step)):
+                    alone[frame, a] -= follow[frame, a, c] * step[c]
+        better = False
+        for part in STEP_PARTS:
+            trial = _stepped(state[0], state[1], state[2], state[3], part * step, part * alone)
+            residuals, constants, own = linearised(trial[0], trial[1], trial[2], trial[3], rotations, weight)
+            reached = (residuals**2).sum()
+            better = reached <= squares
+            if better:
+                break
+        if not better:
+            break
+        gain = squares - reached
+        settled = gain <= least_gain * squares
+        state, squares = trial, reached
+        if settled:
+            break
+    return state
+
+
+@compile_function
+def _stepped(
+    in_parent: Floats, in_child: Floats, between: float, angles: Floats, constants: Floats, own: Floats
+) -> Parts:
+    """Return the parts of a joint after a step, as `Turning.stepped` does."""
+    parent, child = np.empty((3, 3)), in_child.copy()
+    n_angles = angles.shape[1]
+    if n_angles == 0:
+        turn = np.empty((3, 3))
+        _write_turn(constants[0], constants[1], constants[2], turn)
+        _times(turn, in_parent, parent)
+        return parent, child, between, angles
+    _tilt(in_parent, constants[0], constants[1], parent)
+    _tilt(in_child, constants[2], constants[3], child)
+    return parent, child, between + (constants[4] if n_angles == 2 else 0.0), angles + own
+
+
+@compile_function
+def _tilt(frame: Floats, about_x: float, about_y: float, out: Floats) -> None:
+    turn = np.empty((3, 3))
+    _write_turn(about_x, about_y, 0.0, turn)
+    _times(frame, turn, out)
+
+
+@compile_function
+def _write_turn(x: float, y: float, z: float, out: Floats) -> None:
+    """Write the rotation of a rotation vector (Rodrigues)."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    sine = math.sin(angle) / angle if angle > SMALL_ANGLE else 1.0
+    half = 2.0 * (math.sin(angle / 2.0) / angle) ** 2 if angle > SMALL_ANGLE else 0.5
+    out[0, 0], out[0, 1], out[0, 2] = 1.0 - half * (y * y + z * z), half * x * y - sine * z, half * x * z + sine * y
+    out[1, 0], out[1, 1], out[1, 2] = half * x * y + sine * z, 1.0 - half * (x * x + z * z), half * y * z - sine * x
+    out[2, 0], out[2, 1], out[2, 2] = half * x * z - sine * y, half * y * z + sine * x, 1.0 - half * (x * x + y * y)
+
+
+@compile_function
+def _times(first: Floats, second: Floats, out: Floats) -> None:
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = first[i, 0] * second[0, j] + first[i, 1] * second[1, j] + first[i, 2] * second[2, j]
+
+
+@compile_function
+def _solved(normal: Floats, pull: Floats) -> Floats:
+    """Solve for a step along the directions that are determined; see `arrow.pseudo_inverse`."""
+    size = len(pull)
+    matrix, vectors, scale, out = np.empty((size, size)), np.empty((size, size)), np.empty(size), np.zeros(size)
+    for i in range(size):
+        scale[i] = math.sqrt(max(normal[i, i], _TINY))
+    for i in range(size):
+        for j in range(size):
+            matrix[i, j] = normal[i, j] / (scale[i] * scale[j])
+    _turn_to_axes(matrix, vectors, size)
+    largest = _TINY
+    for k in range(size):
+        largest = max(largest, matrix[k, k])
+    for k in range(size):
+        if matrix[k, k] > RANK_TOLERANCE * largest:
+            along = 0.0
+            for i in range(size):
+                along += vectors[i, k] * pull[i] / scale[i]
+            for i in range(size):
+                out[i] += vectors[i, k] * along / (matrix[k, k] * scale[i])
+    return out
+
+
+@compile_function
 def _turn(frame: Floats, start: int, cosine: float, sine: float, out: Floats) -> None:
     """Write a frame turned in the plane of two neighbouring axes: about z or x; both may be the same array."""
     other, still = start + 1, 2 - 2 * start
@@ -170,6 +277,20 @@ def _times_transposed(first: Floats, second: Floats, out: Floats) -> None:
     for i in range(3):
         for j in range(3):
             out[i, j] = first[i, 0] * second[j, 0] + first[i, 1] * second[j, 1] + first[i, 2] * second[j, 2]
+
+
+@compile_function
+def relative_vectors(first: Floats, second: Floats) -> Floats:
+    """Return the rotation vectors of first^T second; see `plain_kinds.relative_vectors`."""
+    out, between = np.empty((len(second), 3)), np.empty((3, 3))
+    for frame in range(len(second)):
+        before = first[frame % len(first)]
+        for i in range(3):
+            for j in range(3):
+                between[i, j] = before[0, i] * second[frame, 0, j] + before[1, i] * second[frame, 1, j]
+                between[i, j] += before[2, i] * second[frame, 2, j]
+        _write_vector(between, out[frame])
+    return out
 
 
 @compile_function
@@ -246,7 +367,7 @@ def _write_partner(moments: Floats, mean: Floats, known: Floats, back: bool, roo
         for j in range(3):
             root[i, j] = turned[i, 0] * spread[0, j] + turned[i, 1] * spread[1, j] + turned[i, 2] * spread[2, j]
     _times_transposed(root, turned, spread)
-    _turn_to_axes(spread, vectors)
+    _turn_to_axes(spread, vectors, 3)
     least = 0
     for i in range(1, 3):
         if spread[i, i] < spread[least, least]:
@@ -261,32 +382,36 @@ def _write_partner(moments: Floats, mean: Floats, known: Floats, back: bool, roo
 
 
 @compile_function
-def _turn_to_axes(matrix: Floats, vectors: Floats) -> None:
-    """Make a symmetric matrix (3 x 3) diagonal by Jacobi's rotations, and write its eigenvectors as columns."""
-    for i in range(3):
-        for j in range(3):
+def _turn_to_axes(matrix: Floats, vectors: Floats, size: int) -> None:
+    """Make a symmetric matrix diagonal by Jacobi's rotations, and write its eigenvectors as columns."""
+    for i in range(size):
+        for j in range(size):
             vectors[i, j] = 1.0 if i == j else 0.0
     for _ in range(MAX_SWEEPS):
-        aside = matrix[0, 1] ** 2 + matrix[0, 2] ** 2 + matrix[1, 2] ** 2
-        if aside <= (matrix[0, 0] ** 2 + matrix[1, 1] ** 2 + matrix[2, 2] ** 2) * JACOBI_TOLERANCE:
+        aside, whole = 0.0, 0.0
+        for i in range(size):
+            whole += matrix[i, i] ** 2
+            for j in range(i):
+                aside += matrix[j, i] ** 2
+        if aside <= whole * JACOBI_TOLERANCE:
             break
-        for p in range(2):
-            for q in range(p + 1, 3):
+        for p in range(size - 1):
+            for q in range(p + 1, size):
                 if matrix[p, q] != 0.0:
-                    _rotate(matrix, vectors, p, q)
+                    _rotate(matrix, vectors, size, p, q)
 
 
 @compile_function
-def _rotate(matrix: Floats, vectors: Floats, p: int, q: int) -> None:
+def _rotate(matrix: Floats, vectors: Floats, size: int, p: int, q: int) -> None:
     """Bring one element of a symmetric matrix to 0."""
     ratio = (matrix[q, q] - matrix[p, p]) / (2.0 * matrix[p, q])
     tangent = (1.0 if ratio >= 0.0 else -1.0) / (abs(ratio) + math.sqrt(ratio * ratio + 1.0))
     cosine = 1.0 / math.sqrt(tangent * tangent + 1.0)
     sine = tangent * cosine
-    for k in range(3):
+    for k in range(size):
         first, second = matrix[k, p], matrix[k, q]
         matrix[k, p], matrix[k, q] = cosine * first - sine * second, sine * first + cosine * second
-    for k in range(3):
+    for k in range(size):
         first, second = matrix[p, k], matrix[q, k]
         matrix[p, k], matrix[q, k] = cosine * first - sine * second, sine * first + cosine * second
         first, second = vectors[k, p], vectors[k, q]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.compiling import compile_function
+from skelgen.compiling import compile_function, compile_part, fixed
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.chain import Chain, ChainPoses
 from skelgen.kinematics.chain_table import ChainTable, chain_table, fresh
@@ -49,13 +49,13 @@ from skelgen.kinematics.plain_posing import (
 )
 from skelgen.model.arrays import Floats
 
-MIXED, SHIFT, TORQUE, PULL, N_FORM = 6, 15, 21, 24, 27
+MIXED, SHIFT, TORQUE, PULL, N_FORM = fixed(6, 15, 21, 24, 27)
 """Where the parts of a form begin, and its length."""
 
-FOLLOW, FREE_REST = 0, 9
-"""Where the parts of a free turn that is minimised out begin: columns of `tree.FreeTurn.follow`, and rest."""
+FOLLOW, FREE_REST, COVARIANCE = fixed(0, 9, 12)
+"""Where the parts of a free turn that is minimised out begin: columns of `tree.FreeTurn.follow`, rest, covariance."""
 
-AXIS, BY_TURN, BY_SHIFT, REST, N_AXIS = 0, 3, 6, 9, 10
+AXIS, BY_TURN, BY_SHIFT, REST, VARIANCE, N_AXIS = fixed(0, 3, 6, 9, 10, 11)
 """Where the parts of a turn about an axis begin, see `tree.AxisTurn`; a second axis follows."""
 
 
@@ -116,7 +116,7 @@ def settle_frames(
             set_matrix(rotations[frame], limb, proper(matrix(here.rotations, limb)))
 
 
-@compile_function
+@compile_part
 def new_place(n_limbs: int, n_markers: int) -> Place:
     """Room for one frame."""
     return Place(
@@ -129,7 +129,7 @@ def new_place(n_limbs: int, n_markers: int) -> Place:
     )
 
 
-@compile_function
+@compile_part
 def put(table: ChainTable, positions: Floats, weights: Floats, place: Place) -> float:
     """Place limbs and markers by root and rotations; return the weighted sum of squares."""
     squares = 0.0
@@ -152,7 +152,7 @@ def put(table: ChainTable, positions: Floats, weights: Floats, place: Place) -> 
     return squares
 
 
-@compile_function
+@compile_part
 def find_forms(table: ChainTable, weights: Floats, place: Place, forms: Floats) -> tuple[float, float]:
     """Write what each limb's markers say by themselves; return sum of weights and trace of the turns' matrices."""
     all_weights, all_traces = 0.0, 0.0
@@ -182,7 +182,7 @@ def find_forms(table: ChainTable, weights: Floats, place: Place, forms: Floats) 
     return all_weights, all_traces
 
 
-@compile_function
+@compile_part
 def eliminate(table: ChainTable, place: Place, forms: Floats, level: float, solved: Floats) -> None:
     """Minimise all turns out, from the leaves to the root; of the root's form, what is said of its shift is left."""
     for limb in range(len(table.parents) - 1, 0, -1):
@@ -195,7 +195,7 @@ def eliminate(table: ChainTable, place: Place, forms: Floats, level: float, solv
     take_turn(forms, 0, level, solved)
 
 
-@compile_function
+@compile_part
 def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     """Minimise a free turn out of a limb's form."""
     covariance = inverse(symmetric(forms, limb, 0), level)
@@ -206,11 +206,12 @@ def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     set_vector(solved, limb, FOLLOW + 3, q)
     set_vector(solved, limb, FOLLOW + 6, r)
     set_vector(solved, limb, FREE_REST, by_symmetric(covariance, torque))
+    set_symmetric(solved, limb, COVARIANCE, covariance)
     add_symmetric(forms, limb, SHIFT, (-dot(a, p), -dot(a, q), -dot(a, r), -dot(b, q), -dot(b, r), -dot(c, r)))
     add_vector(forms, limb, PULL, (-dot(p, torque), -dot(q, torque), -dot(r, torque)))
 
 
-@compile_function
+@compile_part
 def world_axis(table: ChainTable, place: Place, limb: int, axis: int) -> Vector:
     """Return an axis of a limb's joint in the world, the first fixed in the parent, a second in the limb."""
     if axis == 0:
@@ -218,9 +219,9 @@ def world_axis(table: ChainTable, place: Place, limb: int, axis: int) -> Vector:
     return turned(matrix(place.rotations, limb), vector(table.in_child, limb, 0))
 
 
-@compile_function
-def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floats, first: int) -> float:
-    """Minimise a turn about an axis out of a limb's form; return the variance of its angle."""
+@compile_part
+def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floats, first: int) -> None:
+    """Minimise a turn about an axis out of a limb's form."""
     along = by_symmetric(symmetric(forms, limb, 0), axis)
     sideways = (
         dot(axis, vector(forms, limb, MIXED)),
@@ -233,17 +234,16 @@ def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floa
     set_vector(solved, limb, first + AXIS, axis)
     set_vector(solved, limb, first + BY_TURN, by_turn)
     set_vector(solved, limb, first + BY_SHIFT, by_shift)
-    solved[limb, first + REST] = rest
+    solved[limb, first + REST], solved[limb, first + VARIANCE] = rest, variance
     add_symmetric(forms, limb, 0, upper_of_product(along, times(-1.0, by_turn)))
     for column in range(3):
         add_vector(forms, limb, MIXED + 3 * column, times(-by_shift[column], along))
     add_symmetric(forms, limb, SHIFT, upper_of_product(sideways, times(-1.0, by_shift)))
     add_vector(forms, limb, TORQUE, times(-rest, along))
     add_vector(forms, limb, PULL, times(-rest, sideways))
-    return variance
 
 
-@compile_function
+@compile_part
 def carry_form(table: ChainTable, place: Place, forms: Floats, limb: int) -> None:
     """Add what is said of a limb to what is said of its parent."""
     link = vector(place.links, limb, 0)
@@ -253,7 +253,7 @@ def carry_form(table: ChainTable, place: Place, forms: Floats, limb: int) -> Non
         carry(forms, limb, table.parents[limb], link)
 
 
-@compile_function
+@compile_part
 def carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     """Add what is said of the point of a parent at `link`, the origin of a limb that turns freely."""
     shift, pull = symmetric(forms, limb, SHIFT), vector(forms, limb, PULL)
@@ -267,7 +267,7 @@ def carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     add_vector(forms, parent, PULL, pull)
 
 
-@compile_function
+@compile_part
 def carry(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     """Add what is said of a limb whose turn counts as its parent's own."""
     carry_point(forms, limb, parent, link)
@@ -279,7 +279,7 @@ def carry(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     add_vector(forms, parent, TORQUE, vector(forms, limb, TORQUE))
 
 
-@compile_function
+@compile_part
 def levered(link: Vector, a: Vector, b: Vector, c: Vector) -> Matrix:
     """Return -[a b c] @ [link]x, of which each row is link x that of [a b c]."""
     return (
@@ -289,7 +289,7 @@ def levered(link: Vector, a: Vector, b: Vector, c: Vector) -> Matrix:
     )
 
 
-@compile_function
+@compile_part
 def add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> None:
     """Add columns to those of a mixed matrix."""
     add_vector(forms, limb, MIXED, a)
@@ -297,7 +297,7 @@ def add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> No
     add_vector(forms, limb, MIXED + 6, c)
 
 
-@compile_function
+@compile_part
 def walk(
     table: ChainTable,
     here: Place,
@@ -335,7 +335,7 @@ def walk(
     return size
 
 
-@compile_function
+@compile_part
 def free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
     """Return the turn of a limb below a ball joint whose origin is shifted."""
     x = times(shift[0], vector(solved, limb, FOLLOW))
@@ -344,7 +344,7 @@ def free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
     return minus(minus(minus(vector(solved, limb, FREE_REST), x), y), z)
 
 
-@compile_function
+@compile_part
 def turn_about(solved: Floats, limb: int, first: int, turn: Vector, shift: Vector) -> Vector:
     """Return the turn about an axis of a limb that is turned and shifted already."""
     by_turn, by_shift = vector(solved, limb, first + BY_TURN), vector(solved, limb, first + BY_SHIFT)

@@ -7,7 +7,7 @@ same for many frames at once.
 
 from __future__ import annotations
 
-from skelgen.compiling import compile_function
+from skelgen.compiling import compile_part
 from skelgen.model.arrays import Floats
 
 Vector = tuple[float, float, float]
@@ -15,19 +15,19 @@ Symmetric = tuple[float, float, float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
 
-@compile_function
+@compile_part
 def vector(table: Floats, row: int, first: int) -> Vector:
     """Three numbers of a table."""
     return table[row, first], table[row, first + 1], table[row, first + 2]
 
 
-@compile_function
+@compile_part
 def set_vector(table: Floats, row: int, first: int, value: Vector) -> None:
     """Write three numbers into a table."""
     table[row, first], table[row, first + 1], table[row, first + 2] = value
 
 
-@compile_function
+@compile_part
 def add_vector(table: Floats, row: int, first: int, value: Vector) -> None:
     """Add three numbers to those in a table."""
     table[row, first] += value[0]
@@ -35,7 +35,7 @@ def add_vector(table: Floats, row: int, first: int, value: Vector) -> None:
     table[row, first + 2] += value[2]
 
 
-@compile_function
+@compile_part
 def symmetric(table: Floats, row: int, first: int) -> Symmetric:
     """Six numbers of a table."""
     return (
@@ -48,21 +48,21 @@ def symmetric(table: Floats, row: int, first: int) -> Symmetric:
     )
 
 
-@compile_function
+@compile_part
 def set_symmetric(table: Floats, row: int, first: int, value: Symmetric) -> None:
     """Write six numbers into a table."""
     set_vector(table, row, first, (value[0], value[1], value[2]))
     set_vector(table, row, first + 3, (value[3], value[4], value[5]))
 
 
-@compile_function
+@compile_part
 def add_symmetric(table: Floats, row: int, first: int, value: Symmetric) -> None:
     """Add six numbers to those in a table."""
     add_vector(table, row, first, (value[0], value[1], value[2]))
     add_vector(table, row, first + 3, (value[3], value[4], value[5]))
 
 
-@compile_function
+@compile_part
 def matrix(matrices: Floats, place: int) -> Matrix:
     """One of some matrices."""
     return (
@@ -72,7 +72,7 @@ def matrix(matrices: Floats, place: int) -> Matrix:
     )
 
 
-@compile_function
+@compile_part
 def set_matrix(matrices: Floats, place: int, value: Matrix) -> None:
     """Write one of some matrices."""
     for row in range(3):
@@ -80,31 +80,31 @@ def set_matrix(matrices: Floats, place: int, value: Matrix) -> None:
             matrices[place, row, column] = value[row][column]
 
 
-@compile_function
+@compile_part
 def plus(first: Vector, second: Vector) -> Vector:
     """Return first + second."""
     return first[0] + second[0], first[1] + second[1], first[2] + second[2]
 
 
-@compile_function
+@compile_part
 def minus(first: Vector, second: Vector) -> Vector:
     """Return first - second."""
     return first[0] - second[0], first[1] - second[1], first[2] - second[2]
 
 
-@compile_function
+@compile_part
 def times(factor: float, vector: Vector) -> Vector:
     """Return factor * vector."""
     return factor * vector[0], factor * vector[1], factor * vector[2]
 
 
-@compile_function
+@compile_part
 def dot(first: Vector, second: Vector) -> float:
     """Return first . second."""
     return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
 
 
-@compile_function
+@compile_part
 def cross(first: Vector, second: Vector) -> Vector:
     """Return first x second."""
     return (
@@ -114,19 +114,19 @@ def cross(first: Vector, second: Vector) -> Vector:
     )
 
 
-@compile_function
+@compile_part
 def largest(vector: Vector) -> float:
     """Return the largest absolute number of a vector."""
     return max(abs(vector[0]), abs(vector[1]), abs(vector[2]))
 
 
-@compile_function
+@compile_part
 def turned(rotation: Matrix, vector: Vector) -> Vector:
     """Return rotation @ vector."""
     return dot(rotation[0], vector), dot(rotation[1], vector), dot(rotation[2], vector)
 
 
-@compile_function
+@compile_part
 def product(first: Matrix, second: Matrix) -> Matrix:
     """Return first @ second."""
     x, y, z = transposed(second)
@@ -137,14 +137,14 @@ def product(first: Matrix, second: Matrix) -> Matrix:
     )
 
 
-@compile_function
+@compile_part
 def transposed(matrix: Matrix) -> Matrix:
     """Return matrix^T, the columns of a matrix."""
     (a, b, c), (d, e, f), (g, h, i) = matrix
     return (a, d, g), (b, e, h), (c, f, i)
 
 
-@compile_function
+@compile_part
 def by_symmetric(matrix: Symmetric, vector: Vector) -> Vector:
     """Return matrix @ vector."""
     a, b, c, d, e, f = matrix
@@ -152,7 +152,7 @@ def by_symmetric(matrix: Symmetric, vector: Vector) -> Vector:
     return a * x + b * y + c * z, b * x + d * y + e * z, c * x + e * y + f * z
 
 
-@compile_function
+@compile_part
 def upper_of_product(first: Vector, second: Vector) -> Symmetric:
     """Return first second^T of parallel vectors."""
     a, b, c = first
@@ -160,7 +160,7 @@ def upper_of_product(first: Vector, second: Vector) -> Symmetric:
     return a * x, a * y, a * z, b * y, b * z, c * z
 
 
-@compile_function
+@compile_part
 def inverse(matrix: Symmetric, level: float) -> Symmetric:
     """Return (matrix + level)^-1; see `frames_last.inverse_of_symmetric`."""
     a, b, c, d, e, f = matrix
@@ -176,7 +176,7 @@ def inverse(matrix: Symmetric, level: float) -> Symmetric:
     return first + low * low * second + corner * xz, xy, xz, yy, yz, third
 
 
-@compile_function
+@compile_part
 def rotation_by(vector: Vector) -> Matrix:
     """Return the rotation about a vector by 2 arctan(length / 2); see `frames_last.rotation_by`."""
     scale = 1.0 / (1.0 + dot(vector, vector) / 4.0)
@@ -186,7 +186,7 @@ def rotation_by(vector: Vector) -> Matrix:
     return (1.0 - yy - zz, xy - z, xz + y), (xy + z, 1.0 - xx - zz, yz - x), (xz - y, yz + x, 1.0 - xx - yy)
 
 
-@compile_function
+@compile_part
 def proper(matrix: Matrix) -> Matrix:
     """Return a rotation that is proper to rounding; see `frames_last.orthonormal`."""
     x, y, z = transposed(matrix)

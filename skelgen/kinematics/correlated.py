@@ -6,6 +6,9 @@ import numpy as np
 
 from skelgen.model.arrays import Floats
 
+FEW_LAGS = 32
+"""Lags whose products take less time than a Fourier transform that finds all."""
+
 
 def effective_frames(residuals: Floats, *, of_squares: bool = False) -> float:
     """Return the number of independent frames that would tell as much.
@@ -20,30 +23,39 @@ def effective_frames(residuals: Floats, *, of_squares: bool = False) -> float:
     of_squares : bool
         Count what their variance rests on, not their mean: the squares of normal numbers forget twice as fast.
     """
-    correlation = _correlation(residuals)
-    return _effective(correlation * np.abs(correlation) if of_squares else correlation)
+    return _effective(_correlation(residuals), len(residuals), of_squares)
 
 
 def effective_frames_of_both(residuals: Floats) -> tuple[float, float]:
     """Return the number of independent frames that would tell as much of the mean, and as much of the variance."""
     correlation = _correlation(residuals)
-    return _effective(correlation), _effective(correlation * np.abs(correlation))
+    return _effective(correlation, len(residuals), False), _effective(correlation, len(residuals), True)
 
 
 def _correlation(residuals: Floats) -> Floats:
-    """How alike residuals are that are 0, 1, ... frames apart, 1 for themselves, shape (n_frames,)."""
-    n_frames = len(residuals)
-    squares = float((residuals**2).sum())
+    """How alike residuals are that are 0, 1, ... frames apart, 1 for themselves, until two lags are none in sum.
+
+    Few lags are summed one by one, at the cost of a product each; if the residuals last, all are found at once.
+    """
+    n_frames, n_rows = residuals.shape
+    flat = np.ascontiguousarray(residuals).ravel()
+    squares = float(flat @ flat)
     if n_frames < 2 or squares == 0:
-        return np.append(np.ones(min(n_frames, 1)), np.zeros(max(n_frames - 1, 0)))
+        return np.ones(1)
+    found: list[float] = []
+    for lag in range(0, min(n_frames - 1, FEW_LAGS), 2):
+        ways = (lag * n_rows, (lag + 1) * n_rows)
+        found += [float(flat[way:] @ flat[: len(flat) - way]) / squares for way in ways]
+        if found[-2] + found[-1] <= 0:
+            return np.array(found[:-2])
     spectrum = np.fft.rfft(residuals, 2 * n_frames, axis=0)
     power = (spectrum.real**2 + spectrum.imag**2).sum(axis=1)
-    return np.asarray(np.fft.irfft(power)[:n_frames] / squares)
+    correlation = np.fft.irfft(power)[: n_frames - n_frames % 2] / squares
+    ends = np.flatnonzero(correlation.reshape(-1, 2).sum(axis=1) <= 0)
+    return np.asarray(correlation[: 2 * ends[0] if len(ends) else None])
 
 
-def _effective(correlation: Floats) -> float:
-    n_frames = len(correlation)
-    pairs = correlation[: n_frames - n_frames % 2].reshape(-1, 2).sum(axis=1)
-    ends = np.flatnonzero(pairs <= 0)
-    total = pairs[: ends[0] if len(ends) else None].sum()
-    return float(n_frames / max(2 * total - 1, 1.0))
+def _effective(correlation: Floats, n_frames: int, of_squares: bool) -> float:
+    if of_squares:
+        correlation = correlation * np.abs(correlation)
+    return float(n_frames / max(2 * correlation.sum() - 1, 1.0))

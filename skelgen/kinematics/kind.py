@@ -17,11 +17,19 @@ from scipy.special import fdtri
 
 from skelgen.compiling import in_order
 from skelgen.geometry.rotations import nearest_rotation
-from skelgen.kinematics.arrow import Linear, descend, kind_loops
+from skelgen.kinematics.arrow import Linear, kind_loops, solve_arrow
 from skelgen.kinematics.correlated import effective_frames_of_both
 from skelgen.kinematics.hinge import hinge_turning
 from skelgen.kinematics.relative import whitener
-from skelgen.kinematics.turning import AxisTurning, FixedTurning, Turning, TwoAxisTurning, axis_covariance
+from skelgen.kinematics.turning import (
+    FixedTurning,
+    HeldTurning,
+    Parts,
+    Turning,
+    TwoAxisTurning,
+    axis_covariance,
+    held_turning,
+)
 from skelgen.kinematics.universal import universal_turning
 from skelgen.model.arrays import Floats
 
@@ -54,8 +62,6 @@ LEAST_BETWEEN = np.deg2rad(30.0)
 
 KNOWN_KINDS = ("rigid", "hinge", "universal", "ball")
 """From the simplest to the one that allows all turns."""
-
-HeldTurning = FixedTurning | AxisTurning | TwoAxisTurning
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,24 +226,27 @@ def _leftover(
 ) -> Leftover:
     """Fit one kind, and weigh what it leaves over."""
     start = _start(name, rotations)
-    found = descend(start, lambda turning: _linearised(turning, rotations, weight), _stepped, MAX_ROUNDS, LEAST_GAIN)
+    parts = kind_loops().descended(*_held(start), *in_order(rotations, weight), MAX_ROUNDS, LEAST_GAIN)
+    turning = held_turning(*parts)
+    linear = _linearised(turning, rotations, weight)
+    solution = solve_arrow(linear)
     n_frames, n_rows = len(rotations), 3 - start.n_angles
-    ratio = found.squares / max(n_rows * n_frames - start.n_constants, 1)
-    for_means, independent = effective_frames_of_both(found.solution.residuals)
+    ratio = linear.squares / max(n_rows * n_frames - start.n_constants, 1)
+    for_means, independent = effective_frames_of_both(solution.residuals)
     limit = float(fdtri(n_rows * independent, max(freedoms * independent, LEAST_FREEDOMS), 1 - limits.doubt))
     unweighted = np.broadcast_to(np.eye(3), rotations.shape)
-    wobble = float(np.sqrt(_linearised(found.state, rotations, unweighted).squares / n_frames))
+    wobble = float(np.sqrt(_linearised(turning, rotations, unweighted).squares / n_frames))
     noise = wobble / np.sqrt(ratio) if ratio > 0 else 0.0
     true_wobble = float(np.sqrt(max(wobble**2 - limit * noise**2, 0.0)))
     return Leftover(
-        turning=found.state,
+        turning=turning,
         ratio=ratio,
         limit=limit,
         wobble=wobble,
         true_wobble=true_wobble if wobble > ROUNDING_TURN else 0.0,
         hidden=float(noise * np.sqrt(max(limit - 1, 0.0))),
         allowed=_allowed(name, singular),
-        axis_covariance=ratio * n_frames / for_means * axis_covariance(found.state, found.solution.covariance),
+        axis_covariance=ratio * n_frames / for_means * axis_covariance(turning, solution.covariance),
     )
 
 
@@ -271,10 +280,11 @@ def _start(name: str, rotations: Floats) -> HeldTurning:
 
 
 def _linearised(turning: HeldTurning, rotations: Floats, weight: Floats) -> Linear:
+    return Linear(*kind_loops().linearised(*_held(turning), *in_order(rotations, weight)))
+
+
+def _held(turning: HeldTurning) -> Parts:
+    """Parts of a joint as compiled loops want them."""
     in_parent, in_child, between, angles = turning.parts()
-    held = in_order(in_parent, in_child), in_order(angles, rotations, weight)
-    return Linear(*kind_loops().linearised(*held[0], between, *held[1]))
-
-
-def _stepped(turning: HeldTurning, constants: Floats, angles: Floats) -> HeldTurning:
-    return turning.stepped(constants, angles)
+    in_parent, in_child, angles = in_order(in_parent, in_child, angles)
+    return in_parent, in_child, between, angles

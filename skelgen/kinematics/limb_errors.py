@@ -15,6 +15,7 @@ and off the limbs' rotations, so that joints, axes, offsets, lengths and angles 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -62,21 +63,26 @@ class LimbErrors:
     hinges: Floats
     slides: Floats
 
+    @cached_property
+    def _points(self) -> list[_Points]:
+        """Points of every limb."""
+        return [_Points.of(self, limb) for limb in range(self.chain.n_limbs)]
+
     def offsets(self, limb: int) -> Floats:
         """Changes [mm] of a limb's markers against each other, shape (n_markers, 3, n)."""
-        points = _Points.of(self, limb)
-        return np.asarray(points.against(points.motion(None))[: points.n_markers])
+        points = self._points[limb]
+        return np.asarray(points.against(points.still)[: points.n_markers])
 
     def joint(self, child: int, limb: int) -> Floats:
         """Change [mm] of the joint above a limb against the markers of one of its limbs, shape (3, n)."""
-        points = _Points.of(self, limb)
+        points = self._points[limb]
         row = points.row_of(child)
         motion = points.motion(row)
         return np.asarray(points.against(motion)[row] + self._change_of_way(child, limb, motion[2]))
 
     def point(self, limb: int, place: Floats, change: Floats) -> Floats:
         """Change [mm] against a limb's markers of a point that follows the errors by `change`, shape (3, n)."""
-        centre, shift, turn = _Points.of(self, limb).motion(None)
+        centre, shift, turn = self._points[limb].still
         return np.asarray(change - shift + cross_matrix(place - centre) @ turn)
 
     def _change_of_way(self, child: int, limb: int, turn: Floats) -> Floats:
@@ -92,7 +98,7 @@ class LimbErrors:
 
     def axis(self, child: int, limb: int) -> Floats:
         """Change of the axis of the joint above `child` that is fixed in one of its limbs, shape (3, n)."""
-        _, _, turn = _Points.of(self, limb).motion(None)
+        _, _, turn = self._points[limb].still
         if limb == child:
             axis, moved = self.articulation.in_child[child], -turn
         else:
@@ -104,8 +110,8 @@ class LimbErrors:
 
         Where a hinge is along its axis is a choice, and no error of the length.
         """
-        points = _Points.of(self, limb)
-        motion = points.motion(None)
+        points = self._points[limb]
+        motion = points.still
         places, changes = [], []
         for child in (first, second):
             row = points.row_of(child)
@@ -135,11 +141,11 @@ class LimbErrors:
             In the parents' axes; 0 for the root.
         """
         chain = self.chain
-        frames = linearised(chain, self.articulation, poses, positions, weights)
+        frames = linearised(chain, self.articulation, poses, positions, weights, poses_only=True)
         n_places = len(self.root) - self.articulation.n_constants
         own = frames.tilts @ self.root[n_places:] - frames.turns @ (frames.follow() @ self.root)
         own = own[:, 3:].reshape(len(positions), chain.n_limbs, 3, -1)
-        frame_turns = np.stack([_Points.of(self, limb).motion(None)[2] for limb in range(chain.n_limbs)])
+        frame_turns = np.stack([self._points[limb].still[2] for limb in range(chain.n_limbs)])
         own = own + poses.rotations @ frame_turns
         above = np.maximum(chain.parents, 0)
         relative = poses.rotations[:, above].swapaxes(2, 3) @ (own - own[:, above])
@@ -199,13 +205,23 @@ class _Points:
         centre, shift, turn = motion
         return self.change - shift + cross_matrix(self.place - centre) @ turn
 
+    @cached_property
+    def still(self) -> tuple[Floats, Floats, Floats]:
+        """Rigid motion of all points."""
+        return self.motion(None)
+
+    @cached_property
+    def is_fixed(self) -> bool:
+        """Whether the markers are not on one line."""
+        anchor = self.place[: self.n_markers or None]
+        return bool(determines_pose(anchor, np.ones((1, len(anchor)), dtype=bool))[0])
+
     def motion(self, apart: int | None) -> tuple[Floats, Floats, Floats]:
         """Rigid motion of the markers: centre (3,), mean change and turn (3, n); the row `apart` hardly counts."""
         anchor = slice(0, self.n_markers or None)
         centre, shift = self.place[anchor].mean(axis=0), self.change[anchor].mean(axis=0)
         weights = np.full(len(self.place), FAINT)
-        fixed = determines_pose(self.place[anchor], np.ones((1, len(self.place[anchor])), dtype=bool))[0]
-        weights[anchor if fixed else slice(None)] = 1.0
+        weights[anchor if self.is_fixed else slice(None)] = 1.0
         if apart is not None:
             weights[apart] = FAINT
         arms = -cross_matrix(self.place - centre) * weights[:, np.newaxis, np.newaxis]
@@ -277,7 +293,7 @@ def _without_frames(errors: LimbErrors) -> Floats:
     rows = [size * errors.axis(limb, chain.parents[limb]) for limb, kind in enumerate(kinds) if kind in _WITH_AXES]
     for limb in range(chain.n_limbs):
         points = _Points.of(errors, limb)
-        rows.append(points.against(points.motion(None)).reshape(-1, errors.root.shape[1]))
+        rows.append(points.against(points.still).reshape(-1, errors.root.shape[1]))
     _, sizes, directions = np.linalg.svd(np.concatenate(rows), full_matrices=False)
     return np.asarray(errors.root @ directions[: int((sizes > FRAME_ONLY * size).sum())].T)
 

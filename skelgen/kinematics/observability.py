@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
+from skelgen.compiling import in_order
+from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.arrow import kind_loops
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats
 
@@ -50,7 +52,7 @@ def range_of_motion(relative: Floats) -> RangeOfMotion:
     if not len(relative):
         return RangeOfMotion(np.eye(3), np.zeros(3))
     middle = nearest_rotation(relative.mean(axis=0))
-    turns = vector_from_matrix(relative @ middle.T)
+    turns = kind_loops().relative_vectors(*in_order(middle[np.newaxis], relative)) @ middle.T
     _, vectors = np.linalg.eigh(turns.T @ turns)
     directions = vectors[:, ::-1].T
     along = turns @ directions.T
@@ -95,8 +97,8 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
     for joint in skeleton.joints:
         shown = np.flatnonzero(motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1))
         frames = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), MOST_FRAMES)).astype(np.intp))]
-        rotations = motion.world_from_limb[frames, :, :3, :3]
-        turned = range_of_motion(rotations[:, joint.parent].swapaxes(1, 2) @ rotations[:, joint.child])
+        parent, child = (motion.world_from_limb[frames, limb, :3, :3] for limb in (joint.parent, joint.child))
+        turned = range_of_motion(parent.swapaxes(1, 2) @ child)
         covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
         values, vectors = np.linalg.eigh(covariance)
         worst = float(np.sqrt(max(values[-1], 0.0)))

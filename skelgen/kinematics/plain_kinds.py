@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.geometry.rotations import vector_from_matrix
-from skelgen.kinematics.arrow import own_gain
-from skelgen.kinematics.turning import AxisTurning, FixedTurning, Turning, TwoAxisTurning
+from skelgen.kinematics.arrow import Linear, descend, own_gain
+from skelgen.kinematics.turning import HeldTurning, Parts, held_turning
 from skelgen.kinematics.universal import best_partners
 from skelgen.model.arrays import Floats
 
@@ -61,10 +61,58 @@ def linearised(
     tuple of ndarray
         Shapes (n_frames, 3), (n_frames, 3, 3 + n_angles) and (n_frames, 3, n_angles).
     """
-    turning = _turning(in_parent, in_child, between, angles)
+    turning = held_turning(in_parent, in_child, between, angles)
     constants, own = turning.slopes()
     errors = vector_from_matrix(rotations @ turning.rotations().swapaxes(1, 2))
     return (weight @ errors[..., np.newaxis])[..., 0], weight @ constants, weight @ own
+
+
+def descended(
+    in_parent: Floats,
+    in_child: Floats,
+    between: float,
+    angles: Floats,
+    rotations: Floats,
+    weight: Floats,
+    max_rounds: int,
+    least_gain: float,
+) -> Parts:
+    """Fit a joint to rotations by the steps of `arrow.descend`.
+
+    Parameters
+    ----------
+    in_parent, in_child, between, angles, rotations, weight
+        See `linearised`; the joint is a first guess.
+    max_rounds, least_gain
+        See `arrow.descend`.
+
+    Returns
+    -------
+    tuple
+        `Turning.parts` of the joint that comes nearest.
+    """
+
+    def here(turning: HeldTurning) -> Linear:
+        return Linear(*linearised(*turning.parts(), rotations, weight))
+
+    def stepped(turning: HeldTurning, constants: Floats, angles: Floats) -> HeldTurning:
+        return turning.stepped(constants, angles)
+
+    start = held_turning(in_parent, in_child, between, angles)
+    return descend(start, here, stepped, max_rounds, least_gain).state.parts()
+
+
+def relative_vectors(first: Floats, second: Floats) -> Floats:
+    """Return the rotation vectors [rad] of first^T second, shape (n, 3).
+
+    Parameters
+    ----------
+    first : ndarray, shape (m, 3, 3)
+        Rotations, repeated as often as m goes into n.
+    second : ndarray, shape (n, 3, 3)
+        Rotations.
+    """
+    return vector_from_matrix(np.tile(first.swapaxes(1, 2), (len(second) // len(first), 1, 1)) @ second)
 
 
 def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> tuple[Floats, Floats]:
@@ -91,11 +139,3 @@ def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> 
         first, _ = best_partners(moments, mean, second)
         second, variances = best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)
     return before, variances
-
-
-def _turning(in_parent: Floats, in_child: Floats, between: float, angles: Floats) -> Turning:
-    if angles.shape[1] == 0:
-        return FixedTurning(in_parent, len(angles))
-    if angles.shape[1] == 1:
-        return AxisTurning(in_parent, in_child, angles[:, 0])
-    return TwoAxisTurning(in_parent, in_child, between, angles)

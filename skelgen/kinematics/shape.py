@@ -154,4 +154,4 @@ def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floa
 def _lined_up_mean(points: Floats, positions: Floats, seen: Bools, known: Bools, rotator: Rotator) -> Floats:
     poses = fit_transform(points, positions, seen & known, rotator)
     mean = means_in_body(poses, positions, seen)
-    return np.asarray(mean - np.nanmean(mean, axis=0))
+    return np.asarray(mean - mean[~np.isnan(mean[:, 0])].mean(axis=0))

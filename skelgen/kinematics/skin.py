@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import nearest_rotation, vector_from_matrix
+from skelgen.compiling import in_order
+from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.arrow import kind_loops
 from skelgen.kinematics.chain import Chain, ChainPoses
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -45,7 +47,7 @@ class Skin:
 
     def bends(self, chain: Chain, poses: ChainPoses) -> Floats:
         """Return the bends in some frames, shape (n_frames, n_bends)."""
-        turns = vector_from_matrix(self.middles.swapaxes(1, 2) @ _relative(chain, poses))
+        turns = _vectors(self.middles, _relative(chain, poses))
         return np.asarray(np.einsum("fbi,bi->fb", turns[:, self.joints], self.gains))
 
     def slides(self, chain: Chain, poses: ChainPoses) -> Floats:
@@ -80,7 +82,7 @@ def skin_at_rest(chain: Chain, poses: ChainPoses) -> Skin:
     """Return a skin that does not slide, with the bends that it could follow."""
     relative = _relative(chain, poses)
     middles = nearest_rotation(relative.mean(axis=0))
-    turns = vector_from_matrix(middles.swapaxes(1, 2) @ relative)
+    turns = _vectors(middles, relative)
     joints: list[int] = []
     gains = [np.zeros((0, 3))]
     for limb in range(1, chain.n_limbs):
@@ -97,3 +99,9 @@ def _relative(chain: Chain, poses: ChainPoses) -> Floats:
     """Rotation of each limb against its parent, of the root the identity, shape (n_frames, n_limbs, 3, 3)."""
     above = poses.rotations[:, np.maximum(chain.parents, 0)]
     return np.asarray(above.swapaxes(2, 3) @ poses.rotations)
+
+
+def _vectors(middles: Floats, relative: Floats) -> Floats:
+    """Rotation vectors [rad] of each limb from its middle, shape (n_frames, n_limbs, 3)."""
+    found = kind_loops().relative_vectors(*in_order(middles, relative.reshape(-1, 3, 3)))
+    return np.asarray(found.reshape(relative.shape[:3]))

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.bending import SeenBending, bent_slopes, residuals_in_limbs, see_bending
+from skelgen.kinematics.bending import SeenBending, bent_slopes, see_bending
 from skelgen.kinematics.calibration import Calibration, calibrate
-from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.chain import Chain, ChainPoses, residuals_in_limbs
 from skelgen.kinematics.correlated import effective_frames
 from skelgen.kinematics.pose_covariances import LEAST_NOISE
 from skelgen.kinematics.posing import fit_poses
@@ -150,7 +150,7 @@ def settle_sliding(sliding: Sliding, poses: ChainPoses, positions: Floats) -> Se
     chain, articulation = sliding.chain, sliding.articulation
     still = positions - sliding.skin.slides(chain, poses)
     last = calibrate(chain, poses, still, 0, articulation)
-    growth = len(still) / effective_frames(residuals_in_limbs(last, still).reshape(len(still), -1))
+    growth = len(still) / effective_frames(residuals_in_limbs(chain, last.poses, still).reshape(len(still), -1))
     variance, (frames, share) = growth * last.noise**2, _system_frames(last)
     some, skin = last.poses[frames], sliding.skin
     system = sliding_system(chain, articulation, some, still[frames], skin, sliding.variances > 0, last.noise)
@@ -178,7 +178,7 @@ def _pull_of_all(last: Calibration, positions: Floats, system: SlidingSystem, sk
     pull = constant_pull(chain, last.articulation, last.poses, positions, last.weights)
     n_places = 3 * chain.n_markers
     rigid = clusters.of_markers(pull[:n_places, np.newaxis])[:, 0]
-    flat = residuals_in_limbs(last, positions).reshape(len(positions), -1)
+    flat = residuals_in_limbs(chain, last.poses, positions).reshape(len(positions), -1)
     return np.concatenate([pull[n_places:], rigid, system.slides(flat.T @ skin.bends(chain, last.poses))])
 
 

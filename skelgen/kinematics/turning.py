@@ -203,6 +203,19 @@ class TwoAxisTurning:
         )
 
 
+HeldTurning = FixedTurning | AxisTurning | TwoAxisTurning
+"""A joint that does not turn freely."""
+
+
+def held_turning(in_parent: Floats, in_child: Floats, between: float, angles: Floats) -> HeldTurning:
+    """Return the joint that is made of some parts: its kind is told by how many angles a frame has."""
+    if angles.shape[1] == 0:
+        return FixedTurning(in_parent, len(angles))
+    if angles.shape[1] == 1:
+        return AxisTurning(in_parent, in_child, angles[:, 0])
+    return TwoAxisTurning(in_parent, in_child, between, angles)
+
+
 def about_z(angles: Floats) -> Floats:
     """Return rotations about z, shape (n_frames, 3, 3)."""
     turns = np.zeros((*np.shape(angles), 3, 3))

@@ -83,7 +83,7 @@ def frame_covariances(
     for first in range(0, len(positions), together):
         part = slice(first, first + together)
         heard = None if weights is None else weights[part]
-        block = linearised(chain, articulation, poses[part], positions[part], heard)
+        block = linearised(chain, articulation, poses[part], positions[part], heard, poses_only=True)
         parts.append(_covariances(chain, articulation, poses[part], block, root, noise))
     return FrameCovariances(
         joints=np.concatenate([part.joints for part in parts]),
@@ -93,11 +93,16 @@ def frame_covariances(
 
 def axis_projectors(chain: Chain, articulation: Articulation, poses: ChainPoses) -> Floats:
     """Projectors across the hinges' axes in the world, the identity elsewhere, shape (n_frames, n_limbs, 3, 3)."""
-    result = np.tile(np.eye(3), (len(poses.root), chain.n_limbs, 1, 1))
+    axes = hinge_axes(chain, articulation, poses)
+    return np.asarray(np.eye(3) - axes[..., np.newaxis] * axes[..., np.newaxis, :])
+
+
+def hinge_axes(chain: Chain, articulation: Articulation, poses: ChainPoses) -> Floats:
+    """Unit axes of the hinges in the world, 0 for other limbs, shape (n_frames, n_limbs, 3)."""
+    result = np.zeros((len(poses.root), chain.n_limbs, 3))
     for limb, kind in enumerate(articulation.kinds):
         if kind == "hinge":
-            axis = poses.rotations[:, chain.parents[limb]] @ articulation.in_parent[limb]
-            result[:, limb] -= axis[:, :, np.newaxis] * axis[:, np.newaxis]
+            result[:, limb] = poses.rotations[:, chain.parents[limb]] @ articulation.in_parent[limb]
     return result
 
 

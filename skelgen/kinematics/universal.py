@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.arrow import kind_loops
 from skelgen.kinematics.turning import TwoAxisTurning, frame_along
 from skelgen.model.arrays import Floats
@@ -71,7 +70,7 @@ def _turning(rotations: Floats, first: Floats, second: Floats) -> TwoAxisTurning
     """The joint with two given axes; its angles are those of the Euler sequence z x z."""
     in_parent, in_child = frame_along(first), frame_along(second)
     between = in_parent.T @ rotations @ in_child
-    cosine = nearest_rotation(between)[:, 2, 2].mean()
+    cosine = between[:, 2, 2].mean()
     angles = np.stack(
         [np.arctan2(between[:, 0, 2], -between[:, 1, 2]), np.arctan2(between[:, 2, 0], between[:, 2, 1])], axis=1
     )

@@ -286,7 +286,7 @@ def test_help_and_version_exit_with_0(capsys):
 
 
 def test_help_loads_nothing_heavy():
-    heavy = ("scipy", "sklearn", "numba", "matplotlib", "networkx", "ezc3d", "lxml")
+    heavy = ("scipy", "sklearn", "numba", "matplotlib", "ezc3d", "lxml")
     code = (
         f"import sys; from skelgen.cli import main; main(['--help']); print([m for m in {heavy} if m in sys.modules])"
     )

@@ -23,7 +23,7 @@ from skelgen.benchmark.sections import MISSED, QUICK, REACHED, Effort, Figure, t
 from skelgen.benchmark.state import load_state, save_state
 from skelgen.benchmark.suites import SECONDS
 from skelgen.benchmark.takes import fifty_markers, long_take, ten_limbs, thirty_limbs
-from skelgen.benchmark.timing import measure_runs, run_stages
+from skelgen.benchmark.timing import Run, measure_runs, run_stages
 from skelgen.cli import main
 from skelgen.errors import InputError, SkelgenError, WriteError
 from skelgen.geometry.rotations import matrix_from_vector
@@ -138,7 +138,8 @@ def test_joints_are_laid_beside_the_bound_and_score(monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["stereo", "speed"])
-def test_rows_have_a_text_for_every_column(name):
+def test_rows_have_a_text_for_every_column(name, monkeypatch):
+    monkeypatch.setattr("skelgen.benchmark.speed.measure_runs", lambda *given: [Run(1.0, 2.0, 3.0, 0.4, 5.0)])
     if name == "stereo":
         pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen[capture]'")
     section = SUITES[name](SMALL, SILENT)
@@ -298,3 +299,14 @@ def test_command_refuses_a_page_that_cannot_be_written_before_it_measures(run, m
     code, _, said = run("benchmark", "-o", str(tmp_path / "file" / "b.html"))
     assert code == 2
     assert "cannot be written" in said
+
+
+def test_time_and_memory_are_drawn_against_frames_and_markers(monkeypatch):
+    monkeypatch.setattr("skelgen.benchmark.speed.measure_runs", lambda *given: [Run(1.0, 2.0, 3.0, 0.4, 5.0)])
+    section = SUITES["speed"](SMALL, SILENT)
+    named, cloud, trees = section.tables
+    assert (named.columns[0], cloud.columns[:2], trees.columns[0]) == ("frames", ("frames", "labels [s]"), "markers")
+    assert cloud.rows[0] == ("200", "5.00", "1.00", "2.00", "3.00", "11.00", "0.40", "")
+    drawn = [figure.drawing for figure in section.figures]
+    assert ["memory" in figure.caption for figure in section.figures] == [False, True] * 3
+    assert sum("Memory against markers" in one for one in drawn) == 1

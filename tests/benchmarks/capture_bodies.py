@@ -4,8 +4,8 @@ Three targets of five balls are posed at random in front of the seed's rig (Gasc
 hidden with 20 % chance, and stray points fill up to 40. All points err with the covariance that 0.1 px in both images
 give them. Bodies of which four balls or more are seen must be found; a pose counts if it is right within 2 mm.
 
-Then targets far away, of which four or five balls are seen: there depth errs by more than targets are distinct. Wrong is
-a pose that is off by more than 2 mm or 6 degrees, and by more than seven times what it states.
+Then targets far away, of which four or five balls are seen: depth errs by more than targets are distinct there. Wrong
+is a pose that is off by more than 2 mm or 6 degrees, and by more than seven times what it states.
 
 Then the same from rendered images of 640 x 480 pixels through the whole capture, in which balls touch, hide each other,
 and are hidden by limbs: the seed's arm, and three targets that pass before each other. There a body can be found if at

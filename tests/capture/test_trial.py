@@ -18,6 +18,7 @@ from skelgen.model.rig import CaptureSettings
 LOADED = """
 from skelgen.capture.rig import simulated_rig
 from skelgen.capture.live import MotionCapture
+from skelgen.capture.prediction import PredictionParameters
 from numba.core.dispatcher import Dispatcher
 import gc
 source = simulated_rig("arm", n_frames=30)
@@ -25,7 +26,7 @@ pairs = [source.render(index)[0] for index in range(0, 30, 3)]
 def loaded():
     parts = [one for one in gc.get_objects() if isinstance(one, Dispatcher) and ".rig." not in one.__module__]
     return {(one.__module__, one.__name__, len(one.overloads)) for one in parts if one.overloads}
-with MotionCapture(source.settings, threads=False) as capture:
+with MotionCapture(source.settings, prediction=PredictionParameters(), threads=False) as capture:
     before = loaded()
     for pair in pairs:
         capture.see(pair)

@@ -40,6 +40,13 @@ def test_each_frame_may_have_its_own_source(compiled, points):
         np.testing.assert_allclose(one, other, atol=ROUNDING, rtol=1e-12)
 
 
+def test_moments_about_a_joint_are_those_of_the_plain_twin(compiled, points):
+    source, target, seen = points
+    centres = np.random.default_rng(5).normal(scale=500.0, size=(len(target), 3))
+    one, other = (twin.moments_about(source[0], target, centres, seen) for twin in (compiled, plain))
+    np.testing.assert_allclose(one, other, atol=ROUNDING, rtol=1e-12)
+
+
 def test_rotations_are_those_of_the_plain_twin(compiled, points):
     moments = plain.moments_of(*points)[0]
     moments[1] = np.outer([1.0, 2.0, 3.0], [3.0, -1.0, 2.0])  # points on one line: many rotations are as good

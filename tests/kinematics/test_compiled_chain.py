@@ -9,18 +9,21 @@ import pytest
 
 from skelgen.evaluation.physical_limit import true_chain
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics import plain_information, plain_posing
+from skelgen.kinematics import plain_covariances, plain_information, plain_posing, plain_pull
 from skelgen.kinematics.articulation import Articulation
 from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
 from skelgen.kinematics.information import total_information
 from skelgen.kinematics.posing import MAX_STEPS, fit_poses
 from skelgen.simulation import simulate
 
+compiled_covariances = pytest.importorskip("skelgen.kinematics.compiled_covariances", reason="numba is not installed")
+compiled_pull = pytest.importorskip("skelgen.kinematics.compiled_pull", reason="numba is not installed")
 compiled_posing = pytest.importorskip("skelgen.kinematics.compiled_posing", reason="numba is not installed")
 compiled_information = pytest.importorskip("skelgen.kinematics.compiled_information", reason="numba is not installed")
 
 SAME = 1e-9  # rad, and of the largest number: rounding of some thousand operations
 SAME_PLACE = 1e-3  # mm; where damping alone holds a turn, it lets rounding grow a million times
+SAME_COVARIANCE = 1e-7  # the same where nothing but the given level tells of a turn
 SAME_FIT = 1e-6  # the same where a fit may end a step earlier
 
 
@@ -109,3 +112,18 @@ def test_chunks_of_frames_make_no_difference(case, monkeypatch):
     parts = fit_poses(chain, start, positions, articulation), total_information(chain, articulation, start, positions)
     np.testing.assert_array_equal(parts[0].rotations, whole[0].rotations)
     np.testing.assert_allclose(parts[1], whole[1], rtol=0, atol=SAME * np.abs(whole[1]).max())
+
+
+def test_pull_is_the_same(case):
+    chain, articulation, poses, positions = case
+    weights = seen_weights(positions, np.random.default_rng(2).uniform(0.1, 1.0, positions.shape[:2]))
+    found = compiled_pull.summed(chain, articulation, poses, positions, weights)
+    wanted = plain_pull.summed(chain, articulation, poses, positions, weights)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=SAME * np.abs(wanted).max())
+
+
+def test_covariances_are_the_same(case):
+    chain, articulation, poses, positions = case
+    given = chain, articulation, poses, seen_weights(positions), (1.0, 0.01)
+    for found, wanted in zip(compiled_covariances.outward(*given), plain_covariances.outward(*given), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=SAME_COVARIANCE * np.abs(wanted).max())

@@ -57,6 +57,22 @@ def test_each_kind_is_linearised_and_eliminated_as_by_the_plain_twin(compiled, t
         np.testing.assert_allclose(left, right, rtol=1e-9, atol=1e-9 * max(1.0, float(np.abs(right).max(initial=0.0))))
 
 
+def test_vectors_between_rotations_are_those_of_the_plain_twin(compiled, turns):
+    for first in (turns[:3], turns):
+        one, other = (twin.relative_vectors(first, turns) for twin in (compiled, plain))
+        np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["rigid", "hinge", "universal"])
+def test_each_kind_descends_to_where_the_plain_twin_does(compiled, turns, weights, kind):
+    starts = {"rigid": FixedTurning(turns[0], N_FRAMES), "hinge": hinge_turning(turns)}
+    parts = (starts.get(kind) or universal_turning(turns)).parts()
+    ordered = *(np.ascontiguousarray(one) for one in parts[:2]), parts[2], np.ascontiguousarray(parts[3])
+    one, other = (twin.descended(*ordered, turns, weights, 8, 1e-4) for twin in (compiled, plain))
+    for left, right in zip(one, other, strict=True):
+        np.testing.assert_allclose(left, right, atol=1e-9)
+
+
 def test_axes_alternate_as_in_the_plain_twin(compiled, turns):
     mean = turns.mean(axis=0)
     flat = (turns - mean).reshape(N_FRAMES, 9)

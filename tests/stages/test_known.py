@@ -134,6 +134,11 @@ def test_track_is_the_marker_for_which_most_frames_vote():
     assert by_tracks(points, ways, 2).tolist() == [1, 1, 1, 1, -1]
 
 
+def test_points_that_nobody_follows_are_no_markers():
+    points = tracked([-1, -1], [0, 1], 2)
+    assert by_tracks(points, [np.array([0, 0])], 2).tolist() == [-1, -1]
+
+
 def test_tracks_that_are_seen_together_are_never_one_marker():
     points = tracked([0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 3], 4)
     votes = np.array([1, 1, 1, 1, 1, 1])

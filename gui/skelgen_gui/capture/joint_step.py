@@ -89,7 +89,7 @@ class JointStep(AddingStep):
             if 2 * count < progress.n_frames:
                 share = 100 * count / progress.n_frames
                 told.append(self.tr("{0} is seen in {1:.0f} % of them.").format(name, share))
-        self.state.setText(" ".join([*told, self._advice(progress)]))
+        self.state.setText(" ".join([*told, self._advice(progress)]).strip())
 
     def show_found(self, found: JointCalibration | None) -> None:
         """Show what came out."""

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from skelgen.capture.compiled_algebra import factorise, solve
 from skelgen.capture.detection.discs import (
     FAR_OFF,
     FIRST_DAMPING,
@@ -33,6 +34,7 @@ Fitted = tuple[Floats, float, float]
 """Table of discs, width of their edges, and what they leave; the latter is infinite if the fit was given up."""
 
 _FAR = 5.0  # standard deviations: 3e-7 is left
+_HEIGHT = 1.0 / math.sqrt(2.0 * math.pi)  # of the normal distribution
 _NOTHING = 1e-9  # derivative: brightness by a pixel or by a part of itself
 _OUTSIDE, _WITHIN, _AT_EDGE = -1, 0, 1  # where a pixel lies: out of all discs, within one alone, at an edge
 
@@ -60,9 +62,9 @@ def fit_discs(window: Floats, guess: Floats, limit: float) -> Fitted:
         for i in range(n):
             damped[i, i] += damping * (normal[i, i] + TINY)
             step[i] = -slope[i]
-        if not _factorise(damped):
+        if not factorise(damped):
             return guess, 0.0, math.inf
-        _solve(damped, step)
+        solve(damped, step)
         furthest = _stepped(unknowns, step, tried)
         next_normal, next_slope, next_cost, _ = normal_equations(window, tried)
         if next_cost < cost:
@@ -115,7 +117,7 @@ def _table(unknowns: Floats, normal: Floats, cost: float, n_pixels: int) -> Fitt
     """Discs with the deviations of their centres."""
     n_discs, n_free = len(unknowns) // PER_DISC, n_pixels - len(unknowns)
     out, column = np.empty((n_discs, 5)), np.empty(len(unknowns))
-    if n_free <= 0 or not math.isfinite(unknowns.sum()) or not _factorise(normal):
+    if n_free <= 0 or not math.isfinite(unknowns.sum()) or not factorise(normal):
         return out, 0.0, math.inf
     for disc in range(n_discs):
         variance = 0.0
@@ -123,42 +125,11 @@ def _table(unknowns: Floats, normal: Floats, cost: float, n_pixels: int) -> Fitt
             place = PER_DISC * disc + axis
             column[:] = 0.0
             column[place] = 1.0
-            _solve(normal, column)
+            solve(normal, column)
             variance += max(column[place], 0.0) * cost / n_free / 2.0
         out[disc, :PER_DISC] = unknowns[PER_DISC * disc : PER_DISC * (disc + 1)]
         out[disc, STD] = math.sqrt(variance)
     return out, unknowns[-1], math.sqrt(cost / n_free)
-
-
-@compile_function
-def _factorise(matrix: Floats) -> bool:
-    """Put Cholesky's factor into the lower half of a matrix; whether the matrix is positive."""
-    for i in range(len(matrix)):
-        for j in range(i + 1):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            if j < i:
-                matrix[i, j] = total / matrix[j, j]
-            elif total > 0.0:
-                matrix[i, i] = math.sqrt(total)
-            else:
-                return False
-    return True
-
-
-@compile_function
-def _solve(factor: Floats, vector: Floats) -> None:
-    """Solve for a vector in place, given Cholesky's factor."""
-    n = len(vector)
-    for i in range(n):
-        for k in range(i):
-            vector[i] -= factor[i, k] * vector[k]
-        vector[i] /= factor[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            vector[i] -= factor[k, i] * vector[k]
-        vector[i] /= factor[i, i]
 
 
 @compile_function
@@ -251,16 +222,17 @@ def _derivatives(unknowns: Floats, x: int, y: int, row: Floats) -> float:
         free *= row[first + 3]
         total += part
         light += part * unknowns[first + 3]
-    covered, mean = 1.0 - free, light / total
+    covered, mean, share = 1.0 - free, light / total, (1.0 - free) / total
     row[last] = 0.0
     for first in range(0, last, PER_DISC):
-        distance, depth, part = row[first], row[first + 1], row[first + 2]
-        by_part = free / row[first + 3] * mean + covered * (unknowns[first + 3] - mean) / total
-        rise = 0.0
+        distance, depth, part, free_of_it = row[first], row[first + 1], row[first + 2], row[first + 3]
+        row[first] = row[first + 1] = row[first + 2] = 0.0
+        row[first + 3] = share * part
         if abs(depth) < _FAR:
-            rise = by_part * math.exp(-depth * depth / 2.0) / math.sqrt(2.0 * math.pi) / width
-        row[first] = rise * (x - unknowns[first]) / distance
-        row[first + 1] = rise * (y - unknowns[first + 1]) / distance
-        row[first + 2], row[first + 3] = rise, covered * part / total
-        row[last] -= rise * depth
+            by_part = free / free_of_it * mean + share * (unknowns[first + 3] - mean)
+            rise = by_part * math.exp(-depth * depth / 2.0) * _HEIGHT / width
+            row[first] = rise / distance * (x - unknowns[first])
+            row[first + 1] = rise / distance * (y - unknowns[first + 1])
+            row[first + 2] = rise
+            row[last] -= rise * depth
     return covered * mean

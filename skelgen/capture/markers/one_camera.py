@@ -38,7 +38,7 @@ FASTER = 2.0
 """How much faster than usual a depth may change, in standard deviations."""
 
 MOST_STD = 2.0
-"""Largest deviation of a depth that is kept, in usual ones of points that both cameras see, as the settings predict them."""
+"""Largest deviation of a depth that is kept, in usual ones that the settings predict for points of both cameras."""
 
 LEAST_WITNESSES = 1
 """Rigid mates that must be seen in a frame: how a ball moves on by itself is known too badly."""

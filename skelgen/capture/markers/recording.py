@@ -69,6 +69,7 @@ def markers_of(
         raise InputError(f"{source.name} goes on without end; say how many pairs of images are taken: --frames")
     total = min(count for count in (n_frames, source.n_frames) if count is not None)
     monitor.begin("images")
+    PointFinder(settings).load()
     with ThreadPoolExecutor(N_BLOBS, "images") as threads, source as pairs:
         recording = _Recording(settings, source.size, threads if (os.cpu_count() or 1) > 1 else None)
         for pair in told(islice(pairs, n_frames), total, monitor):

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from skelgen.compiling import in_order
+from skelgen.kinematics.ball import ball_loops
 from skelgen.model.arrays import Floats
 from skelgen.stages.joints.conjugate_gradient import Objective
 from skelgen.stages.joints.parameters import JointParameters
@@ -59,14 +61,9 @@ def joint_cost(markers: Floats, alpha: float) -> Objective:
 
 
 def mean_distances(joint: Floats, markers: Floats) -> tuple[Floats, Floats]:
-    """Mean and standard deviation over frames of each marker's distance [mm] to a joint, shapes (n_markers,)."""
-    distance = np.linalg.norm(joint[:, np.newaxis] - markers, axis=2)
-    seen = ~np.isnan(distance)
-    count = np.maximum(seen.sum(axis=0), 1)
-    filled = np.where(seen, distance, 0.0)
-    mean = filled.sum(axis=0) / count
-    spread = np.where(seen, distance - mean, 0.0)
-    return mean, np.sqrt((spread**2).sum(axis=0) / count)
+    """Mean and standard deviation over frames of each marker's distance [mm] to a joint; see `plain_ball`."""
+    found: tuple[Floats, Floats] = ball_loops().mean_distances(*in_order(joint, markers))
+    return found
 
 
 def local_optimum(joint: Floats, markers: Floats, parameters: JointParameters) -> Floats:

@@ -46,19 +46,21 @@ class PoseNoise:
         """
         x, y, z = point.tolist()
         slopes = np.array([[1, 0, 0, 0, z, -y], [0, 1, 0, -z, 0, x], [0, 0, 1, y, -x, 0]], dtype=np.float64)
-        by_pattern = np.einsum("ia,pab,ib->p", slopes, self.covariances, slopes) / 3
-        return np.append(by_pattern, np.nan)[self.pattern]
+        return np.append(((slopes @ self.covariances) * slopes).sum(axis=(1, 2)) / 3, np.nan)[self.pattern]
 
-    def of_turn(self) -> Floats:
-        """Variance [rad^2] of a turn about each axis for unit noise, shape (n_frames,); NaN without a pose."""
-        by_pattern = np.einsum("paa->p", self.covariances[:, 3:, 3:]) / 3
-        return np.append(by_pattern, np.nan)[self.pattern]
+    def shares(self, weights: Floats) -> Floats:
+        """Parts of the weights of frames that each set of points has, shape (n_patterns,); 0 without a pose."""
+        counted = np.bincount(self.pattern + 1, weights, len(self.covariances) + 1)
+        return np.asarray(counted[1:] / weights.sum())
 
-    def of_turn_across(self, axis: Floats) -> Floats:
-        """Variance [rad^2] of turns about the two axes across one, together, for unit noise, shape (n_frames,)."""
+    def of_turn(self, shares: Floats) -> float:
+        """Mean variance [rad^2] of a turn about each axis for unit noise, of `shares` of frames."""
+        return float(shares @ np.trace(self.covariances[:, 3:, 3:], axis1=1, axis2=2)) / 3
+
+    def of_turn_across(self, axis: Floats, shares: Floats) -> float:
+        """Mean variance [rad^2] of turns about the two axes across one, together, of `shares` of frames."""
         turns = self.covariances[:, 3:, 3:]
-        by_pattern = np.einsum("paa->p", turns) - np.einsum("a,pab,b->p", axis, turns, axis)
-        return np.append(by_pattern, np.nan)[self.pattern]
+        return float(shares @ (np.trace(turns, axis1=1, axis2=2) - turns @ axis @ axis))
 
     def at(self, frames: Ints) -> PoseNoise:
         """These poses in some frames."""
@@ -92,7 +94,7 @@ def _variance(shape: LimbShape, points: Floats, frames: Ints) -> float:
     frames = frames[shape.posed[frames]]
     poses, sampled = shape.world_from_limb[frames], points[frames]
     seen = ~np.isnan(sampled[:, :, 0])
-    modelled = np.einsum("fij,nj->fni", poses[:, :3, :3], shape.points) + poses[:, np.newaxis, :3, 3]
+    modelled = shape.points @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, np.newaxis, :3, 3]
     squares = ((sampled - modelled)[seen] ** 2).sum()
     known_points = int(seen.any(axis=0).sum())
     freedoms = 3 * int(seen.sum()) - FREE_OF_POSE * len(seen) - (3 * known_points - FREE_OF_POSE)

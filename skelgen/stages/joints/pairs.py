@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen.compiling import in_order
 from skelgen.geometry.orientation import Rotator, rotation_by_quaternion
-from skelgen.kinematics.ball import FixedPoint, fit_fixed_point
+from skelgen.geometry.robust import quantile_of
+from skelgen.kinematics.ball import FixedPoint, ball_loops, fit_fixed_point
 from skelgen.kinematics.shape import LimbShape, fit_shape
 from skelgen.kinematics.sphere import fit_sphere
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -207,54 +209,52 @@ def images(shape: LimbShape, point: Floats) -> Floats:
 
 def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess | None:
     """Fit twice: the first place tells how well each frame knows it, and which frames are in error."""
-    fit = fit_fixed_point(first.shape.world_from_limb, second.shape.world_from_limb, first.centre, second.centre)
+    poses, near = (first.shape.world_from_limb, second.shape.world_from_limb), (first.centre, second.centre)
+    fit = fit_fixed_point(*poses, *near)
     if fit is None or fit.n_frames < MIN_COMMON:
         return None
     weights = _weights(first, second, fit, typical)
-    poses, near = (first.shape.world_from_limb, second.shape.world_from_limb), (first.centre, second.centre)
     fit = fit_fixed_point(*poses, *near, weights) or fit
-    expected = _expected(first, fit.in_first, typical) + _expected(second, fit.in_second, typical)
-    shaking = _shaking(first, typical) + _shaking(second, typical)
-    turned = fit.turning.sum() / 6 - float(np.nansum(weights * shaking) / weights.sum())
-    both = np.stack([images(first.shape, fit.in_first), images(second.shape, fit.in_second)])
+    shares = first.noise.shares(weights), second.noise.shares(weights)
+    levels = _noise(first, typical), _noise(second, typical)
+    shaking = levels[0] * first.noise.of_turn(shares[0]) + levels[1] * second.noise.of_turn(shares[1])
+    across = levels[0] * first.noise.of_turn_across(fit.axis_in_first, shares[0])
+    across += levels[1] * second.noise.of_turn_across(fit.axis_in_second, shares[1])
+    positions, _ = _images(first, second, fit)
     n_frames = int((weights > 0).sum())
     freedom = n_frames / max(n_frames - 2, 0.5)
-    square = freedom * fit.gap / 3
     return JointGuess(
-        _mean_of_known(both),
-        square,
-        float(np.nansum(weights * expected) / weights.sum()),
-        turn=float(np.sqrt(max(turned, 0.0))),
-        wobble=_wobble(first, second, fit, weights, typical),
+        positions,
+        freedom * fit.gap / 3,
+        float(np.nansum(weights * _expected_gaps(first, second, fit, typical)) / weights.sum()),
+        turn=float(np.sqrt(max(fit.turning.sum() / 6 - shaking, 0.0))),
+        wobble=float(fit.turning[0] / max(across, LEAST_TURN_NOISE)),
         n_frames=n_frames,
     )
 
 
-def _wobble(first: Segment, second: Segment, fit: FixedPoint, weights: Floats, typical: float) -> float:
-    """What a hinge would leave unexplained, in units of the noise: twice the loss of the surest direction's length."""
-    shaking = _noise(first, typical) * first.noise.of_turn_across(fit.axis_in_first)
-    shaking = shaking + _noise(second, typical) * second.noise.of_turn_across(fit.axis_in_second)
-    return float(fit.turning[0] / max(np.nansum(weights * shaking) / weights.sum(), LEAST_TURN_NOISE))
+def _images(first: Segment, second: Segment, fit: FixedPoint) -> tuple[Floats, Floats]:
+    """Where a joint is in the world, and the square of its gap [mm^2]; see `plain_ball.both_images`."""
+    poses = first.shape.world_from_limb, second.shape.world_from_limb
+    found: tuple[Floats, Floats] = ball_loops().both_images(*in_order(*poses, fit.in_first, fit.in_second))
+    return found
 
 
 def _weights(first: Segment, second: Segment, fit: FixedPoint, typical: float) -> Floats:
-    expected = _expected(first, fit.in_first, typical) + _expected(second, fit.in_second, typical)
-    gap = ((images(first.shape, fit.in_first) - images(second.shape, fit.in_second)) ** 2).sum(axis=1)
-    known = ~np.isnan(gap)
-    weights = np.zeros(len(gap))
-    weights[known] = 1.0 / expected[known]
-    surprise = gap[known] / expected[known]
-    worst = np.quantile(surprise, KEPT_PART)
-    weights[np.flatnonzero(known)[surprise > worst]] = 0.0
-    return weights
+    expected = _expected_gaps(first, second, fit, typical)
+    _, gaps = _images(first, second, fit)
+    known = ~np.isnan(gaps)
+    surprise = gaps / expected
+    return np.where(known & (surprise <= quantile_of(surprise[known], KEPT_PART)), 1.0 / expected, 0.0)
+
+
+def _expected_gaps(first: Segment, second: Segment, fit: FixedPoint, typical: float) -> Floats:
+    """Variance of a coordinate of the gap in every frame [mm^2]."""
+    return _expected(first, fit.in_first, typical) + _expected(second, fit.in_second, typical)
 
 
 def _expected(segment: Segment, point: Floats, typical: float) -> Floats:
     return _noise(segment, typical) * segment.noise.of_point(point)
-
-
-def _shaking(segment: Segment, typical: float) -> Floats:
-    return _noise(segment, typical) * segment.noise.of_turn()
 
 
 def _noise(segment: Segment, typical: float) -> float:
@@ -312,11 +312,4 @@ def _centroid(points: Floats) -> Floats:
     seen = ~np.isnan(points[:, :, :1])
     count = seen.sum(axis=1)
     total = np.where(seen, points, 0.0).sum(axis=1)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-def _mean_of_known(both: Floats) -> Floats:
-    known = ~np.isnan(both[:, :, :1])
-    count = known.sum(axis=0)
-    total = np.where(known, both, 0.0).sum(axis=0)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)

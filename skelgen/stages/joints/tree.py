@@ -24,17 +24,38 @@ def spanning_tree(costs: Floats, sizes: Ints, root: int | None = None) -> Ints:
     ndarray of intp, shape (n_limbs,)
         -1 for a root; limbs that no finite cost connects belong to separate trees.
     """
-    import networkx  # noqa: PLC0415 - only this stage pays for its import
-
-    graph = networkx.Graph()
-    graph.add_nodes_from(range(len(costs)))
-    rows, columns = np.nonzero(np.triu(np.isfinite(costs), 1))
-    pairs = zip(rows.tolist(), columns.tolist(), costs[rows, columns].tolist(), strict=True)
-    graph.add_weighted_edges_from(pairs)
-    tree = networkx.minimum_spanning_tree(graph, algorithm="prim")
+    edges = _cheapest_edges(np.where(np.eye(len(costs), dtype=bool), np.inf, costs))
+    joined: list[list[int]] = [[] for _ in range(len(costs))]
+    for first, second in edges:
+        joined[first].append(second)
+        joined[second].append(first)
     parents = np.full(len(costs), -1, dtype=np.intp)
-    for component in networkx.connected_components(tree):
-        start = min(component, key=lambda limb: (limb != root, -tree.degree[limb], -sizes[limb], limb))
-        for parent, child in networkx.bfs_edges(tree, start, sort_neighbors=sorted):
-            parents[child] = parent
+    placed: set[int] = set()
+    for start in sorted(range(len(costs)), key=lambda limb: (limb != root, -len(joined[limb]), -sizes[limb], limb)):
+        if start in placed:
+            continue
+        placed.add(start)
+        waiting = [start]
+        for parent in waiting:  # grows as limbs are placed
+            children = [child for child in joined[parent] if child not in placed]
+            parents[children] = parent
+            placed.update(children)
+            waiting += children
     return parents
+
+
+def _cheapest_edges(costs: Floats) -> list[tuple[int, int]]:
+    """Edges of the minimum spanning forest, grown from one limb after the other (Prim 1957)."""
+    edges: list[tuple[int, int]] = []
+    cost, nearest = np.full(len(costs), np.inf), np.full(len(costs), -1, dtype=np.intp)
+    waiting = np.ones(len(costs), dtype=bool)
+    for _ in range(len(costs)):
+        limb = int(np.argmin(np.where(waiting, cost, np.inf))) if np.isfinite(cost[waiting]).any() else -1
+        if limb >= 0:
+            edges.append((int(nearest[limb]), limb))
+        else:
+            limb = int(np.argmax(waiting))
+        waiting[limb] = False
+        cheaper = costs[limb] < cost
+        cost[cheaper], nearest[cheaper] = costs[limb][cheaper], limb
+    return edges

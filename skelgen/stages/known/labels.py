@@ -219,7 +219,7 @@ def _held(points: TrackedPoints, owner: Ints, predicted: Floats) -> Ints:
     most = by_tracks(points, [owner], n_markers)
     own = np.maximum(most, 0)
     tracks = np.maximum(points.tracks, 0)
-    agreed = np.bincount(tracks, (owner == most) & (most >= 0)) > HELD_SHARE * np.bincount(tracks)
+    agreed = np.bincount(tracks, (owner == most) & (most >= 0)) > HELD_SHARE * np.bincount(tracks, points.tracks >= 0)
     away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
     near = agreed[tracks] & (away < typical_spacing(points.cloud) / 2)
     return _frame_by_frame(points, [owner, np.where(near, most, -1)], n_markers)

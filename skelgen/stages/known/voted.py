@@ -31,19 +31,20 @@ def by_tracks(points: TrackedPoints, owners: Iterable[Ints], n_markers: int) -> 
         Marker of each point, -1 for points on no track, or on one without a marker.
     """
     order = np.flatnonzero(points.tracks >= 0)
-    n_tracks = int(points.tracks.max(initial=-1)) + 1
+    n_tracks = int(points.tracks.max(initial=0)) + 1
     votes = np.zeros((n_tracks, n_markers), dtype=np.intp)
     for owner in owners:
         heard = order[owner[order] >= 0]
         np.add.at(votes, (points.tracks[heard], owner[heard]), 1)
-    shown = np.zeros((n_tracks, points.cloud.n_frames), dtype=np.bool_)
-    shown[points.tracks[order], points.frames[order]] = True
+    by_track = order[np.argsort(points.tracks[order], kind="stable")]
+    ends = np.cumsum(np.bincount(points.tracks[by_track], minlength=n_tracks))
+    frames_of = np.split(points.frames[by_track], ends[:-1])
     taken = np.zeros((n_markers, points.cloud.n_frames), dtype=np.bool_)
     marker_of_track = np.full(n_tracks, -1, dtype=np.intp)
     tracks, markers = np.nonzero(votes)
     for pair in np.argsort(-votes[tracks, markers], kind="stable").tolist():
         track, marker = tracks[pair], markers[pair]
-        if marker_of_track[track] < 0 and not (taken[marker] & shown[track]).any():
+        if marker_of_track[track] < 0 and not taken[marker, frames_of[track]].any():
             marker_of_track[track] = marker
-            taken[marker] |= shown[track]
+            taken[marker, frames_of[track]] = True
     return np.where(points.tracks >= 0, marker_of_track[points.tracks], -1)

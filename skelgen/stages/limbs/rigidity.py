@@ -93,12 +93,15 @@ class PairSums:
         self.sums = one_hot.T @ (variance * weight * off) @ one_hot
         self.weights = one_hot.T @ (weight * off) @ one_hot
         self.sizes = one_hot.sum(axis=0)
+        self._across: Floats | None = None
 
     @property
     def across(self) -> Floats:
         """Mean variance [mm^2] across each two groups; infinite on and below the diagonal and where unknown."""
-        hidden = np.tri(len(self.sizes), dtype=bool) | (self.weights <= 0)
-        return np.where(hidden, np.inf, self.sums / np.where(hidden, 1.0, self.weights))
+        if self._across is None:
+            hidden = np.tri(len(self.sizes), dtype=bool) | (self.weights <= 0)
+            self._across = np.where(hidden, np.inf, self.sums / np.where(hidden, 1.0, self.weights))
+        return self._across
 
     def usual_motion(self) -> float:
         """Median over limbs with several markers of the variance [mm^2] against their nearest neighbour."""
@@ -119,6 +122,7 @@ class PairSums:
             self._fold(int(first), int(second))
 
     def _fold(self, first: int, second: int) -> None:
+        self._across = None
         keep = np.arange(len(self.sizes)) != second
         self.sums = _folded(self.sums, first, second)[np.ix_(keep, keep)]
         self.weights = _folded(self.weights, first, second)[np.ix_(keep, keep)]

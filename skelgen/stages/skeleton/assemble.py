@@ -129,7 +129,8 @@ def _lined_up(
 def _turn_at(shape: LimbShape, frame: int) -> Floats:
     if not shape.has_pose:
         return np.eye(3)
-    return np.asarray(fill_rotations(shape.world_from_limb[:, :3, :3], shape.posed)[frame])
+    turns, posed = shape.world_from_limb[:, :3, :3], shape.posed
+    return np.asarray(turns[frame] if posed[frame] else fill_rotations(turns, posed)[frame])
 
 
 def _mean_points(points: Floats, shape: LimbShape, frames: Ints, outlier: float) -> Floats:

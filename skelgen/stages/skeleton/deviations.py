@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from skelgen.compiling import in_order
 from skelgen.kinematics.calibration import Calibration
-from skelgen.kinematics.chain import Chain, ChainPoses, residuals
+from skelgen.kinematics.chain import Chain, ChainPoses, chain_loops, residuals_in_limbs
 from skelgen.kinematics.correlated import effective_frames
 from skelgen.kinematics.pose_covariances import pose_covariances
-from skelgen.kinematics.uncertainty import axis_projectors, frame_covariances, inverse_root
+from skelgen.kinematics.uncertainty import frame_covariances, hinge_axes, inverse_root
 from skelgen.model.arrays import Bools, Floats, Ints
 
 SHARED_FRAMES = 60
@@ -33,12 +34,10 @@ def lasting(last: Calibration, positions: Floats) -> float:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         What it was fitted to, in the order of time.
     """
-    error = residuals(last.chain, last.poses, positions)
-    if len(error) == 0 or last.noise == 0.0:
+    if len(positions) == 0 or last.noise == 0.0:
         return 1.0
-    limbs = last.poses.rotations[:, last.chain.limb_of_marker]
-    own = np.einsum("fmji,fmj->fmi", limbs, error)  # tissue errors last in the limb's axes
-    return len(error) / effective_frames(own.reshape(len(own), -1))
+    own = residuals_in_limbs(last.chain, last.poses, positions)
+    return len(own) / effective_frames(own.reshape(len(own), -1))
 
 
 def joint_deviations(
@@ -62,12 +61,12 @@ def joint_deviations(
         How much less than independent ones the frames tell, see `lasting`.
     """
     frames = _exact_frames(unseen)
-    articulation = last.articulation
-    across = axis_projectors(chain, articulation, poses[frames])
-    covariances = pose_covariances(chain, articulation, poses[frames], positions[frames], last.noise).origins
-    turn = poses.rotations[frames][:, np.maximum(chain.parents, 0)]
-    covariances += growth * turn @ _shared(last, chain, poses, positions) @ turn.swapaxes(2, 3)
-    variances = np.einsum("flij,fljk,flki->fli", across, covariances, across, optimize=True)
+    articulation, some = last.articulation, poses[frames]
+    axes = hinge_axes(chain, articulation, some)
+    covariances = pose_covariances(chain, articulation, some, positions[frames], last.noise).origins
+    shared = growth * _shared(last, chain, poses, positions)
+    held = in_order(covariances, some.rotations, chain.parents, shared, axes)
+    variances = chain_loops(len(frames)).variances_across(*held)
     deviations = np.sqrt(np.maximum(variances, 0.0))
     if len(frames) == len(positions):
         return np.asarray(deviations)

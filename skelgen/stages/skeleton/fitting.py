@@ -275,7 +275,8 @@ def _posed_as(last: Calibration, poses: ChainPoses, frames: Ints) -> ChainPoses:
 
 def _followed(kinds: list[JointKind], last: Calibration, before: ChainPoses) -> list[JointKind]:
     """Kinds with the axes that were fitted, and with the others in the frames that limbs have now."""
-    turn = nearest_rotation((last.poses.rotations.swapaxes(2, 3) @ before.rotations).mean(axis=0))
+    after, earlier = (one.rotations.swapaxes(0, 1).reshape(last.chain.n_limbs, -1, 3) for one in (last.poses, before))
+    turn = nearest_rotation(after.swapaxes(1, 2) @ earlier)  # sums over frames
     return with_axes(_in_other_frames(kinds, last.chain.parents, turn), last.articulation)
 
 

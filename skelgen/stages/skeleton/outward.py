@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.geometry.orientation import Rotator, fit_transform
+from skelgen.geometry.orientation import Rotator, fit_transform, moments_about
 from skelgen.geometry.rotations import fill_rotations, fill_vectors
 from skelgen.kinematics.chain import Chain, ChainPoses
 from skelgen.kinematics.shape import determines_pose
@@ -51,9 +51,8 @@ def pose_outward(
             rotations[:, limb], origins[:, limb] = _place_root(points, places, seen, posed[:, limb], rotator)
             continue
         origins[:, limb] = origins[:, parent] + rotations[:, parent] @ chain.joints[limb]
-        turn = _turn_about_joint(points, places - origins[:, limb, np.newaxis], seen, posed[:, limb], rotator)
-        in_parent = rotations[:, parent].swapaxes(1, 2) @ turn
-        rotations[:, limb] = rotations[:, parent] @ fill_rotations(in_parent, posed[:, limb])
+        moments = moments_about(points, places, origins[:, limb], seen)
+        rotations[:, limb] = _filled(rotator(moments), posed[:, limb], rotations[:, parent])
     return ChainPoses(origins[:, 0].copy(), rotations), posed
 
 
@@ -90,10 +89,11 @@ def _place_root(points: Floats, places: Floats, seen: Bools, posed: Bools, rotat
     return turn, fill_vectors(origin, somewhere)
 
 
-def _turn_about_joint(points: Floats, relative: Floats, seen: Bools, posed: Bools, rotator: Rotator) -> Floats:
-    """Rotations that best turn a limb's points onto vectors from its joint; NaN where they are not fixed."""
-    filled = np.where(seen[..., np.newaxis], relative, 0.0)
-    moments = np.einsum("fni,nj->fij", filled, points)
-    turn = np.full((len(seen), 3, 3), np.nan)
-    turn[posed] = rotator(moments[posed])
-    return turn
+def _filled(turns: Floats, posed: Bools, parents: Floats) -> Floats:
+    """Rotations of a limb; where they are not posed, the parent is followed as in the frames around."""
+    if posed.all():
+        return turns
+    missing = np.flatnonzero(~posed)
+    in_parent = fill_rotations(parents.swapaxes(1, 2) @ turns, posed)
+    turns[missing] = parents[missing] @ in_parent[missing]
+    return turns

@@ -15,7 +15,7 @@ from skelgen_gui.window import Window
 import skelgen
 from skelgen.simulation import simulate
 
-WAIT = 60_000  # ms; a loaded machine runs all stages of a small take in a few seconds
+WAIT = 180_000  # ms; all stages of a small take need a few seconds, and a minute where their loops must be compiled
 
 
 class Person:

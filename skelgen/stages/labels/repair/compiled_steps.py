@@ -133,7 +133,8 @@ def _lower_median(values: Floats) -> float:
 def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: float) -> tuple[Floats, Floats]:
     """Expect each chosen label where it was last, moved on by the median step of its neighbours."""
     n_frames = len(positions)
-    places, ages = np.full((n_frames, len(chosen), 3), np.nan), np.full((n_frames, len(chosen)), np.inf)
+    places, ages = np.empty((n_frames, len(chosen), 3)), np.empty((n_frames, len(chosen)))
+    places[:], ages[:] = math.nan, math.inf
     values = np.empty(neighbours.shape[1])
     for column in range(len(chosen)):
         marker, last = chosen[column], -1
@@ -141,7 +142,8 @@ def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: 
         for frame in range(1, n_frames):
             if not math.isnan(positions[frame - 1, marker, 0]):
                 last = frame - 1
-                then[:] = travelled
+                for axis in range(3):
+                    then[axis] = travelled[axis]
             for axis in range(3):
                 for index in range(len(values)):
                     other = neighbours[marker, index]
@@ -209,7 +211,8 @@ def _fill_direction(towards: Floats, start: Floats, end: Floats) -> float:
     for axis in range(3):
         towards[axis] = end[axis] - start[axis]
     length = math.sqrt(towards[0] * towards[0] + towards[1] * towards[1] + towards[2] * towards[2])
-    towards /= length
+    for axis in range(3):
+        towards[axis] /= length
     return length
 
 

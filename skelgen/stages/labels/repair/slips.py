@@ -205,11 +205,11 @@ class _Place:
 
     def __init__(self, positions: Floats, marker: int, near: Ints, seen: Floats, window: int) -> None:
         lengths = step_loops().lengths(positions, marker, near)
-        spread = _spread(step_loops().changes(lengths, window))
+        spread = _spread(step_loops().changes(lengths, window, 0))
         chosen = np.argsort(spread, kind="stable")[:N_MATES]
         chosen = chosen[np.isfinite(spread[chosen])]
         self.mates, self.spread, self.window = near[chosen], spread[chosen], window
-        self.lengths: Floats = lengths[:, chosen]
+        self.lengths: Floats = np.take(lengths, chosen, axis=1)
         self.sudden: Floats = step_loops().jumps(self.lengths)
         self._positions, self._marker = positions, marker
         self.step = self._fitted(seen) if len(chosen) else seen

@@ -9,6 +9,7 @@ from skelgen.model.labelling import Finding
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.repair.moved import Move, find_moves, undo_moves
+from skelgen.stages.labels.repair.rigid import robust_limbs
 from skelgen.stages.labels.repair.slips import Slip, find_slips, new_names, split_slipped
 from skelgen.stages.labels.repair.swaps import Swap, find_swaps, indistinguishable_pairs, repair_swaps
 
@@ -55,9 +56,10 @@ def repair_take(
     if not parameters.repair:
         monitor.notice("the markers are labelled already: this stage is skipped")
         return Repair(trajectories)
-    swaps = find_swaps(trajectories, parameters, monitor=monitor)
+    limbs = robust_limbs(trajectories)
+    swaps = find_swaps(trajectories, parameters, limbs=limbs, monitor=monitor)
     repaired = repair_swaps(trajectories, swaps)
-    moves = find_moves(repaired)
+    moves = find_moves(repaired, limbs=robust_limbs(repaired) if swaps else limbs)
     repaired = undo_moves(repaired, moves)
     slips = find_slips(repaired, parameters) if parameters.slips else ()
     findings = _findings(swaps, moves, slips, repaired)

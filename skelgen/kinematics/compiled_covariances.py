@@ -1,0 +1,184 @@
+"""How sure poses are, frame by frame, compiled; `plain_covariances` does the same for many frames at once.
+
+Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.compiling import compile_function, compile_part, fixed
+from skelgen.kinematics.articulation import Articulation
+from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.chain_table import ChainTable, chain_table, fresh
+from skelgen.kinematics.compiled_posing import (
+    AXIS,
+    BY_SHIFT,
+    BY_TURN,
+    COVARIANCE,
+    FOLLOW,
+    N_AXIS,
+    N_FORM,
+    SHIFT,
+    VARIANCE,
+    Place,
+    eliminate,
+    find_forms,
+    new_place,
+    put,
+)
+from skelgen.kinematics.compiled_vectors import (
+    Matrix,
+    Symmetric,
+    Vector,
+    dot,
+    inverse,
+    matrix,
+    minus,
+    plus,
+    product,
+    set_matrix,
+    symmetric,
+    times,
+    transposed,
+    turned,
+    vector,
+)
+from skelgen.model.arrays import Floats
+
+TURN, MIXED = fixed(0, 1)
+"""Which of a limb's covariances: of its turn, and of turn and origin."""
+
+
+def outward(
+    chain: Chain, articulation: Articulation, poses: ChainPoses, weights: Floats, levels: tuple[float, float]
+) -> tuple[Floats, Floats]:
+    """Return covariances of origins and turns; parameters are those of the plain twin."""
+    places, turns = np.empty(poses.rotations.shape), np.empty(poses.rotations.shape)
+    walk_outward(chain_table(chain, articulation), fresh(poses.rotations), fresh(weights), levels, places, turns)
+    return places, turns
+
+
+@compile_function
+def walk_outward(
+    table: ChainTable, rotations: Floats, weights: Floats, levels: tuple[float, float], places: Floats, turns: Floats
+) -> None:
+    """Write the covariances of some frames."""
+    n_limbs, n_markers = len(table.parents), len(table.markers)
+    place, nowhere = new_place(n_limbs, n_markers), np.zeros((n_markers, 3))  # what is measured does not count
+    forms, solved, known = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS)), np.empty((n_limbs, 2, 3, 3))
+    for axis in range(3):
+        place.root[axis] = 0.0
+    for frame in range(len(weights)):
+        for limb in range(n_limbs):
+            set_matrix(place.rotations, limb, matrix(rotations[frame], limb))
+        put(table, nowhere, weights[frame], place)
+        find_forms(table, weights[frame], place, forms)
+        eliminate(table, place, forms, levels[0], solved)
+        set_matrix(places[frame], 0, whole(inverse(symmetric(forms, 0, SHIFT), levels[1])))
+        keep_free_turn(solved, 0, matrix(places[frame], 0), known)
+        set_matrix(turns[frame], 0, matrix(known[0], TURN))
+        for limb in range(1, n_limbs):
+            relative = limb_outward(table, place, solved, limb, places[frame], known)
+            parent = matrix(place.rotations, table.parents[limb])
+            set_matrix(turns[frame], limb, product(transposed(parent), product(relative, parent)))
+
+
+@compile_part
+def limb_outward(table: ChainTable, place: Place, solved: Floats, limb: int, places: Floats, known: Floats) -> Matrix:
+    """Carry covariances from a parent to a limb; return that of the turn between them, in the world."""
+    parent, lever = table.parents[limb], cross_matrix(vector(place.links, limb, 0))
+    before, mixed = matrix(known[parent], TURN), matrix(known[parent], MIXED)
+    at_link = added(mixed, product(before, lever))
+    origin = added(matrix(places, parent), product(transposed(mixed), lever))
+    origin = taken(origin, product(lever, at_link))
+    set_matrix(places, limb, origin)
+    if table.freedoms[limb] == 3:
+        keep_free_turn(solved, limb, origin, known)
+        with_parent = negative(product(follow_of(solved, limb), transposed(at_link)))
+    else:
+        with_parent = keep_axis_turns(solved, limb, table.freedoms[limb], before, at_link, origin, known)
+    both = added(with_parent, transposed(with_parent))
+    return taken(added(matrix(known[limb], TURN), before), both)
+
+
+@compile_part
+def keep_free_turn(solved: Floats, limb: int, origin: Matrix, known: Floats) -> None:
+    """Keep the covariances of a free turn, of which the limb's origin is known as told."""
+    follow = follow_of(solved, limb)
+    mixed = negative(product(follow, origin))
+    turn = taken(whole(symmetric(solved, limb, COVARIANCE)), product(mixed, transposed(follow)))
+    set_matrix(known[limb], TURN, turn)
+    set_matrix(known[limb], MIXED, mixed)
+
+
+@compile_part
+def keep_axis_turns(
+    solved: Floats, limb: int, n_axes: int, before: Matrix, at_link: Matrix, origin: Matrix, known: Floats
+) -> Matrix:
+    """Keep the covariances of a turn about axes; return that of it and the parent's turn."""
+    turn, mixed, with_parent = before, at_link, before
+    for first in range(0, n_axes * N_AXIS, N_AXIS):
+        axis = vector(solved, limb, first + AXIS)
+        by_turn, by_shift = vector(solved, limb, first + BY_TURN), vector(solved, limb, first + BY_SHIFT)
+        parent = follows(transposed(with_parent), by_turn, at_link, by_shift)
+        own = follows(turn, by_turn, mixed, by_shift)
+        place = follows(transposed(mixed), by_turn, origin, by_shift)
+        variance = solved[limb, first + VARIANCE] - dot(by_turn, own) - dot(by_shift, place)
+        side = outer(axis, own)
+        turn = added(added(turn, outer(times(variance, axis), axis)), added(side, transposed(side)))
+        mixed, with_parent = added(mixed, outer(axis, place)), added(with_parent, outer(axis, parent))
+    set_matrix(known[limb], TURN, turn)
+    set_matrix(known[limb], MIXED, mixed)
+    return with_parent
+
+
+@compile_part
+def follow_of(solved: Floats, limb: int) -> Matrix:
+    """How a free turn follows the limb's origin."""
+    columns = vector(solved, limb, FOLLOW), vector(solved, limb, FOLLOW + 3), vector(solved, limb, FOLLOW + 6)
+    return transposed(columns)
+
+
+@compile_part
+def follows(by: Matrix, turn: Vector, beside: Matrix, shift: Vector) -> Vector:
+    """Covariance of an angle that follows turn and shift with what these covariances are those of."""
+    return times(-1.0, plus(turned(by, turn), turned(beside, shift)))
+
+
+@compile_part
+def whole(upper: Symmetric) -> Matrix:
+    """Return a symmetric matrix by its rows."""
+    a, b, c, d, e, f = upper
+    return (a, b, c), (b, d, e), (c, e, f)
+
+
+@compile_part
+def cross_matrix(vector: Vector) -> Matrix:
+    """Return the matrix [v]x with [v]x u = v x u."""
+    x, y, z = vector
+    return (0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)
+
+
+@compile_part
+def outer(first: Vector, second: Vector) -> Matrix:
+    """Return first second^T."""
+    return times(first[0], second), times(first[1], second), times(first[2], second)
+
+
+@compile_part
+def added(first: Matrix, second: Matrix) -> Matrix:
+    """Return first + second."""
+    return plus(first[0], second[0]), plus(first[1], second[1]), plus(first[2], second[2])
+
+
+@compile_part
+def taken(first: Matrix, second: Matrix) -> Matrix:
+    """Return first - second."""
+    return minus(first[0], second[0]), minus(first[1], second[1]), minus(first[2], second[2])
+
+
+@compile_part
+def negative(matrix: Matrix) -> Matrix:
+    """Return -matrix."""
+    return times(-1.0, matrix[0]), times(-1.0, matrix[1]), times(-1.0, matrix[2])
