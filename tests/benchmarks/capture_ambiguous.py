@@ -46,12 +46,12 @@ def decided(structure: str, seed: int, rate: float, turned: float) -> tuple[int,
     def wrong(kept: Bools) -> int:
         return int((kept != truth)[shared].sum())
 
-    candidates, spans = store.all(), [(one.first, one.last) for one in followers]
-    pairs = track_pairs(candidates, *spans)
+    candidates = store.all()
+    pairs = track_pairs(candidates, *((one.first, one.last) for one in followers))
     by_time = surest_first(pairs, evidence_of_time(candidates, pairs, rig.noise))[pairs.of_candidate]
-    learned = chosen(candidates, *spans, rig.noise, 1 / rate)
+    learned = chosen(candidates, pairs, rig.noise, 1 / rate)
     begin = time.process_time()
-    known = chosen(candidates, *spans, rig.noise, 1 / rate, settings.bodies)
+    known = chosen(candidates, pairs, rig.noise, 1 / rate, settings.bodies)
     return int(shared.sum()), [wrong(kept) for kept in (by_time, learned, known)], time.process_time() - begin
 
 

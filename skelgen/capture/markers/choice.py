@@ -77,7 +77,7 @@ class TrackPairs:
 
 
 def chosen(
-    candidates: Candidates, left: Spans, right: Spans, noise: float, step: float, targets: Sequence[BodyTarget] = ()
+    candidates: Candidates, pairs: TrackPairs, noise: float, step: float, targets: Sequence[BodyTarget] = ()
 ) -> Bools:
     """Tell which candidates are markers.
 
@@ -85,8 +85,8 @@ def chosen(
     ----------
     candidates : Candidates
         All pairs of balls of a recording.
-    left, right : Spans
-        When the tracks of both cameras begin and end.
+    pairs : TrackPairs
+        Their pairs of tracks.
     noise : float, px
         Standard deviation of a misfit that the rig's settings tell.
     step : float, s
@@ -99,17 +99,12 @@ def chosen(
     ndarray of bool, shape (n,)
         At most one candidate of each ball.
     """
-    if not len(candidates.left):
-        return np.zeros(0, dtype=np.bool_)
-    pairs = track_pairs(candidates, left, right)
     evidence = evidence_of_time(candidates, pairs, noise)
     believed = surest_first(pairs, evidence)
     n_told = independent(np.bincount(pairs.of_candidate, minlength=len(pairs)), step)
     shared = is_shared(candidates, (evidence > -MOST_TOLD * n_told)[pairs.of_candidate])
     if shared.any():
-        scale = min(
-            1.0, usual_misfit(candidates.misfit.astype(np.float64)) / noise
-        )  # the settings say how large noise is at most
+        scale = noise_scale(candidates, noise)
         kept, makers = believed[pairs.of_candidate], makers_of(pairs, believed)
         triangles = learned_triangles(candidates, kept, makers.marker[pairs.of_candidate], scale)
         triangles += triangles_of_targets(targets)
@@ -117,6 +112,11 @@ def chosen(
         evidence += evidence_of_rigidity(ratios, shared, pairs.of_candidate, len(pairs), step)
         believed = surest_first(pairs, evidence)
     return np.asarray(believed[pairs.of_candidate])
+
+
+def noise_scale(candidates: Candidates, noise: float) -> float:
+    """Return the recording's own noise by that of the settings, at most 1: they say how large it is at most."""
+    return min(1.0, usual_misfit(candidates.misfit.astype(np.float64)) / noise) or 1.0
 
 
 def is_shared(candidates: Candidates, possible: Bools) -> Bools:

@@ -13,7 +13,8 @@ from skelgen.capture.frames import FramePair, FrameSource
 from skelgen.capture.health import FEWEST_BALLS, LEAST_MATCHED, exchanged_share, matched_share, mismatch
 from skelgen.capture.live import PointFinder
 from skelgen.capture.markers.candidates import Candidates, CandidateStore
-from skelgen.capture.markers.choice import chosen
+from skelgen.capture.markers.choice import chosen, noise_scale, track_pairs
+from skelgen.capture.markers.one_camera import BallStore, seen_by_one
 from skelgen.capture.markers.tracks import BallTracks
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
@@ -33,7 +34,7 @@ def markers_of(
     name: str = "",
     monitor: Monitor = SILENT,
 ) -> PointCloud:
-    """Return the markers that both cameras see, frame by frame and without labels.
+    """Return the markers that both cameras see, or have seen and one still does, frame by frame and without labels.
 
     Parameters
     ----------
@@ -53,7 +54,8 @@ def markers_of(
     PointCloud
         In the rig's world, with the times of the pairs: lost ones leave a gap. Of each point ``reprojection_error``
         [mm] says how far the lines of sight of its balls are from meeting, ``std`` [mm] how uncertain it is in its
-        worst direction.
+        worst direction, and ``n_blobs`` how many cameras see it; for points of one camera both deviations are that of
+        the depth.
 
     Raises
     ------
@@ -82,7 +84,7 @@ class _Recording:
         self._rig, self._targets = settings.rig, settings.bodies
         self._finder = PointFinder(settings, threads)
         self._tracks = BallTracks(size), BallTracks(size)
-        self._store = CandidateStore()
+        self._store, self._balls = CandidateStore(), (BallStore(), BallStore())
         self._times: list[float] = []
         self._health = _Health(settings.rig)
 
@@ -93,6 +95,8 @@ class _Recording:
             for follower, balls in zip(self._tracks, (left, right), strict=True)
         ]
         self._store.add(points, *tracks)
+        for store, balls, track in zip(self._balls, (left, right), tracks, strict=True):
+            store.add(balls.centres, track)
         self._times.append(pair.time)
         self._health.look(pair, left, right, points)
 
@@ -100,17 +104,29 @@ class _Recording:
         """Return the markers among all candidates."""
         self._health.check(name)
         candidates = self._store.all()
-        left, right = ((follower.first, follower.last) for follower in self._tracks)
-        kept = chosen(candidates, left, right, self._rig.noise, _step(self._times), self._targets)
-        frames = candidates.frames[kept]
+        pairs = track_pairs(candidates, *((follower.first, follower.last) for follower in self._tracks))
+        kept = chosen(candidates, pairs, self._rig.noise, _step(self._times), self._targets)
+        index = np.flatnonzero(kept)
+        points, covariance = candidates.points[kept], candidates.covariance(index)
+        balls = self._balls[0].all(), self._balls[1].all()
+        scale = noise_scale(candidates, self._rig.noise)
+        one = seen_by_one(candidates, kept, pairs, balls, self._rig, scale)
+        misfit = misfit_in_space(points, candidates.misfit[kept].astype(np.float64), self._rig.left)
+        frames = np.concatenate([candidates.frames[kept], one.frames])
+        order = np.argsort(frames, kind="stable")
         starts = np.concatenate([[0], np.cumsum(np.bincount(frames, minlength=len(self._times)))])
-        points, covariance = candidates.points[kept], candidates.covariance(np.flatnonzero(kept))
         attributes = {
-            "reprojection_error": misfit_in_space(points, candidates.misfit[kept].astype(np.float64), self._rig.left),
-            "std": np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]),
-            "n_blobs": np.full(len(points), float(N_BLOBS)),
+            "reprojection_error": np.concatenate([misfit, scale * one.std])[order],
+            "std": np.concatenate([np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]), one.std])[order],
+            "n_blobs": np.repeat([float(N_BLOBS), 1.0], [len(points), len(one.frames)])[order],
         }
-        notices = (*self._health.notices(), *_said_of(candidates, kept), *_said_of_times(rate))
+        points = np.concatenate([points, one.points])[order]
+        notices = (
+            *self._health.notices(),
+            *_said_of(candidates, kept),
+            *_said_of_one(len(one.frames), len(points)),
+            *_said_of_times(rate),
+        )
         return PointCloud(points, starts.astype(np.intp), np.array(self._times), attributes, name, notices)
 
 
@@ -191,6 +207,16 @@ def _said_of(candidates: Candidates, kept: Bools) -> tuple[str, ...]:
         return ()
     share = 100 * n_left_out / len(kept)
     return (f"{n_left_out} of {len(kept)} pairs of balls ({share:.1f} %) fit only by chance and are left out",)
+
+
+def _said_of_one(n_points: int, n_all: int) -> tuple[str, ...]:
+    if not n_points:
+        return ()
+    share = 100 * n_points / n_all
+    return (
+        f"{n_points} of {n_all} points ({share:.1f} %) are seen by one camera only; distances that held tell how far "
+        "away they are",
+    )
 
 
 def _said_of_times(rate: float | None) -> tuple[str, ...]:

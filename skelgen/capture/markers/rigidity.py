@@ -83,6 +83,58 @@ def triangles_of_targets(targets: Sequence[BodyTarget]) -> Triangles:
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class RigidEdges:
+    """Distances that held over time.
+
+    Attributes
+    ----------
+    ends : ndarray of intp, shape (n, 2)
+        Names of what they are between, the smaller first.
+    lengths, std : ndarray, shape (n,), mm
+        The distances, and how well they are known.
+    """
+
+    ends: Ints
+    lengths: Floats
+    std: Floats
+
+
+def rigid_edges(
+    candidates: Candidates, kept: Bools, names: Ints, scale: float = 1.0, wanted: Bools | None = None
+) -> RigidEdges:
+    """Return the distances that changed no more than noise explains.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        All pairs of balls of a recording.
+    kept : ndarray of bool, shape (n,)
+        Which of them are believed.
+    names : ndarray of intp, shape (n,)
+        What each candidate is: its pair of tracks, or its marker.
+    scale : float
+        Deviations of points by what their covariances say.
+    wanted : ndarray of bool, shape (n_frames,), optional
+        In which frames to look; by default in all of them.
+    """
+    frames = list(
+        _frames_of(candidates, np.ones(len(candidates.per_frame), dtype=np.bool_) if wanted is None else wanted)
+    )
+    sums = np.empty((0, 6))
+    for first in range(0, len(frames), SPAN_FRAMES):  # distances of a long recording would not fit into memory
+        block = _spans_of(candidates, kept, names, frames[first : first + SPAN_FRAMES])
+        sums = _summed(np.concatenate([sums, block]))
+    keys, counts, weights, firsts, seconds, variances = sums[sums[:, 1] >= LEAST_SEEN].T
+    mean = firsts / weights
+    misfit = np.maximum(seconds - firsts * mean, 0.0) / scale**2
+    expected = counts - 1  # chi-square: its mean, and half its variance
+    is_rigid = misfit <= expected + GATE * np.sqrt(2 * expected)
+    std = scale * np.sqrt(variances / counts * np.maximum(misfit / expected, 1.0) / counts)
+    ends = np.stack(np.divmod(keys.astype(np.int64), int(names.max(initial=-1)) + 1), axis=1).astype(np.intp)
+    return RigidEdges(ends[is_rigid], mean[is_rigid], std[is_rigid])
+
+
 def learned_triangles(candidates: Candidates, kept: Bools, pairs: Ints, scale: float = 1.0) -> Triangles:
     """Return triangles whose sides held over time.
 
@@ -97,13 +149,10 @@ def learned_triangles(candidates: Candidates, kept: Bools, pairs: Ints, scale: f
     scale : float
         Deviations of points by what their covariances say.
     """
-    edges = _rigid_edges(candidates, kept, pairs, scale)
-    if edges is None:
-        return _no_triangles()
-    who, lengths, std = edges
-    names, ends = np.unique(who, return_inverse=True)
+    edges = rigid_edges(candidates, kept, pairs, scale, _learning_frames(len(candidates.per_frame)))
+    names, ends = np.unique(edges.ends, return_inverse=True)
     mates: list[dict[int, int]] = [{} for _ in names]  # by pair of tracks: the edge to each mate
-    for edge in np.argsort(std, kind="stable").tolist():
+    for edge in np.argsort(edges.std, kind="stable").tolist():
         one, other = ends.reshape(-1, 2)[edge].tolist()
         if len(mates[one]) < MOST_MATES and len(mates[other]) < MOST_MATES:
             mates[one][other] = mates[other][one] = edge
@@ -117,7 +166,7 @@ def learned_triangles(candidates: Candidates, kept: Bools, pairs: Ints, scale: f
         return _no_triangles()
     table = np.array(rows, dtype=np.intp)
     triples, sides = table[:, :3], table[:, 3:]
-    return _by_ball(lengths[sides], std[sides].max(axis=1), triples)
+    return _by_ball(edges.lengths[sides], edges.std[sides].max(axis=1), triples)
 
 
 def log_ratios(
@@ -289,32 +338,34 @@ class _Book:
         return np.asarray(np.isfinite(lengths) & (low < np.searchsorted(self._lengths, lengths + GATE * std)))
 
 
-def _rigid_edges(candidates: Candidates, kept: Bools, pairs: Ints, scale: float) -> tuple[Ints, Floats, Floats] | None:
-    """Pairs of tracks, shape (n, 2), whose distance [mm] changed no more than the noise explains, and its deviation."""
-    keys, lengths, variances = [], [], []
-    n_pairs = int(pairs.max(initial=-1)) + 1
-    for start, end in _frames_of(candidates, _learning_frames(len(candidates.per_frame))):
+def _spans_of(candidates: Candidates, kept: Bools, names: Ints, frames: Sequence[tuple[int, int]]) -> Floats:
+    """What each two names' distances in some frames add up to.
+
+    Returns
+    -------
+    ndarray, shape (n, 6)
+        Key of the two names; number of distances; sums of their weights, of weighted distances and squares, of
+        variances.
+    """
+    n_names = int(names.max(initial=-1)) + 1
+    rows = [np.empty((0, 3))]
+    for start, end in frames:
         here = np.flatnonzero(kept[start:end]) + start
-        seen = _Seen.of(candidates, here, pairs)
-        distances, spread = seen.spans(seen)
+        seen = _Seen.of(candidates, here, names)
+        distances, variances = seen.spans(seen)
         one, other = np.nonzero(np.isfinite(distances) & (seen.pairs[:, np.newaxis] < seen.pairs))
-        keys.append(seen.pairs[one] * n_pairs + seen.pairs[other])
-        lengths.append(distances[one, other])
-        variances.append(spread[one, other])
-    if not keys:
-        return None
-    who, of_key = np.unique(np.concatenate(keys), return_inverse=True)
-    measured, spread = np.concatenate(lengths), scale**2 * np.concatenate(variances)
-    counts = np.bincount(of_key, minlength=len(who))
-    mean = np.bincount(of_key, measured, len(who)) / np.maximum(counts, 1)
-    misfit = np.bincount(of_key, (measured - mean[of_key]) ** 2 / spread, len(who))
-    expected = np.maximum(counts - 1, 1)  # chi-square: its mean, and twice that as its variance
-    is_rigid = (counts >= LEAST_SEEN) & (misfit <= expected + GATE * np.sqrt(2 * expected))
-    usual = np.bincount(of_key, spread, len(who)) / np.maximum(counts, 1)
-    std = np.sqrt(usual * np.maximum(misfit / expected, 1.0) / np.maximum(counts, 1))
-    if not is_rigid.any():
-        return None
-    return np.stack(np.divmod(who[is_rigid], n_pairs), axis=1), mean[is_rigid], std[is_rigid]
+        key = (seen.pairs[one] * n_names + seen.pairs[other]).astype(np.float64)
+        rows.append(np.column_stack([key, distances[one, other], variances[one, other]]))
+    keys, lengths, variances = np.concatenate(rows).T
+    weights = 1 / variances
+    ones = np.ones(len(keys))
+    return _summed(np.column_stack([keys, ones, weights, weights * lengths, weights * lengths**2, variances]))
+
+
+def _summed(rows: Floats) -> Floats:
+    """Rows of one key added."""
+    keys, of_row = np.unique(rows[:, 0], return_inverse=True)
+    return np.column_stack([keys, *(np.bincount(of_row, column, len(keys)) for column in rows[:, 1:].T)])
 
 
 def _told_by_triangles(

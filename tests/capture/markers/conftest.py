@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.capture.markers.candidates import CandidateStore
+from skelgen.capture.markers.choice import track_pairs
 from skelgen.capture.markers.tracks import BallTracks
 from skelgen.capture.optics.matching import match_and_triangulate
 from skelgen.capture.optics.seed_rig import seed_rig
@@ -44,7 +45,7 @@ class Projected:
             is_right.append(of_left[points.left] == of_right[points.right])
             is_shared.append(points.ambiguous)
         self.candidates = store.all()
-        self.spans = [(follower.first, follower.last) for follower in followers]
+        self.pairs = track_pairs(self.candidates, *((follower.first, follower.last) for follower in followers))
         self.is_right, self.is_shared = np.concatenate(is_right), np.concatenate(is_shared)
 
     def wrong_part(self, kept):

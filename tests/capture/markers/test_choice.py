@@ -6,7 +6,7 @@ import numpy as np
 
 from skelgen.capture.blobs import StereoPoints
 from skelgen.capture.markers.candidates import CandidateStore
-from skelgen.capture.markers.choice import chosen
+from skelgen.capture.markers.choice import chosen, track_pairs
 
 NOISE, STEP = 0.1, 1 / 60
 
@@ -25,10 +25,14 @@ def candidates(frames):
     return store.all()
 
 
+def decided(found, left, right):
+    return chosen(found, track_pairs(found, left, right), NOISE, STEP)
+
+
 def test_of_two_partners_the_one_that_fits_all_the_time_is_believed():
     frames = [[(0, 0, 0.05), *([(0, 1, 0.0)] if 4 <= frame < 8 else [])] for frame in range(12)]
     found = candidates(frames)
-    kept = chosen(found, ([0], [11]), ([0, 0], [11, 11]), NOISE, STEP)
+    kept = decided(found, ([0], [11]), ([0, 0], [11, 11]))
     assert (kept == (found.right == 0)).all()
 
 
@@ -36,19 +40,19 @@ def test_who_has_a_partner_gets_no_other_while_that_one_is_hidden():
     """Right ball 0 is hidden from frame 8 on; left ball 0 then fits right ball 1, which was there all the time."""
     frames = [[(0, 0, 0.05)] for _ in range(8)] + [[(0, 1, 0.05)] for _ in range(2)]
     found = candidates(frames)
-    kept = chosen(found, ([0], [9]), ([0, 0], [7, 9]), NOISE, STEP)
+    kept = decided(found, ([0], [9]), ([0, 0], [7, 9]))
     assert kept.tolist() == [True] * 8 + [False] * 2
 
 
 def test_a_partner_that_was_lost_and_found_again_is_believed_in_both_parts():
     frames = [[(0, 0, 0.05)]] * 5 + [[]] * 2 + [[(0, 1, 0.05)]] * 5
-    kept = chosen(candidates(frames), ([0], [11]), ([0, 7], [4, 11]), NOISE, STEP)
+    kept = decided(candidates(frames), ([0], [11]), ([0, 7], [4, 11]))
     assert kept.all()
 
 
 def test_pairs_that_fit_seldom_are_not_believed():
     found = candidates([[(0, 0, 0.3)]] * 2 + [[]] * 18 + [[(1, 1, 0.1)]] * 10)
-    kept = chosen(found, ([0, 20], [19, 29]), ([0, 20], [19, 29]), NOISE, STEP)
+    kept = decided(found, ([0, 20], [19, 29]), ([0, 20], [19, 29]))
     assert kept.tolist() == [False] * 2 + [True] * 10
 
 
@@ -56,8 +60,8 @@ def test_a_calibration_that_is_off_counts_for_all_pairs_alike():
     frames = [[(0, 0, 0.5), (1, 1, 0.5), (0, 1, 0.05 * abs(frame - 30))] for frame in range(60)]
     found = candidates(frames)
     spans = ([0, 0], [59, 59])
-    assert (chosen(found, spans, spans, NOISE, STEP) == (found.left == found.right)).all()
+    assert (decided(found, spans, spans) == (found.left == found.right)).all()
 
 
 def test_without_pairs_nothing_is_chosen():
-    assert chosen(candidates([[], []]), ([], []), ([], []), NOISE, STEP).tolist() == []
+    assert decided(candidates([[], []]), ([], []), ([], [])).tolist() == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.markers.choice import chosen, evidence_of_time, makers_of, surest_first, track_pairs
+from skelgen.capture.markers.choice import chosen, evidence_of_time, makers_of, surest_first
 from skelgen.capture.markers.rigidity import NOBODY, learned_triangles, triangles_of_targets
 from skelgen.model.rig import BodyTarget
 
@@ -13,14 +13,14 @@ SEEDS = (0, 1, 2)
 
 
 def by_time(recording):
-    pairs = track_pairs(recording.candidates, *recording.spans)
+    pairs = recording.pairs
     believed = surest_first(pairs, evidence_of_time(recording.candidates, pairs, recording.settings.rig.noise))
     return pairs, believed
 
 
 def judged(recording, targets):
     rig, bodies = recording.settings.rig, recording.settings.bodies if targets else ()
-    kept = chosen(recording.candidates, *recording.spans, rig.noise, recording.step, bodies)
+    kept = chosen(recording.candidates, recording.pairs, rig.noise, recording.step, bodies)
     return recording.wrong_part(kept)
 
 
