@@ -7,10 +7,12 @@ the same by whole arrays: easier to read, the measure for tests, and used where 
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
@@ -26,17 +28,14 @@ def compile_function(function: _Function) -> _Function:
 
     Compiling takes a second or two for each sort, set or array expression of NumPy's: loops over numbers take none.
     What it calls must be compiled as well. numba looks at the caller's file alone to see whether what it kept is still
-    good: functions that change together belong in one module.
+    good; so what is older than any file of compiled loops is forgotten here.
 
     Raises
     ------
     RuntimeError
         If numba finds no folder to write its cache to.
     """
-    import numba  # noqa: PLC0415 - a quarter of a second
-
-    _listen()
-    return cast(_Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    return _compiled(function)
 
 
 def compile_part(function: _Function) -> _Function:
@@ -45,11 +44,7 @@ def compile_part(function: _Function) -> _Function:
     Numbers that are given to it should not be written out, nor be names of Python's whole numbers: it would be compiled
     anew for each of them. Names of NumPy's are not; see `fixed`.
     """
-    import numba  # noqa: PLC0415 - a quarter of a second
-
-    njit = cast(Any, numba.njit)  # whose stubs lack two of these words
-    options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return cast(_Function, njit(cache=True, nogil=True, error_model="numpy", **options)(function))
+    return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def fixed(*numbers: int) -> tuple[int, ...]:
@@ -92,6 +87,32 @@ def telling_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
         yield
     finally:
         _told.reset(token)
+
+
+def _compiled(function: _Function, **options: bool) -> _Function:
+    import numba  # noqa: PLC0415 - a quarter of a second
+
+    _listen()
+    njit = cast(Any, numba.njit)  # whose stubs lack some of these words
+    compiled = njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+    _forget_stale(Path(compiled.stats.cache_path), Path(function.__code__.co_filename).stem)
+    return cast(_Function, compiled)
+
+
+@cache
+def _forget_stale(folder: Path, module: str) -> None:
+    """Delete the indices of what was compiled before any file of compiled loops was changed."""
+    changed = _newest_change()
+    for index in folder.glob(f"{module}.*.nbi"):
+        with contextlib.suppress(OSError):  # another process was faster, or the folder is for reading only
+            if index.stat().st_mtime < changed:
+                index.unlink()
+
+
+@cache
+def _newest_change() -> float:
+    changes = (path.stat().st_mtime for path in Path(__file__).parent.rglob("compiled*.py"))
+    return max((change for change in changes if change <= time.time()), default=0.0)  # clocks differ
 
 
 @cache

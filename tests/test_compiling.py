@@ -1,11 +1,12 @@
 """Compiled loops and their plain twins."""
 
+import os
 import sys
 
 import numpy as np
 import pytest
 
-from skelgen.compiling import compile_function, compile_part, fixed, loops, telling_of_compiling
+from skelgen.compiling import _forget_stale, compile_function, compile_part, fixed, loops, telling_of_compiling
 
 
 @pytest.fixture
@@ -63,3 +64,13 @@ def test_compiling_is_told_once_and_only_when_something_is_compiled():
     with telling_of_compiling(lambda: told.append("again")):
         half(3.0)
     assert told == ["first"]
+
+
+def test_what_was_compiled_before_a_change_is_forgotten(tmp_path):
+    old, new, other = (tmp_path / name for name in ("loops.a-1.nbi", "loops.b-2.nbi", "others.a-1.nbi"))
+    for path in (old, new, other):
+        path.touch()
+    for path in (old, other):
+        os.utime(path, (1.0, 1.0))
+    _forget_stale(tmp_path, "loops")
+    assert sorted(tmp_path.iterdir()) == [new, other]
