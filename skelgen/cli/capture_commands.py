@@ -53,7 +53,7 @@ def motion_capture(
     from skelgen.capture.prediction import PredictionParameters
     from skelgen.capture.show import Pictures
     from skelgen.cli.capture_output import Columns
-    from skelgen.cli.keys import watched_keys
+    from skelgen.cli.keys import watched_interrupt, watched_keys
 
     told = read_capture_settings(settings)
     columns = Columns(told, poses=not no_poses, angles=not no_angles, errors=errors)
@@ -65,6 +65,7 @@ def motion_capture(
             stack.enter_context(contextlib.closing(stream))
             pictures = None if no_graphics else stack.enter_context(Pictures())
             keys = stack.enter_context(watched_keys()) if interactive else None
+            interrupted = stack.enter_context(watched_interrupt())
             if pictures is not None and pictures.notice:
                 print(f"note: {pictures.notice}", file=sys.stderr)
             for captured in stream:
@@ -76,6 +77,8 @@ def motion_capture(
                     pictures.show(captured)
                 if keys is None or keys.was_hit():
                     _write(columns.line(captured))
+                if interrupted.is_set():
+                    break
     except (KeyboardInterrupt, BrokenPipeError):  # the usual end of a live capture: what was recorded is closed
         pass
     finally:

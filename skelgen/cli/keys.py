@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
 import threading
 from collections.abc import Iterator
+from types import FrameType
 
 
 class Keys:
@@ -32,6 +34,25 @@ def watched_keys() -> Iterator[Keys]:
     with _single_keys():
         threading.Thread(target=keys.listen, daemon=True).start()
         yield keys
+
+
+@contextlib.contextmanager
+def watched_interrupt() -> Iterator[threading.Event]:
+    """Yield what Ctrl-C sets beside raising `KeyboardInterrupt`: Python drops an error that meets a finalizer."""
+    wished = threading.Event()
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        wished.set()
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():  # where signals never arrive
+        yield wished
+        return
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield wished
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextlib.contextmanager
