@@ -103,6 +103,7 @@ class StagePage(QWidget):
         self.warnings.setAlternatingRowColors(True)
         self.warnings.setSpacing(_APART)
         self.warnings.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.warnings.hide()  # until there is something to look at
         self.runs.setChecked(True)
 
     def _lay_out(self) -> None:

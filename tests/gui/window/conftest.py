@@ -26,11 +26,11 @@ class Person:
 
     def waits(self, is_done=lambda: True):
         """Until nothing is computed and derived, and something holds."""
-        derivers = self._window.findChildren(Deriver)
-        self._qtbot.waitUntil(
-            lambda: is_done() and not self._window.jobs.is_busy and not any(one.is_busy for one in derivers),
-            timeout=WAIT,
-        )
+
+        def is_idle():  # pages are made when they are first shown, with what they derive
+            return not self._window.jobs.is_busy and not any(one.is_busy for one in self._window.findChildren(Deriver))
+
+        self._qtbot.waitUntil(lambda: is_done() and is_idle(), timeout=WAIT)
 
     def does(self, command):
         """Choose a command from the menu."""
