@@ -58,6 +58,8 @@ def in_processes(job: Job, entries: Sequence[Entry], n_workers: int = 1) -> Gene
                 if outcome is None or outcome.peak > RECYCLED_ABOVE:
                     workers.remove(worker)
                     worker.stop()
+                elif waiting:
+                    worker.begin(waiting.popleft())  # at once: it shall not wait until this outcome is written down
                 if outcome is None:
                     tries[entry.name] = tries.get(entry.name, 0) + 1
                     if tries[entry.name] < TRIES:
