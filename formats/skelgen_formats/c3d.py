@@ -1,4 +1,4 @@
-"""C3D, the exchange format of motion capture: read here, written with ezc3d.
+"""C3D, the exchange format of motion capture: read here, written with ezc3d and, behind the first frame, `c3d_data`.
 
 The layout is told in `c3d_layout`. ezc3d is not used for reading because it trusts headers: a single damaged byte can
 end the whole process or fill the memory, which no caller can catch, and it stops after 65535 frames. The tests read
@@ -18,12 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from skelgen.errors import FormatError, WriteError
+from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, Source
 from skelgen.progress import SILENT, Monitor
+from skelgen_formats.c3d_data import write_frames
 from skelgen_formats.c3d_layout import MAGIC, MOST_HEADER_FRAMES, C3dLayout, dec_floats, read_layout
 from skelgen_formats.filled_markers import (
     FILLED,
@@ -125,23 +126,16 @@ def write_points(take: Trajectories, path: Path, unit: str, source: Ints | None 
         try:
             content = _content(take, names, unit)
             if source is not None:
-                content["data"]["meta_points"] = _told_apart(source.T)
+                content["data"]["meta_points"] = _told_apart(source[:1].T)
             content.write(os.fspath(temporary))
         except (RuntimeError, ValueError, IndexError) as error:
             raise WriteError(f"{path}: ezc3d cannot write it: {error}") from error
-        _check_whole(temporary, path, take)
-
-
-def _check_whole(temporary: Path, path: Path, take: Trajectories) -> None:
-    """Raise if frames are missing in what was written: ezc3d does not notice a disk that is full."""
-    if take.n_frames == 0 or take.n_markers == 0:
-        return
-    try:
-        n_frames = read_layout(temporary).n_frames
-    except FormatError:  # cut off
-        n_frames = 0
-    if n_frames < take.n_frames:
-        raise WriteError(f"{path}: cannot be written whole: is the disk full?")
+        if take.n_frames == 0 or take.n_markers == 0:
+            return
+        try:
+            write_frames(temporary, take.positions * per_mm(unit), source)
+        except (OSError, ValueError) as error:  # ezc3d does not notice a disk that is full
+            raise WriteError(f"{path}: cannot be written whole: is the disk full?") from error
 
 
 def _names(layout: C3dLayout, notices: list[str]) -> list[str]:
@@ -216,8 +210,9 @@ def _content(take: Trajectories, names: list[str], unit: str) -> Any:
         content.add_parameter("TRIAL", "ACTUAL_START_FIELD", [0])  # makes the group; the next lines make it integer
         content["parameters"]["TRIAL"]["ACTUAL_START_FIELD"] = _long_word(1)
         content["parameters"]["TRIAL"]["ACTUAL_END_FIELD"] = _long_word(take.n_frames)
-    points = np.ones((4, take.n_markers, take.n_frames))
-    points[:3] = np.moveaxis(take.positions * per_mm(unit), -1, 0).swapaxes(1, 2)
+    first = take.positions[:1] * per_mm(unit)  # the others come after it, see `c3d_data`
+    points = np.ones((4, take.n_markers, len(first)))
+    points[:3] = np.moveaxis(first, -1, 0).swapaxes(1, 2)
     content["data"]["points"] = points
     return content
 
