@@ -28,7 +28,7 @@ def compile_function(function: _Function) -> _Function:
 
     Compiling takes a second or two for each sort, set or array expression of NumPy's: loops over numbers take none.
     What it calls must be compiled as well. numba looks at the caller's file alone to see whether what it kept is still
-    good; so what is older than any file of compiled loops is forgotten here.
+    good; so what is older than any file of compiled loops or of their twins is forgotten here.
 
     Raises
     ------
@@ -111,7 +111,8 @@ def _forget_stale(folder: Path, module: str) -> None:
 
 @cache
 def _newest_change() -> float:
-    changes = (path.stat().st_mtime for path in Path(__file__).parent.rglob("compiled*.py"))
+    loops_and_twins = (path for start in ("compiled", "plain") for path in Path(__file__).parent.rglob(f"{start}*.py"))
+    changes = (path.stat().st_mtime for path in loops_and_twins)  # some twins are compiled themselves
     return max((change for change in changes if change <= time.time()), default=0.0)  # clocks differ
 
 
