@@ -1,7 +1,7 @@
 """Markers of which one camera loses sight for a while: where they are on the other camera's line of sight.
 
 A ball that both cameras saw is followed on in one image. Its depth is what the distances to markers that are rigid with
-it say (`rigidity`), held together over time by how fast depths change in this recording: a chain of unknown depths,
+it say (`rigid_edges`), held together over time by how fast depths change in this recording: a chain of unknown depths,
 solved by Gauss-Newton with weights of Student's t, which single wrong witnesses do not spoil. Only depths that come out
 as certain as those of two cameras are kept.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from skelgen.capture.markers.candidates import Candidates
 from skelgen.capture.markers.choice import TrackPairs, makers_of
-from skelgen.capture.markers.rigidity import rigid_edges
+from skelgen.capture.markers.rigid_edges import rigid_edges
 from skelgen.capture.optics.projection import undistort
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats, Ints

@@ -9,7 +9,7 @@ candidates that are surely right, and on the same at depths where they are surel
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -18,20 +18,15 @@ from scipy.spatial import cKDTree
 
 from skelgen.capture.bodies.tables import target_table
 from skelgen.capture.markers.candidates import Candidates
+from skelgen.capture.markers.rigid_edges import GATE, SPAN_FRAMES, Seen, frames_of, rigid_edges
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
-
-GATE = 3.0
-"""Standard deviations within which two distances are the same."""
-
-LEAST_SEEN = 6
-"""Frames in which two pairs of tracks are seen together before their distance is known to hold."""
 
 MOST_MATES = 8
 """Rigid mates of a pair of tracks of which triangles are made, the steadiest first."""
 
-LEARNING_SPANS, SPAN_FRAMES = 10, 200
-"""Where distances are learned of longer recordings: in spans spread over them. A minute at 60 Hz shows a body whole."""
+LEARNING_SPANS = 10
+"""Of `SPAN_FRAMES` each, spread over longer recordings: where distances are learned. A minute shows a body whole."""
 
 INDEPENDENT = 0.25
 """Time [s] after which candidates of the same tracks make new triangles: by then moving bodies have other distances."""
@@ -81,58 +76,6 @@ def triangles_of_targets(targets: Sequence[BodyTarget]) -> Triangles:
         nobody = np.full(corners.shape, NOBODY)
         found += _from_every_ball(corners, table.edges, np.sqrt(table.edge_variances), nobody)
     return found
-
-
-@dataclass(frozen=True, eq=False)
-class RigidEdges:
-    """Distances that held over time.
-
-    Attributes
-    ----------
-    ends : ndarray of intp, shape (n, 2)
-        Names of what they are between, the smaller first.
-    lengths, std : ndarray, shape (n,), mm
-        The distances, and how well they are known.
-    """
-
-    ends: Ints
-    lengths: Floats
-    std: Floats
-
-
-def rigid_edges(
-    candidates: Candidates, kept: Bools, names: Ints, scale: float = 1.0, wanted: Bools | None = None
-) -> RigidEdges:
-    """Return the distances that changed no more than noise explains.
-
-    Parameters
-    ----------
-    candidates : Candidates
-        All pairs of balls of a recording.
-    kept : ndarray of bool, shape (n,)
-        Which of them are believed.
-    names : ndarray of intp, shape (n,)
-        What each candidate is: its pair of tracks, or its marker.
-    scale : float
-        Deviations of points by what their covariances say.
-    wanted : ndarray of bool, shape (n_frames,), optional
-        In which frames to look; by default in all of them.
-    """
-    frames = list(
-        _frames_of(candidates, np.ones(len(candidates.per_frame), dtype=np.bool_) if wanted is None else wanted)
-    )
-    sums = np.empty((0, 6))
-    for first in range(0, len(frames), SPAN_FRAMES):  # distances of a long recording would not fit into memory
-        block = _spans_of(candidates, kept, names, frames[first : first + SPAN_FRAMES])
-        sums = _summed(np.concatenate([sums, block]))
-    keys, counts, weights, firsts, seconds, variances = sums[sums[:, 1] >= LEAST_SEEN].T
-    mean = firsts / weights
-    misfit = np.maximum(seconds - firsts * mean, 0.0) / scale**2
-    expected = counts - 1  # chi-square: its mean, and half its variance
-    is_rigid = misfit <= expected + GATE * np.sqrt(2 * expected)
-    std = scale * np.sqrt(variances / counts * np.maximum(misfit / expected, 1.0) / counts)
-    ends = np.stack(np.divmod(keys.astype(np.int64), int(names.max(initial=-1)) + 1), axis=1).astype(np.intp)
-    return RigidEdges(ends[is_rigid], mean[is_rigid], std[is_rigid])
 
 
 def learned_triangles(candidates: Candidates, kept: Bools, pairs: Ints, scale: float = 1.0) -> Triangles:
@@ -195,12 +138,12 @@ def log_ratios(
     book = _Book(triangles, scale)
     for_right, for_wrong = _told_by_triangles(candidates, kept, pairs, book, ~asked)
     if_hit, if_missed = np.log(for_right / for_wrong), np.log((1 - for_right) / (1 - for_wrong))
-    for start, end in _frames_of(
+    for start, end in frames_of(
         candidates, np.bincount(candidates.frames[asked], minlength=len(candidates.per_frame)) > 0
     ):
         here = np.arange(start, end)
         wanted, witnesses = here[asked[start:end]], here[kept[start:end]]
-        hits = book.hits(_Seen.of(candidates, wanted, pairs), _Seen.of(candidates, witnesses, pairs))
+        hits = book.hits(Seen.of(candidates, wanted, pairs), Seen.of(candidates, witnesses, pairs))
         ratios[wanted] = np.where(hits, if_hit, if_missed)
     return ratios
 
@@ -259,37 +202,6 @@ def _by_ball(sides: Floats, std: Floats, learned_from: Ints) -> Triangles:
     return Triangles(np.concatenate(views), np.tile(std, 3), np.tile(learned_from, (3, 1)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """Candidates of one frame."""
-
-    points: Floats
-    covariance: Floats
-    left: Ints
-    right: Ints
-    pairs: Ints
-
-    @classmethod
-    def of(cls, candidates: Candidates, indices: Ints, pairs: Ints) -> _Seen:
-        return cls(
-            candidates.points[indices],
-            candidates.covariance(indices),
-            candidates.left[indices].astype(np.intp),
-            candidates.right[indices].astype(np.intp),
-            pairs[indices],
-        )
-
-    def spans(self, other: _Seen) -> tuple[Floats, Floats]:
-        """Distances [mm] to others, shape (n, n_others), and their variances; infinite where both would be one ball."""
-        between = self.points[:, np.newaxis] - other.points
-        lengths = np.linalg.norm(between, axis=2)
-        along = between / np.where(lengths > 0, lengths, 1.0)[..., np.newaxis]
-        own = np.einsum("abi,aij,abj->ab", along, self.covariance, along)
-        theirs = np.einsum("abi,bij,abj->ab", along, other.covariance, along)
-        shared = (self.left[:, np.newaxis] == other.left) | (self.right[:, np.newaxis] == other.right)
-        return np.where(shared | (lengths == 0), np.inf, lengths), own + theirs
-
-
 class _Book:
     """Triangles to look candidates up in."""
 
@@ -299,7 +211,7 @@ class _Book:
         self._lengths = np.sort(triangles.sides[:, :2], axis=None)
         self._std = float(np.median(triangles.std))
 
-    def hits(self, asked: _Seen, witnesses: _Seen) -> Bools:
+    def hits(self, asked: Seen, witnesses: Seen) -> Bools:
         """Whether each candidate makes a known triangle with two witnesses, shape (n,)."""
         found = np.zeros(len(asked.points), dtype=np.bool_)
         lengths, std = self._measured(asked, witnesses)
@@ -328,7 +240,7 @@ class _Book:
             is_other = (self._triangles.learned_from[known] != pairs[candidate, np.newaxis]).all(axis=1)
             found[candidate[is_other]] = True
 
-    def _measured(self, seen: _Seen, others: _Seen) -> tuple[Floats, Floats]:
+    def _measured(self, seen: Seen, others: Seen) -> tuple[Floats, Floats]:
         lengths, variances = seen.spans(others)
         return lengths, np.sqrt(self._scale**2 * variances + self._std**2)
 
@@ -338,36 +250,6 @@ class _Book:
         return np.asarray(np.isfinite(lengths) & (low < np.searchsorted(self._lengths, lengths + GATE * std)))
 
 
-def _spans_of(candidates: Candidates, kept: Bools, names: Ints, frames: Sequence[tuple[int, int]]) -> Floats:
-    """What each two names' distances in some frames add up to.
-
-    Returns
-    -------
-    ndarray, shape (n, 6)
-        Key of the two names; number of distances; sums of their weights, of weighted distances and squares, of
-        variances.
-    """
-    n_names = int(names.max(initial=-1)) + 1
-    rows = [np.empty((0, 3))]
-    for start, end in frames:
-        here = np.flatnonzero(kept[start:end]) + start
-        seen = _Seen.of(candidates, here, names)
-        distances, variances = seen.spans(seen)
-        one, other = np.nonzero(np.isfinite(distances) & (seen.pairs[:, np.newaxis] < seen.pairs))
-        key = (seen.pairs[one] * n_names + seen.pairs[other]).astype(np.float64)
-        rows.append(np.column_stack([key, distances[one, other], variances[one, other]]))
-    keys, lengths, variances = np.concatenate(rows).T
-    weights = 1 / variances
-    ones = np.ones(len(keys))
-    return _summed(np.column_stack([keys, ones, weights, weights * lengths, weights * lengths**2, variances]))
-
-
-def _summed(rows: Floats) -> Floats:
-    """Rows of one key added."""
-    keys, of_row = np.unique(rows[:, 0], return_inverse=True)
-    return np.column_stack([keys, *(np.bincount(of_row, column, len(keys)) for column in rows[:, 1:].T)])
-
-
 def _told_by_triangles(
     candidates: Candidates, kept: Bools, pairs: Ints, book: _Book, sure: Bools
 ) -> tuple[float, float]:
@@ -375,14 +257,14 @@ def _told_by_triangles(
     is_wanted = np.zeros(len(candidates.per_frame), dtype=np.bool_)
     is_wanted[np.linspace(0, len(is_wanted) - 1, CHECKED_FRAMES).astype(np.intp)] = True
     hits, n = np.ones(2), 2.0
-    for start, end in _frames_of(candidates, is_wanted):
+    for start, end in frames_of(candidates, is_wanted):
         witnesses = np.flatnonzero(kept[start:end]) + start
         right = witnesses[sure[witnesses]]
         if len(right) < 2:
             continue
-        seen, others = _Seen.of(candidates, right, pairs), _Seen.of(candidates, witnesses, pairs)
+        seen, others = Seen.of(candidates, right, pairs), Seen.of(candidates, witnesses, pairs)
         places = seen.points * (np.roll(seen.points[:, 2:], 1, axis=0) / seen.points[:, 2:])
-        displaced = _Seen(places, seen.covariance, seen.left, seen.right, seen.pairs)
+        displaced = Seen(places, seen.covariance, seen.left, seen.right, seen.pairs)
         hits += book.hits(seen, others).sum(), book.hits(displaced, others).sum()
         n += len(right)
     return float(hits[0] / n), float(hits[1] / n)
@@ -395,10 +277,3 @@ def _learning_frames(n_frames: int) -> Bools:
         is_wanted[:] = False
         is_wanted[starts[:, np.newaxis] + np.arange(SPAN_FRAMES)] = True
     return is_wanted
-
-
-def _frames_of(candidates: Candidates, wanted: Bools) -> Iterator[tuple[int, int]]:
-    """First candidate and the one after the last of each wanted frame that has any."""
-    ends = np.cumsum(candidates.per_frame)
-    for frame in np.flatnonzero(wanted & (candidates.per_frame > 0)).tolist():
-        yield int(ends[frame] - candidates.per_frame[frame]), int(ends[frame])
