@@ -1,0 +1,185 @@
+"""Stage 2: group markers into rigid limbs.
+
+Two markers on one limb keep their distance; two on different limbs do not. Rigid bodies are fitted to groups of markers
+over jittered sample frames and compared (`pieces`, `bodies`), or the standard deviation of every pairwise distance is
+clustered (Schönauer 2007, 3.4; Kirk, O'Brien and Forsyth 2005).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model import Limbs, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.limbs.bodies import Distances, rigid_bodies
+from skelgen.stages.limbs.constraints import Constraints, NameGroups, find_constraints, name_groups
+from skelgen.stages.limbs.count import count_limbs
+from skelgen.stages.limbs.deviation import Deviations, distance_deviations, sample_frames
+from skelgen.stages.limbs.doubts import limb_doubts
+from skelgen.stages.limbs.parameters import LimbParameters
+from skelgen.stages.limbs.relative import Movements
+from skelgen.stages.limbs.rigidity import rigid_groups
+from skelgen.stages.limbs.spectral import greedy_clusters, spectral_clusters
+from skelgen.stages.limbs.stray import stray_markers
+from skelgen.stages.limbs.votes import majority
+
+LONELY = "never seen together with another marker"
+
+HALF_BELIEVED = 20
+"""Sampled frames with which a pair of markers counts half: in fewer, limbs have hardly moved against each other."""
+
+
+def find_limbs(
+    trajectories: Trajectories,
+    parameters: LimbParameters | None = None,
+    *,
+    n_limbs: int | None = None,
+    together: NameGroups = (),
+    apart: NameGroups = (),
+    seed: int = 0,
+    monitor: Monitor = SILENT,
+) -> Limbs:
+    """Group the markers of a take into rigid limbs.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers; gaps are fine.
+    parameters : LimbParameters, optional
+        How; the defaults suit most takes.
+    n_limbs : int, optional
+        Number of limbs, if known; otherwise it is found.
+    together, apart : iterable of sequence of str
+        Names of markers that share a limb, and of markers no two of which do; beside those in `parameters`.
+    seed : int
+        Seed of the jittered samples and of k-means++.
+    monitor : Monitor
+        Told of progress.
+
+    Returns
+    -------
+    Limbs
+        Limbs numbered in the order of their first marker. Markers that belong nowhere are left out, with a notice.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two markers that are ever seen together, `n_limbs` is out of range, a marker that is
+        named does not exist, or the wishes contradict each other.
+    """
+    parameters = parameters or LimbParameters()
+    monitor.begin("limbs")
+    wishes = find_constraints(
+        trajectories.names,
+        (*together, *name_groups(parameters.together)),
+        (*apart, *name_groups(parameters.apart)),
+    )
+    frames = sample_frames(trajectories.n_frames, parameters, seed)
+    deviations = distance_deviations(trajectories.positions, frames)
+    usable = _usable(deviations.plain, wishes)
+    if len(usable) < 2:
+        raise InputError(
+            f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
+        )
+    _report(trajectories, np.setdiff1d(np.arange(len(deviations.plain)), usable), LONELY, monitor)
+    if n_limbs is not None and not 1 <= n_limbs <= len(usable):
+        raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
+    grouping = _Grouping(trajectories.positions[:, usable], wishes.of(usable), parameters, n_limbs, seed)
+    groups = grouping.voted(frames, deviations.of(usable))
+    labels = np.full(trajectories.n_markers, -1, dtype=np.intp)
+    labels[usable] = groups
+    if n_limbs is None:
+        stray = usable[stray_markers(groups, deviations.of(usable).steady) & ~wishes.of(usable).is_named]
+        labels[stray] = -1
+        _report(trajectories, stray, "moving against all limbs like none of them", monitor)
+    labels[labels >= 0] = _numbered_by_first(labels[labels >= 0])
+    for sentence in limb_doubts(trajectories, labels, frames):
+        monitor.notice(sentence)
+    monitor.advance(1, 1)
+    return Limbs(labels, deviations.plain)
+
+
+class _Grouping:
+    """Markers with company and everything that is wanted of their groups."""
+
+    def __init__(
+        self, positions: Floats, wishes: Constraints, parameters: LimbParameters, n_limbs: int | None, seed: int
+    ) -> None:
+        self._positions, self._wishes, self._parameters = positions, wishes, parameters
+        self._n_limbs, self._seed = n_limbs, seed
+
+    def voted(self, frames: Ints, deviations: Deviations) -> Ints:
+        """Group by one sampling after the other until one half of them and more agree; else take what most say."""
+        votes = [self._grouped(frames, deviations)]
+        n_samplings = self._parameters.samplings if self._parameters.method == "rigidity" else 1
+        is_complete = len(frames) == len(self._positions)
+        for turn in range(1, 1 if is_complete else n_samplings):
+            again = sample_frames(len(self._positions), self._parameters, (self._seed, turn))
+            votes.append(self._grouped(again, distance_deviations(self._positions, again)))
+            if 2 * sum(np.array_equal(votes[-1], one) for one in votes) > n_samplings:
+                return votes[-1]
+        return _numbered_by_first(self._checked(majority(votes), deviations.steady))
+
+    def _grouped(self, frames: Ints, deviations: Deviations) -> Ints:
+        return _numbered_by_first(self._checked(self._clusters(frames, deviations), deviations.steady))
+
+    def _clusters(self, frames: Ints, deviations: Deviations) -> Ints:
+        deviation, common = deviations.steady, deviations.common
+        parameters, n_limbs, wishes = self._parameters, self._n_limbs, self._wishes
+        weight = np.where(np.isnan(deviation), 0.0, (common + 1) / (common + HALF_BELIEVED))
+        groups = None
+        if parameters.method == "rigidity":
+            distances = Distances(np.where(weight > 0, deviation, 0.0) ** 2 / 2, weight)
+            groups = rigid_bodies(Movements(self._positions, frames), distances, parameters, wishes, n_limbs)
+        elif parameters.method == "distances":
+            groups = rigid_groups(deviation, parameters, weight)
+        if groups is not None and n_limbs in (None, len(np.unique(groups))):
+            return groups
+        complete = _complete(deviation)
+        k = n_limbs if n_limbs is not None else count_limbs(complete, parameters, self._seed)
+        if parameters.method == "greedy":
+            return greedy_clusters(complete, k)
+        return spectral_clusters(complete, k, parameters, self._seed)
+
+    def _checked(self, groups: Ints, deviation: Floats) -> Ints:
+        if self._wishes.is_empty:
+            return groups
+        groups = self._wishes.obeyed(groups, _complete(deviation))
+        if self._n_limbs is not None:
+            groups = self._wishes.parted(groups, _complete(deviation), self._n_limbs)
+        n_found = len(np.unique(groups))
+        if self._n_limbs not in (None, n_found):
+            raise InputError(
+                f"{self._n_limbs} limbs are asked for, but with the markers that must share a limb or must not there "
+                f"are {n_found}; ask for less of both"
+            )
+        return groups
+
+
+def _usable(deviation: Floats, wishes: Constraints) -> Ints:
+    """Markers that are seen with another one, or that the user puts on a limb with one that is."""
+    others: Floats = deviation + np.where(np.eye(len(deviation)) > 0, np.nan, 0.0)
+    has_company: Bools = np.asarray(~np.isnan(others).all(axis=1))
+    for block in wishes.blocks:
+        has_company[list(block)] = has_company[list(block)].any()
+    return np.flatnonzero(has_company)
+
+
+def _complete(deviation: Floats) -> Floats:
+    """Give pairs that are never seen together the largest deviation: nothing says that they are rigid."""
+    return np.where(np.isnan(deviation), np.nanmax(deviation), deviation)
+
+
+def _numbered_by_first(labels: Ints) -> Ints:
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.intp)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[inverse]
+
+
+def _report(trajectories: Trajectories, markers: Ints, reason: str, monitor: Monitor) -> None:
+    if len(markers):
+        names = ", ".join(trajectories.names[marker] for marker in markers)
+        monitor.notice(f"left out, {reason}: {names}")
