@@ -12,8 +12,8 @@ from functools import partial
 from pathlib import Path
 
 import skelgen
-from skelgen.app.batch.job import Job
 from skelgen.app.batch.run import run_batch
+from skelgen.app.batch.work import Job
 from skelgen.app.batch.workers import in_processes
 from skelgen.simulation import simulate
 

@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
 
 from skelgen.app.files import file_filter, open_input
-from skelgen.app.store import SUFFIX, is_project_file, save_project
+from skelgen.app.project_file.archive import SUFFIX, is_project_file, save_project
 from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.document import Document

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, QStandardPaths, QTimer, Signal
 
-from skelgen.app.store import open_project, save_project
+from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.errors import SkelgenError
 from skelgen.files import replacing
 from skelgen.model import Project

@@ -10,13 +10,22 @@ from typing import Any
 from skelgen_formats.filled_markers import FILLED, marking_sentence
 from skelgen_formats.markers import trajectories_of
 from skelgen_formats.parts import PARTS, parts_in
-from skelgen_formats.registry import RATE_NAME, Format, checked_options, known_formats, write_as
+from skelgen_formats.registry import (
+    RATE_NAME,
+    Format,
+    checked_options,
+    format_for_writing,
+    known_formats,
+    write_as,
+    write_file,
+)
 
 from skelgen.app.report.wording import counted, listed
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE, n_frames_at
 from skelgen.model import PointCloud, Poses, Project, Take
+from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor
 
 
@@ -188,3 +197,35 @@ def _contents(project: Project, entry: Format, rate: float) -> str:
     n_frames = n_frames_at(take.n_frames, take.rate, rate)
     frames = f" in {counted(n_frames, 'frame')} at {rate or take.rate:g} Hz"
     return listed(counts) + (frames if any(part.in_every_frame for part in kept) else "")
+
+
+def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
+    """Fill the gaps of a project's markers; the monitor is told of progress and may cancel.
+
+    Raises
+    ------
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    from skelgen.kinematics.filling import fill_gaps  # noqa: PLC0415 - loads scipy
+
+    return fill_gaps(project.trajectories, project.skeleton, project.motion, monitor)
+
+
+def write_filled(filled: Filled, path: Path) -> tuple[list[Path], str]:
+    """Write complete markers in the format of the suffix, and a table with a row per filled position.
+
+    Returns
+    -------
+    tuple of list of Path and str
+        The files, and how filled positions are told from measured ones in them.
+
+    Raises
+    ------
+    WriteError
+        If a file cannot be written, or no format for markers has the suffix.
+    """
+    entry = format_for_writing(path)
+    if FILLED not in entry.options:
+        raise WriteError(f"{path}: {entry.name} holds the {entry.holds} and no markers; write c3d, trc or csm")
+    return write_file(filled, path, filled=True), marking_sentence(entry, path)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.registry import (
+    SNIFF_BYTES,
     Format,
+    Option,
     checked_options,
     find_format,
     format_for_writing,
@@ -20,11 +24,11 @@ from skelgen_formats.registry import (
 )
 from skelgen_formats.table import COLUMNS, format_row, formats_table
 
-from skelgen.app.references import source_of
-from skelgen.app.stereo import STEREO, is_stereo, read_stereo
-from skelgen.app.store import SUFFIX, find_result, is_project_file, open_project, save_project
+from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project
+from skelgen.app.project_file.references import source_of
 from skelgen.errors import InputError, WriteError
-from skelgen.model import Identities, Project, Take
+from skelgen.files import replacing
+from skelgen.model import Identities, PointCloud, Project, Take
 from skelgen.progress import SILENT, Monitor
 
 PROJECT_FORMAT = "skelgen"
@@ -179,3 +183,103 @@ def _option_names(format_name: str) -> set[str]:
         return set()
     entry = STEREO if format_name == STEREO.name else find_format(format_name)
     return {option.name for option in entry.options if option.reading}
+
+
+# The root of capture settings, behind what XML allows before it.
+_ROOT = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*|<!DOCTYPE[^>]*>\s*)*<capture[\s>/]", re.DOTALL)
+
+
+def read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor: Monitor = SILENT) -> PointCloud:
+    """Turn all images of a stereo recording into unlabelled points.
+
+    Parameters
+    ----------
+    path : Path or str
+        Settings of the capture.
+    source : str
+        Where images come from; empty takes what the settings say.
+    frames : int
+        Pairs of images at most; 0 takes all.
+    monitor : Monitor
+        Told of progress; may cancel.
+
+    Returns
+    -------
+    PointCloud
+        See `skelgen.capture.markers.markers_of`.
+
+    Raises
+    ------
+    FormatError
+        If the settings are not what they must be.
+    SkelgenError
+        If there is no source, it breaks off, or its images do not belong to the settings.
+    """
+    from skelgen.app.capture import read_capture_settings, source_of  # noqa: PLC0415 - numba takes a second
+    from skelgen.capture.markers import markers_of  # noqa: PLC0415
+
+    path = Path(path)
+    settings = read_capture_settings(path)
+    images = source_of(settings, source or None)
+    return markers_of(settings, images, n_frames=frames or None, name=path.name, monitor=monitor)
+
+
+def is_stereo(path: Path | str, format: str | None = None) -> bool:
+    """Whether a file is to be read as a stereo recording: it is named so, or begins as settings of a capture do."""
+    if format is not None:
+        return format == STEREO.name
+    try:
+        with Path(path).open("rb") as stream:
+            return _sniff(stream.read(SNIFF_BYTES), Path(path))
+    except OSError:
+        return False  # who reads it next says why it cannot be read
+
+
+def _sniff(head: bytes, path: Path) -> bool:
+    return _ROOT.match(head) is not None
+
+
+STEREO = Format(
+    name="stereo",
+    title="stereo recording",
+    suffixes=(".xml",),
+    holds="points",
+    sniff=_sniff,
+    read=read_stereo,
+    options=(
+        Option("source", "", "where images come from; empty takes what the settings say"),
+        Option("frames", 0, "pairs of images at most; 0 takes all", low=0),
+    ),
+    note="Settings of a capture: the balls in its images become points.",
+)
+"""Read by the application and not by the formats, because it needs `skelgen.capture`."""
+
+
+TEMPLATE = "page.html"
+
+
+def write_html(package: str, path: Path, **values: Any) -> Path:
+    """Fill the template of a package and write the page.
+
+    Parameters
+    ----------
+    package : str
+        Name of the package that holds the template.
+    path : Path
+        The HTML file.
+    **values
+        What the template names.
+
+    Raises
+    ------
+    WriteError
+        If it cannot be written.
+    """
+    from jinja2 import Environment, StrictUndefined  # noqa: PLC0415 - takes time to load
+
+    source = resources.files(package).joinpath(TEMPLATE).read_text(encoding="utf-8")
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    html = environment.from_string(source).render(values)
+    with replacing(path) as temporary:
+        temporary.write_text(html, encoding="utf-8", errors="replace")
+    return path

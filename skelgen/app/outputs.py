@@ -9,7 +9,7 @@ from pathlib import Path
 
 from skelgen_formats.registry import write_file
 
-from skelgen.app.store import SUFFIX, save_project
+from skelgen.app.project_file.archive import SUFFIX, save_project
 from skelgen.errors import WriteError
 from skelgen.files import arriving_together
 from skelgen.model import Project, Trajectories

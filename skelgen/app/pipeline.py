@@ -9,7 +9,6 @@ from threadpoolctl import threadpool_limits
 
 from skelgen.app.configuration import Settings
 from skelgen.app.inputs import check_take
-from skelgen.app.monitors import CollectingMonitor
 from skelgen.app.stages import PIPELINE, Stage, Wishes, stage_names
 from skelgen.compiling import telling_of_compiling
 from skelgen.errors import InputError, MissingResultError
@@ -103,3 +102,36 @@ def _stages_between(project: Project, from_stage: str | None, until_stage: str |
         if not project.has(name):
             raise MissingResultError(f"the stage {names[first]!r} needs the result of {name!r}; run that first")
     return PIPELINE[first : last + 1]
+
+
+class CollectingMonitor:
+    """Keep every notice and pass everything on.
+
+    Parameters
+    ----------
+    watcher : Monitor
+        Receives all calls; its `Cancelled` goes through to the stage.
+
+    Attributes
+    ----------
+    notices : list of str
+        What was noticed so far, without repetitions.
+    """
+
+    def __init__(self, watcher: Monitor) -> None:
+        self._watcher = watcher
+        self.notices: list[str] = []
+
+    def begin(self, name: str) -> None:
+        """Pass the start on."""
+        self._watcher.begin(name)
+
+    def advance(self, done: float, total: float) -> None:
+        """Pass the progress on."""
+        self._watcher.advance(done, total)
+
+    def notice(self, sentence: str) -> None:
+        """Keep the notice and pass it on, once."""
+        if sentence not in self.notices:
+            self.notices.append(sentence)
+            self._watcher.notice(sentence)

@@ -14,8 +14,7 @@ from typing import Any
 
 from skelgen.app.corrections import corrected_labels, joint_wishes, known_kinds, limb_wishes, number_of
 from skelgen.app.hierarchy import known_tree
-from skelgen.app.inputs import check_trajectories, limbs_from_poses, trajectories_from_poses
-from skelgen.app.split import limbs_with_parts
+from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
 from skelgen.app.stage_names import JOINTS, LABELS, LIMBS, SKELETON
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Poses, Project, StageReport, Trajectories

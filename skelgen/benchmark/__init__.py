@@ -1,7 +1,6 @@
 """Measures accuracy, speed and memory on this machine: what `skelgen benchmark` and tests/benchmarks share."""
 
-from skelgen.benchmark.page import write_benchmark_page
-from skelgen.benchmark.sections import Section
+from skelgen.benchmark.page import Section, write_benchmark_page
 from skelgen.benchmark.suites import SUITES, run_benchmark
 
 __all__ = ["SUITES", "Section", "run_benchmark", "write_benchmark_page"]

@@ -7,20 +7,23 @@ import time
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from skelgen_formats.registry import write_file
 
 from skelgen.app.face import reconstruct
 from skelgen.benchmark.judges import JUDGES
-from skelgen.benchmark.peer import score_error
-from skelgen.benchmark.plots import Series, draw
-from skelgen.benchmark.sections import Effort, Figure, Section, figure_text, table, verdict
-from skelgen.benchmark.takes import fifty_markers
+from skelgen.benchmark.page import Effort, Figure, Section, Series, draw, figure_text, table, verdict
+from skelgen.benchmark.speed import fifty_markers
 from skelgen.evaluation import Evaluation, evaluate
+from skelgen.evaluation.joints import joint_distances
+from skelgen.kinematics.shape import fit_shape
+from skelgen.model import Trajectories
+from skelgen.model.arrays import Floats
 from skelgen.progress import Monitor
 from skelgen.simulation import Structure, simulate
+from skelgen.simulation.take import SimulatedTake
 
 STRUCTURES = ("human", "seed-human", "quadruped", "rods", "tree:8")
 FAULTS: dict[str, Any] = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
@@ -254,3 +257,43 @@ def _told(cases: Any, monitor: Monitor) -> Iterator[Any]:
         monitor.advance(done, len(cases))
         yield case
     monitor.advance(len(cases), len(cases))
+
+
+def score_error(case: SimulatedTake) -> float:
+    """Return the mean joint error [mm] of SCoRE with the true limbs and tree, hinges across their axes.
+
+    Parameters
+    ----------
+    case : SimulatedTake
+        A labelled take and its truth.
+    """
+    truth, positions = case.truth, cast(Trajectories, case.take).positions
+    frames = np.arange(truth.n_frames)
+    poses = [
+        fit_shape(positions[:, truth.limb_of_marker == limb], frames).world_from_limb for limb in range(truth.n_limbs)
+    ]
+    joints = np.stack([rotation_centre(poses[one], poses[other]) for one, other in truth.edges.tolist()], axis=1)
+    return float(np.nanmean(joint_distances(joints, np.arange(truth.n_joints), truth)))
+
+
+def rotation_centre(first: Floats, second: Floats) -> Floats:
+    """Return the centre of rotation of two bodies by SCoRE.
+
+    With poses R, t of both, p and q minimise the sum of |R_1 p + t_1 - R_2 q - t_2|^2 over the frames.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (n_frames, 4, 4)
+        Poses of the bodies, NaN where they are not known.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3), mm
+        The mean of both bodies' points.
+    """
+    both = ~np.isnan(first[:, 0, 0]) & ~np.isnan(second[:, 0, 0])
+    rows = np.concatenate([first[both, :3, :3], -second[both, :3, :3]], axis=2).reshape(-1, 6)
+    right = (second[both, :3, 3] - first[both, :3, 3]).ravel()
+    place = np.linalg.lstsq(rows, right, rcond=None)[0]
+    ends = (first[:, :3, :3] @ place[:3] + first[:, :3, 3], second[:, :3, :3] @ place[3:] + second[:, :3, 3])
+    return np.asarray((ends[0] + ends[1]) / 2)

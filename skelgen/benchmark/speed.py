@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
+import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, cast
 
-from skelgen.benchmark.plots import Series, draw
-from skelgen.benchmark.sections import Effort, Figure, Section, table
-from skelgen.benchmark.takes import LONG_TAKE_MARKERS, fifty_markers, long_take
-from skelgen.benchmark.timing import Run, measure_runs
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from skelgen.benchmark.machine import in_own_process, peak_gigabytes
+from skelgen.benchmark.page import Effort, Figure, Section, Series, draw, table
 from skelgen.evaluation import Table
 from skelgen.model import PointCloud, Trajectories
 from skelgen.progress import Monitor
-from skelgen.simulation import simulate
+from skelgen.simulation import Structure, find_structure, simulate
 
 _TREE_FRAMES = 600
 _FAULTS: dict[str, Any] = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
@@ -80,3 +85,142 @@ def _figures(title: str, axis: str, runs: Sequence[tuple[int, Run]], stages: Seq
         Figure(f"{title}: time.", draw(f"Time against {axis}", axis, "processor time [s]", times)),
         Figure(f"{title}: memory.", draw(f"Memory against {axis}", axis, "peak of memory [GB]", memory)),
     )
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one run of the stages took.
+
+    Attributes
+    ----------
+    limbs, joints, skeleton : float
+        Processor seconds of each stage, in a first run with what it imports.
+    peak : float
+        Most memory that the process has held [GB].
+    labels : float
+        Processor seconds of the labels, 0 for takes that have names.
+    """
+
+    limbs: float
+    joints: float
+    skeleton: float
+    peak: float
+    labels: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Time of all stages."""
+        return self.labels + self.limbs + self.joints + self.skeleton
+
+
+def measure_runs(
+    make: Callable[..., PointCloud | Trajectories], *given: object, n_runs: int = 1, solver: str = ""
+) -> list[Run]:
+    """Make a take in a fresh process, run the stages there on one core, and return what each run took.
+
+    Parameters
+    ----------
+    make : callable
+        A function of a module that returns a take.
+    *given : object
+        Its arguments.
+    n_runs : int
+        How often; the first run imports what it needs.
+    solver : str
+        How joints are sought; empty as is the default.
+    """
+    runs: list[Run] = in_own_process(_measured, make, given, n_runs, solver)
+    return runs
+
+
+def _measured(
+    make: Callable[..., PointCloud | Trajectories], given: tuple[object, ...], n_runs: int, solver: str
+) -> list[Run]:
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    take = make(*given)
+    with threadpool_limits(limits=1):
+        return [run_stages(take, solver) for _ in range(n_runs)]
+
+
+def run_stages(take: PointCloud | Trajectories, solver: str = "") -> Run:
+    """Run the stages that a take needs, and return what they took; modules load where they are first needed."""
+    times = [time.process_time()]
+    if isinstance(take, PointCloud):
+        from skelgen.stages.labels import LabelParameters, label_and_judge  # noqa: PLC0415
+
+        take, _ = label_and_judge(take, LabelParameters())
+    times.append(time.process_time())
+    from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - its import is part of the time
+
+    limbs = find_limbs(take)
+    times.append(time.process_time())
+    from skelgen.stages.joints import JointParameters, find_joints  # noqa: PLC0415
+
+    topology = find_joints(take, limbs, JointParameters(solver=solver) if solver else JointParameters())
+    times.append(time.process_time())
+    from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415
+
+    fit_skeleton(take, limbs, topology)
+    times.append(time.process_time())
+    in_labels, in_limbs, in_joints, in_skeleton = np.diff(times).tolist()
+    return Run(in_limbs, in_joints, in_skeleton, peak_gigabytes(), in_labels)
+
+
+LONG_TAKE_MARKERS = 40
+
+_FOUR_MARKERS = ("pelvis", "chest", "head", "left thigh", "right thigh")
+_LEFT_OUT = ("head", "hand", "foot")
+_TWO_MARKERS = "forearm"
+_FIFTH_MARKERS = 7  # limbs of the tree of 30 that get a marker more: 127 in all
+_LONG: dict[str, Any] = {"n_frames": 6000, "rate": 200.0, "noise": 0.3, "soft_tissue": 2.0, "n_cameras": 8}
+_FRESH_NOISE = 0.2  # mm
+_CHUNK = 10_000  # frames
+
+
+def fifty_markers() -> Structure:
+    """Return the human with a fourth marker on five limbs: 50 in all."""
+    more = {limb.name: limb for limb in find_structure("human:4").limbs}
+    limbs = tuple(more[limb.name] if limb.name in _FOUR_MARKERS else limb for limb in find_structure("human").limbs)
+    return Structure("human-50", limbs)
+
+
+def ten_limbs() -> Structure:
+    """Return a human without head, hands and feet, with two markers on the forearms: 28 markers on 10 limbs."""
+    limbs = [limb for limb in find_structure("human").limbs if not limb.name.endswith(_LEFT_OUT)]
+    fewer = [
+        dataclasses.replace(limb, markers=limb.markers[:2]) if limb.name.endswith(_TWO_MARKERS) else limb
+        for limb in limbs
+    ]
+    return Structure("ten-limbs", tuple(fewer))
+
+
+def thirty_limbs() -> Structure:
+    """Return the random tree of 30 limbs, some with a fifth marker amid the others: 127 markers."""
+    limbs = list(find_structure("tree:30").limbs)
+    for index, limb in enumerate(limbs[:_FIFTH_MARKERS]):
+        markers = np.concatenate([limb.markers, limb.markers[:2].mean(axis=0, keepdims=True)])
+        limbs[index] = dataclasses.replace(limb, markers=markers)
+    return Structure("thirty-limbs", tuple(limbs))
+
+
+def long_take(n_frames: int, seed: int = 0) -> Trajectories:
+    """Return a short simulated take forth and back until it is long enough, with fresh noise, so that it is soon made.
+
+    Parameters
+    ----------
+    n_frames : int
+        Any number; an hour at 200 Hz is 720 000.
+    seed : int
+        Seed of motion and noise.
+    """
+    short = cast(Trajectories, simulate("human", seed=seed, **_LONG).take)
+    turn = 2 * short.n_frames - 2
+    frames = np.arange(n_frames) % turn
+    frames = np.where(frames < short.n_frames, frames, turn - frames)
+    positions, random = np.empty((n_frames, LONG_TAKE_MARKERS, 3)), np.random.default_rng(seed)
+    for first in range(0, n_frames, _CHUNK):
+        part = short.positions[frames[first : first + _CHUNK], :LONG_TAKE_MARKERS]
+        positions[first : first + _CHUNK] = part + random.normal(0.0, _FRESH_NOISE, part.shape)
+    positions.flags.writeable = False
+    return Trajectories(positions, short.names[:LONG_TAKE_MARKERS], short.rate)

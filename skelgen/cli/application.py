@@ -20,17 +20,14 @@ import skelgen
 from skelgen.app.stage_names import STAGE_NAMES, StageName
 from skelgen.cli import (
     batch_command,
-    benchmark_command,
     calibrate_commands,
     capture_commands,
     file_commands,
+    measure_commands,
     simulate_command,
-    skeleton_command,
     stage_commands,
-    window_command,
 )
-from skelgen.cli.completion import called_command
-from skelgen.cli.options import generated, parameter_options, reader_options, writer_options
+from skelgen.cli.options import called_command, generated, parameter_options, reader_options, writer_options
 from skelgen.errors import SkelgenError
 
 EXIT_BUG = 1
@@ -98,7 +95,7 @@ def _calibrate() -> typer.Typer:
     group.command("stereo")(calibrate_commands.stereo)
     group.command("body")(capture_commands.calibrate_body)
     group.command("joints")(capture_commands.calibrate_joints)
-    group.command("skeleton")(skeleton_command.skeleton)
+    group.command("skeleton")(calibrate_commands.skeleton)
     group.command("simulated")(calibrate_commands.simulated)
     return group
 
@@ -134,8 +131,8 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("report", file_commands.report, tuple),
         ("fill", file_commands.fill, tuple),
         ("motion-capture", capture_commands.motion_capture, tuple),
-        ("benchmark", benchmark_command.benchmark, tuple),
-        ("gui", window_command.gui, tuple),
+        ("benchmark", measure_commands.benchmark, tuple),
+        ("gui", file_commands.gui, tuple),
     ]
 
 

@@ -82,9 +82,8 @@ def batch(
 
     Exit codes: 0 every take is done; 3 some failed; 2 all failed, or the batch cannot begin or go on; 130 interrupted.
     """
-    from skelgen.app.batch.job import Job
-    from skelgen.app.batch.known import known_file
     from skelgen.app.batch.run import read_manifest, run_batch
+    from skelgen.app.batch.work import Job, known_file
     from skelgen.app.configuration import Settings, settings_with
     from skelgen.app.stages import Wishes, find_stage
 
@@ -121,8 +120,8 @@ def _pool(jobs: int, scheduler: str | None, output: Path) -> Pool:
         raise ParameterError(
             "--jobs is for this machine alone; how many takes a cluster does at a time is its workers'"
         )
-    from skelgen.app.batch.cluster import on_cluster
     from skelgen.app.batch.records import MANIFEST
+    from skelgen.app.batch.workers import on_cluster
 
     return partial(on_cluster, address=scheduler, shared=output.absolute() / MANIFEST)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skelgen.cli.options import AsJson, Quiet
-from skelgen.cli.screen import Screen
+from skelgen.cli.options import AsJson, Config, FormatName, Quiet, Seed
+from skelgen.cli.screen import Screen, show_files, show_project
 from skelgen.errors import InputError
 
 if TYPE_CHECKING:
@@ -160,3 +161,44 @@ def _mapping(found: StereoCalibration, output: Path) -> dict[str, Any]:
         "baseline_std_mm": found.baseline_std,
         "pairs": _pair_rows(found),
     }
+
+
+STEM = "skeleton"
+"""Name of the shared skeleton's files."""
+
+
+def skeleton(
+    takes: Annotated[list[Path], typer.Argument(metavar="TAKE...", help="Takes of one body, in any known format.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder: the skeleton, and a folder for each take.")
+    ],
+    seed: Seed = None,
+    config: Config = None,
+    format_name: FormatName = None,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find one skeleton from several takes of a body, and the motion of each."""
+    from skelgen.app.configuration import Settings
+    from skelgen.app.files import open_input
+    from skelgen.app.outputs import stem_of, write_outputs
+    from skelgen.app.several_takes import calibrate_together
+    from skelgen.app.tables import project_tables
+
+    screen = Screen(quiet, as_json)
+    stems = [stem_of(take) for take in takes]
+    twice = [stem for stem, count in Counter([*stems, STEM]).items() if count > 1]
+    if twice:
+        raise InputError(f"two results would be called {twice[0]!r}; rename one of the takes")
+    read = [open_input(take, format_name).take for take in takes]
+    for take in read:
+        screen.note(take.notices)
+    with screen.watching() as monitor:
+        found = calibrate_together(read, settings=Settings(config), seed=seed or 0, monitor=monitor)
+        files = write_outputs(found.skeleton, output, STEM, monitor=monitor)
+        for stem, project in zip(stems, found.takes, strict=True):
+            files += write_outputs(project, output / stem, stem, monitor=monitor)
+    tables: dict[str, Any] = project_tables(found.skeleton)
+    show_project(screen, tables)
+    show_files(screen, files)
+    screen.json({**tables, "files": [str(file) for file in files]})

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
+import os
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from skelgen.cli.measure_commands import RIG, evaluate_rig
 from skelgen.cli.options import AsJson, FormatName, InputFile, Quiet, given
-from skelgen.cli.rig_command import RIG, evaluate_rig
-from skelgen.cli.screen import Screen
-from skelgen.cli.tables import show_evaluation, show_files, show_project, show_take
-from skelgen.errors import ParameterError
+from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project, show_take
+from skelgen.errors import InputError, ParameterError
 
 OutputFile = Annotated[Path, typer.Argument(metavar="OUT", help="File to write; its suffix tells the format.")]
 OutputFormat = Annotated[
@@ -46,7 +48,7 @@ def info(
 ) -> None:
     """Say what a file holds: format, frames, rate, markers with their gaps, extent, results."""
     from skelgen.app.files import name_of_format, open_input
-    from skelgen.app.summary import column_rows, project_tables
+    from skelgen.app.tables import column_rows, project_tables
 
     screen = Screen(quiet, as_json)
     with screen.watching() as monitor:
@@ -82,7 +84,7 @@ def evaluate(
         return evaluate_rig(truth, plot, Screen(as_json=as_json))
     if plot is not None:
         raise ParameterError("--plot belongs to `skelgen evaluate rig settings.xml`")
-    from skelgen.app.store import find_result, open_project
+    from skelgen.app.project_file.archive import find_result, open_project
     from skelgen.evaluation import evaluate as scores_of
     from skelgen.evaluation import evaluation_tables
     from skelgen.simulation import read_truth
@@ -135,8 +137,8 @@ def report(
     ] = None,
 ) -> None:
     """Write the HTML report of a project."""
+    from skelgen.app.project_file.archive import find_result, open_project
     from skelgen.app.report import write_report
-    from skelgen.app.store import find_result, open_project
 
     source = find_result(result)
     target = write_report(open_project(source), output or source.with_suffix(".html"))
@@ -151,11 +153,31 @@ def fill(
     quiet: Quiet = False,
 ) -> None:
     """Fill the gaps of all markers; a table beside the file says which positions are filled, from what, how surely."""
-    from skelgen.app.filling import fill_project, write_filled
-    from skelgen.app.store import find_result, open_project
+    from skelgen.app.export import fill_project, write_filled
+    from skelgen.app.project_file.archive import find_result, open_project
 
     filled = fill_project(open_project(find_result(result)))
     screen = Screen(quiet)
     files, marking = write_filled(filled, output)
     screen.note((filled.sentence, marking))
     show_files(screen, files)
+
+
+_MODULE = "skelgen_gui.main"  # found by name: the command line does not depend on the window
+_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
+
+
+def gui(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="A recording or a project to open.", show_default=False)
+    ] = None,
+) -> None:
+    """Open the desktop window."""
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
+        raise InputError("there is no display: start skelgen gui in a desktop session, or use skelgen run without one")
+    try:
+        window = importlib.import_module(_MODULE)
+    except ImportError as error:
+        what = "the window needs PySide6, which cannot be loaded"
+        raise InputError(f"{what} ({error}): pip install 'skelgen[gui]'") from error
+    raise typer.Exit(window.main([] if file is None else [str(file)]))

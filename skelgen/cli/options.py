@@ -4,14 +4,45 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterable
+import os
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from skelgen.cli.completion import formats_beginning
 from skelgen.parameters import Declaration, StageParameters
+
+_ASKED = "_SKELGEN_COMPLETE"
+_LINES = ("_TYPER_COMPLETE_ARGS", "COMP_WORDS")  # of zsh, fish and PowerShell; of bash
+
+
+def called_command(words: Sequence[str]) -> str:
+    """Return the name of the command in `words`, or in the line that a shell completes; empty without any.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Arguments of the program.
+    """
+    if _ASKED in os.environ:
+        words = next((os.environ[name] for name in _LINES if name in os.environ), "").split()[1:]
+    return next((word for word in words if word[0:1] != "-"), "")
+
+
+def stages_beginning(incomplete: str) -> list[str]:
+    """Return the names of stages that begin with what was typed."""
+    from skelgen.app.stage_names import STAGE_NAMES
+
+    return [stage.name for stage in STAGE_NAMES if stage.name.startswith(incomplete)]
+
+
+def formats_beginning(incomplete: str) -> list[str]:
+    """Return the names of formats that begin with what was typed."""
+    from skelgen.app.files import readable_formats
+
+    return [entry.name for entry in readable_formats() if entry.name.startswith(incomplete)]
+
 
 InputFile = Annotated[Path, typer.Argument(metavar="TAKE", help="Take in any known format, or a .skelgen project.")]
 OutputFolder = Annotated[

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from skelgen.cli.options import Quiet, given, parameter_options
-from skelgen.cli.screen import Screen
-from skelgen.cli.tables import show_files
+from skelgen.cli.screen import Screen, show_files
 from skelgen.errors import ParameterError
 
 if TYPE_CHECKING:

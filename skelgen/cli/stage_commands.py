@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skelgen.cli.completion import stages_beginning
 from skelgen.cli.options import (
     AsJson,
     Config,
@@ -26,9 +25,9 @@ from skelgen.cli.options import (
     Root,
     Seed,
     given,
+    stages_beginning,
 )
-from skelgen.cli.screen import Screen
-from skelgen.cli.tables import show_evaluation, show_files, show_project
+from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project
 from skelgen.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -125,8 +124,8 @@ def run(
     from skelgen.app.configuration import Settings, settings_with
     from skelgen.app.files import open_input
     from skelgen.app.outputs import stem_of
+    from skelgen.app.project_file.archive import find_result
     from skelgen.app.stages import Wishes
-    from skelgen.app.store import find_result
 
     screen = Screen(quiet, as_json)
     take = find_result(take)
@@ -151,7 +150,7 @@ def demo(
 ) -> None:
     """Simulate a human, find its skeleton, compare with the truth, write every file and a report."""
     from skelgen.app.demo import run_demo
-    from skelgen.app.summary import project_tables
+    from skelgen.app.tables import project_tables
     from skelgen.evaluation import evaluation_tables
 
     screen = Screen(quiet, as_json)
@@ -180,8 +179,8 @@ def stage_command(stage: StageName) -> Callable[..., None]:
         from skelgen.app.configuration import Settings
         from skelgen.app.files import open_input
         from skelgen.app.outputs import stem_of
+        from skelgen.app.project_file.archive import find_result
         from skelgen.app.stages import Wishes
-        from skelgen.app.store import find_result
 
         settings = Settings(config)
         source, target = _default_files(settings.of("files"), stage.command)
@@ -232,7 +231,7 @@ def _run_and_write(
 ) -> None:
     from skelgen.app.outputs import write_outputs
     from skelgen.app.pipeline import run_stages
-    from skelgen.app.summary import project_tables
+    from skelgen.app.tables import project_tables
 
     screen.note(project.take.notices)
     with screen.watching() as monitor:
@@ -254,9 +253,9 @@ def refuse_beside_skeleton(wishes: dict[str, Any]) -> None:
 def _apply_and_write(
     screen: Screen, project: Project, skeleton: Path, settings: Settings, folder: Path, stem: str
 ) -> None:
-    from skelgen.app.known_skeleton import apply_skeleton, open_known
     from skelgen.app.outputs import write_outputs
-    from skelgen.app.summary import project_tables
+    from skelgen.app.subject import apply_skeleton, open_known
+    from skelgen.app.tables import project_tables
 
     screen.note(project.take.notices)
     known = open_known(skeleton)
@@ -279,7 +278,7 @@ def hierarchy_in(path: Path | None) -> dict[str, str] | None:
 def _folder_for(take: Path) -> Path:
     """Return where results go when nobody says: a project grows in its place, a take gets a folder of its own."""
     from skelgen.app.outputs import stem_of
-    from skelgen.app.store import is_project_file
+    from skelgen.app.project_file.archive import is_project_file
 
     return take.parent if is_project_file(take) else Path(f"{stem_of(take)}-skelgen")
 

@@ -17,13 +17,12 @@ import pytest
 
 import skelgen
 from skelgen.app.batch import work
-from skelgen.app.batch.job import Job, KnownFile
-from skelgen.app.batch.known import known_of
 from skelgen.app.batch.records import finished_record
 from skelgen.app.batch.run import read_manifest, run_batch
 from skelgen.app.batch.takes import find_entries
+from skelgen.app.batch.work import Job, KnownFile, known_of
 from skelgen.app.batch.workers import in_processes
-from skelgen.app.store import open_project
+from skelgen.app.project_file.archive import open_project
 from skelgen.cli import main
 from skelgen.errors import InputError, WriteError
 from skelgen.evaluation import evaluate

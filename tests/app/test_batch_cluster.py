@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.app.batch.cluster import on_cluster
 from skelgen.app.batch.run import run_batch
+from skelgen.app.batch.workers import on_cluster
 from skelgen.cli import main
 from skelgen.model import Trajectories
 
@@ -142,6 +142,6 @@ def test_a_scheduler_that_goes_is_told_and_finished_work_kept(waves, cluster, tm
 
 
 def test_a_scheduler_that_is_not_there_is_told(waves, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("skelgen.app.batch.cluster.CONNECTING", 1.0)
+    monkeypatch.setattr("skelgen.app.batch.workers.CONNECTING", 1.0)
     assert main(["batch", str(waves), "-o", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:9"]) == 2
     assert "there is no dask scheduler at tcp://127.0.0.1:9" in capsys.readouterr().err

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import skelgen
+from skelgen.app.project_file.archive import open_project
 from skelgen.app.stages import PIPELINE
-from skelgen.app.store import open_project
 from skelgen.cli import main
 from skelgen.cli.options import parameter_options, reader_options
 from skelgen.errors import Cancelled

@@ -9,7 +9,7 @@ import pytest
 
 from skelgen.app.corrections import place_of, with_correction, without_correction
 from skelgen.app.pipeline import run_stages
-from skelgen.app.store import open_project, save_project
+from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.errors import InputError
 from skelgen.model import Project
 from skelgen.model.corrections import RULES, Correction

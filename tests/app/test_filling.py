@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.app.filling import fill_project, write_filled
+from skelgen.app.export import fill_project, write_filled
 from skelgen.app.report import report_html
 from skelgen.cli.application import main
 from skelgen.errors import MissingResultError, WriteError

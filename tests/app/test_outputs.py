@@ -8,7 +8,7 @@ import pytest
 
 from skelgen.app import outputs
 from skelgen.app.outputs import Output, stem_of, write_outputs
-from skelgen.app.store import save_project
+from skelgen.app.project_file.archive import save_project
 from skelgen.errors import WriteError
 
 SIMPLE = (

@@ -10,7 +10,7 @@ import pytest
 import skelgen
 from skelgen.app.files import open_input
 from skelgen.app.pipeline import run_stages
-from skelgen.app.store import open_project, save_project
+from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.errors import FormatError, WriteError
 from skelgen.model import Project
 from skelgen.simulation import simulate

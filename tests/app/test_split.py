@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.app.split import limbs_with_parts
+from skelgen.app.inputs import limbs_with_parts
 from skelgen.model import Limbs, Trajectories
 
 NAMES = ("A", "B", "C", "A_2")

@@ -10,9 +10,8 @@ from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.mfml import read_mfml
 
 import skelgen
-from skelgen.app.files import format_rows, name_of_format, open_input
-from skelgen.app.stereo import is_stereo
-from skelgen.app.store import open_project
+from skelgen.app.files import format_rows, is_stereo, name_of_format, open_input
+from skelgen.app.project_file.archive import open_project
 from skelgen.capture.rig import simulated_rig
 from skelgen.cli import main
 from skelgen.errors import InputError, WriteError

@@ -14,16 +14,12 @@ from skelgen_formats.registry import write_file
 
 from skelgen.app.face import reconstruct
 from skelgen.benchmark import SUITES, Section, run_benchmark, write_benchmark_page
-from skelgen.benchmark.accuracy import measure_exports, measure_joints, reconstructed
+from skelgen.benchmark.accuracy import measure_exports, measure_joints, reconstructed, rotation_centre, score_error
 from skelgen.benchmark.judges import JUDGES
 from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
-from skelgen.benchmark.peer import rotation_centre, score_error
-from skelgen.benchmark.plots import Series, draw
-from skelgen.benchmark.sections import MISSED, QUICK, REACHED, Effort, Figure, table
-from skelgen.benchmark.state import load_state, save_state
-from skelgen.benchmark.suites import SECONDS
-from skelgen.benchmark.takes import fifty_markers, long_take, ten_limbs, thirty_limbs
-from skelgen.benchmark.timing import Run, measure_runs, run_stages
+from skelgen.benchmark.page import MISSED, QUICK, REACHED, Effort, Figure, Series, draw, table
+from skelgen.benchmark.speed import Run, fifty_markers, long_take, measure_runs, run_stages, ten_limbs, thirty_limbs
+from skelgen.benchmark.suites import SECONDS, load_state, save_state
 from skelgen.cli import main
 from skelgen.errors import InputError, SkelgenError, WriteError
 from skelgen.geometry.rotations import matrix_from_vector

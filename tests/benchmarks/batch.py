@@ -23,12 +23,10 @@ import psutil
 from shown import show, show_machine, verdict
 
 import skelgen
-from skelgen.app.batch.cluster import on_cluster
-from skelgen.app.batch.job import Job
 from skelgen.app.batch.run import Pool, run_batch
 from skelgen.app.batch.takes import Entry
-from skelgen.app.batch.work import Outcome
-from skelgen.app.batch.workers import in_processes
+from skelgen.app.batch.work import Job, Outcome
+from skelgen.app.batch.workers import in_processes, on_cluster
 from skelgen.simulation import Structure, find_structure, simulate
 
 N_TAKES, N_FRAMES, NOISE = 100, 1000, 0.3

@@ -12,8 +12,7 @@ import numpy as np
 from shown import show, show_machine, verdict
 
 import skelgen
-from skelgen.benchmark.accuracy import is_exact
-from skelgen.benchmark.peer import score_error
+from skelgen.benchmark.accuracy import is_exact, score_error
 from skelgen.evaluation import evaluate
 from skelgen.simulation import simulate
 

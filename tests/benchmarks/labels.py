@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 import skelgen
 from skelgen.app.configuration import Settings
 from skelgen.app.pipeline import run_stages
-from skelgen.benchmark.takes import fifty_markers
+from skelgen.benchmark.speed import fifty_markers
 from skelgen.evaluation import evaluate
 from skelgen.model import PointCloud, Project
 from skelgen.simulation import Structure, simulate

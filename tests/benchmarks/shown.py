@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
-from skelgen.benchmark.sections import verdict
+from skelgen.benchmark.page import verdict
 from skelgen.evaluation import Table
 
 __all__ = ["in_own_process", "peak_gigabytes", "show", "show_machine", "verdict"]

@@ -12,8 +12,7 @@ import dataclasses
 import numpy as np
 from shown import show, show_machine, verdict
 
-from skelgen.benchmark.takes import LONG_TAKE_MARKERS, long_take, ten_limbs, thirty_limbs
-from skelgen.benchmark.timing import Run, measure_runs
+from skelgen.benchmark.speed import LONG_TAKE_MARKERS, Run, long_take, measure_runs, ten_limbs, thirty_limbs
 from skelgen.model import Trajectories
 from skelgen.simulation import simulate
 

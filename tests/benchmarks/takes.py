@@ -14,8 +14,8 @@ import numpy as np
 from shown import show, show_machine, verdict
 
 import skelgen
-from skelgen.app.joint_calibration import calibrate_together
-from skelgen.app.known_skeleton import apply_skeleton
+from skelgen.app.several_takes import calibrate_together
+from skelgen.app.subject import apply_skeleton
 from skelgen.evaluation import evaluate
 from skelgen.simulation import find_structure, simulate
 

@@ -14,7 +14,7 @@ import pytest
 from skelgen_formats.gltf import write_gltf
 from skelgen_formats.registry import find_format, write_file
 
-from skelgen.benchmark.gltf_poses import GltfPoses
+from skelgen.benchmark.judges import GltfPoses
 from skelgen.errors import WriteError
 
 pygltflib = pytest.importorskip("pygltflib", reason="pip install pygltflib, which reads what is judged")

@@ -12,7 +12,7 @@ from skelgen_formats.identities_csv import read_identities
 
 import skelgen
 from skelgen.app.pipeline import run_stages
-from skelgen.app.store import open_project, save_project
+from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.cli import main
 from skelgen.errors import FormatError, InputError
 from skelgen.model import Identities, Identity, PointCloud, Project, Trajectories

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.app.store import open_project, save_project
+from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.kinematics.posed_motion import PosedMotion
 from skelgen.model import Motion
 from skelgen.stages.joints import find_joints, placing

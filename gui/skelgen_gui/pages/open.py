@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from skelgen.app.files import given_identities
-from skelgen.app.told import take_sentences
+from skelgen.app.stage_summary import take_sentences
 from skelgen.model import Project
 from skelgen_gui.pages.context import Context
 from skelgen_gui.tips import rich

@@ -25,10 +25,10 @@ from PySide6.QtWidgets import (
 
 from skelgen.app.configuration import parameters_class
 from skelgen.app.corrections import number_of, with_number
-from skelgen.app.saved import with_saved
+from skelgen.app.project_file.archive import SUFFIX, find_result, open_project
+from skelgen.app.project_file.checks import with_saved
+from skelgen.app.stage_summary import Pointer, stage_pointers, stage_sentences
 from skelgen.app.stages import find_stage
-from skelgen.app.store import SUFFIX, find_result, open_project
-from skelgen.app.told import Pointer, stage_pointers, stage_sentences
 from skelgen.model import Project
 from skelgen_gui.derived import Deriver
 from skelgen_gui.forms import stage_form

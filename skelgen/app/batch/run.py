@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import quote
 
-from skelgen.app.batch.job import Job
-from skelgen.app.batch.page import PAGE, write_page
 from skelgen.app.batch.records import (
     DONE,
     FAILED,
@@ -21,8 +21,10 @@ from skelgen.app.batch.records import (
     write_json,
 )
 from skelgen.app.batch.takes import Entry, find_entries
-from skelgen.app.batch.work import Outcome, blank_record, check_formats
+from skelgen.app.batch.work import Job, Outcome, blank_record, check_formats
 from skelgen.app.batch.workers import in_processes
+from skelgen.app.files import write_html
+from skelgen.app.report.wording import counted, duration, millimetres
 from skelgen.errors import InputError, WriteError
 from skelgen.progress import SILENT, Monitor
 
@@ -184,3 +186,69 @@ class _Gathered:
         """Return what became of it."""
         records = tuple(self._records.values())
         return BatchResult(records, self._kept, self._output / MANIFEST, self._output / PAGE)
+
+
+PAGE = "index.html"
+
+_COUNTS = ("markers", "limbs", "joints")
+_PICTURE = ".svg"
+_REPORT = ".html"
+_PROJECT = ".skelgen"
+
+
+def write_page(manifest: Record, path: Path) -> Path:
+    """Write the page of a batch; it holds no times, so the same takes give the same page.
+
+    Parameters
+    ----------
+    manifest : dict
+        From `manifest_of`.
+    path : Path
+        The HTML file, in the folder of the batch.
+
+    Raises
+    ------
+    WriteError
+        If it cannot be written.
+    """
+    return write_html(
+        __name__.rpartition(".")[0],
+        path,
+        sentence=_sentence(manifest["counts"]),
+        columns=_COUNTS,
+        rows=[_row(record) for record in manifest["takes"]],
+    )
+
+
+def _sentence(counts: dict[str, int]) -> str:
+    n_takes = sum(counts.values())
+    parts = [f"{counts[outcome]} {outcome}" for outcome in counts if counts[outcome]]
+    return f"{counted(n_takes, 'take')}: {', '.join(parts)}."
+
+
+def _row(record: Record) -> dict[str, Any]:
+    facts, name = record["facts"], record["name"]
+    row = {"name": name, "outcome": record["outcome"], "error": record["error"]}
+    row |= {"notices": facts.get("notices", []), "counts": [facts.get(key, "–") for key in _COUNTS]}
+    row |= {kind: _link(record, suffix) for kind, suffix in _LINKS.items()}
+    row["length"] = _length(facts) if record["outcome"] == DONE else "–"
+    residual = facts.get("residual_mm")
+    row["residual"] = "–" if residual is None else millimetres(residual)
+    row["is_failed"] = record["outcome"] == FAILED
+    return row
+
+
+_LINKS = {"picture": _PICTURE, "report": _REPORT, "project": _PROJECT}
+
+
+def _link(record: Record, suffix: str) -> str:
+    """Address of a take's file, from the page; empty if there is none."""
+    for file in record["files"]:
+        if file.endswith(suffix):
+            return quote(str(PurePosixPath(record["name"]) / file), errors="surrogateescape")
+    return ""
+
+
+def _length(facts: Record) -> str:
+    frames = counted(facts["frames"], "frame")
+    return f"{frames}, {duration(max(facts['frames'] - 1, 0) / facts['rate_hz'])}"

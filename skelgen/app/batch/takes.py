@@ -12,7 +12,7 @@ from skelgen_formats.registry import SNIFF_BYTES, known_formats
 
 from skelgen.app.batch.records import MANIFEST, RECORD
 from skelgen.app.outputs import OUTPUTS, stem_of
-from skelgen.app.store import SUFFIX
+from skelgen.app.project_file.archive import SUFFIX
 from skelgen.errors import InputError
 
 GENERIC = (".csv", ".tsv", ".xml")

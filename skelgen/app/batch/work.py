@@ -1,22 +1,25 @@
-"""One take of a batch, from its file to its folder: what workers do, on this machine or on others."""
+"""What is done with every take of a batch, as it is sent to the workers."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import errno
+import hashlib
+import json
 import socket
 import sys
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from skelgen_formats.registry import find_format, write_file
 
 import skelgen
-from skelgen.app.batch.job import Job
-from skelgen.app.batch.known import known_of
 from skelgen.app.batch.records import (
     DONE,
     FAILED,
@@ -33,14 +36,112 @@ from skelgen.app.batch.takes import Entry
 from skelgen.app.configuration import Settings
 from skelgen.app.export import REPORT
 from skelgen.app.files import open_input
-from skelgen.app.known_skeleton import apply_skeleton
-from skelgen.app.monitors import CollectingMonitor
 from skelgen.app.outputs import OUTPUTS, Output, write_outputs
-from skelgen.app.pipeline import run_stages
-from skelgen.errors import FormatError, SkelgenError, WriteError
+from skelgen.app.pipeline import CollectingMonitor, run_stages
+from skelgen.app.project_file.archive import find_result
+from skelgen.app.stages import Wishes
+from skelgen.app.subject import apply_skeleton, open_known
+from skelgen.errors import FormatError, InputError, SkelgenError, WriteError
 from skelgen.files import sha256_of
 from skelgen.model import PointCloud, Project
 from skelgen.progress import SILENT
+
+
+@dataclass(frozen=True)
+class KnownFile:
+    """The file of a known skeleton.
+
+    Attributes
+    ----------
+    path : str
+        A project; on a cluster all machines see it at this path.
+    sha256 : str
+        Checksum of its content: takes of one batch have one skeleton.
+    """
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is done with every take.
+
+    Attributes
+    ----------
+    settings : mapping of str to mapping
+        Parameters that somebody wants otherwise, by stage.
+    wishes : Wishes
+        Known numbers and trees; one process for each take.
+    seed : int or None
+        Seed of every take; None for that of a project, or 0.
+    until : str or None
+        Last stage; None for the last of all.
+    format_name : str or None
+        Format in which all takes are read; None finds it for each.
+    reader_options : mapping of str to value
+        What readers are told.
+    formats : tuple of str
+        Formats that are written beside the usual files.
+    skeleton : KnownFile or None
+        Skeleton of another take, by which all takes are labelled and posed; None finds that of each.
+    version : str
+        Version of skelgen that all workers must have: results of two would not be those of either.
+    """
+
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    wishes: Wishes = field(default_factory=Wishes)
+    seed: int | None = None
+    until: str | None = None
+    format_name: str | None = None
+    reader_options: Mapping[str, Any] = field(default_factory=dict)
+    formats: tuple[str, ...] = ()
+    skeleton: KnownFile | None = None
+    version: str = skelgen.__version__
+
+    def as_mapping(self) -> dict[str, Any]:
+        """Return all of it as plain values."""
+        return dataclasses.asdict(self)
+
+    @property
+    def fingerprint(self) -> str:
+        """Text that differs for jobs that differ."""
+        text = json.dumps(self.as_mapping(), sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def known_file(path: Path | str) -> KnownFile:
+    """Return the file of a known skeleton, checked.
+
+    Parameters
+    ----------
+    path : Path or str
+        A project file, or the folder of a run.
+
+    Raises
+    ------
+    InputError
+        If it holds no skeleton that could be applied.
+    """
+    open_known(path)
+    file = find_result(Path(path)).absolute()
+    return KnownFile(str(file), sha256_of(file))
+
+
+@lru_cache(maxsize=1)
+def known_of(file: KnownFile) -> Project:
+    """Return the known skeleton of a batch; a worker reads it once.
+
+    Raises
+    ------
+    InputError
+        If it holds no skeleton, or is not the file with which the batch began.
+    """
+    known = open_known(file.path)
+    if sha256_of(Path(file.path)) != file.sha256:
+        raise InputError(f"{file.path}: is not the skeleton with which the batch began; begin it anew")
+    return known
+
 
 USUAL = (".skelgen", ".labels.c3d", ".limbs.csv", ".joints.csv", ".angles.csv")
 """Files of every take, by what follows the stem. The project holds all else: `skelgen convert`, `skelgen report`."""

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.advice import doubtful_share
-from skelgen.app.filling import fill_project
+from skelgen.app.export import fill_project
 from skelgen.app.report import measures, svg
 from skelgen.app.report.colours import limb_colour
 from skelgen.app.report.figure_costs import cost_graph
@@ -23,7 +23,7 @@ from skelgen.app.report.joints import joints_content
 from skelgen.app.report.labels import labels_content
 from skelgen.app.report.run_facts import stage_tables, versions
 from skelgen.app.report.wording import counted, digits, duration, listed, millimetres, percent, plain
-from skelgen.app.summary import column_rows
+from skelgen.app.tables import column_rows
 from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.filled import Source
 from skelgen.model.skeleton import JOINT_KINDS

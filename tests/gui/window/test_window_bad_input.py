@@ -13,7 +13,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QMessageBox
 
 import skelgen
-from skelgen.app.store import open_project
+from skelgen.app.project_file.archive import open_project
 from skelgen.simulation import simulate
 
 SMALL = 5000  # bytes that each file may have: less than what is written here, more than the settings

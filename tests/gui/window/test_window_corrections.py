@@ -14,7 +14,7 @@ from skelgen_gui.correct.frames import FramesDialog
 from skelgen_gui.session import Selection
 
 import skelgen
-from skelgen.app.store import find_result, open_project
+from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.simulation import simulate
 
 FRAME = 60

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from skelgen.app.advice import advice_on
-from skelgen.app.summary import column_rows, project_tables, take_facts
-from skelgen.cli.screen import Screen
-from skelgen.cli.tables import show_project
+from skelgen.app.tables import column_rows, project_tables, take_facts
+from skelgen.cli.screen import Screen, show_project
 from skelgen.model import Labelling, PointCloud, Project, StageReport, Trajectories
 from skelgen.model.labelling import Doubt, Tracklets
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.app.configuration import Settings
-from skelgen.app.known_skeleton import check_known, stage_wishes
 from skelgen.app.pipeline import run_stages
+from skelgen.app.subject import check_known, stage_wishes
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Poses, Project, StageReport, Take, Trajectories
 from skelgen.model.arrays import Floats

@@ -20,9 +20,9 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 import skelgen
-from skelgen.app.consistency import check_chain
-from skelgen.app.packing import packed, unpacked
-from skelgen.app.references import reference_to, take_of
+from skelgen.app.project_file.checks import check_chain
+from skelgen.app.project_file.packing import packed, unpacked
+from skelgen.app.project_file.references import reference_to, take_of
 from skelgen.errors import FormatError, InputError
 from skelgen.files import replacing
 from skelgen.model import Project, StageReport, Take

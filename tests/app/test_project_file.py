@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from skelgen_formats.summary_json import summary
 
+from skelgen.app.project_file.archive import VERSION, find_result, is_project_file, open_project, save_project
 from skelgen.app.report import report_html
-from skelgen.app.store import VERSION, find_result, is_project_file, open_project, save_project
-from skelgen.app.summary import project_tables
+from skelgen.app.tables import project_tables
 from skelgen.errors import FormatError, WriteError
 from skelgen.model import Labelling, PointCloud, Project, StageReport
 from skelgen.model.labelling import Agreement, Doubt, Tracklets

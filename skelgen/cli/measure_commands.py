@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +14,7 @@ from skelgen.cli.screen import Screen
 
 if TYPE_CHECKING:
     from skelgen.benchmark import Section
+    from skelgen.capture.error_propagation.by_distance import Curve, RigErrors
 
 PageFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write, HTML.")]
 Suites = Annotated[
@@ -44,8 +46,7 @@ def benchmark(
     from skelgen.benchmark import run_benchmark, write_benchmark_page
     from skelgen.benchmark.machine import machine_line
     from skelgen.benchmark.page import counts_sentence
-    from skelgen.benchmark.state import load_state, save_state
-    from skelgen.benchmark.suites import chosen
+    from skelgen.benchmark.suites import chosen, load_state, save_state
 
     screen = Screen(quiet, as_json)
     words = ["skelgen benchmark", *(["--quick"] if quick else []), *(f"--suite {name}" for name in suites or ())]
@@ -73,3 +74,49 @@ def benchmark(
     screen.say(f"{counts_sentence(sections)}; written: {output}")
     tables = {section.name: [vars(table) for table in section.tables] for section in sections}
     screen.json({"machine": machine_line(), "measured": measured(), "sections": tables, "file": str(output)})
+
+
+RIG = "rig"
+"""What stands in the place of a result when a rig is to be evaluated; a project of this name is ``./rig``."""
+
+
+def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
+    """Print the standard deviations of points, bodies and joint angles; draw them if a file is named."""
+    from skelgen_formats.capture_settings import read_settings
+
+    from skelgen.capture.error_propagation.by_distance import errors_by_distance
+
+    errors = errors_by_distance(read_settings(settings))
+    screen.say(
+        f"standard deviations for {errors.noise:g} px of noise in the images; distances from the cameras' middle"
+    )
+    for curve in errors.curves:
+        screen.table(f"{curve.what.capitalize()} [{curve.unit}]", _rows(errors, curve))
+    if plot is not None:
+        from skelgen.capture.error_propagation.plot import plot_errors
+
+        plot_errors(errors, plot)
+        screen.say(f"written: {plot}")
+    screen.json(_mapping(errors))
+
+
+def _rows(errors: RigErrors, curve: Curve) -> list[dict[str, Any]]:
+    return [
+        {
+            "distance [mm]": f"{distance:g}",
+            **{name: _number(value) for name, value in zip(curve.columns, row, strict=True)},
+        }
+        for distance, row in zip(errors.distances, curve.std, strict=True)
+    ]
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), 4) if math.isfinite(value) else None
+
+
+def _mapping(errors: RigErrors) -> dict[str, Any]:
+    return {
+        "noise_px": errors.noise,
+        "distances_mm": errors.distances.tolist(),
+        "curves": [{"what": curve.what, "unit": curve.unit, "rows": _rows(errors, curve)} for curve in errors.curves],
+    }

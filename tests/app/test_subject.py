@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.app.joint_calibration import calibrate_together
-from skelgen.app.known_skeleton import apply_skeleton
+from skelgen.app.several_takes import calibrate_together
+from skelgen.app.subject import apply_skeleton
 from skelgen.cli import main
 from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
@@ -37,11 +37,11 @@ def folder(tmp_path_factory):
 def test_take_is_fitted_by_the_skeleton_of_another_one(folder, tmp_path, command):
     words = [command, "--skeleton", str(folder / "rom"), str(folder / "walk.mfml"), "-o", str(tmp_path / "out"), "-q"]
     assert main(words) == 0
-    project = skelgen.app.store.open_project(tmp_path / "out" / "walk.skelgen")
+    project = skelgen.app.project_file.archive.open_project(tmp_path / "out" / "walk.skelgen")
     scores = evaluate(project, read_truth(folder / "walk.truth.npz"))
     assert scores.labels.idf1 > 0.99
     assert scores.as_mapping()["summary"]["mean_joint_error"] < 1.0
-    known = skelgen.app.store.open_project(folder / "rom" / "rom.skelgen")
+    known = skelgen.app.project_file.archive.open_project(folder / "rom" / "rom.skelgen")
     assert project.skeleton.lengths == known.skeleton.lengths
     assert {".xml", ".html", ".json"} <= {path.suffix for path in (tmp_path / "out").iterdir()}
 
@@ -65,7 +65,7 @@ def test_takes_are_calibrated_together_from_the_command_line(folder, tmp_path):
     takes = [str(folder / name) for name in ("rom.c3d", "walk.mfml")]
     assert main(["calibrate", "skeleton", *takes, "-o", str(tmp_path), "-q"]) == 0
     projects = [
-        skelgen.app.store.open_project(tmp_path / name)
+        skelgen.app.project_file.archive.open_project(tmp_path / name)
         for name in ("skeleton.skelgen", "rom/rom.skelgen", "walk/walk.skelgen")
     ]
     assert [project.motion.n_frames for project in projects] == [2 * FRAMES, FRAMES, FRAMES]

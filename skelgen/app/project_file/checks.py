@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
-from skelgen.errors import InputError
+from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Labelling, Limbs, Motion, PointCloud, Poses, Project, Skeleton, Topology, Trajectories
 from skelgen.model.corrections import Correction
+from skelgen.model.project import STAGES
 
 
 def check_chain(project: Project) -> None:
@@ -76,3 +78,48 @@ def _check_indices(skeleton: Skeleton) -> None:
         raise InputError("a joint's parent is not the parent of its limb")
     if any(not 0 <= limb < skeleton.n_limbs for joint in skeleton.loops for limb in (joint.parent, joint.child)):
         raise InputError("a joint that closes a ring names a limb that does not exist")
+
+
+def with_saved(project: Project, saved: Project, stage: str) -> Project:
+    """Return a project with one stage's result from another project of the same take; what comes after is dropped.
+
+    Parameters
+    ----------
+    project : Project
+        With the results of the stages before.
+    saved : Project
+        Where the result comes from.
+    stage : str
+        ``labels``, ``limbs``, ``joints`` or ``skeleton``.
+
+    Raises
+    ------
+    MissingResultError
+        If either project lacks what is needed.
+    InputError
+        If the two are not of the same take.
+    """
+    if not saved.has(stage):
+        raise MissingResultError(f"{saved.name or 'that project'} has no result of the stage {stage!r}")
+    _check_same_take(project, saved, stage)
+    report = replace(saved.reports[stage], notices=(*saved.reports[stage].notices, "taken from a saved project"))
+    if stage == "labels":
+        result = project.with_trajectories(saved.trajectories, report, saved.labelling if saved.has_labelling else None)
+    elif stage == "limbs":
+        result = project.with_limbs(saved.limbs, report)
+    elif stage == "joints":
+        result = project.with_topology(saved.topology, report)
+    else:
+        result = project.with_skeleton(saved.skeleton, saved.motion, report)
+    check_chain(result)
+    return result
+
+
+def _check_same_take(project: Project, saved: Project, stage: str) -> None:
+    if saved.take.n_frames != project.take.n_frames:
+        raise InputError(
+            f"the saved result is of {saved.take.n_frames} frames, this take has {project.take.n_frames}: they are not "
+            "of the same recording"
+        )
+    if stage != STAGES[0] and project.has("labels") and saved.trajectories.names != project.trajectories.names:
+        raise InputError("the saved result is of markers with other names; take the labels of that project first")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from skelgen.app.pipeline import run_stages
-from skelgen.app.saved import with_saved
-from skelgen.app.told import stage_pointers, stage_sentences, take_sentences
+from skelgen.app.project_file.checks import with_saved
+from skelgen.app.stage_summary import stage_pointers, stage_sentences, take_sentences
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Project
 from skelgen.model.project import STAGES

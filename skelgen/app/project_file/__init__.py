@@ -1,0 +1,1 @@
+"""The project file ``.skelgen``: its archive, values as plain data, checks of both, and the recording it refers to."""
