@@ -55,6 +55,10 @@ class WriteError(SkelgenError):
     """A file cannot be written: no rights, disk full, or a format that cannot hold the value."""
 
 
+class KernelError(SkelgenError):
+    """A kernel cannot be compiled, or its machine code cannot be kept."""
+
+
 class Cancelled(SkelgenError):  # noqa: N818 - not an error of the user's but an answer to his wish
     """The user asked for a stop; nothing half-written is left."""
 
