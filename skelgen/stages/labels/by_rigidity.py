@@ -10,9 +10,8 @@ from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.articulated import refine_labels
 from skelgen.stages.labels.blocks import counts_together, renumbered
 from skelgen.stages.labels.by_hand import Fixed
-from skelgen.stages.labels.by_sets import stand_alone_frames
 from skelgen.stages.labels.follow import typical_spacing
-from skelgen.stages.labels.marker_sets import MarkerSets
+from skelgen.stages.labels.marker_sets import MarkerSets, stand_alone_frames
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.windows import MOST_KEPT, join_sets
 

@@ -13,14 +13,11 @@ from skelgen.model.arrays import Bools, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.follow import typical_spacing
 from skelgen.stages.labels.grouping import group_sets
-from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, least_length
+from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, least_length, stand_alone_frames
 from skelgen.stages.labels.parameters import LabelParameters
 
 MOST_SETS = 3000
 """Bounds time and memory, which grow with the square of the number of sets."""
-
-STAND_ALONE_SHARE = 0.5
-"""A set that spans half of the take stands alone, however short the take."""
 
 
 def markers_by_sets(
@@ -68,11 +65,6 @@ def markers_by_sets(
     trusted = (markers.lengths >= stand_alone_frames(cloud.n_frames, rate, parameters)) | (nearest <= limit)
     kept = _chosen(markers, trusted, wanted)
     return markers.chosen(kept).set_of_points(cloud.n_points), n_too_many + int((~kept)[group].sum())
-
-
-def stand_alone_frames(n_frames: int, rate: float, parameters: LabelParameters) -> float:
-    """Number of frames from which a set needs no partner to be trusted."""
-    return min(parameters.stand_alone * rate, STAND_ALONE_SHARE * n_frames)
 
 
 def _longest(sets: MarkerSets) -> MarkerSets:

@@ -125,7 +125,7 @@ def identity_confidence(
         told = stated.any(axis=0)
         original[told], alone[told], rare[told] = -1, False, False
     usual = usual.without_pieces(original)
-    fast, seen = loops(f"{__package__}.compiled_weighing", f"{__package__}.weighing"), trajectories.seen
+    fast, seen = loops("skelgen.stages.labels.compiled_weighing", "skelgen.stages.labels.weighing"), trajectories.seen
     evidence, rival, n_seen = fast.evidence_of(
         trajectories.positions, usual.distance, usual.spread, usual.mates, usual.rivals, usual.reach
     )

@@ -203,7 +203,7 @@ def _twin(n_pairs: float, compiled: bool | None) -> _Follow:
 
     What an earlier run has compiled is there at once, and once imported it serves short takes as well.
     """
-    is_small = n_pairs < _WORTH_IMPORTING and f"{__package__}.compiled" not in sys.modules
+    is_small = n_pairs < _WORTH_IMPORTING and "skelgen.stages.labels.compiled" not in sys.modules
     if compiled is False or (compiled is None and is_small):
         return plain.follow_frames
     try:

@@ -17,6 +17,9 @@ _LEAST_SHARE = 0.25
 # Share of the shortest set's frames in which the number of markers must be seen.
 _COUNTED_SHARE = 0.1
 
+STAND_ALONE_SHARE = 0.5
+"""A set that spans half of the take stands alone, however short the take."""
+
 
 @dataclass(frozen=True, eq=False)
 class MarkerSets:
@@ -166,6 +169,11 @@ def _gathered(cloud: PointCloud, owner: Ints, sizes: Ints, wanted: Bools) -> Mar
 def least_length(n_frames: int, rate: float, parameters: LabelParameters) -> int:
     """Return the number of frames below which a Marker Set is removed."""
     return parameters.min_range or max(1, int(min(_LEAST_SECONDS * rate, _LEAST_SHARE * n_frames)))
+
+
+def stand_alone_frames(n_frames: int, rate: float, parameters: LabelParameters) -> float:
+    """Number of frames from which a set needs no partner to be trusted."""
+    return min(parameters.stand_alone * rate, STAND_ALONE_SHARE * n_frames)
 
 
 def count_markers(sets: MarkerSets, least: int) -> int:

@@ -18,7 +18,6 @@ from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.blocks import all_positions, in_order_of_appearance, marker_names
 from skelgen.stages.labels.by_hand import fix_points
 from skelgen.stages.labels.by_rigidity import markers_by_rigidity
-from skelgen.stages.labels.by_sets import markers_by_sets
 from skelgen.stages.labels.follow import follow_points, typical_spacing
 from skelgen.stages.labels.judged import Origin, history_of, labelling_of_cloud
 from skelgen.stages.labels.marker_sets import MarkerSets, count_markers, find_marker_sets, least_length
@@ -84,6 +83,8 @@ def label_and_judge(
     """Do as `label_markers` does, and tell how sure the identities are and what the seed's method would have given."""
     trajectories, origin, sets = _labelled(cloud, parameters, n_markers, identities, seed, monitor)
     if parameters.method != "sets" and parameters.compare and len(sets) <= MOST_COMPARED:
+        from skelgen.stages.labels.by_sets import markers_by_sets  # noqa: PLC0415 - only where it is asked for
+
         theirs, _ = markers_by_sets(
             origin.cloud, sets, trajectories.rate, parameters, n_markers=n_markers, seed=seed, monitor=monitor
         )
@@ -111,6 +112,8 @@ def _labelled(
     sets = _sets(cloud, owner, rate, parameters)
     n_removed = 0
     if parameters.method == "sets":
+        from skelgen.stages.labels.by_sets import markers_by_sets  # noqa: PLC0415 - only where it is asked for
+
         found, n_removed = markers_by_sets(
             cloud, sets, rate, parameters, n_markers=n_markers, seed=seed, monitor=monitor
         )

@@ -32,7 +32,7 @@ Cycle = tuple[int, ...]
 
 def step_loops() -> ModuleType:
     """Return `steps`, or its compiled twin."""
-    return loops(f"{__package__}.compiled_steps", f"{__package__}.steps")
+    return loops("skelgen.stages.labels.repair.compiled_steps", "skelgen.stages.labels.repair.steps")
 
 
 def neighbours_of(positions: Floats, most: int = N_NEIGHBOURS) -> Ints:
