@@ -135,12 +135,12 @@ def _found_labels(
         )
         return trajectories_from_poses(take), None
     from skelgen.stages.labels import labelling_of_markers  # noqa: PLC0415 - see the module's docstring
-    from skelgen.stages.labels.repair import repair_take  # noqa: PLC0415
+    from skelgen.stages.repair import repair_take  # noqa: PLC0415
 
     repair = repair_take(take, parameters, monitor=monitor)
     repaired = repair.trajectories
     if project.identities is not None:
-        from skelgen.stages.labels.obedience import obey_in_labelled  # noqa: PLC0415
+        from skelgen.stages.labels.user_labels.constraints import obey_in_labelled  # noqa: PLC0415
 
         repaired = obey_in_labelled(take, repaired, project.identities, parameters, monitor)
     return repaired, labelling_of_markers(repaired, take, repair.findings)

@@ -21,7 +21,7 @@ from skelgen.stages.known import KnownFit, fit_known
 from skelgen.stages.known.posing import known_motion, pose_known
 from skelgen.stages.known.sensors import Seat, reseated
 from skelgen.stages.labels import labelling_of_markers
-from skelgen.stages.labels.judged import Origin, history_of, labelling_of_cloud
+from skelgen.stages.labels.confidence.label_quality import Origin, history_of, labelling_of_cloud
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
 

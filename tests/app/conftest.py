@@ -101,7 +101,7 @@ def stand_ins(monkeypatch):
             "label_and_judge": _label_and_judge,
             "labelling_of_markers": _labelling_of_markers,
         },
-        "labels.repair": {"repair_take": _repair_take},
+        "repair": {"repair_take": _repair_take},
         "limbs": {"LimbParameters": _Limbs, "find_limbs": _find_limbs},
         "joints": {"JointParameters": _Joints, "find_joints": _find_joints},
         "skeleton": {"SkeletonParameters": _Skeleton, "fit_skeleton": _fit_skeleton},

@@ -22,7 +22,7 @@ import skelgen
 from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters, label_and_judge, labelling_of_markers
-from skelgen.stages.labels.found_points import find_points
+from skelgen.stages.labels.point_labels import find_points
 
 USUAL_PLACE = Path(__file__).parents[3] / "shared" / "data"
 SEEDS = 2

@@ -16,7 +16,7 @@ from skelgen.simulation import simulate
 from skelgen.simulation.markers import merged_points, shuffled_points
 from skelgen.simulation.motion import smooth_curves
 from skelgen.stages.labels import LabelParameters
-from skelgen.stages.labels.follow import follow_points
+from skelgen.stages.labels.tracking.follow import follow_points
 
 SEEDS = range(3)
 N_FRAMES = 1500

@@ -8,8 +8,8 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from skelgen.stages.labels.repair.jumps import neighbours_of
-from skelgen.stages.labels.usual import usual_distances
+from skelgen.stages.labels.confidence.distance_statistics import usual_distances
+from skelgen.stages.repair.exchange_evidence import neighbours_of
 
 ROUNDING = 1e-9  # mm and nats: sums of a few thousand products of millimetres, in another order
 SQUARES = 1e-6  # mm^2: the same of squares of distances that change by up to a metre
@@ -58,13 +58,13 @@ def arguments(name, take):
     "name", ["jumps", "changes", "lengths", "relative_steps", "expected_places", "strayed", "fitted_steps"]
 )
 def test_steps_of_both_twins_agree(take, name):
-    results = [getattr(twin, name)(*arguments(name, take)) for twin in twins("skelgen.stages.labels.repair.steps")]
+    results = [getattr(twin, name)(*arguments(name, take)) for twin in twins("skelgen.stages.repair.steps")]
     assert_same(*[result if isinstance(result, tuple) else (result,) for result in results])
 
 
 def test_series_shorter_than_a_line_have_no_jumps_in_either_twin():
     series = np.arange(12.0).reshape(4, 3)
-    for twin in twins("skelgen.stages.labels.repair.steps"):
+    for twin in twins("skelgen.stages.repair.steps"):
         assert np.isnan(twin.jumps(series)).all()
         assert np.isnan(twin.changes(series, 3)).all()
 

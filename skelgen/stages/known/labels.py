@@ -22,10 +22,10 @@ from skelgen.stages.known.points import TrackedPoints, tracked_points
 from skelgen.stages.known.posing import KnownPoses, pose_known
 from skelgen.stages.known.remainder import Settler, settled_tracks
 from skelgen.stages.known.voted import by_tracks
-from skelgen.stages.labels.follow import typical_spacing
-from skelgen.stages.labels.online.chain import Chain
-from skelgen.stages.labels.online.model import ModelLabels
+from skelgen.stages.labels.online.pose_filter import Chain
+from skelgen.stages.labels.online.skeleton_labels import ModelLabels
 from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.tracking.follow import typical_spacing
 
 GATE = 5.0
 """Deviations of a marker on its limb within which a point is at its place, as in the labels frame by frame."""

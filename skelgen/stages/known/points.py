@@ -9,8 +9,8 @@ import numpy as np
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.follow import follow_points
 from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.tracking.follow import follow_points
 
 
 @dataclass(frozen=True, eq=False)

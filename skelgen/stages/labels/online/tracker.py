@@ -13,8 +13,8 @@ from skelgen.errors import InputError
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats, Ints, check_floats, check_rate
 from skelgen.stages.labels.online.links import Links
-from skelgen.stages.labels.online.model import ModelLabels
-from skelgen.stages.labels.online.rigid import RigidLabels
+from skelgen.stages.labels.online.rigid_labels import RigidLabels
+from skelgen.stages.labels.online.skeleton_labels import ModelLabels
 from skelgen.stages.labels.parameters import LabelParameters
 
 MOST_MARKERS = 200

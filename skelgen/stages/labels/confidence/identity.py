@@ -1,0 +1,155 @@
+r"""How sure it is that each marker is the one that it is called: a probability per marker and frame.
+
+Every marker has mates, the markers whose distances to it vary least, wherever they sit. In each frame the distances
+:math:`d_j` to the mates that are seen are weighed: the likelihood of what they usually are against that of the best
+rival, which is another marker's place, or nowhere in particular. Over time a marker is in one of two states, right or
+wrong; it seldom changes while it is seen without a break, more easily over a gap. The probability of being right, given
+the evidence of all frames, comes from the forward-backward recursion of that hidden Markov chain (Rabiner 1989).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.compiling import loops
+from skelgen.model import Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels.confidence.distance_statistics import TINY_SPREAD, look_alikes, usual_distances
+
+CORRELATED_SECONDS = 0.4
+"""Evidence within this time repeats itself, as a pose lasts: together it counts as one frame's."""
+
+PIECE_RIGHT = 0.1
+"""Probability that a marker is one of its own although another one fits it and is never seen together with it."""
+
+RARELY_SEEN = 0.2
+"""Part of the frames below which a marker that was found is as often a piece of another one as one of its own."""
+
+ALONE_RIGHT = 0.3
+"""Probability of a marker whose distance to no other one is known."""
+
+JUMP_DEVIATIONS = 20.0
+"""A step that surprises by this many times what is usual is a break, where nothing else tells of tracks."""
+
+
+class Prior(NamedTuple):
+    """What is believed before distances speak.
+
+    Attributes
+    ----------
+    right : float
+        Probability that a marker is right when it is first seen.
+    lost : float
+        Probability that another marker is taken for one that was out of sight, or was followed anew.
+    rare : float
+        Probability that a marker which is seldom seen is one of its own; NaN: that is not doubted.
+    """
+
+    right: float
+    lost: float
+    rare: float
+
+
+LABELS_FOUND = Prior(right=0.9, lost=0.1, rare=0.5)
+"""Of takes that came as points."""
+
+LABELS_GIVEN = Prior(right=0.97, lost=0.05, rare=np.nan)
+"""Of takes that came with labels: somebody has looked at them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Certainty:
+    """What is known of identities in each frame.
+
+    Attributes
+    ----------
+    confidence : ndarray, shape (n_frames, n_markers)
+        Probability that the marker is the one that it is called; NaN where it is unseen.
+    rival : ndarray of int16, shape (n_frames, n_markers)
+        The marker whose place fits next best, -1 = nowhere in particular.
+    n_mates : ndarray of int8, shape (n_frames, n_markers)
+        Mates seen in the frame.
+    evidence : ndarray of float32, shape (n_frames, n_markers), nats
+        For the marker's own place against the best rival's, from the frame alone.
+    original : ndarray of intp, shape (n_markers,)
+        The marker that each one is probably a piece of: it lies where that belongs and is never seen together with it;
+        -1 = none.
+    alone : ndarray of bool, shape (n_markers,)
+        Markers whose distance to no other one is known.
+    rare : ndarray of bool, shape (n_markers,)
+        Markers that are seen so seldom that they may be pieces of others although none fits.
+    twins : tuple of (int, int)
+        Pairs that no distance tells apart although they are seen together.
+    """
+
+    confidence: Floats
+    rival: NDArray[np.int16]
+    n_mates: NDArray[np.int8]
+    evidence: NDArray[np.float32]
+    original: Ints
+    alone: Bools
+    rare: Bools
+    twins: tuple[tuple[int, int], ...]
+
+
+def identity_confidence(
+    trajectories: Trajectories,
+    breaks: Bools | None = None,
+    stated: Bools | None = None,
+    prior: Prior = LABELS_GIVEN,
+) -> Certainty:
+    """Judge the identity of every marker in every frame.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers, however they were labelled.
+    breaks : ndarray of bool, shape (n_frames, n_markers), optional
+        Frames in which a marker is not simply followed from the frame before; by default after gaps and jumps.
+    stated : ndarray of bool, shape (n_frames, n_markers), optional
+        Frames in which the user says that the marker is the one that it is called.
+    prior : Prior
+        What is believed beforehand.
+    """
+    if breaks is None:
+        breaks = jumps(trajectories)
+    usual = usual_distances(trajectories)
+    original, twins = look_alikes(usual, trajectories.seen)
+    alone: Bools = np.asarray((usual.mates < 0).all(axis=1))
+    rare: Bools = (trajectories.seen.mean(axis=0) < RARELY_SEEN) & (original < 0) & ~alone & ~np.isnan(prior.rare)
+    if stated is not None:
+        told = stated.any(axis=0)
+        original[told], alone[told], rare[told] = -1, False, False
+    usual = usual.without_pieces(original)
+    fast, seen = loops("skelgen.stages.labels.compiled_weighing", "skelgen.stages.labels.weighing"), trajectories.seen
+    evidence, rival, n_seen = fast.evidence_of(
+        trajectories.positions, usual.distance, usual.spread, usual.mates, usual.rivals, usual.reach
+    )
+    stated = np.zeros((0, 0), dtype=np.bool_) if stated is None else stated
+    share = max(1.0, CORRELATED_SECONDS * trajectories.rate)
+    confidence = fast.probabilities(evidence, share, seen, stated, breaks | _after_gaps(seen), prior.right, prior.lost)
+    confidence[:, original >= 0] *= PIECE_RIGHT
+    confidence[:, alone] *= ALONE_RIGHT
+    confidence[:, rare] *= prior.rare
+    confidence.flags.writeable = False
+    return Certainty(confidence, rival, n_seen, evidence, original, alone, rare, twins)
+
+
+def jumps(trajectories: Trajectories) -> Bools:
+    """Frames in which a marker is far from where its last step would have brought it, shape (n_frames, n_markers)."""
+    surprise = np.linalg.norm(np.diff(trajectories.positions, n=2, axis=0), axis=2)
+    known = surprise[~np.isnan(surprise)]
+    result = np.zeros(trajectories.seen.shape, dtype=np.bool_)
+    if len(known):
+        result[2:] = surprise > JUMP_DEVIATIONS * max(float(np.median(known)), TINY_SPREAD)
+    return result
+
+
+def _after_gaps(seen: Bools) -> Bools:
+    result = np.zeros(seen.shape, dtype=np.bool_)
+    result[1:] = seen[1:] & ~seen[:-1]
+    return result

@@ -1,0 +1,301 @@
+"""The account of a labelling: confidence, doubtful spans, tracklets and where they went, points that are left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model import PointCloud, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.labelling import Agreement, Doubt, Finding, Labelling, Tracklets, seen_runs
+from skelgen.stages.labels.confidence.identity import CORRELATED_SECONDS, LABELS_FOUND, Certainty, identity_confidence
+from skelgen.stages.labels.point_labels import LONG_BLOCK_FRAMES, Block, blocks_of
+
+SEED_METHOD = "sets"
+"""The method of the labels stage that is the seed's own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """What labelled markers were made of.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        The points as they were labelled.
+    owner : ndarray of intp, shape (n_points,)
+        Track of each point, -1 for none.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker that each point became, -1 for none.
+    by_sets : ndarray of intp, shape (n_points,), or None
+        Marker of each point by the seed's method, -1 for none, where another method came after it.
+    stated : ndarray of bool, shape (n_points,), or None
+        Points whose marker the user has stated.
+    """
+
+    cloud: PointCloud
+    owner: Ints
+    marker_of_point: Ints
+    by_sets: Ints | None = None
+    stated: Bools | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What the account needs of how points became markers; small, whatever the number of points.
+
+    Attributes
+    ----------
+    changes : ndarray of bool, shape (n_frames, n_markers)
+        Frames in which a marker's point is of another track than in the frame before.
+    stated : ndarray of bool, shape (n_frames, n_markers), or None
+        Frames in which the user says that the marker is the one that it is called.
+    left_out : ndarray of intp, shape (n_frames,)
+        Points of each frame that became no marker.
+    tracklets : Tracklets
+        Tracks in the parts that went to one marker each.
+    seed_method : Agreement or None
+        What the seed's method gave.
+    """
+
+    changes: Bools
+    stated: Bools | None
+    left_out: Ints
+    tracklets: Tracklets
+    seed_method: Agreement | None
+
+
+def history_of(origin: Origin, n_markers: int) -> History:
+    """Gather what the account needs, so that the points may be forgotten."""
+    changes = np.zeros((origin.cloud.n_frames, n_markers), dtype=np.bool_)
+    stated = None if origin.stated is None else np.zeros_like(changes)
+    left_out = np.zeros(origin.cloud.n_frames, dtype=np.intp)
+    parts = []
+    for block in blocks_of(origin.cloud, LONG_BLOCK_FRAMES):
+        frames = slice(block.first, block.first + block.n_frames)
+        marker = origin.marker_of_point[block.points]
+        owner = origin.owner[block.points]
+        changes[frames] = _track_changes(block, marker, owner, n_markers)
+        if origin.stated is not None and stated is not None:
+            stated[frames] = _stated(block, marker, origin.stated[block.points], n_markers)
+        left_out[frames] = np.bincount(block.frames[marker < 0], minlength=block.n_frames)
+        parts.append(_parts(owner, marker, block.frames + block.first))
+    agreement = None if origin.by_sets is None else _agreement(origin.by_sets, origin.marker_of_point, n_markers)
+    return History(changes, stated, left_out, _tracklets_of_parts(parts), agreement)
+
+
+def labelling_of_cloud(trajectories: Trajectories, history: History) -> Labelling:
+    """Judge markers that were found in an unlabelled take.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        The markers; each position is that of a point.
+    history : History
+        How points became markers.
+    """
+    certainty = identity_confidence(trajectories, history.changes, history.stated, LABELS_FOUND)
+    return Labelling(
+        certainty.confidence,
+        doubtful_spans(trajectories, certainty),
+        certainty.twins,
+        history.left_out,
+        history.tracklets,
+        history.seed_method,
+    )
+
+
+def labelling_of_markers(trajectories: Trajectories, file: Trajectories, findings: Iterable[Finding] = ()) -> Labelling:
+    """Judge markers that came with labels.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        The markers, perhaps repaired.
+    file : Trajectories
+        As they were read.
+    findings : iterable of Finding
+        Errors of their labels.
+    """
+    certainty = identity_confidence(trajectories)
+    doubts = (*repaired_spans(file, trajectories, certainty.confidence), *doubtful_spans(trajectories, certainty))
+    nothing = np.zeros(trajectories.n_frames, dtype=np.intp)
+    ordered = tuple(sorted(doubts, key=lambda doubt: doubt.first_frame))
+    return Labelling(certainty.confidence, ordered, certainty.twins, nothing, findings=tuple(findings))
+
+
+def _track_changes(block: Block, marker: Ints, owner: Ints, n_markers: int) -> Bools:
+    """Frames in which a marker's point is of another track than in the frame before, shape (n_frames, n_markers)."""
+    track = np.full((block.n_frames, n_markers), -1, dtype=np.intp)
+    used = marker >= 0
+    track[block.frames[used], marker[used]] = owner[used]
+    seen = np.zeros(track.shape, dtype=np.bool_)
+    seen[block.frames[used], marker[used]] = True
+    changes = np.zeros(track.shape, dtype=np.bool_)  # nothing is said where two blocks meet
+    changes[1:] = seen[1:] & ((track[1:] != track[:-1]) | (track[1:] < 0))
+    return changes
+
+
+def _stated(block: Block, marker: Ints, stated: Bools, n_markers: int) -> Bools:
+    """Frames in which the user says that the marker is the one that it is called."""
+    result = np.zeros((block.n_frames, n_markers), dtype=np.bool_)
+    told = stated & (marker >= 0)
+    result[block.frames[told], marker[told]] = True
+    return result
+
+
+def tracklets_of(cloud: PointCloud, owner: Ints, marker_of_point: Ints) -> Tracklets:
+    """Cut tracks into the parts that went to one marker each."""
+    frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
+    return _tracklets_of_parts([_parts(owner, marker_of_point, frame_of_point)])
+
+
+def _parts(owner: Ints, marker_of_point: Ints, frame_of_point: Ints) -> Ints:
+    """Track, marker, first and last frame and number of points of each part, shape (5, n_parts)."""
+    order = np.argsort(owner, kind="stable")
+    order = order[owner[order] >= 0]
+    track, marker, frame = owner[order], marker_of_point[order], frame_of_point[order]
+    starts = np.flatnonzero(_begins(track, marker))
+    ends = np.append(starts[1:], len(order)) - 1 if len(starts) else starts
+    return np.stack([track[starts], marker[starts], frame[starts], frame[ends], ends - starts + 1])
+
+
+def _tracklets_of_parts(parts: list[Ints]) -> Tracklets:
+    """Put the parts of successive frames together; those of one track and marker become one."""
+    track, marker, first, last, n_points = np.concatenate(parts, axis=1) if parts else np.empty((5, 0), dtype=np.intp)
+    order = np.lexsort((first, track))
+    track, marker, first, last, n_points = (values[order] for values in (track, marker, first, last, n_points))
+    starts = np.flatnonzero(_begins(track, marker))
+    if not len(starts):
+        return Tracklets(track, marker, first, last, n_points)
+    ends = np.append(starts[1:], len(track)) - 1
+    numbered = np.unique(track[starts], return_inverse=True)[1].reshape(-1)
+    return Tracklets(numbered, marker[starts], first[starts], last[ends], np.add.reduceat(n_points, starts))
+
+
+def _begins(track: Ints, marker: Ints) -> Bools:
+    new = np.ones(len(track), dtype=np.bool_)
+    new[1:] = (track[1:] != track[:-1]) | (marker[1:] != marker[:-1])
+    return new
+
+
+def _agreement(by_sets: Ints, found: Ints, n_markers: int) -> Agreement:
+    """Compare with what the seed's method gave."""
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
+    n_theirs = int(by_sets.max(initial=-1)) + 1
+    both = (by_sets >= 0) & (found >= 0)
+    counts = np.bincount(by_sets[both] * n_markers + found[both], minlength=n_theirs * n_markers)
+    counts = counts.reshape(n_theirs, n_markers)
+    same = int(counts[linear_sum_assignment(counts, maximize=True)].sum())
+    either = int(((by_sets >= 0) | (found >= 0)).sum())
+    return Agreement(SEED_METHOD, n_theirs, int((by_sets >= 0).sum()), same / max(either, 1))
+
+
+DOUBTFUL = 0.9
+"""Confidence below which a marker is doubtful."""
+
+ENOUGH_MATES = 3
+"""Mates whose distances fix a point in space."""
+
+
+def doubtful_spans(trajectories: Trajectories, certainty: Certainty) -> tuple[Doubt, ...]:
+    """List the spans in which confidence is low, in the order of their first frames.
+
+    Spans of one marker are joined where it is trusted for less than a tenth of a second between them.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        The markers.
+    certainty : Certainty
+        What is known of them.
+    """
+    low: Bools = certainty.confidence < DOUBTFUL
+    trusted = trajectories.seen & ~low
+    bridged = max(1, round(CORRELATED_SECONDS * trajectories.rate))
+    spans = zip(*(values.tolist() for values in _joined(low, trusted, bridged)), strict=True)
+    doubts = [_doubt(trajectories, certainty, marker, first, last) for marker, first, last in spans]
+    return tuple(sorted(doubts, key=lambda doubt: (doubt.first_frame, doubt.marker)))
+
+
+def repaired_spans(file: Trajectories, repaired: Trajectories, confidence: Floats) -> tuple[Doubt, ...]:
+    """List the spans in which markers carry other positions than in the file.
+
+    Parameters
+    ----------
+    file : Trajectories
+        As it was read.
+    repaired : Trajectories
+        With labels exchanged back.
+    confidence : ndarray, shape (n_frames, n_markers)
+        Of the repaired markers.
+    """
+    if repaired is file or repaired.names[: file.n_markers] != file.names:
+        return ()
+    same = slice(file.n_markers)  # slipped markers that were split stand behind them
+    changed = repaired.seen[:, same] & (repaired.positions[:, same] != file.positions).any(axis=2)
+    doubts = []
+    for marker, first, last in zip(*(values.tolist() for values in seen_runs(changed)), strict=True):
+        here = (file.positions[first] == repaired.positions[first, marker]).all(axis=1)
+        rival = int(here.argmax()) if here.any() else -1
+        was = f"was called {file.names[rival]} in the file" if rival >= 0 else "is not in the file"
+        least = float(confidence[first : last + 1, marker].min())
+        reason = f"{file.names[marker]} {was}: the label was given back"
+        doubts.append(Doubt(marker, first, last, "repaired", rival, least, reason))
+    return tuple(doubts)
+
+
+def _joined(low: Bools, trusted: Bools, bridged: int) -> tuple[Ints, Ints, Ints]:
+    """Runs of low confidence, joined over few trusted frames: marker, first and last frame."""
+    marker, first, last = seen_runs(low)
+    if not len(marker):
+        return marker, first, last
+    sums = np.cumsum(trusted, axis=0, dtype=np.int32)
+    between: Ints = sums[first[1:], marker[1:]] - sums[last[:-1], marker[1:]]
+    new = np.concatenate([[True], (marker[1:] != marker[:-1]) | (between > bridged)])
+    starts = np.flatnonzero(new)
+    return marker[starts], first[starts], last[np.append(starts[1:], len(marker)) - 1]
+
+
+def _doubt(trajectories: Trajectories, certainty: Certainty, marker: int, first: int, last: int) -> Doubt:
+    span = slice(first, last + 1)
+    confidence = certainty.confidence[span, marker]
+    low = confidence < DOUBTFUL
+    kind, rival = _cause(certainty, marker, span, low)
+    names = trajectories.names
+    own, other = names[marker], names[rival] if rival >= 0 else ""
+    mates = int(np.median(certainty.n_mates[span, marker][low]))
+    share = 1.0 - np.isnan(trajectories.positions[:, marker, 0]).mean()
+    reason = {
+        "piece": f"{own} lies where {other} belongs and is not seen together with it: the two may be one marker",
+        "alone": f"{own} is seen too little to know its distance to any other marker",
+        "rare": f"{own} is seen in {100 * share:.0f} % of the frames only: it may be a piece of another one",
+        "rival": f"the distances of {own} to others fit {other} at least as well, or nearly",
+        "misfit": f"the distances of {own} to others are not what they usually are",
+        "unsupported": f"{_beside(mates)} of the markers beside {own} are seen, and it was lost before",
+    }[kind]
+    return Doubt(marker, first, last, kind, rival, float(np.nanmin(confidence)), reason)
+
+
+def _cause(certainty: Certainty, marker: int, span: slice, low: Bools) -> tuple[str, int]:
+    """Why confidence is low, and the marker that it may be instead."""
+    if certainty.original[marker] >= 0:
+        return "piece", int(certainty.original[marker])
+    if certainty.alone[marker]:
+        return "alone", -1
+    if certainty.rare[marker]:
+        return "rare", -1
+    evidence, rivals = certainty.evidence[span, marker][low], certainty.rival[span, marker][low]
+    against = evidence < 0
+    named, counts = np.unique(rivals[against] if against.any() else rivals, return_counts=True)
+    rival = int(named[counts.argmax()])
+    if not against.any() and np.median(certainty.n_mates[span, marker][low]) < ENOUGH_MATES:
+        return "unsupported", -1
+    return ("misfit", -1) if rival < 0 else ("rival", rival)
+
+
+def _beside(count: int) -> str:
+    return ("none", "only one", "only two")[count] if count < ENOUGH_MATES else str(count)

@@ -1,0 +1,1 @@
+"""Tracklets merged into markers: by the likelihood of their distances, over short gaps, and across pauses."""

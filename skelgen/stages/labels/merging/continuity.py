@@ -1,0 +1,136 @@
+r"""Marker Sets that end and begin within a moment: does the one go on where the other ended?
+
+The markers around carry a marker along: the rigid motion of its nearest neighbours over the gap predicts where it must
+come back. How far such predictions err after a time is measured on the sets themselves. With the error's deviation
+:math:`\sigma` after that time and the spacing w of markers, a set that begins at a distance r from the prediction is
+the same marker with the evidence
+
+.. math:: E = 3 \log\frac{\sqrt{\sigma^2 + w^2}}{\sigma} - h(r / \sigma) + h(r / \sqrt{\sigma^2 + w^2}),
+
+where h is minus the logarithm of Student's distribution with few degrees of freedom, as some markers err by far more
+than most.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.geometry.orientation import fit_transform
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.labels.tracking.tracklets import MarkerSets, poses_at
+
+LONGEST = 0.5
+"""s; after that the neighbours do not tell any more where a marker is."""
+
+NEIGHBOURS = 5
+"""Markers that carry a marker over a gap."""
+
+LEAST_NEIGHBOURS = 3
+"""Fewer fix no motion."""
+
+TRIED_FRAMES = 40
+TRIED_GAPS = (0.1, 0.25, 0.5, 0.75, 1.0)
+"""Frames and parts of `LONGEST` at which the error of predictions is measured."""
+
+FREEDOM = 2.0
+"""Of Student's distribution: heavy tails."""
+
+CHI_MEDIAN = 1.538
+"""Median length of a vector of three normal numbers."""
+
+PAIRS_AT_ONCE = 2000
+
+
+def continuity_evidence(points: Floats, sets: MarkerSets, rate: float, spacing: float) -> tuple[Ints, Ints, Floats]:
+    """Evidence that one set goes on where another ended.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        The cloud's points.
+    sets : MarkerSets
+        What may be joined.
+    rate : float, Hz
+        Frame rate.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+
+    Returns
+    -------
+    before, after : ndarray of intp, shape (n,)
+        Pairs of sets of which the first ends and the second begins within `LONGEST`.
+    evidence : ndarray, shape (n,), nats
+        That they are one marker; 0 where too few neighbours tell.
+    """
+    gap = sets.first - sets.last[:, np.newaxis]
+    before, after = np.nonzero((gap > 0) & (gap <= LONGEST * rate))
+    evidence = np.zeros(len(before))
+    deviation = _error_deviation(points, sets, rate)
+    if deviation is None:
+        return before, after, evidence
+    for start in range(0, len(before), PAIRS_AT_ONCE):
+        part = slice(start, start + PAIRS_AT_ONCE)
+        i, j = before[part], after[part]
+        distance = _missed(points, sets, (i, j), (sets.last[i], sets.first[j]))
+        known = ~np.isnan(distance)
+        sigma = deviation(gap[i[known], j[known]] / rate)
+        evidence[start + np.flatnonzero(known)] = _log_ratio(distance[known], sigma, spacing)
+    return before, after, evidence
+
+
+def _missed(points: Floats, sets: MarkerSets, which: tuple[Ints, Ints], frames: tuple[Ints, Ints]) -> Floats:
+    """Distance [mm] of sets j in later frames from where neighbours carry sets i to; NaN where these are too few."""
+    used = np.unique(np.concatenate(frames))
+    poses = poses_at(points, sets, used)
+    source, target = (poses[np.searchsorted(used, frame)] for frame in frames)
+    row = np.arange(len(which[0]))
+    begin, end = source[row, which[0]].copy(), target[row, which[1]].copy()
+    away = np.linalg.norm(source - begin[:, np.newaxis], axis=2)
+    away[np.isnan(target[..., 0]) | np.isnan(away)] = np.inf
+    away[row, which[0]] = away[row, which[1]] = np.inf
+    count = min(NEIGHBOURS, away.shape[1])
+    nearest = np.argpartition(away, count - 1, axis=1)[:, :count]
+    heard = np.isfinite(np.take_along_axis(away, nearest, axis=1))
+    source, target = (np.take_along_axis(place, nearest[..., np.newaxis], axis=1) for place in (source, target))
+    carried = fit_transform(np.where(heard[..., np.newaxis], source, 0.0), target, heard)
+    expected = np.einsum("nij,nj->ni", carried[:, :3, :3], begin) + carried[:, :3, 3]
+    missed = np.linalg.norm(end - expected, axis=1)
+    missed[heard.sum(axis=1) < LEAST_NEIGHBOURS] = np.nan
+    return np.asarray(missed)
+
+
+class _ErrorDeviation:
+    """Deviation of a coordinate of the predictions [mm] by the time over which they reach [s]."""
+
+    def __init__(self, times: Floats, deviations: Floats) -> None:
+        self._times, self._deviations = times, np.maximum.accumulate(deviations)
+
+    def __call__(self, time: Floats) -> Floats:
+        return np.asarray(np.interp(time, self._times, self._deviations))
+
+
+def _error_deviation(points: Floats, sets: MarkerSets, rate: float) -> _ErrorDeviation | None:
+    """Measure how far predictions err, on sets that are seen before and after; None if there are none."""
+    times, deviations = [], []
+    for part in TRIED_GAPS:
+        gap = max(1, round(part * LONGEST * rate))
+        first = np.unique(np.linspace(0, max(0, sets.n_frames - 1 - gap), TRIED_FRAMES).astype(np.intp))
+        both = (sets.indices_at(first) >= 0) & (sets.indices_at(first + gap) >= 0) if sets.n_frames > gap else None
+        if both is None or not both.any():
+            continue
+        frame, which = np.nonzero(both)
+        missed = _missed(points, sets, (which, which), (first[frame], first[frame] + gap))
+        if not np.isnan(missed).all():
+            times.append(gap / rate)
+            deviations.append(max(float(np.nanmedian(missed)) / CHI_MEDIAN, np.finfo(np.float64).eps))
+    return _ErrorDeviation(np.array(times), np.array(deviations)) if times else None
+
+
+def _log_ratio(distance: Floats, sigma: Floats, spacing: float) -> Floats:
+    wide = np.sqrt(sigma**2 + spacing**2)
+    return np.asarray(3.0 * np.log(wide / sigma) - _tail(distance / sigma) + _tail(distance / wide))
+
+
+def _tail(ratio: Floats) -> Floats:
+    """Minus the logarithm of Student's distribution in three dimensions, but for a constant."""
+    return np.asarray((FREEDOM + 3.0) / 2 * np.log1p(ratio**2 / FREEDOM))

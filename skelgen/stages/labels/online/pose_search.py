@@ -1,0 +1,366 @@
+"""The pose of a known skeleton from one frame of points without labels.
+
+Each limb looks for three of its markers by their distances among the points; each find is a candidate pose, scored by
+how much better it explains points than chance does. Joints must agree: along the tree the best combination of
+candidates is found exactly, by dynamic programming from the leaves to the roots.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.orientation import fit_transform
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels.online.marker_history import Memory
+from skelgen.stages.labels.online.pose_filter import Chain
+
+TOLERANCE = 3.5
+"""Deviations of a distance between two markers that are searched."""
+
+MOST_TRIPLES = 10
+"""Triples of a limb's markers that are tried, the widest first: any three that are seen give the pose."""
+
+MOST_NEIGHBOURS = 12
+"""Poses of a neighbour from which a joint's place is taken."""
+
+MOST_MATCHES = 300
+"""Matches of a triple that are looked at; more come from clouds that are mostly chance."""
+
+MOST_CANDIDATES = 60
+"""Candidate poses of a limb that the tree chooses from."""
+
+LEAST_AREA = 0.05
+"""Least height of a triangle of markers over its longest side; flatter ones do not fix a pose."""
+
+JOINT_TOLERANCE = 3.0
+"""Deviation of a joint placed by one limb's pose alone, in those of a marker: the lever makes it coarse."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Poses that one limb may have.
+
+    Attributes
+    ----------
+    poses : ndarray, shape (n, 4, 4), mm
+        World from limb.
+    scores : ndarray, shape (n,)
+        Log likelihood over chance, best first.
+    used : ndarray of bool, shape (n, n_points)
+        Points that each pose explains.
+    """
+
+    poses: Floats
+    scores: Floats
+    used: Bools
+
+    def joined(self, other: Candidates) -> Candidates:
+        """The best of both."""
+        scores = np.concatenate([self.scores, other.scores])
+        order = np.argsort(-scores, kind="stable")[:MOST_CANDIDATES]
+        poses, used = np.concatenate([self.poses, other.poses]), np.concatenate([self.used, other.used])
+        return Candidates(poses[order], scores[order], used[order])
+
+    def without(self, points: Bools) -> Candidates:
+        """The candidates that explain none of some points."""
+        kept = ~(self.used & points).any(axis=1)
+        return Candidates(self.poses[kept], self.scores[kept], self.used[kept])
+
+
+def find_pose(chain: Chain, points: Floats, spacing: float) -> tuple[Floats, Floats] | None:
+    """Find where the limbs are.
+
+    Parameters
+    ----------
+    chain : Chain
+        The skeleton.
+    points : ndarray, shape (n, 3), mm
+        One frame.
+    spacing : float, mm
+        Typical distance of a point from its nearest neighbour.
+
+    Returns
+    -------
+    rotations : ndarray, shape (n_limbs, 3, 3)
+        World from limb; NaN for limbs that were not found.
+    origins : ndarray, shape (n_limbs, 3), mm
+    None where no limb was found.
+    """
+    if len(points) < 3:
+        return None
+    first = [limb_candidates(chain, limb, points, spacing) for limb in range(chain.n_limbs)]
+    found = [limb_candidates(chain, limb, points, spacing, first) for limb in range(chain.n_limbs)]
+    found = [one.joined(two) for one, two in zip(first, found, strict=True)]
+    chosen = _best_combination(chain, found, spacing)
+    for _ in range(chain.n_limbs):
+        loser, taken = _conflict(found, chosen)
+        if loser < 0:
+            break
+        found[loser] = found[loser].without(taken)
+        chosen = _best_combination(chain, found, spacing)
+    if (chosen < 0).all():
+        return None
+    poses = np.full((chain.n_limbs, 4, 4), np.nan)
+    for limb in np.flatnonzero(chosen >= 0):
+        poses[limb] = found[limb].poses[chosen[limb]]
+    return poses[:, :3, :3], poses[:, :3, 3]
+
+
+def limb_candidates(
+    chain: Chain, limb: int, points: Floats, spacing: float, neighbours: list[Candidates] | None = None
+) -> Candidates:
+    """Find poses of one limb in which points lie where its markers belong.
+
+    Parameters
+    ----------
+    chain, points, spacing
+        As `find_pose`.
+    limb : int
+        Which limb.
+    neighbours : list of Candidates, optional
+        Poses of all limbs: where they put the limb's joints counts like points, so that two markers can be enough.
+    """
+    own = np.flatnonzero(chain.carried & (chain.limb == limb))
+    marks = _Marks(chain.offsets[own], chain.deviation[own], [points] * len(own))
+    triples = itertools.combinations(range(len(own)), 3)
+    if neighbours is not None:
+        marks = marks.with_joints(chain, limb, neighbours)
+        triples = itertools.combinations(range(len(marks.targets)), 3)
+    sources, targets = [], []
+    for triple in _wide_triples(marks.offsets, triples, len(own)):
+        matches = marks.matches(triple)
+        sources.extend([marks.offsets[list(triple)]] * len(matches))
+        targets.append(matches)
+    if not sources:
+        return Candidates(np.empty((0, 4, 4)), np.empty(0), np.empty((0, len(points)), dtype=np.bool_))
+    target = np.concatenate(targets)
+    poses = fit_transform(np.array(sources), target, np.ones(target.shape[:2], dtype=np.bool_))
+    scores, used = _scores(poses, chain.offsets[own], chain.deviation[own], points, spacing)
+    order = np.argsort(-scores, kind="stable")[:MOST_CANDIDATES]
+    order = order[scores[order] > 0]
+    return Candidates(poses[order], scores[order], used[order])
+
+
+def chance(spacing: float) -> float:
+    """Logarithm of the volume [mm^3] in which one point is expected by chance."""
+    return 3.0 * float(np.log(spacing))
+
+
+@dataclass(frozen=True, eq=False)
+class _Marks:
+    """What is looked for on a limb: markers, then joints; their offsets, deviations [mm], and where each may be."""
+
+    offsets: Floats
+    deviation: Floats
+    targets: list[Floats]
+
+    def with_joints(self, chain: Chain, limb: int, neighbours: list[Candidates]) -> _Marks:
+        """Add the limb's joints, which may be where the poses of its neighbours put them."""
+        places, targets = [], []
+        for joint, (parent, child) in enumerate(zip(chain.parents, chain.children, strict=True)):
+            if limb not in (parent, child):
+                continue
+            at_limb, at_other = chain.at_parent[joint], chain.at_child[joint]
+            other = child
+            if limb == child:
+                at_limb, at_other, other = at_other, at_limb, parent
+            poses = neighbours[other].poses[:MOST_NEIGHBOURS]
+            places.append(at_limb)
+            targets.append(poses[:, :3, :3] @ at_other + poses[:, :3, 3])
+        coarse = JOINT_TOLERANCE * float(np.median(chain.deviation))
+        offsets = np.concatenate([self.offsets, np.array(places).reshape(-1, 3)])
+        deviation = np.concatenate([self.deviation, np.full(len(places), coarse)])
+        return _Marks(offsets, deviation, self.targets + targets)
+
+    def matches(self, triple: tuple[int, int, int]) -> Floats:
+        """Triples of places with the distances of three marks, shape (n, 3, 3), mm."""
+        one, two, three = triple
+        first, second = np.nonzero(self._fits(one, two))
+        rows, third = np.nonzero(self._fits(one, three)[first] & self._fits(two, three)[second])
+        rows, third = rows[:MOST_MATCHES], third[:MOST_MATCHES]
+        corners = (self.targets[one][first[rows]], self.targets[two][second[rows]], self.targets[three][third])
+        return np.stack(corners, axis=1)
+
+    def _fits(self, one: int, two: int) -> Bools:
+        """Which places of two marks are as far apart as the marks."""
+        apart = np.linalg.norm(self.targets[one][:, np.newaxis] - self.targets[two], axis=2)
+        wanted = float(np.linalg.norm(self.offsets[one] - self.offsets[two]))
+        limit = TOLERANCE * float(np.hypot(self.deviation[one], self.deviation[two]))
+        return np.asarray((np.abs(apart - wanted) < limit) & (apart > 0))
+
+
+def _wide_triples(
+    offsets: Floats, triples: Iterable[tuple[int, int, int]], n_markers: int
+) -> list[tuple[int, int, int]]:
+    """Triples of marks that fix a limb's pose and hold a marker, the widest first."""
+    usable = []
+    for triple in triples:
+        first, second, third = offsets[list(triple)]
+        sides = [float(np.linalg.norm(side)) for side in (second - first, third - first, third - second)]
+        area = float(np.linalg.norm(np.cross(second - first, third - first)))
+        if min(triple) < n_markers and area > LEAST_AREA * max(sides) ** 2:
+            usable.append((area, triple))
+    usable.sort(key=lambda pair: -pair[0])
+    return [triple for _, triple in usable[:MOST_TRIPLES]]
+
+
+def _scores(poses: Floats, offsets: Floats, deviation: Floats, points: Floats, spacing: float) -> tuple[Floats, Bools]:
+    """How much better each pose explains points than chance does, and the points that it explains."""
+    places = np.einsum("nij,mj->nmi", poses[:, :3, :3], offsets) + poses[:, np.newaxis, :3, 3]
+    squares = ((places[:, :, np.newaxis] - points) ** 2).sum(axis=3)
+    nearest = squares.argmin(axis=2)
+    least = np.take_along_axis(squares, nearest[..., np.newaxis], axis=2)[..., 0]
+    gain = chance(spacing) - 0.5 * least / deviation**2 - 1.5 * np.log(2 * np.pi * deviation**2)
+    used = np.zeros((len(poses), len(points)), dtype=np.bool_)
+    rows, markers = np.nonzero(gain > 0)
+    used[rows, nearest[rows, markers]] = True
+    return np.maximum(gain, 0.0).sum(axis=1), used
+
+
+def _best_combination(chain: Chain, found: list[Candidates], spacing: float) -> Ints:
+    """Index of the chosen candidate of each limb, -1 where none fits, for the largest sum of scores."""
+    totals = [np.concatenate([candidates.scores, [0.0]]) for candidates in found]  # the last one: no candidate
+    choices: dict[int, Ints] = {}
+    for joint in range(len(chain.children) - 1, -1, -1):
+        parent, child = int(chain.parents[joint]), int(chain.children[joint])
+        together = _agreement(chain, joint, found[parent].poses, found[child].poses, spacing) + totals[child]
+        choices[child] = together.argmax(axis=1)
+        totals[parent] = totals[parent] + together.max(axis=1)
+    chosen = np.full(chain.n_limbs, -1, dtype=np.intp)
+    for root in chain.roots:
+        chosen[root] = int(totals[root].argmax())
+    for parent, child in zip(chain.parents, chain.children, strict=True):
+        chosen[child] = choices[int(child)][chosen[parent]]
+    return np.array([-1 if chosen[limb] == len(found[limb].scores) else chosen[limb] for limb in range(len(found))])
+
+
+def _conflict(found: list[Candidates], chosen: Ints) -> tuple[int, Bools]:
+    """The weaker of two limbs that explain the same point, -1 for none; and the points of the stronger one."""
+    limbs = np.flatnonzero(chosen >= 0)
+    if not len(limbs):
+        return -1, np.zeros(0, dtype=np.bool_)
+    used = np.array([found[limb].used[chosen[limb]] for limb in limbs])
+    scores = np.array([found[limb].scores[chosen[limb]] for limb in limbs])
+    shared = np.argwhere(np.triu(used.astype(np.intp) @ used.T, 1))
+    if not len(shared):
+        return -1, np.zeros(0, dtype=np.bool_)
+    first, second = shared[0]
+    loser, winner = (second, first) if scores[first] >= scores[second] else (first, second)
+    return int(limbs[loser]), used[winner]
+
+
+def _agreement(chain: Chain, joint: int, parent: Floats, child: Floats, spacing: float) -> Floats:
+    """Score of each pair of candidates by where they put their joint; the last row and column mean no candidate."""
+    result = np.zeros((len(parent) + 1, len(child) + 1))
+    first = parent[:, :3, :3] @ chain.at_parent[joint] + parent[:, :3, 3]
+    second = child[:, :3, :3] @ chain.at_child[joint] + child[:, :3, 3]
+    variance = 2 * (JOINT_TOLERANCE * float(np.median(chain.deviation))) ** 2
+    squares = ((first[:, np.newaxis] - second) ** 2).sum(axis=2)
+    result[:-1, :-1] = chance(spacing) - 0.5 * squares / variance - 1.5 * np.log(2 * np.pi * variance)
+    return result
+
+
+GROUP_TOLERANCE = 3.0
+"""Deviations of a distance that are searched."""
+
+MOST_GROUPS = 30
+"""Rigid triples of lost markers that are looked for, the most rigid first."""
+
+MOST_GROUP_MATCHES = 20
+"""Matches of triples among the points that are followed up, the best first: bounds the work of a frame."""
+
+MOST_OTHERS = 8
+"""Further lost markers by which a match is proved."""
+
+PROOF = 8.0
+"""nats by which further markers must speak for a match: three distances alone are met by chance."""
+
+
+def find_group(memory: Memory, lost: Ints, points: Floats, spacing: float) -> dict[int, int]:
+    """Find lost markers among points by their distances alone.
+
+    Parameters
+    ----------
+    memory : Memory
+        Distances and poses.
+    lost : ndarray of intp
+        Slots of markers that are not seen at present.
+    points : ndarray, shape (n, 3), mm
+        Points without a label.
+    spacing : float, mm
+        Typical distance of a point from its nearest neighbour.
+
+    Returns
+    -------
+    dict of int to int
+        Point of each slot of the group that is proved best; empty if there is none.
+    """
+    if len(points) < 4 or len(lost) < 4:
+        return {}
+    best: dict[int, int] = {}
+    most = PROOF
+    for _, slots, corners in sorted(_matches(memory, lost, points), key=lambda match: match[0])[:MOST_GROUP_MATCHES]:
+        group, proof = _extended(memory, lost, points, dict(zip(slots, corners, strict=True)), spacing)
+        if proof > most:
+            best, most = group, proof
+    return best
+
+
+def _matches(memory: Memory, lost: Ints, points: Floats) -> list[tuple[float, tuple[int, ...], tuple[int, ...]]]:
+    """Misfit, slots and points of triples whose distances agree."""
+    apart = np.linalg.norm(points[:, np.newaxis] - points, axis=2)
+    found: list[tuple[float, tuple[int, ...], tuple[int, ...]]] = []
+    for triple in _rigid_triples(memory, lost):
+        slots = np.array(triple)
+        wanted, deviation = memory.distances(slots, slots), memory.deviations(slots, slots)
+        off = [np.abs(apart - wanted[i, j]) / deviation[i, j] for i, j in ((0, 1), (0, 2), (1, 2))]
+        first, second = np.nonzero((off[0] < GROUP_TOLERANCE) & (apart > 0))
+        rows, third = np.nonzero((off[1][first] < GROUP_TOLERANCE) & (off[2][second] < GROUP_TOLERANCE))
+        one, two = first[rows], second[rows]
+        misfit = off[0][one, two] ** 2 + off[1][one, third] ** 2 + off[2][two, third] ** 2
+        for index in np.argsort(misfit, kind="stable")[:MOST_GROUP_MATCHES].tolist():
+            found.append((float(misfit[index]), triple, (int(one[index]), int(two[index]), int(third[index]))))
+    return found
+
+
+def _rigid_triples(memory: Memory, lost: Ints) -> list[tuple[int, int, int]]:
+    """Each lost marker with its two most rigid lost neighbours, the most rigid triples first."""
+    deviation = memory.deviations(lost, lost)
+    np.fill_diagonal(deviation, np.inf)
+    order = np.argsort(deviation, axis=1, kind="stable")[:, :2]
+    sums = np.take_along_axis(deviation, order, axis=1).sum(axis=1)
+    triples: dict[tuple[int, int, int], None] = {}
+    for row in np.argsort(sums, kind="stable")[: int(np.isfinite(sums).sum())].tolist():
+        first, second, third = sorted((int(lost[row]), int(lost[order[row, 0]]), int(lost[order[row, 1]])))
+        if len(triples) < MOST_GROUPS:
+            triples[first, second, third] = None
+    return list(triples)
+
+
+def _extended(
+    memory: Memory, lost: Ints, points: Floats, group: dict[int, int], spacing: float
+) -> tuple[dict[int, int], float]:
+    """Add lost markers that are found where the group expects them; the group, and what they prove."""
+    seed = np.array(list(group))
+    others = np.setdiff1d(lost, seed)
+    total = memory.deviations(others, seed).sum(axis=1)
+    order = np.argsort(total, kind="stable")[: min(MOST_OTHERS, int(np.isfinite(total).sum()))]
+    proof = 0.0
+    for slot in others[order].tolist():
+        chosen = np.array(list(group.values()))
+        expected = memory.expected(slot, np.array(list(group)), points[chosen])
+        if expected is None:
+            continue
+        place, variance = expected
+        squares = ((points - place) ** 2).sum(axis=1)
+        squares[chosen] = np.inf
+        nearest = int(np.argmin(squares))
+        gain = chance(spacing) - 0.5 * float(squares[nearest]) / variance - 1.5 * float(np.log(2 * np.pi * variance))
+        if gain > 0:
+            group[slot] = nearest
+            proof += gain
+    return group, proof

@@ -1,0 +1,307 @@
+"""Labels without a skeleton: tracks become markers, and a lost marker is found again where its neighbours expect it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.labels.online.learning import Learned, Learner
+from skelgen.stages.labels.online.marker_history import PAST, RECENT_SECONDS, Memory
+from skelgen.stages.labels.online.pose_filter import Chain, Prediction
+from skelgen.stages.labels.online.pose_search import chance, find_group
+from skelgen.stages.labels.online.skeleton_labels import explained
+
+PLAUSIBLE = 3.0
+"""A point may be a lost marker if its distances to that one's neighbours are off by no more deviations than this."""
+
+CONVINCING = 2.0
+"""nats by which the expected place must explain a point better than chance."""
+
+LATE, CLEAR = -1.0, 2.0
+"""The same for a track that has waited long, as markers come back far more often than new ones are put on; and nats by
+which it must then be better than any other lost marker and any other track."""
+
+WRONG = 6.0
+"""Deviations by which the distances of a marker to its most rigid neighbours must be off to cast doubt on it."""
+
+WRONG_SECONDS = 0.1
+"""Time for which they are off before the track loses its label."""
+
+DOUBT_EVERY, LEARN_EVERY = 3, 2
+"""Frames between two looks at all distances: to find what is wrong, and to learn from them."""
+
+NEW_SECONDS = 0.1
+"""A track that resembles no lost marker is a new one after this time: ghosts last a few frames."""
+
+DOUBT_SECONDS = 0.3
+"""A track that resembles one, without being convincing, waits longer."""
+
+JOIN_VOTES = 3
+"""Times that a marker must be found where a lost one belongs before they are one."""
+
+MOST_TRIALS, MOST_RECONSIDERED = 20, 5
+"""Lost markers that are tried for the points of a frame, and markers that are reconsidered in it: bounds the work."""
+
+MANY_FREE, REGROUP_EVERY = 4, 3
+"""Tracks without a label that make it worth to search for groups, and frames between two such searches."""
+
+RECONSIDER_SECONDS, YOUNG_SECONDS = 0.25, 10.0
+"""Time between two comparisons of a marker with lost ones, and time after which it is known to be one of its own."""
+
+TOGETHER = 2
+"""Frames in which two labels of one marker may both have been seen: a merged blob, a reflection."""
+
+
+class RigidLabels:
+    """Labels of points by what is learned of distances and poses while it runs.
+
+    Parameters
+    ----------
+    n_slots : int
+        Most markers that are remembered.
+    window : float, s
+        Time over which distances are averaged.
+
+    Attributes
+    ----------
+    merged : dict of int to int
+        Labels that turned out to be another marker's, and which.
+    """
+
+    def __init__(self, n_slots: int, window: float) -> None:
+        self.merged: dict[int, int] = {}
+        self._memory = Memory(n_slots)
+        self._window = window
+        self._rate = 1.0
+        self._slot_of_track: dict[int, int] = {}
+        self._age_of_track: dict[int, int] = {}
+        self._n_wrong: dict[int, int] = {}
+        self._resembles: set[int] = set()
+        self._votes: dict[tuple[int, int], int] = {}
+        self._learner = Learner()
+        self._learned: Learned | None = None
+        self._prediction: Prediction | None = None
+        self._n_labels = 0
+        self._frame = 0
+        self._time = 0.0
+
+    @property
+    def n_remembered(self) -> int:
+        """Number of markers that are remembered."""
+        return int((self._memory.label >= 0).sum())
+
+    def update(self, points: Floats, tracks: Ints, n_steps: int, rate: float, spacing: float) -> Ints:
+        """Label one frame.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3), mm
+            The frame.
+        tracks : ndarray of intp, shape (n,)
+            Track of each point, -1 for none.
+        n_steps : int
+            Frame periods since the frame before.
+        rate : float, Hz
+            Frame rate.
+        spacing : float, mm
+            Typical distance of a point from its nearest neighbour.
+
+        Returns
+        -------
+        ndarray of intp, shape (n,)
+            Label of each point, -1 for none.
+        """
+        self._frame += 1
+        self._time += n_steps / rate
+        self._rate, self._memory.window = rate, max(2, round(self._window * rate / LEARN_EVERY))
+        self._age_of_track = {track: self._age_of_track.get(track, 0) + 1 for track in tracks.tolist() if track >= 0}
+        self._n_wrong = {track: count for track, count in self._n_wrong.items() if track in self._age_of_track}
+        self._resembles &= self._age_of_track.keys()
+        slots = np.array([self._slot_of_track.get(track, -1) for track in tracks.tolist()], dtype=np.intp)
+        self._doubt(points, tracks, slots)
+        self._predict(points, slots, n_steps)
+        self._regroup(points, tracks, slots, spacing)
+        self._recognise(points, tracks, slots, spacing)
+        self._begin(tracks, slots)
+        self._reconsider(points, tracks, slots, spacing)
+        self._learn(points, slots, spacing)
+        self._slot_of_track = self._kept(tracks, slots)
+        return np.where(slots >= 0, self._memory.label[slots], -1)
+
+    def _kept(self, tracks: Ints, slots: Ints) -> dict[int, int]:
+        """Slots of tracks, also of those not seen now, until the slot is taken or the track is forgotten."""
+        taken = set(slots[slots >= 0].tolist())
+        kept = {track: slot for track, slot in self._slot_of_track.items() if slot not in taken}
+        for track in tracks.tolist():
+            kept.pop(track, None)
+        known = slots >= 0
+        kept.update(zip(tracks[known].tolist(), slots[known].tolist(), strict=True))
+        return kept
+
+    def _doubt(self, points: Floats, tracks: Ints, slots: Ints) -> None:
+        """Take labels away from tracks that have left their place among their neighbours."""
+        known = np.flatnonzero(slots >= 0)
+        if len(known) < 4 or self._memory.noise == 0.0 or self._frame % DOUBT_EVERY:
+            return
+        misfit = self._memory.own_misfits(slots[known], points[known])
+        for index, off in zip(known.tolist(), misfit.tolist(), strict=True):
+            track = int(tracks[index])
+            if off <= WRONG:
+                self._n_wrong.pop(track, None)
+                continue
+            self._n_wrong[track] = self._n_wrong.get(track, 0) + 1
+            if self._n_wrong[track] * DOUBT_EVERY > WRONG_SECONDS * self._rate:
+                slots[index] = -1
+                self._age_of_track[track] = 1
+                del self._n_wrong[track]
+
+    def _predict(self, points: Floats, slots: Ints, n_steps: int) -> None:
+        """Follow the learned skeleton's pose, and take a new skeleton over when it is due."""
+        labels = np.where(slots >= 0, self._memory.label[slots], -1)
+        found = self._learner.result(self._time)
+        if found is not None:
+            learned = Learned(Chain(found[0]), found[1])
+            self._learned = learned if learned.start(points, labels) else self._learned
+        if self._learned is not None:
+            self._prediction = self._learned.follow(points, labels, n_steps)
+
+    def _regroup(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
+        """Find a whole group again where many tracks have no label, and look at all the others anew."""
+        free = np.flatnonzero((slots < 0) & (tracks >= 0))
+        if len(free) < MANY_FREE or self._frame % REGROUP_EVERY:
+            return
+        lost = np.setdiff1d(np.flatnonzero(self._memory.label >= 0), slots)
+        for slot, index in find_group(self._memory, lost, points[free], spacing).items():
+            slots[free[index]] = slot
+            for track in tracks[free].tolist():
+                self._age_of_track[track] = 1
+
+    def _recognise(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
+        """Give tracks without a label that of the lost marker whose expected place explains them best."""
+        young = np.flatnonzero((slots < 0) & (tracks >= 0))
+        young = np.array([index for index in young.tolist() if self._is_due(int(tracks[index]))], dtype=np.intp)
+        known = np.flatnonzero(slots >= 0)
+        if not len(young) or not len(known):
+            return
+        found = self._explanations(points, young, slots[known], points[known], spacing)
+        resembling = {int(tracks[index]) for _, index, _ in found}
+        self._resembles = (self._resembles - set(tracks[young].tolist())) | resembling
+        late = {index for index in young.tolist() if self._age_of_track[int(tracks[index])] == self._last_look}
+        for score, index, slot in sorted(found, key=lambda entry: (-entry[0], entry[1], entry[2])):
+            wanted = LATE if index in late and _is_clear(found, (score, index, slot)) else CONVINCING
+            if score > wanted and slots[index] < 0 and slot not in slots:
+                slots[index] = slot
+
+    def _explanations(
+        self, points: Floats, young: Ints, visible: Ints, positions: Floats, spacing: float
+    ) -> list[tuple[float, int, int]]:
+        """Score, point and slot of each pair of a point and a lost marker that may be one."""
+        lost = np.setdiff1d(np.flatnonzero(self._memory.label >= 0), visible)
+        scores = self._remembered_scores(points[young], lost, visible, positions, spacing)
+        scores = np.maximum(scores, self._learned_scores(points[young], lost, spacing))
+        rows, columns = np.nonzero(scores > -np.inf)
+        return [
+            (float(scores[row, column]), int(young[row]), int(lost[column]))
+            for row, column in zip(rows, columns, strict=True)
+        ]
+
+    def _remembered_scores(
+        self, points: Floats, lost: Ints, visible: Ints, positions: Floats, spacing: float
+    ) -> Floats:
+        """How much better than chance remembered poses explain points by lost markers, -inf where not at all."""
+        misfit = self._memory.misfits(lost, points, visible, positions)
+        scores = np.full(misfit.shape, -np.inf)
+        least = misfit.min(axis=0, initial=np.inf)
+        for column in np.argsort(least, kind="stable")[: min(MOST_TRIALS, int((least < PLAUSIBLE).sum()))].tolist():
+            expected = self._memory.expected(int(lost[column]), visible, positions)
+            if expected is not None:
+                place, variance = expected
+                squares = ((points - place) ** 2).sum(axis=1)
+                score = chance(spacing) - 0.5 * squares / variance - 1.5 * np.log(2 * np.pi * variance)
+                scores[:, column] = np.where(misfit[:, column] < PLAUSIBLE, score, -np.inf)
+        return scores
+
+    def _learned_scores(self, points: Floats, lost: Ints, spacing: float) -> Floats:
+        """The like by the learned skeleton."""
+        scores = np.full((len(points), len(lost)), -np.inf)
+        if self._learned is None or self._prediction is None:
+            return scores
+        labels = np.where(self._learned.chain.carried, self._learned.labels, -1)
+        _, columns, markers = np.intersect1d(self._memory.label[lost], labels, return_indices=True)
+        if len(markers):
+            found = explained(points, self._prediction, markers, spacing)
+            scores[:, columns] = np.where(found > 0, found, -np.inf)
+        return scores
+
+    def _is_due(self, track: int) -> bool:
+        """Whether to look at a track: at ages that double, so that the work is bounded, and when it has waited."""
+        age = self._age_of_track[track]
+        return age & (age - 1) == 0 or age == self._last_look
+
+    @property
+    def _last_look(self) -> int:
+        """Age at which a track that resembles a lost marker becomes that one, or a new one."""
+        return max(1, round(DOUBT_SECONDS * self._rate))
+
+    def _begin(self, tracks: Ints, slots: Ints) -> None:
+        """Make markers of tracks that have gone on for long enough without being recognised."""
+        for index in np.flatnonzero((slots < 0) & (tracks >= 0)).tolist():
+            track = int(tracks[index])
+            least = DOUBT_SECONDS if track in self._resembles else NEW_SECONDS
+            if self._age_of_track[track] < least * self._rate:
+                continue
+            slot = self._memory.add(self._n_labels, self._frame)
+            if slot >= 0:
+                slots[index] = slot
+                self._n_labels += 1
+
+    def _reconsider(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
+        """Join markers with lost ones in whose place they are found again and again."""
+        memory = self._memory
+        due = [i for i in np.flatnonzero(slots >= 0).tolist() if self._is_to_be_reconsidered(int(slots[i]))]
+        for index in due[:MOST_RECONSIDERED]:
+            young = int(slots[index])
+            others = np.flatnonzero((slots >= 0) & (slots != young))
+            if not len(others):
+                continue
+            found = self._explanations(points, np.array([index]), slots[others], points[others], spacing)
+            found = [entry for entry in found if entry[2] != young and memory.common[young, entry[2]] <= TOGETHER]
+            for score, _, old in sorted(found, reverse=True)[:1]:
+                pair = (int(memory.label[young]), int(memory.label[old]))
+                self._votes[pair] = self._votes.get(pair, 0) + 1 if score > CONVINCING else 0
+                if self._votes[pair] >= JOIN_VOTES:
+                    self._join(young, old)
+                    slots[index] = old
+
+    def _is_to_be_reconsidered(self, slot: int) -> bool:
+        """Whether a marker is young and its turn has come; slots take turns, so that the work is spread."""
+        n_seen = int(self._memory.n_seen[slot])
+        turn = max(1, round(RECONSIDER_SECONDS * self._rate))
+        return n_seen < YOUNG_SECONDS * self._rate and (n_seen + slot) % turn == 0
+
+    def _join(self, young: int, old: int) -> None:
+        label, older = int(self._memory.label[young]), int(self._memory.label[old])
+        self.merged = {one: older if other == label else other for one, other in self.merged.items()}
+        self.merged[label] = older
+        self._memory.join(young, old)
+        self._slot_of_track = {track: slot for track, slot in self._slot_of_track.items() if slot != young}
+        remembered = set(self._memory.label.tolist())
+        self._votes = {pair: votes for pair, votes in self._votes.items() if remembered.issuperset(pair)}
+
+    def _learn(self, points: Floats, slots: Ints, spacing: float) -> None:
+        known = np.flatnonzero(slots >= 0)
+        self._memory.note(slots[known], self._frame)
+        if self._frame % LEARN_EVERY == 0:
+            self._memory.learn(slots[known], points[known])
+        if self._frame % max(1, round(RECENT_SECONDS * self._rate)) == 0:
+            most_every = max(1, int(2 * self._window / (PAST * RECENT_SECONDS)))
+            self._memory.keep_pose(slots[known], points[known], most_every)
+            self._memory.find_noise(slots[known], spacing)
+            self._learner.begin(*self._memory.poses(), self._time)
+
+
+def _is_clear(found: list[tuple[float, int, int]], entry: tuple[float, int, int]) -> bool:
+    """Whether a pair of point and lost marker is much better than others of the same point or marker."""
+    score, index, slot = entry
+    rivals = [other for other, i, s in found if (i == index) != (s == slot)]
+    return score > max(rivals, default=-np.inf) + CLEAR

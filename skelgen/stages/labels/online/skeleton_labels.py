@@ -1,0 +1,196 @@
+"""Labels by a known skeleton: its pose predicts every marker, tracks carry labels from frame to frame."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from skelgen.model import Skeleton
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels.online.pose_filter import Chain, Prediction
+from skelgen.stages.labels.online.pose_search import chance, find_pose
+
+ROUNDS = 2
+"""Turns of pose and assignment in a frame: a point that was just recognised helps to find others on its limb."""
+
+TRUSTED_SQUARE = 25.0
+"""A track keeps its label while its point is within this squared distance, in deviations, of where it belongs."""
+
+SEARCH_EVERY = 10
+"""Frames between two searches for the pose, which cost as much as some frames."""
+
+LEAST_SHARE = 0.4
+"""A pose explains at least this part of the markers or of the points, or it is not believed."""
+
+OLD_TRACK = 20
+"""Frames after which a track without a marker is no chance: no ghost lasts that long."""
+
+MANY_ALONE = 3
+"""Old tracks without a marker that cast doubt on the pose: a limb's worth."""
+
+CLEARLY_MORE = 2
+"""Points that a new pose must explain beyond the present one."""
+
+
+class ModelLabels:
+    """Labels of points by a known skeleton; a label is the index of the skeleton's marker.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The rigid limbs with their markers.
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+        self._chain: Chain | None = None
+        self._marker_of_track: dict[int, int] = {}
+        self._age_of_track: dict[int, int] = {}
+        self._until_search = 0
+
+    @property
+    def is_started(self) -> bool:
+        """Whether the pose is known."""
+        return self._chain is not None
+
+    @property
+    def n_markers(self) -> int:
+        """Number of markers that limbs carry."""
+        return int((self._skeleton.limb_of_marker >= 0).sum())
+
+    def forget_pose(self) -> None:
+        """Search the pose anew, after a jump in time."""
+        self._chain = None
+        self._marker_of_track.clear()
+        self._until_search = 0
+
+    def update(self, points: Floats, tracks: Ints, n_steps: int, spacing: float) -> Ints:
+        """Label one frame.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3), mm
+            The frame.
+        tracks : ndarray of intp, shape (n,)
+            Track of each point, -1 for none.
+        n_steps : int
+            Frame periods since the frame before.
+        spacing : float, mm
+            Typical distance of a point from its nearest neighbour.
+
+        Returns
+        -------
+        ndarray of intp, shape (n,)
+            Marker of each point, -1 for none.
+        """
+        labels = np.full(len(points), -1, dtype=np.intp)
+        if self._chain is not None:
+            labels = self._continued(self._chain, points, tracks, n_steps, spacing)
+        self._age_of_track = {track: self._age_of_track.get(track, 0) + 1 for track in tracks.tolist() if track >= 0}
+        self._until_search -= 1
+        if self._until_search <= 0 and self._is_doubtful(tracks, labels):
+            labels = self._search(points, tracks, labels, spacing)
+        self._remember(tracks, labels)
+        return labels
+
+    def _continued(self, chain: Chain, points: Floats, tracks: Ints, n_steps: int, spacing: float) -> Ints:
+        labels = np.array([self._marker_of_track.get(track, -1) for track in tracks.tolist()], dtype=np.intp)
+        rotations, origins = chain.rotations, chain.origins
+        chain.advance(n_steps)
+        labels = _fitted(chain, points, labels, tracks >= 0, spacing)
+        chain.settle(rotations, origins, n_steps)
+        return labels
+
+    def _is_doubtful(self, tracks: Ints, labels: Ints) -> bool:
+        """Whether the pose is unknown or leaves many points alone that have been followed for long."""
+        if self._chain is None:
+            return True
+        alone = tracks[(labels < 0) & (tracks >= 0)].tolist()
+        n_alone = sum(self._age_of_track[track] >= OLD_TRACK for track in alone)
+        return n_alone >= MANY_ALONE or int((labels >= 0).sum()) < LEAST_SHARE * len(tracks)
+
+    def _search(self, points: Floats, tracks: Ints, labels: Ints, spacing: float) -> Ints:
+        """Search the pose in this frame; a pose that explains more points than the present one takes its place."""
+        self._until_search = SEARCH_EVERY
+        followed = np.flatnonzero(tracks >= 0)
+        chain = Chain(self._skeleton)
+        pose = find_pose(chain, points[followed], spacing) if len(followed) else None
+        if pose is None:
+            return labels
+        chain.set_pose(*pose)
+        found = _fitted(chain, points, _nearest(points, followed, chain), tracks >= 0, spacing)
+        n_found, n_before = int((found >= 0).sum()), int((labels >= 0).sum())
+        wanted = LEAST_SHARE * min(len(followed), int(chain.carried.sum()))
+        if n_found < max(wanted, n_before + CLEARLY_MORE):
+            return labels
+        chain.settle(chain.rotations, chain.origins, 1)
+        self._chain = chain
+        self._marker_of_track.clear()
+        return found
+
+    def _remember(self, tracks: Ints, labels: Ints) -> None:
+        """Tracks keep their labels; those that are not seen now keep them until another track has the label."""
+        taken = set(labels[labels >= 0].tolist())
+        kept = {track: marker for track, marker in self._marker_of_track.items() if marker not in taken}
+        for track in tracks[labels < 0].tolist():
+            kept.pop(track, None)
+        kept.update(zip(tracks[labels >= 0].tolist(), labels[labels >= 0].tolist(), strict=True))
+        self._marker_of_track = kept
+
+
+def _fitted(chain: Chain, points: Floats, labels: Ints, usable: Bools, spacing: float) -> Ints:
+    """Fit the pose to labelled points, take labels that do not fit away, and label others; in turns."""
+    known = labels >= 0
+    prediction = chain.fit(points[known], labels[known])
+    for _ in range(ROUNDS):
+        labels, changed = _corrected(points, labels, usable, prediction, spacing)
+        if not changed:
+            break
+        known = labels >= 0
+        prediction = chain.fit(points[known], labels[known])
+    return labels
+
+
+def _nearest(points: Floats, followed: Ints, chain: Chain) -> Ints:
+    """First labels from a rough pose: pairs of points and markers that are nearest to each other."""
+    labels = np.full(len(points), -1, dtype=np.intp)
+    markers = np.flatnonzero(chain.carried)
+    squares = ((points[followed, np.newaxis] - chain.positions_of(markers)) ** 2).sum(axis=2)
+    rows, columns = linear_sum_assignment(squares)
+    near = squares[rows, columns] < TRUSTED_SQUARE * chain.deviation[markers[columns]] ** 2
+    labels[followed[rows[near]]] = markers[columns[near]]
+    return labels
+
+
+def _corrected(
+    points: Floats, labels: Ints, usable: Bools, prediction: Prediction, spacing: float
+) -> tuple[Ints, bool]:
+    """Labels without those that do not fit and with those that do, and whether any changed."""
+    corrected = labels.copy()
+    known = np.flatnonzero(labels >= 0)
+    wrong = known[_squares(points[known], prediction, labels[known]) > TRUSTED_SQUARE]
+    corrected[wrong] = -1
+    free = np.flatnonzero((corrected < 0) & usable)
+    missing = np.setdiff1d(np.flatnonzero(~np.isnan(prediction.positions[:, 0])), corrected[corrected >= 0])
+    if len(free) and len(missing):
+        scores = explained(points[free], prediction, missing, spacing)
+        rows, columns = linear_sum_assignment(scores, maximize=True)
+        good = scores[rows, columns] > 0
+        corrected[free[rows[good]]] = missing[columns[good]]
+    return corrected, bool((corrected != labels).any())
+
+
+def _squares(points: Floats, prediction: Prediction, markers: Ints) -> Floats:
+    """Squared distances of points from their markers' places, in deviations."""
+    error = points - prediction.positions[markers]
+    solved = np.linalg.solve(prediction.covariances[markers], error[..., np.newaxis])[..., 0]
+    return np.asarray((error * solved).sum(axis=1))
+
+
+def explained(points: Floats, prediction: Prediction, markers: Ints, spacing: float) -> Floats:
+    """How much better some markers explain points than chance does [nats], shape (n_points, n_markers); at least 0."""
+    covariance = prediction.covariances[markers]
+    error = points[:, np.newaxis] - prediction.positions[markers]
+    squares = np.einsum("nmi,mij,nmj->nm", error, np.linalg.inv(covariance), error)
+    _, volume = np.linalg.slogdet(2 * np.pi * covariance)
+    return np.asarray(np.maximum(chance(spacing) - 0.5 * (squares + volume), 0.0))

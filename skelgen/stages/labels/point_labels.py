@@ -1,0 +1,183 @@
+"""Labels of points: one marker for each, looked at block of frames by block, so that long takes need little memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Bools, Floats, Ints
+
+BLOCK_FRAMES = 2000
+"""Frames that are labelled at once; bounds the memory."""
+
+LONG_BLOCK_FRAMES = 20_000
+"""Frames that are looked at together, where one number a point is enough."""
+
+BLOCK_POINTS = 100_000
+"""Points that are looked at together, where frames do not matter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Successive frames of a take.
+
+    Attributes
+    ----------
+    first : int
+        First frame.
+    n_frames : int
+        Number of frames.
+    points : slice
+        Their points in the cloud.
+    frames : ndarray of int32
+        Frame of each of these points, counted from `first`.
+    """
+
+    first: int
+    n_frames: int
+    points: slice
+    frames: Ints
+
+
+def blocks_of(cloud: PointCloud, size: int = BLOCK_FRAMES) -> Iterator[Block]:
+    """Cut a take into blocks of frames."""
+    for first in range(0, cloud.n_frames, size):
+        starts = cloud.frame_starts[first : first + size + 1]
+        frames = np.repeat(np.arange(len(starts) - 1, dtype=np.int32), np.diff(starts))
+        yield Block(first, len(starts) - 1, slice(int(starts[0]), int(starts[-1])), frames)
+
+
+def renumbered(marker_of_point: Ints, keep: Bools) -> Ints:
+    """Number the markers that are kept without holes; points of others get -1."""
+    place = np.full(len(keep) + 1, -1, dtype=np.int32)
+    place[:-1][keep] = np.arange(int(keep.sum()))
+    return place[marker_of_point]
+
+
+def marker_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int, block: Block) -> Floats:
+    """Positions of markers in a block [mm], NaN where unseen, shape (n_frames, n_markers, 3)."""
+    positions = np.full((block.n_frames, n_markers, 3), np.nan)
+    marker = marker_of_point[block.points]
+    owned = marker >= 0
+    positions[block.frames[owned], marker[owned]] = cloud.points[block.points][owned]
+    return positions
+
+
+def seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:
+    """Number of frames of a block in which two markers are seen together, shape (n_markers, n_markers)."""
+    seen = np.zeros((block.n_frames, n_markers))
+    owned = marker >= 0
+    seen[block.frames[owned], marker[owned]] = 1.0
+    return seen.T @ seen
+
+
+def marker_names(n_markers: int) -> tuple[str, ...]:
+    """Return the names of markers that have no labels: ``M000``, ``M001``, ..."""
+    return tuple(f"M{index:03d}" for index in range(n_markers))
+
+
+def all_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Floats:
+    """Positions of markers in all frames [mm], NaN where unseen, shape (n_frames, n_markers, 3); read-only."""
+    positions = np.full((cloud.n_frames, n_markers, 3), np.nan)
+    for block in blocks_of(cloud):
+        part = slice(block.first, block.first + block.n_frames)
+        positions[part] = marker_positions(cloud, marker_of_point, n_markers, block)
+    positions.flags.writeable = False
+    return positions
+
+
+def in_order_of_appearance(marker_of_point: Ints) -> Ints:
+    """Number markers in the order in which they are first seen, without holes."""
+    first = np.full(int(marker_of_point.max(initial=-1)) + 1, -1, dtype=np.intp)
+    for start in reversed(range(0, len(marker_of_point), BLOCK_POINTS)):
+        owned = np.flatnonzero(marker_of_point[start : start + BLOCK_POINTS] >= 0)[::-1] + start
+        first[marker_of_point[owned]] = owned  # of several the last that is written, the first point
+    order = np.argsort(first, kind="stable")
+    order = order[first[order] >= 0]
+    place = np.full(len(first) + 1, -1, dtype=np.int32)
+    place[order] = np.arange(len(order))
+    return np.asarray(place[marker_of_point])
+
+
+def one_point_a_frame(cloud: PointCloud, marker_of_point: Ints) -> Ints:
+    """Let markers that were joined keep the first of two points in a frame."""
+    for block in blocks_of(cloud):
+        marker = marker_of_point[block.points]
+        owned = np.flatnonzero(marker >= 0)[::-1]
+        first = np.empty((block.n_frames, int(marker.max(initial=0)) + 1), dtype=np.intp)
+        first[block.frames[owned], marker[owned]] = owned  # of several the last that is written, the first point
+        later = owned[first[block.frames[owned], marker[owned]] != owned]
+        marker_of_point[block.points.start + later] = -1
+    return marker_of_point
+
+
+def counts_together(one: Ints, other: Ints) -> Ints:
+    """Number of points with each pair of markers of two labellings, -1 for none, shape (n_one + 1, n_other + 1).
+
+    Row and column 0 stand for points of no marker.
+    """
+    n_one, n_other = int(one.max(initial=-1)) + 2, int(other.max(initial=-1)) + 2
+    counts = np.zeros(n_one * n_other, dtype=np.intp)
+    for start in range(0, len(one), BLOCK_POINTS):
+        part = slice(start, start + BLOCK_POINTS)
+        counts += np.bincount((one[part] + 1) * np.intp(n_other) + (other[part] + 1), minlength=len(counts))
+    return counts.reshape(n_one, n_other)
+
+
+_MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
+"""Odd numbers that scatter the bits of coordinates over a key."""
+
+_FRAME_MIXER = np.uint64(0xD6E8FEB86659FD93)
+
+Keys = NDArray[np.uint64]
+
+
+def find_points(cloud: PointCloud, positions: Floats) -> Ints:
+    """Find which marker each point became, from positions that are exactly those of points.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The points.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Of the markers, NaN where unseen.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        -1 for points that are no marker's.
+    """
+    marker_of_point = np.full(cloud.n_points, -1, dtype=np.intp)
+    for block in blocks_of(cloud, LONG_BLOCK_FRAMES):
+        theirs = positions[block.first : block.first + block.n_frames]
+        frame, marker = np.nonzero(~np.isnan(theirs[:, :, 0]))
+        wanted = _keys(frame, theirs[frame, marker])
+        found = _places(_keys(block.frames, cloud.points[block.points]), wanted)
+        marker_of_point[block.points][found[found >= 0]] = marker[found >= 0]
+    return marker_of_point
+
+
+def _keys(frames: Ints, points: Floats) -> Keys:
+    """One number for each point of each frame; equal numbers mean equal points, but for one case in 2^64."""
+    bits = np.ascontiguousarray(points + 0.0).view(np.uint64)  # + 0.0: minus zero is zero
+    key = frames.astype(np.uint64) * _FRAME_MIXER
+    for axis, mixer in enumerate(_MIXERS):
+        key = (key ^ bits[:, axis]) * mixer
+        key ^= key >> np.uint64(29)
+    return key
+
+
+def _places(keys: Keys, wanted: Keys) -> Ints:
+    """Index of each wanted key among all keys, each used once; -1 where it is not there."""
+    order, turn = np.argsort(keys, kind="stable"), np.argsort(wanted, kind="stable")
+    ordered = wanted[turn]
+    place = np.searchsorted(keys[order], ordered) + np.arange(len(turn)) - np.searchsorted(ordered, ordered)
+    there = place < len(keys)
+    there[there] = keys[order[place[there]]] == ordered[there]
+    result = np.full(len(wanted), -1, dtype=np.intp)
+    result[turn[there]] = order[place[there]]
+    return result

@@ -1,0 +1,280 @@
+"""Follow points from frame to frame into tracks, compiled where that pays and plain elsewhere."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from skelgen.errors import InputError
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels import plain
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.tracking.innovations import Innovations, Trial, find_innovations, supposed_innovations
+from skelgen.stages.labels.tracking.take import point_weights
+from skelgen.stages.labels.tracks import CROWDED, Rules, Tracks
+
+# More points than this in a frame are no markers but a scanner's surface or noise; it bounds the work per frame.
+MOST_POINTS_PER_FRAME = 10_000
+# Below these numbers of pairs of points the plain twin is done before numba is imported, and before it has compiled.
+_WORTH_IMPORTING, _WORTH_COMPILING = 4_000_000, 40_000_000
+# Work between two calls of the monitor, in pairs of points; about a tenth of a second plain.
+_PAIRS_PER_CHUNK = 2_000_000
+# The trial follows this many spans of this many frames, spread over the take: a take may begin at rest.
+_TRIAL_SPANS, _TRIAL_FRAMES = 10, 60
+# It is followed several times over, so that frames with thousands of points must be few: their pairs, and the least
+# number of frames in a span and of spans, which still show how tracks go on.
+_TRIAL_PAIRS, _LEAST_TRIAL_FRAMES, _LEAST_TRIAL_SPANS = 100_000_000, 10, 3
+# Where nothing is known of innovations, the reach is this often what all but one in a thousand stay below.
+_QUANTILE, _MARGIN = 0.999, 1.5
+# Bounds of the reach in typical spacings: beyond one spacing identity is a guess.
+_MOST_SPACINGS = 1.0
+# A track that was seen once has only a neighbour's slope, so its next point may lie this much farther off.
+_NEWBORN_REACH = 2.0
+# Where no marker is ever lost every point has its track: the threshold in spacings is as good as none.
+_OPEN_SPACINGS = 20.0
+# Rules under which the trial's span falls into this many times more tracks than in the trial are too narrow: where
+# markers outrun their spacing the trial itself breaks tracks, and shows neither the tail nor the odds as they are.
+_MOST_BREAKS, _MOST_WIDENINGS = 2.0, 4
+# Degrees of freedom, and weight of the take's own scale, with which gains are squared distances for all that matters.
+_SQUARES = 1e9
+# Steps of time that end all tracks; longer ones would be no different.
+_LONGEST_PAUSE = 1000
+# Part of the typical spacing within which two points are one marker, seen twice: markers of 10 mm that stand 100 mm
+# apart cannot come nearer to each other than 10 mm, while doubles are a millimetre or two apart.
+_DUPLICATE_SPACINGS = 0.05
+
+_Follow = Callable[[Floats, Ints, tuple[Floats, Ints, Ints], Rules, Ints, Floats, Floats, Ints, Floats], None]
+
+
+def follow_points(
+    cloud: PointCloud, parameters: LabelParameters, monitor: Monitor = SILENT, *, compiled: bool | None = None
+) -> tuple[Ints, float]:
+    """Give each point the identity of the track that it belongs to.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    parameters : LabelParameters
+        How to match, predict and bridge gaps.
+    monitor : Monitor
+        Hears of the progress and of frames that are left out, and may cancel.
+    compiled : bool or None
+        Use the compiled twin; None decides by the amount of work.
+
+    Returns
+    -------
+    owner : ndarray of intp, shape (n_points,)
+        Identity of each point, -1 for muted points, doubles of others, and points of frames that are left out.
+    reach : float
+        How far [mm] a point may lie from where a track that was just seen expected it.
+
+    Raises
+    ------
+    InputError
+        If all frames hold more than `MOST_POINTS_PER_FRAME` points.
+    """
+    kept, counts = _without_crowds(cloud, monitor)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
+    take = _Take(cloud.points[kept], starts, time_steps(cloud, monitor), point_weights(cloud)[kept])
+    twin = _twin(float((counts.astype(np.float64) ** 2).sum()), compiled)
+    spacing = typical_spacing(cloud)
+    is_open = not parameters.max_jump and bool(np.ptp(counts) == 0)
+    given = _OPEN_SPACINGS * spacing if is_open else parameters.max_jump
+    rules = _find_rules(take, spacing, given, parameters, twin, monitor)
+    if is_open:  # all points of all frames are somebody's: who is who is left to the best assignment of whole frames
+        rules = rules._replace(exchange=0.0, duplicate=0.0, tails=np.full(3, _SQUARES), habit=_SQUARES)
+    followed, n_crowded = take.follow(rules, twin, monitor)
+    if n_crowded:
+        monitor.notice(f"{n_crowded} frames hold too many points close together to be followed, and are left out")
+    if len(followed) == cloud.n_points:
+        return followed, rules.reach
+    owner = np.full(cloud.n_points, -1, dtype=followed.dtype)
+    owner[kept] = followed
+    return owner, rules.reach
+
+
+def rules_of(parameters: LabelParameters, reach: float) -> Rules:
+    """Return the tracker's rules for a jump threshold `reach` [mm], where nothing is known of innovations."""
+    supposed = supposed_innovations(reach / _MARGIN, _QUANTILE, parameters.max_gap + 1, _NEWBORN_REACH)
+    return _rules(parameters, supposed, reach, is_given=True, spacing=reach)
+
+
+def typical_spacing(cloud: PointCloud) -> float:
+    """Median distance [mm] between a point and its nearest neighbour in the same frame; 1 if there is none.
+
+    A hundred frames spread over the take count alike, however many points they hold.
+    """
+    nearest = []
+    for frame in np.unique(np.linspace(0, cloud.n_frames - 1, 100).astype(int)):
+        points = cloud.frame(frame)
+        if len(points) > 1:
+            nearest.append(float(np.median(cKDTree(points).query(points, k=2)[0][:, 1])))
+    spacing = float(np.median(nearest)) if nearest else 0.0
+    return spacing or 1.0
+
+
+def time_steps(cloud: PointCloud, monitor: Monitor = SILENT) -> Ints:
+    """Return the time since the frame before in whole frame periods, shape (n_frames,).
+
+    Frames are a period apart, however their stamps jitter; dropped frames and pauses count in time. A frame that
+    repeats the stamp of the one before counts as one period later, and a notice says so.
+    """
+    passed = np.diff(cloud.times)
+    n_repeated = int((passed == 0).sum())
+    if 0 < n_repeated < len(passed):
+        monitor.notice(f"{n_repeated} frames repeat the time stamp of the frame before; they count as one frame later")
+    periods = np.minimum(np.round(passed * cloud.rate), _LONGEST_PAUSE)
+    return np.concatenate([[1], np.maximum(periods, 1)])[: cloud.n_frames].astype(np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class _Take:
+    """What the tracker sees: points, where frames begin, steps of time between them, weights of points."""
+
+    points: Floats
+    starts: Ints
+    steps: Ints
+    weights: Floats
+
+    def follow(self, rules: Rules, twin: _Follow, monitor: Monitor, told: Floats | None = None) -> tuple[Ints, int]:
+        """Track of each point, and the number of frames left out; `told` receives slopes and calm."""
+        counts = np.diff(self.starts)
+        tracks = Tracks((rules.max_gap + 2) * int(counts.max(initial=1)))
+        owner = np.full(len(self.points), -1, dtype=np.int32)  # an hour of markers holds tens of millions of points
+        state = (tracks.motion, tracks.counters, tracks.totals)
+        for first, last in _chunks(counts):
+            starts = self.starts[first : last + 1]
+            span = slice(int(starts[0]), int(starts[-1]))
+            found, surprise = np.empty(span.stop - span.start, dtype=np.intp), np.empty(span.stop - span.start)
+            # Copies, so that the loop is compiled once, for arrays that may be written to.
+            points, weights = self.points[span].copy(), self.weights[span].copy()
+            heard = np.empty((0, 5)) if told is None else told[span]
+            steps = self.steps[first:last]
+            twin(points, starts - span.start, state, rules, found, surprise, weights, steps, heard)
+            owner[span] = found
+            monitor.advance(last, len(counts))
+        return owner, int(tracks.totals[CROWDED])
+
+    def sampled(self) -> _Take:
+        """Some spans of frames, with pauses between them; the whole take if it is short."""
+        n_frames = len(self.steps)
+        pairs = float((np.diff(self.starts).astype(np.float64) ** 2).mean()) if n_frames else 0.0
+        wanted = min(_TRIAL_SPANS * _TRIAL_FRAMES, int(_TRIAL_PAIRS / max(pairs, 1.0)))
+        wanted = max(wanted, _LEAST_TRIAL_SPANS * _LEAST_TRIAL_FRAMES)
+        if n_frames <= wanted:
+            return self
+        length = max(wanted // _TRIAL_SPANS, _LEAST_TRIAL_FRAMES)
+        begins = np.linspace(0, n_frames - length, wanted // length).astype(int)
+        frames = (begins[:, np.newaxis] + np.arange(length)).ravel()
+        steps = self.steps[frames]
+        steps[::length] = _LONGEST_PAUSE
+        kept = np.concatenate([np.arange(self.starts[frame], self.starts[frame + 1]) for frame in frames])
+        starts = np.concatenate([[0], np.cumsum(np.diff(self.starts)[frames])]).astype(np.intp)
+        return _Take(self.points[kept], starts, steps, self.weights[kept])
+
+
+def _without_crowds(cloud: PointCloud, monitor: Monitor) -> tuple[Bools | slice, Ints]:
+    """Points of frames that can be followed, and how many there are in each frame."""
+    counts = cloud.points_per_frame
+    crowded = counts > MOST_POINTS_PER_FRAME
+    if not crowded.any():
+        return slice(None), counts
+    frame = int(np.argmax(crowded))
+    what = (
+        f"frame {frame} holds {counts[frame]} points, more than the {MOST_POINTS_PER_FRAME} that can be told apart as "
+        "markers"
+    )
+    if crowded.all():
+        raise InputError(f"{what}, and so do all others; raise the tracker's threshold or remove stray points")
+    monitor.notice(f"{int(crowded.sum())} frames are left out: {what}")
+    return np.repeat(~crowded, counts), np.where(crowded, 0, counts)
+
+
+def _twin(n_pairs: float, compiled: bool | None) -> _Follow:
+    """The loop that is done first with so many pairs of points; the plain one where numba cannot keep what it compiles.
+
+    What an earlier run has compiled is there at once, and once imported it serves short takes as well.
+    """
+    is_small = n_pairs < _WORTH_IMPORTING and "skelgen.stages.labels.compiled" not in sys.modules
+    if compiled is False or (compiled is None and is_small):
+        return plain.follow_frames
+    try:
+        from skelgen.stages.labels import compiled as twin  # noqa: PLC0415 - numba takes a second to import
+    except (ImportError, RuntimeError):
+        return plain.follow_frames
+    if compiled or n_pairs > _WORTH_COMPILING or twin.is_compiled():
+        return twin.follow_frames
+    return plain.follow_frames
+
+
+def _find_rules(
+    take: _Take, spacing: float, given: float, parameters: LabelParameters, twin: _Follow, monitor: Monitor
+) -> Rules:
+    """Find the rules of a take from how well a trial predicts; with the `given` reach [mm], a wide one if that is 0."""
+    sample = take.sampled()
+    supposed = rules_of(parameters, given or _MOST_SPACINGS * spacing)
+    wide = supposed._replace(mute=0, evidence=0.0, exchange=0.0, duplicate=_DUPLICATE_SPACINGS * spacing)
+    told = np.full((len(sample.points), 5), np.nan)
+    owner, _ = sample.follow(wide, twin, monitor, told)
+    calm = told[:, 3:] * [wide.scales[0, 0] ** 2, 1.0]
+    trial = Trial(sample.points, sample.starts, sample.steps, owner, told[:, :3], calm)
+    found = find_innovations(trial, spacing, parameters.max_gap + 1)
+    if found is None:
+        return supposed._replace(duplicate=wide.duplicate)
+    most = given or _MOST_SPACINGS * spacing
+    rules = _rules(parameters, found, most, is_given=given > 0, spacing=spacing)
+    n_expected = _MOST_BREAKS * owner.max(initial=0)
+    for _ in range(0 if given else _MOST_WIDENINGS):
+        tried, _ = sample.follow(rules._replace(mute=0, evidence=0.0, exchange=0.0), twin, monitor)
+        if tried.max(initial=0) <= n_expected:
+            break
+        found = found.widened()
+        rules = _rules(parameters, found, most, is_given=False, spacing=spacing)
+    return rules
+
+
+def _rules(
+    parameters: LabelParameters, innovations: Innovations, most: float, *, is_given: bool, spacing: float
+) -> Rules:
+    """Rules by innovations, with reaches of at most (or, if given, exactly) `most` [mm]."""
+    rest = (1.0 - parameters.smoothing) ** 2
+    gains = {
+        "none": (1.0, 0.0),
+        "constant_velocity": (1.0, 1.0),
+        "double_exponential": (1.0 - rest, parameters.smoothing**2),
+    }
+    widest = most * np.array([[1.0], [_NEWBORN_REACH], [_NEWBORN_REACH]])
+    likely = innovations.reaches(parameters.link_evidence)[0, 1]
+    return Rules(
+        most if is_given else float(min(likely, most)),
+        parameters.mute,
+        parameters.max_gap,
+        *gains[parameters.prediction],
+        optimal=parameters.assignment == "optimal",
+        evidence=parameters.link_evidence,
+        tails=innovations.tails,
+        exchange=float(np.exp(2.0 * parameters.link_evidence / (innovations.tails[0] + 3.0))),
+        relative=innovations.relative,
+        habit=innovations.habit,
+        reaches=np.tile(widest, (1, parameters.max_gap + 2)),
+        scales=innovations.scales,
+        gains=innovations.odds - parameters.link_evidence,
+        is_given=is_given,
+        duplicate=_DUPLICATE_SPACINGS * spacing,
+    )
+
+
+def _chunks(counts: Ints) -> Iterator[tuple[int, int]]:
+    """Cut frames into spans of about equal work."""
+    work = np.cumsum(counts.astype(np.float64) ** 2 + 1.0)
+    cuts = np.flatnonzero(np.diff(work // _PAIRS_PER_CHUNK)) + 1
+    edges = [0, *(int(cut) for cut in cuts), len(counts)]
+    return ((first, last) for first, last in itertools.pairwise(edges) if last > first)

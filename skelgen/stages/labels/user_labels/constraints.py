@@ -1,0 +1,131 @@
+"""Takes that obey what the user states of them: labels found in a cloud, and labels that a file came with."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model import PointCloud, Trajectories
+from skelgen.model.arrays import Ints
+from skelgen.model.identities import Identities, Identity
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.point_labels import all_positions, find_points, marker_names, renumbered
+from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.labels.user_labels.statements import Fixed, fix_points, obeyed, targets
+
+
+def obey(
+    cloud: PointCloud, marker_of_point: Ints, fixed: Fixed, labels: tuple[str, ...] = (), n_markers: int | None = None
+) -> tuple[Ints, tuple[str, ...]]:
+    """Make markers obey the user's statements.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    fixed : Fixed
+        What the user states.
+    labels : tuple of str
+        Names that the markers have; without any they are numbered.
+    n_markers : int or None
+        Most markers; of those without a stated name the ones seen least go first.
+
+    Returns
+    -------
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Numbered without holes, in the old order, new ones last.
+    names : tuple of str, length n_left
+        Their names: stated, as before, or numbered.
+
+    Raises
+    ------
+    InputError
+        If more names are stated than markers are wanted, or no marker is left.
+    """
+    if n_markers is not None and len(fixed.names) > n_markers:
+        raise InputError(f"{len(fixed.names)} names are stated by hand, more than the {n_markers} markers asked for")
+    frames = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
+    n_before = max(int(marker_of_point.max(initial=-1)) + 1, len(labels))
+    target = targets(marker_of_point, fixed, n_before, labels)
+    marker_of_point = obeyed(marker_of_point, frames, fixed, target)
+    size = max(n_before, int(target.max(initial=-1)) + 1)
+    counts = np.bincount(marker_of_point[marker_of_point >= 0], minlength=size)
+    rank = counts + np.where(np.isin(np.arange(size), target), cloud.n_frames + 1, 0)  # stated ones before all others
+    kept = np.sort(np.argsort(-rank, kind="stable")[:n_markers])
+    kept = kept[counts[kept] > 0]
+    if not len(kept):
+        raise InputError("no marker is left: all points are nobody's, as is stated by hand")
+    return renumbered(marker_of_point, np.isin(np.arange(size), kept)), _names(kept, target, fixed.names, labels)
+
+
+def _names(kept: Ints, target: Ints, stated: tuple[str, ...], labels: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of markers: stated, as before, or numbered so that they differ from both."""
+    known = dict(enumerate(labels)) | {int(marker): name for marker, name in zip(target, stated, strict=True)}
+    free = (name for name in marker_names(len(kept) + len(known)) if name not in known.values())
+    return tuple(known[marker] if marker in known else next(free) for marker in kept.tolist())
+
+
+def obey_in_labelled(
+    file: Trajectories,
+    repaired: Trajectories,
+    identities: Identities,
+    parameters: LabelParameters,
+    monitor: Monitor = SILENT,
+) -> Trajectories:
+    """Make a take that came with labels obey the user's statements.
+
+    A stated point takes its track with it, as far as that can be followed; points that sit in its place change places
+    with it. A name that no marker has yet becomes the name of the marker that holds most of what it is stated of.
+
+    Parameters
+    ----------
+    file : Trajectories
+        As it was read: where a statement gives the index of a point, it is that of one of its markers.
+    repaired : Trajectories
+        The same positions, perhaps with other labels.
+    identities : Identities
+        What the user states.
+    parameters : LabelParameters
+        How points are followed.
+    monitor : Monitor
+        Hears of what was changed.
+    """
+    cloud = _cloud_of(file)
+    fixed = fix_points(cloud, follow_points(cloud, parameters, monitor)[0], _by_position(identities, file))
+    found, names = obey(cloud, find_points(cloud, repaired.positions), fixed, repaired.names)
+    lost = int(repaired.seen.sum() - (found >= 0).sum())
+    sentence = f"{len(identities.entries)} identities stated by hand are obeyed"
+    if lost:
+        sentence += f"; {lost} positions that had to make room or are nobody's are left out"
+    monitor.notice(sentence)
+    positions = all_positions(cloud, found, len(names))
+    return Trajectories(positions, names, file.rate, file.name, (*repaired.notices, sentence))
+
+
+def _cloud_of(take: Trajectories) -> PointCloud:
+    """The seen markers of each frame as points."""
+    starts = np.concatenate([[0], np.cumsum(take.seen.sum(axis=1))])
+    return PointCloud(take.positions[take.seen], starts, take.times, name=take.name)
+
+
+def _by_position(identities: Identities, take: Trajectories) -> Identities:
+    """Statements about markers by their index, as statements about positions."""
+    return dataclasses.replace(
+        identities, entries=tuple(_located(identities, entry, take) for entry in identities.entries)
+    )
+
+
+def _located(identities: Identities, entry: Identity, take: Trajectories) -> Identity:
+    if entry.point is None or entry.frame >= take.n_frames:
+        return entry
+    if entry.point >= take.n_markers:
+        raise identities.error(entry, f"there is no marker {entry.point}; markers are 0 to {take.n_markers - 1}")
+    if not take.seen[entry.frame, entry.point]:
+        raise identities.error(entry, f"{take.names[entry.point]} is not seen in frame {entry.frame}")
+    x, y, z = take.positions[entry.frame, entry.point].tolist()
+    return dataclasses.replace(entry, position=(x, y, z), point=None)

@@ -1,0 +1,189 @@
+"""Labels corrected by hand: markers merged, split, renamed, deleted and exchanged."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model import Labelling, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.corrections import Correction, named_marker
+from skelgen.model.labelling import Tracklets
+from skelgen.stages.labels.confidence.identity import LABELS_FOUND, LABELS_GIVEN, identity_confidence
+from skelgen.stages.labels.confidence.label_quality import doubtful_spans
+
+
+@dataclass(frozen=True, eq=False)
+class Edited:
+    """Labels after corrections.
+
+    Attributes
+    ----------
+    trajectories : Trajectories
+        The corrected markers.
+    source : ndarray of int32, shape (n_frames, n_markers)
+        Marker before the corrections that each position comes from, -1 where it is unseen.
+    touched : ndarray of bool, shape (n_frames, n_markers)
+        Positions of which the user said whose they are.
+    notices : tuple of str
+        What was lost.
+    """
+
+    trajectories: Trajectories
+    source: Ints
+    touched: Bools
+    notices: tuple[str, ...]
+
+
+def edited(trajectories: Trajectories, corrections: tuple[Correction, ...]) -> Edited:
+    """Apply the corrections of labels, in their order.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        As the labels stage made them.
+    corrections : tuple of Correction
+        Those of other stages are passed over.
+
+    Raises
+    ------
+    InputError
+        If a correction names a marker that is not there, or gives a name twice.
+    """
+    sheet = _Sheet(trajectories)
+    for correction in corrections:
+        if correction.kind in _ACTS:
+            _ACTS[correction.kind](sheet, correction, sheet.find(correction))
+    return sheet.result()
+
+
+def judged_again(before: Labelling, edits: Edited, are_found: bool) -> Labelling:
+    """Judge corrected labels: what the user said is believed.
+
+    Parameters
+    ----------
+    before : Labelling
+        The account before the corrections.
+    edits : Edited
+        The corrected labels.
+    are_found : bool
+        Whether the take came as points without labels.
+    """
+    prior = LABELS_FOUND if are_found else LABELS_GIVEN
+    certainty = identity_confidence(edits.trajectories, None, edits.touched, prior)
+    lost = np.maximum(np.isfinite(before.confidence).sum(axis=1) - edits.trajectories.seen.sum(axis=1), 0)
+    tracklets = None if before.tracklets is None else _followed(before.tracklets, edits.source)
+    return dataclasses.replace(
+        before,
+        confidence=certainty.confidence,
+        doubts=doubtful_spans(edits.trajectories, certainty),
+        twins=certainty.twins,
+        left_out=before.left_out + lost,
+        tracklets=tracklets,
+    )
+
+
+class _Sheet:
+    """Markers while they are corrected."""
+
+    def __init__(self, trajectories: Trajectories) -> None:
+        self._original = trajectories
+        self.names = list(trajectories.names)
+        here = np.arange(trajectories.n_markers, dtype=np.int32)
+        self.source = np.where(trajectories.seen, here, np.int32(-1))
+        self.touched = np.zeros(self.source.shape, dtype=np.bool_)
+        self.notices: list[str] = []
+
+    def find(self, correction: Correction) -> list[int]:
+        """Indices of the markers that a correction names."""
+        return [named_marker(correction, which, self.names, self._row) for which in range(len(correction.names))]
+
+    def _row(self, frame: int) -> Floats:
+        if frame >= len(self.source):
+            return np.empty((0, 3))
+        source = self.source[frame]
+        return np.where(source[:, np.newaxis] >= 0, self._original.positions[frame, source], np.nan)
+
+    def merge(self, correction: Correction, markers: list[int]) -> None:
+        """Several markers become the first of them; where two are seen at once, the one named earlier stays."""
+        kept, n_lost = markers[0], 0
+        for marker in markers[1:]:
+            free = self.source[:, kept] < 0
+            n_lost += int(((self.source[:, marker] >= 0) & ~free).sum())
+            self.source[free, kept] = self.source[free, marker]
+        if n_lost:
+            self.notices.append(f"{correction.sentence}: {n_lost} positions seen at the same time are left out")
+        self.touched[:, kept] = True
+        self._drop(markers[1:])
+
+    def split(self, correction: Correction, markers: list[int]) -> None:
+        """Some frames of a marker become a new one."""
+        frames = _frames(correction)
+        column = np.full(len(self.source), -1, dtype=np.int32)
+        column[frames] = self.source[frames, markers[0]]
+        self.source[frames, markers[0]] = -1
+        self.source = np.column_stack([self.source, column])
+        self.touched = np.column_stack([self.touched, np.ones(len(column), dtype=np.bool_)])
+        self.touched[:, markers[0]] = True
+        self._add_name(correction, correction.value)
+
+    def rename(self, correction: Correction, markers: list[int]) -> None:
+        """Another name."""
+        if correction.value != self.names[markers[0]]:
+            self._add_name(correction, correction.value)
+            self.names[markers[0]] = self.names.pop()
+
+    def delete(self, correction: Correction, markers: list[int]) -> None:
+        """Positions that are nobody's; a marker without any is gone."""
+        self.source[_frames(correction), markers] = -1
+        self._drop([marker for marker in markers if (self.source[:, marker] < 0).all()])
+
+    def swap(self, correction: Correction, markers: list[int]) -> None:
+        """Two markers change places in some frames."""
+        frames = _frames(correction)
+        self.source[frames, markers] = self.source[frames, markers[::-1]]
+        self.touched[frames, markers] = True
+
+    def _add_name(self, correction: Correction, name: str) -> None:
+        if name in self.names:
+            raise InputError(f"{correction.sentence}: there is a marker {name!r} already; choose another name")
+        self.names.append(name)
+
+    def _drop(self, markers: list[int]) -> None:
+        self.source, self.touched = (np.delete(values, markers, axis=1) for values in (self.source, self.touched))
+        self.names = [name for marker, name in enumerate(self.names) if marker not in markers]
+
+    def result(self) -> Edited:
+        """The corrected labels."""
+        if not self.names:
+            raise InputError("the corrections leave no marker; take one of them back")
+        positions = np.take_along_axis(self._original.positions, np.maximum(self.source, 0)[..., np.newaxis], axis=1)
+        positions[self.source < 0] = np.nan
+        notices = (*self._original.notices, *self.notices)
+        changed = dataclasses.replace(self._original, positions=positions, names=tuple(self.names), notices=notices)
+        return Edited(changed, self.source, self.touched & (self.source >= 0), tuple(self.notices))
+
+
+_ACTS = {
+    "merge": _Sheet.merge,
+    "split": _Sheet.split,
+    "rename": _Sheet.rename,
+    "delete": _Sheet.delete,
+    "swap": _Sheet.swap,
+}
+
+
+def _frames(correction: Correction) -> slice:
+    last = correction.last_frame
+    return slice(correction.first_frame or 0, None if last is None else last + 1)
+
+
+def _followed(tracklets: Tracklets, source: Ints) -> Tracklets:
+    """Parts of tracklets with the markers that they went to after the corrections, as their middle frames tell."""
+    middle = (tracklets.first + tracklets.last) // 2
+    there = source[middle] == tracklets.marker[:, np.newaxis]
+    marker = np.where(there.any(axis=1) & (tracklets.marker >= 0), there.argmax(axis=1), -1)
+    return dataclasses.replace(tracklets, marker=marker)

@@ -1,0 +1,227 @@
+"""How much better a take is explained, frame by frame, if some labels are exchanged in a ring.
+
+Distances within limbs are judged by the likelihood of Student's t, jumps between frames by that of a Cauchy-like law:
+both forgive single large deviations. The best switching between the two states is found by dynamic programming
+(Viterbi 1967).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+
+from skelgen.compiling import loops
+from skelgen.geometry.pairs import pair_lengths
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.repair.limb_distances import RigidModel
+
+FREEDOMS = 4.0
+"""Degrees of freedom of the law of distances: heavier tails than normal, as skin has them."""
+
+JUMP_WEIGHT = 2.0
+"""Exponent of the law of jumps, the Cauchy law of three coordinates."""
+
+CORRELATED_SECONDS = 0.1
+"""Deviations of distances within this time repeat each other: together they count as one."""
+
+SWITCH_COST = 8.0
+"""Nats that the beginning or the end of an exchange costs: one in about 3000 frames is expected."""
+
+PRIOR_COST = 1e-3
+"""Nats per frame that exchanged labels cost: what nothing tells apart is exchanged for the shorter time."""
+
+LEAST_STEP = 1e-2
+"""mm, keeps the law of jumps finite for markers that move exactly together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What speaks for an exchange.
+
+    Attributes
+    ----------
+    distances : ndarray, shape (n_frames,), nats
+        Gain of all distances if labels are exchanged in the frame.
+    entries, exits : ndarray, shape (n_frames,), nats
+        Gain of all jumps if the exchange begins with the frame, or is over in it.
+    """
+
+    distances: Floats
+    entries: Floats
+    exits: Floats
+
+
+def weigh(positions: Floats, cycle: Cycle, model: RigidModel, neighbours: Ints, rate: float) -> Evidence:
+    """Weigh the hypothesis that the labels of a ring are exchanged, for every frame."""
+    before, after = misfits(positions, cycle, model)
+    gain = np.nan_to_num(_nats(before)).sum(axis=1) - np.nan_to_num(_nats(after)).sum(axis=1)
+    markers = np.array(cycle)
+    places, ages = expected_places(positions, markers, neighbours, rate)
+    own = positions[:, markers]
+    sigma = _steps(own, places, ages)
+    kept = _jump_nats(own - places, ages, sigma)
+    entries = kept - _jump_nats(own - np.roll(places, -1, axis=1), np.roll(ages, -1, 1), sigma)
+    exits = kept - _jump_nats(own - np.roll(places, 1, axis=1), np.roll(ages, 1, 1), sigma)
+    calm = max(1.0, CORRELATED_SECONDS * rate)
+    return Evidence(gain / calm, np.nan_to_num(entries).sum(axis=1), np.nan_to_num(exits).sum(axis=1))
+
+
+def misfits(positions: Floats, cycle: Cycle, model: RigidModel) -> tuple[Floats, Floats]:
+    """Deviations of the ring's distances in standard deviations, as they are and if exchanged, (n_frames, n_pairs)."""
+    pairs = {(min(m, k), max(m, k)) for m in cycle for k in model.partners(m).tolist()}
+    first, second = np.array(sorted(pairs), dtype=np.intp).reshape(-1, 2).T
+    involved = np.unique(np.concatenate([first, second, np.array(cycle)]))
+    column = {int(marker): place for place, marker in enumerate(involved)}
+    held_by = {column[place]: column[label] for label, place in zip(cycle, (*cycle[1:], cycle[0]), strict=True)}
+    source = np.array([held_by.get(place, place) for place in range(len(involved))])
+    a, b = np.searchsorted(involved, first), np.searchsorted(involved, second)
+    part = positions[:, involved]
+    usual, spread = model.distance[first, second], model.spread[first, second]
+    before = np.linalg.norm(part[:, a] - part[:, b], axis=2)
+    after = np.linalg.norm(part[:, source[a]] - part[:, source[b]], axis=2)
+    return (before - usual) / spread, (after - usual) / spread
+
+
+def best_spans(evidence: Evidence) -> list[tuple[int, int]]:
+    """First and last frame of every span in which the labels are best exchanged."""
+    gains = (evidence.distances - PRIOR_COST).tolist()
+    entries, exits = (evidence.entries - SWITCH_COST).tolist(), (evidence.exits - SWITCH_COST).tolist()
+    normal, swapped = 0.0, -SWITCH_COST + gains[0]
+    ended, begun = [False], [True]
+    for gain, entry, leave in zip(gains[1:], entries[1:], exits[1:], strict=True):
+        ended.append(swapped + leave > normal)
+        begun.append(normal + entry > swapped)
+        normal, swapped = max(normal, swapped + leave), max(swapped, normal + entry) + gain
+    return _traced_back(ended, begun, swapped > normal)
+
+
+def _traced_back(ended: list[bool], begun: list[bool], inside: bool) -> list[tuple[int, int]]:
+    spans, last = [], len(ended) - 1
+    for frame in range(len(ended) - 1, -1, -1):
+        if inside and begun[frame]:
+            spans.append((frame, last))
+            inside = False
+        elif not inside and ended[frame]:
+            inside, last = True, frame - 1
+    return spans[::-1]
+
+
+def _nats(deviation: Floats) -> Floats:
+    return np.asarray((FREEDOMS + 1) / 2 * np.log1p(deviation**2 / FREEDOMS))
+
+
+def _steps(own: Floats, places: Floats, ages: Floats) -> float:
+    """Typical error [mm] of an expectation, for each frame since the label was seen."""
+    error = np.linalg.norm(own - places, axis=2) / np.maximum(ages, 1.0)
+    error = error[~np.isnan(error)]
+    return max(SIGMA_OF_MEDIAN * float(np.median(error)), LEAST_STEP) if len(error) else LEAST_STEP
+
+
+def _jump_nats(error: Floats, ages: Floats, sigma: float) -> Floats:
+    width = sigma * np.maximum(ages, 1.0)  # what was not seen for long may be anywhere
+    return np.asarray(JUMP_WEIGHT * np.log1p((error**2).sum(axis=2) / width**2) + error.shape[2] * np.log(width))
+
+
+N_NEIGHBOURS = 5
+"""Nearest markers whose median step says where a marker is expected next; up to two of them may be wrong."""
+
+BRIDGED_SECONDS = 0.5
+"""A marker unseen for longer says nothing of where it is expected."""
+
+FARTHER = 2.0
+"""A label has jumped when its own place is that many times farther off than another label's."""
+
+MOST_CYCLE = 4
+"""Markers that exchange their labels in a ring."""
+
+CHUNK_FLOATS = 4_000_000
+"""Distances held at once: 32 MB."""
+
+Cycle = tuple[int, ...]
+"""Markers, each of which sits at the next one's place, the last at the first one's."""
+
+
+def step_loops() -> ModuleType:
+    """Return `steps`, or its compiled twin."""
+    return loops("skelgen.stages.repair.compiled_steps", "skelgen.stages.repair.steps")
+
+
+def neighbours_of(positions: Floats, most: int = N_NEIGHBOURS) -> Ints:
+    """Nearest markers of each marker by typical distance, itself first, shape (n_markers, up to most + 1)."""
+    sample = positions[np.linspace(0, len(positions) - 1, min(len(positions), 60)).astype(np.intp)]
+    first, second = np.triu_indices(positions.shape[1], 1)
+    lengths = np.sort(pair_lengths(sample, first, second), axis=1)
+    places = np.maximum((~np.isnan(lengths)).sum(axis=1) - 1, 0) // 2
+    usual = lengths[np.arange(len(lengths)), places]
+    middle = np.full((positions.shape[1], positions.shape[1]), -1.0)  # itself is nearest
+    middle[first, second] = middle[second, first] = np.where(np.isnan(usual), np.inf, usual)
+    return np.argsort(middle, axis=1, kind="stable")[:, : most + 1]
+
+
+def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, rate: float) -> tuple[Floats, Floats]:
+    """Expect each chosen label where it was last, if not too long ago, moved on by the median step of its neighbours.
+
+    Returns
+    -------
+    places : ndarray, shape (n_frames, n_chosen, 3), mm
+        NaN where nothing is expected.
+    ages : ndarray, shape (n_frames, n_chosen)
+        Frames since the label was seen.
+    """
+    found: tuple[Floats, Floats] = step_loops().expected_places(positions, chosen, neighbours, BRIDGED_SECONDS * rate)
+    return found
+
+
+def jumping_cycles(positions: Floats, neighbours: Ints, rate: float) -> tuple[Cycle, ...]:
+    """Find which labels jump to each other's places anywhere in the take; candidates, not yet believed.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    neighbours : ndarray of intp, shape (n_markers, n_neighbours)
+        From `neighbours_of`.
+    rate : float, Hz
+        Frame rate.
+
+    Returns
+    -------
+    tuple of cycles
+        Those seen most often first; pairs rising, rings in both directions.
+    """
+    n_frames, n_markers = positions.shape[:2]
+    if n_frames < 2 or n_markers < 2:
+        return ()
+    overlap = int(BRIDGED_SECONDS * rate) + 1
+    step = max(2 * overlap, CHUNK_FLOATS // n_markers**2)
+    found: Counter[Cycle] = Counter()
+    for start in range(1, n_frames, step):
+        begin = max(0, start - overlap)
+        part = positions[begin : start + step]
+        expected, _ = expected_places(part, np.arange(n_markers), neighbours, rate)
+        jumped, target = step_loops().strayed(part[start - begin :], expected[start - begin :], FARTHER)
+        for frame in np.flatnonzero(jumped.any(axis=1)):
+            markers = np.flatnonzero(jumped[frame])
+            found.update(_cycles(dict(zip(markers.tolist(), target[frame, markers].tolist(), strict=True))))
+    return tuple(cycle for cycle, _ in sorted(found.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _cycles(target: dict[int, int]) -> set[Cycle]:
+    cycles: set[Cycle] = set()
+    for start, other in target.items():
+        cycles.add((min(start, other), max(start, other)))
+        ring = [start]
+        while len(ring) < MOST_CYCLE and target.get(ring[-1], start) not in ring:
+            ring.append(target[ring[-1]])
+        if len(ring) > 2 and target.get(ring[-1]) == start:
+            cycles |= {_from_least(tuple(ring)), _from_least(tuple(reversed(ring)))}
+    return cycles
+
+
+def _from_least(ring: Cycle) -> Cycle:
+    least = ring.index(min(ring))
+    return ring[least:] + ring[:least]

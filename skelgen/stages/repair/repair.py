@@ -1,0 +1,104 @@
+"""What the labels stage does with takes that are labelled already: errors are looked for, repaired and told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skelgen.model import Trajectories
+from skelgen.model.labelling import Finding
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.repair.limb_distances import robust_limbs
+from skelgen.stages.repair.moves import Move, find_moves, undo_moves
+from skelgen.stages.repair.slips import Slip, find_slips, new_names, split_slipped
+from skelgen.stages.repair.swaps import Swap, find_swaps, indistinguishable_pairs, repair_swaps
+
+MOST_NAMED = 6
+"""Pairs that are named in a notice; the rest is counted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Repair:
+    """A take whose labels were searched for errors.
+
+    Attributes
+    ----------
+    trajectories : Trajectories
+        Repaired; the same object as before if nothing is wrong.
+    findings : tuple of Finding
+        What was found, in the order of first frames.
+    """
+
+    trajectories: Trajectories
+    findings: tuple[Finding, ...] = ()
+
+
+def repair_take(
+    trajectories: Trajectories, parameters: LabelParameters | None = None, *, monitor: Monitor = SILENT
+) -> Repair:
+    """Look for errors in labelled markers and repair them.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    parameters : LabelParameters, optional
+        With `repair` off nothing is looked for.
+    monitor : Monitor
+        Told of every change.
+
+    Returns
+    -------
+    Repair
+        The take and what was found.
+    """
+    parameters = parameters or LabelParameters()
+    if not parameters.repair:
+        monitor.notice("the markers are labelled already: this stage is skipped")
+        return Repair(trajectories)
+    limbs = robust_limbs(trajectories)
+    swaps = find_swaps(trajectories, parameters, limbs=limbs, monitor=monitor)
+    repaired = repair_swaps(trajectories, swaps)
+    moves = find_moves(repaired, limbs=robust_limbs(repaired) if swaps else limbs)
+    repaired = undo_moves(repaired, moves)
+    slips = find_slips(repaired, parameters) if parameters.slips else ()
+    findings = _findings(swaps, moves, slips, repaired)
+    repaired = split_slipped(repaired, slips)
+    monitor.notice(f"the markers are labelled already: {_outcome(len(swaps), len(moves), slips)}")
+    for sentence in repaired.notices[len(trajectories.notices) :]:
+        monitor.notice(sentence)
+    if swaps:
+        _warn_of_twins(repaired, monitor)
+    return Repair(repaired, findings)
+
+
+def _findings(
+    swaps: tuple[Swap, ...], moves: tuple[Move, ...], slips: tuple[Slip, ...], trajectories: Trajectories
+) -> tuple[Finding, ...]:
+    """Everything that was found; `trajectories` are not split yet."""
+    found = [swap.finding for swap in swaps] + [move.finding for move in moves]
+    names, last = new_names(trajectories.names, slips), trajectories.n_frames - 1
+    found += [slip.finding(last, names.get(slip, "")) for slip in slips]
+    return tuple(sorted(found, key=lambda finding: (finding.first_frame, finding.names)))
+
+
+def _outcome(n_swaps: int, n_moves: int, slips: tuple[Slip, ...]) -> str:
+    n_split = sum(slip.sure for slip in slips)
+    parts = [f"{n_swaps} exchanges of labels are repaired" if n_swaps else "no exchanged labels are found"]
+    if n_moves:
+        parts.append(f"{n_moves} labels on other markers are given back")
+    if n_split:
+        parts.append(f"{n_split} slipped markers are split")
+    if len(slips) > n_split:
+        parts.append(f"{len(slips) - n_split} more may have slipped and are left as they are")
+    return ", ".join(parts)
+
+
+def _warn_of_twins(trajectories: Trajectories, monitor: Monitor) -> None:
+    pairs = indistinguishable_pairs(trajectories)
+    if pairs:
+        named = ", ".join(f"{first} and {second}" for first, second in pairs[:MOST_NAMED])
+        more = f" and {len(pairs) - MOST_NAMED} more pairs" if len(pairs) > MOST_NAMED else ""
+        monitor.notice(
+            f"no distance tells apart {named}{more}: their labels are exchanged back only where they are seen jumping"
+        )

@@ -1,0 +1,363 @@
+"""Find markers that have slipped: their place on the limb changes from one frame to the next, and stays changed.
+
+A slip is seen three times. The marker itself jumps, against its neighbours, off the straight line of the frames before
+and after; its distances to the markers that it moves rigidly with jump as that step demands; and they still differ so
+between the means over `slip_seconds` before and after. Each must stand out from what it does in the rest of the take,
+so that skin which wobbles, bodies that bend and limbs that are no limbs raise the measure and not an alarm.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN, median_of_known
+from skelgen.model import Trajectories
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.labelling import Finding
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.repair.exchange_evidence import N_NEIGHBOURS, neighbours_of, step_loops
+from skelgen.stages.repair.leaps import COMMON, leaps
+from skelgen.stages.repair.steps import LINE_FRAMES
+
+N_MATES = 5
+"""Markers, those at the steadiest distance, against which a place is measured."""
+
+NEAREST = 12
+"""Markers among which mates are looked for."""
+
+LEAST_SIZE = 4.0
+"""mm: smaller changes are no slips, however exact the take."""
+
+AT_FIRST, LATER, LARGEST_GAIN = 0.4, 0.15, 2.5
+"""Part of the step that distances must show at once, and still show later, when skin has moved on; and the largest."""
+
+SURE, SURE_GAIN = 4.0, 0.5
+"""Variations that a step exceeds, and part of it that distances show throughout, where nothing else explains it."""
+
+VARIES = 2.0
+"""Of what distances vary anyway between such means: a slip is larger."""
+
+CORROBORATED = 4.0
+"""Standard deviations by which distances must change as the marker's own step demands."""
+
+GLITCH_FRAMES = 4
+"""What is over after so many is an error of the tracker, and no slip."""
+
+LASTING_PARTS = (0.1, 0.25, 0.5, 1.0)
+"""Of `slip_seconds`, over which means before and after are compared."""
+
+NAMED_MATES = 3
+"""Mates that the user is told of."""
+
+MEDIAN_LENGTH = 1.538
+"""Median length of a vector whose three coordinates are standard normal."""
+
+LARGEST = 0.5
+"""Of the typical distance to the mates: what jumps farther is a wrong label, not a slip."""
+
+ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 1.7, 1.3
+"""How many times lines, and single frames, must exceed what is `COMMON`."""
+
+LEAST_DEVIATION = 0.05
+"""mm: what distances on exact limbs are taken to vary."""
+
+MOST_CANDIDATES = 20
+"""Frames that are looked at for each marker; more mean that nothing stands out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """A marker that has changed its place on its limb.
+
+    Attributes
+    ----------
+    marker : int
+        Index.
+    name : str
+        Its label.
+    frame : int
+        The first frame in the new place.
+    size : float, mm
+        Length of the step.
+    evidence : float
+        Change of the distances to its mates, in standard deviations of what they vary over `slip_seconds` anyway;
+        without mates, how many times farther it leaps than elsewhere.
+    mates : tuple of str
+        Markers whose distances show it; none if only the leap does.
+    sure : bool
+        Whether the change is so clear and so lasting that the marker may be split.
+    """
+
+    marker: int
+    name: str
+    frame: int
+    size: float
+    evidence: float
+    mates: tuple[str, ...]
+    sure: bool
+
+    @property
+    def reason(self) -> str:
+        """What speaks for it."""
+        if not self.mates:
+            return f"it leaps {self.evidence:.1f} times as far as in all but few other frames and does not come back"
+        return (
+            f"its distances to {', '.join(self.mates)} change at once, and stay changed, by {self.evidence:.1f} of "
+            "their standard deviations"
+        )
+
+    @property
+    def sentence(self) -> str:
+        """What the user is told."""
+        verb = "slips" if self.sure else "may slip"
+        return f"{self.name} {verb} on its limb at frame {self.frame} by {self.size:.1f} mm: {self.reason}"
+
+    def finding(self, last_frame: int, new_name: str) -> Finding:
+        """For the account of the labels; `new_name` is empty if the marker is left as it is."""
+        outcome = f"split: {new_name} from then on" if new_name else "not sure: left as it is"
+        evidence = f"{self.size:.1f} mm at once; {self.reason}"
+        names = (self.name, new_name) if new_name else (self.name,)
+        return Finding("slipped", names, self.frame, last_frame, evidence, outcome)
+
+
+_Found = tuple[float, Slip]
+
+
+def find_slips(trajectories: Trajectories, parameters: LabelParameters | None = None) -> tuple[Slip, ...]:
+    """Find sudden, lasting changes of a marker's place on its limb.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers without exchanged labels.
+    parameters : LabelParameters, optional
+        Their `slip_seconds` and `slip_evidence`.
+
+    Returns
+    -------
+    tuple of Slip
+        In the order of their frames.
+    """
+    parameters = parameters or LabelParameters()
+    window = round(parameters.slip_seconds * trajectories.rate)
+    if trajectories.n_markers < 3 or trajectories.n_frames < 2 * window or window < 2:
+        return ()
+    positions, names = trajectories.positions, trajectories.names
+    near, fast = neighbours_of(positions, NEAREST), step_loops()
+    steps = fast.jumps(positions.reshape(len(positions), -1)).reshape(positions.shape)
+    found: list[_Found] = []
+    for marker in range(trajectories.n_markers):
+        beside = near[marker, 1 : N_NEIGHBOURS + 1]
+        seen = fast.relative_steps(steps, marker, beside)
+        seen[np.isnan(seen)] = 0.0
+        place = _Place(positions, marker, near[marker, 1:], seen, window)
+        found += _slips_of(names, marker, place, seen, parameters.slip_evidence)
+        found += _leaps_of(names, marker, seen, partial(_pace, positions, marker, beside), place, window)
+    return _one_of_each(found, near, window)
+
+
+def split_slipped(trajectories: Trajectories, slips: Iterable[Slip]) -> Trajectories:
+    """Make a new marker of every one that surely slipped, from its slip on: ``NAME_2``, at the end of the list.
+
+    Returns
+    -------
+    Trajectories
+        With a notice per slip; the same object if there is no slip.
+    """
+    slips = sorted(slips, key=lambda slip: (slip.marker, slip.frame))
+    if not slips:
+        return trajectories
+    notices = [(slip.frame, f"{slip.sentence}; it is left as it is") for slip in slips if not slip.sure]
+    named = new_names(trajectories.names, slips)
+    positions, added = trajectories.positions.copy(), []
+    for index, (slip, name) in enumerate(named.items()):
+        following = [later.frame for later in list(named)[index + 1 :] if later.marker == slip.marker]
+        frames = slice(slip.frame, min(following, default=len(positions)))
+        moved = np.full((len(positions), 1, 3), np.nan)
+        moved[frames, 0] = trajectories.positions[frames, slip.marker]
+        positions[frames, slip.marker] = np.nan
+        added.append(moved)
+        notices.append((slip.frame, f"{slip.sentence}; from then on it is the marker {name}"))
+    positions, names = np.concatenate([positions, *added], axis=1), trajectories.names + tuple(named.values())
+    said = trajectories.notices + tuple(notice for _, notice in sorted(notices))
+    return dataclasses.replace(trajectories, positions=positions, names=names, notices=said)
+
+
+def new_names(names: Iterable[str], slips: Iterable[Slip]) -> dict[Slip, str]:
+    """Names of the markers that slipped ones become from each sure slip on, by marker and frame."""
+    taken, found = set(names), {}
+    for slip in sorted((slip for slip in slips if slip.sure), key=lambda slip: (slip.marker, slip.frame)):
+        number = 2
+        while f"{slip.name}_{number}" in taken:
+            number += 1
+        found[slip] = f"{slip.name}_{number}"
+        taken.add(found[slip])
+    return found
+
+
+class _Place:
+    """Distances of one marker to its mates, how they change from before each frame to after it, and its own step."""
+
+    def __init__(self, positions: Floats, marker: int, near: Ints, seen: Floats, window: int) -> None:
+        lengths = step_loops().lengths(positions, marker, near)
+        spread = _spread(step_loops().changes(lengths, window, 0))
+        chosen = np.argsort(spread, kind="stable")[:N_MATES]
+        chosen = chosen[np.isfinite(spread[chosen])]
+        self.mates, self.spread, self.window = near[chosen], spread[chosen], window
+        self.lengths: Floats = np.take(lengths, chosen, axis=1)
+        self.sudden: Floats = step_loops().jumps(self.lengths)
+        self._positions, self._marker = positions, marker
+        self.step = self._fitted(seen) if len(chosen) else seen
+
+    @cached_property
+    def at_once(self) -> Floats:
+        """Changes of the distances from the frame before, shape (n_frames, n_mates)."""
+        return np.diff(self.lengths, axis=0, prepend=np.nan)
+
+    @cached_property
+    def later(self) -> list[Floats]:
+        """Changes of the distances between means before and some later, over shorter and longer times."""
+        windows = [max(round(part * self.window), 2) for part in LASTING_PARTS]
+        return [step_loops().changes(self.lengths, window, GLITCH_FRAMES) for window in windows]
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest step [mm] that may be a slip."""
+        known = self.lengths[~np.isnan(self.lengths)]
+        return LARGEST * float(np.median(known)) if len(known) else 0.0
+
+    def _fitted(self, seen: Floats) -> Floats:
+        """Step of the marker [mm], shape (n_frames, 3), from those of its distances and from that seen in space.
+
+        Least squares, weighted by how much either varies in the take: of a fast movement distances tell more, and
+        across the plane of few mates only the step in space does.
+        """
+        weights = 1.0 / _spread(self.sudden) ** 2
+        direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
+        steps: Floats = step_loops().fitted_steps(
+            self._positions, self._marker, self.mates, self.sudden, weights, seen, direct
+        )
+        return steps
+
+    def weights(self, frame: int) -> Floats:
+        """How much each mate's distance tells of the step in a frame, shape (n_mates,)."""
+        away = self._positions[frame, self._marker] - self._positions[frame, self.mates]
+        with np.errstate(invalid="ignore"):  # markers in one place have no direction
+            along = away @ self.step[frame] / self.lengths[frame]
+        return np.asarray(np.nan_to_num(along) / self.spread**2)
+
+    def gains(self, frame: int, weights: Floats) -> Floats:
+        """Changes of distances as parts of what the step demands: lines, one frame, and later ones."""
+        expected = max(float((weights**2 * self.spread**2).sum()), np.finfo(float).tiny)
+        parts = (self.sudden, self.at_once, *self.later)
+        return np.array([_weighted(part, weights)[frame] for part in parts]) / expected
+
+    def variations(self, weights: Floats) -> float:
+        """The step in standard deviations of what distances vary between later and earlier means."""
+        usual = float(_spread(_weighted(self.later[-1], weights)[:, np.newaxis])[0])
+        return float((weights**2 * self.spread**2).sum()) / usual
+
+
+def _slips_of(names: tuple[str, ...], marker: int, place: _Place, seen: Floats, factor: float) -> list[_Found]:
+    """Step in space [mm] and slip, for all of one marker, of which some may be those of a mate."""
+    found: list[_Found] = []
+    if len(place.mates) < 2:
+        return found
+    for frame in _peaks(place.step, factor):
+        size, weights = float(np.linalg.norm(place.step[frame])), place.weights(frame)
+        if not LEAST_SIZE < size < place.largest or not weights.any():
+            continue
+        stands_out = min(
+            _standing_out(place.sudden, weights, frame, place.window, ABOVE_COMMON),
+            _standing_out(place.at_once, weights, frame, place.window, ABOVE_COMMON_AT_ONCE),
+        )
+        gains, varies = place.gains(frame, weights), place.variations(weights)
+        if stands_out > CORROBORATED and varies > VARIES and _stays(gains):
+            strongest = np.argsort(-np.abs(weights), kind="stable")[:NAMED_MATES]
+            sure = varies > SURE and float(np.nanmin(gains)) > SURE_GAIN
+            mates = tuple(names[mate] for mate in place.mates[strongest])
+            slip = Slip(marker, names[marker], frame, size, varies, mates, sure)
+            found.append((float(np.linalg.norm(seen[frame])), slip))
+    return found
+
+
+def _leaps_of(
+    names: tuple[str, ...], marker: int, seen: Floats, pace: Callable[[], Floats], place: _Place, window: int
+) -> list[_Found]:
+    """Possible slips that only the marker's own path shows."""
+    found = []
+    for frame, above in leaps(seen, pace, LEAST_SIZE, window):
+        size = float(np.linalg.norm(seen[frame]))
+        if size < place.largest:
+            found.append((size, Slip(marker, names[marker], frame, size, above, (), sure=False)))
+    return found
+
+
+def _pace(positions: Floats, marker: int, beside: Ints) -> Floats:
+    """Step of a marker from the frame before [mm], less the median one of those beside it, shape (n_frames, 3)."""
+    paces = np.diff(positions[:, [marker, *beside]], axis=0, prepend=np.nan)
+    relative: Floats = step_loops().relative_steps(paces, 0, np.arange(1, len(beside) + 1))
+    return relative
+
+
+def _stays(gains: Floats) -> bool:
+    """Whether a step is as large at once and is still there later, as far as the take goes."""
+    n_first = len(gains) - len(LASTING_PARTS) + 1  # the lines, the frame itself and the shortest means
+    later = gains[n_first:][~np.isnan(gains[n_first:])]
+    enough = (gains[:n_first] > AT_FIRST).all() and (later > LATER).all() and len(later) > 1
+    return bool(enough and np.nanmax(gains) < LARGEST_GAIN)
+
+
+def _peaks(own: Floats, factor: float) -> list[int]:
+    """Frames at which a marker jumps by more than it does elsewhere, the clearest first."""
+    size = np.linalg.norm(own, axis=1)
+    known = size[size > 0]
+    if not len(known):
+        return []
+    usual = max(float(np.median(known)) / MEDIAN_LENGTH, LEAST_DEVIATION)
+    high = np.flatnonzero(size > factor * usual)
+    frames: list[int] = []
+    for frame in high[np.argsort(-size[high], kind="stable")][: LINE_FRAMES * MOST_CANDIDATES].tolist():
+        if len(frames) == MOST_CANDIDATES:
+            break
+        if all(abs(frame - other) > LINE_FRAMES for other in frames):
+            frames.append(frame)
+    return frames
+
+
+def _weighted(measures: Floats, weights: Floats) -> Floats:
+    """Weighted sum of what is known in each frame; NaN where nothing is."""
+    return np.asarray(np.where(np.isnan(measures).all(axis=1), np.nan, np.nan_to_num(measures) @ weights))
+
+
+def _standing_out(measures: Floats, weights: Floats, frame: int, window: int, above: float) -> float:
+    """A weighted sum of changes in standard deviations; 0 where such sums are common in the take."""
+    sums = _weighted(measures, weights)
+    value = float(sums[frame])
+    rest = np.abs(np.concatenate([sums[: max(frame - window, 0)], sums[frame + window :]]))
+    rest = rest[~np.isnan(rest)]
+    if not len(rest) or np.isnan(value) or value < above * np.percentile(rest, COMMON):
+        return 0.0
+    usual = SIGMA_OF_MEDIAN * float(np.median(rest))
+    return value / max(usual, LEAST_DEVIATION * float(np.linalg.norm(weights)))
+
+
+def _one_of_each(slips: list[_Found], near: Ints, window: int) -> tuple[Slip, ...]:
+    """Of slips that happen together on markers near each other, that which distances show, and then the farthest."""
+    kept: list[Slip] = []
+    for _, slip in sorted(slips, key=lambda found: (not found[1].mates, -found[0], found[1].frame, found[1].marker)):
+        close = [one for one in kept if abs(one.frame - slip.frame) < window]
+        if not any(one.marker == slip.marker or one.marker in near[slip.marker] for one in close):
+            kept.append(slip)
+    return tuple(sorted(kept, key=lambda slip: (slip.frame, slip.marker)))
+
+
+def _spread(values: Floats) -> Floats:
+    """Robust standard deviation of each column [mm]; infinite where nothing is known."""
+    middle = median_of_known(np.abs(values))
+    return np.maximum(SIGMA_OF_MEDIAN * np.where(np.isnan(middle), np.inf, middle), LEAST_DEVIATION)

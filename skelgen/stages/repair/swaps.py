@@ -1,0 +1,267 @@
+"""Find markers that exchange their labels for some frames, and give the labels back.
+
+An exchange changes distances within limbs, and lets labels jump to each other's places when it begins and ends. Rings
+of two to four labels that do either are weighed frame by frame (`evidence`); the clearest are undone, and what is left
+is weighed again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from skelgen.model import Limbs, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.labelling import Finding
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.repair.exchange_evidence import (
+    Cycle,
+    Evidence,
+    best_spans,
+    jumping_cycles,
+    misfits,
+    neighbours_of,
+    step_loops,
+    weigh,
+)
+from skelgen.stages.repair.limb_distances import RigidModel, limb_pairs, rigid_model, robust_limbs
+
+MOST_ROUNDS = 12
+"""Each round undoes all exchanges that do not touch each other; a take needs two or three."""
+
+MOST_CANDIDATES = 400
+"""Rings weighed in a round: bounds the work on takes whose labels mean nothing."""
+
+BAD = 5.0
+"""Standard deviations by which a marker's distances are off, in the median, where its label is doubted."""
+
+LEAST_FRAMES = 3
+"""Two labels must be doubted together for so many frames to be weighed."""
+
+CLEAR_JUMP = 6.0
+"""Nats: a label that ends four hundred times nearer (squared) to another's place than to its own."""
+
+BETTER = 0.8
+"""Of the misfit: what an exchange found by distances alone must at least come down to."""
+
+TOLD_APART = 2.0
+"""Standard deviations by which distances must change if two labels are exchanged, for distances to tell."""
+
+Span = tuple[float, Cycle, int, int]
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Labels that were exchanged for some frames.
+
+    Attributes
+    ----------
+    markers : tuple of int
+        Indices; each label sits on the marker of the next one, the last on that of the first.
+    names : tuple of str
+        Their labels.
+    first_frame, last_frame : int
+        Both included.
+    misfit_before, misfit_after : float, mm
+        Root mean square deviation of the distances to their limbs, as found and as repaired; NaN without any.
+    jumps : bool
+        Whether the labels were seen jumping to each other's places at the beginning or the end.
+    gain : float, nats
+        Evidence, all told.
+    """
+
+    markers: tuple[int, ...]
+    names: tuple[str, ...]
+    first_frame: int
+    last_frame: int
+    misfit_before: float
+    misfit_after: float
+    jumps: bool
+    gain: float
+
+    @property
+    def evidence(self) -> str:
+        """What speaks for it."""
+        seen = "; the labels are seen jumping" if self.jumps else ""
+        return f"misfit of distances {self.misfit_before:.1f} mm before, {self.misfit_after:.1f} mm after{seen}"
+
+    @property
+    def sentence(self) -> str:
+        """What the user is told."""
+        return (
+            f"labels exchanged in frames {self.first_frame} to {self.last_frame}, repaired: {' -> '.join(self.names)} "
+            f"({self.evidence})"
+        )
+
+    @property
+    def finding(self) -> Finding:
+        """For the account of the labels."""
+        return Finding("exchanged", self.names, self.first_frame, self.last_frame, self.evidence, "given back")
+
+
+def find_swaps(
+    trajectories: Trajectories,
+    parameters: LabelParameters | None = None,
+    *,
+    limbs: Limbs | None = None,
+    monitor: Monitor = SILENT,
+) -> tuple[Swap, ...]:
+    """Find labels that were exchanged in a ring of two to four for some frames.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers; gaps are fine.
+    parameters : LabelParameters, optional
+        Their `swap_evidence` says how clear an exchange must be.
+    limbs : Limbs, optional
+        Rigid groups; found robustly if left out.
+    monitor : Monitor
+        Told of progress; may cancel.
+
+    Returns
+    -------
+    tuple of Swap
+        In the order in which `repair_swaps` undoes them.
+    """
+    parameters = parameters or LabelParameters()
+    if trajectories.n_markers < 2 or trajectories.n_frames < 2:
+        return ()
+    model = rigid_model(trajectories, limbs or robust_limbs(trajectories))
+    found: list[Swap] = []
+    current = trajectories
+    for done in range(MOST_ROUNDS):
+        monitor.advance(done, MOST_ROUNDS)
+        swaps = _one_round(current, model, parameters)
+        if not swaps:
+            break
+        found += swaps
+        current = repair_swaps(current, swaps)
+    return tuple(found)
+
+
+def repair_swaps(trajectories: Trajectories, swaps: Iterable[Swap]) -> Trajectories:
+    """Give exchanged labels back, one swap after the other; nothing else changes.
+
+    Returns
+    -------
+    Trajectories
+        With a notice per swap; the same object if there is no swap.
+    """
+    swaps = tuple(swaps)
+    if not swaps:
+        return trajectories
+    positions = trajectories.positions.copy()
+    for swap in swaps:
+        frames = slice(swap.first_frame, swap.last_frame + 1)
+        places = [*swap.markers[1:], swap.markers[0]]
+        positions[frames, places] = positions[frames, list(swap.markers)]
+    notices = tuple(swap.sentence for swap in sorted(swaps, key=lambda swap: swap.first_frame))
+    return dataclasses.replace(trajectories, positions=positions, notices=trajectories.notices + notices)
+
+
+def indistinguishable_pairs(
+    trajectories: Trajectories, *, limbs: Limbs | None = None, model: RigidModel | None = None
+) -> tuple[tuple[str, str], ...]:
+    """Name the pairs of markers on one limb whose exchange changes no distance by more than it varies anyway."""
+    limbs = limbs or robust_limbs(trajectories)
+    model = model or rigid_model(trajectories, limbs)
+    pairs = []
+    for first, second in zip(*limb_pairs(limbs), strict=True):
+        change = (model.distance[first] - model.distance[second]) / np.hypot(model.spread[first], model.spread[second])
+        if not (np.abs(change) > TOLD_APART).any():
+            pairs.append((trajectories.names[first], trajectories.names[second]))
+    return tuple(pairs)
+
+
+def _one_round(trajectories: Trajectories, model: RigidModel, parameters: LabelParameters) -> list[Swap]:
+    """The clearest exchanges that do not touch each other."""
+    positions, rate = trajectories.positions, trajectories.rate
+    neighbours = neighbours_of(positions)
+    cycles = dict.fromkeys((*jumping_cycles(positions, neighbours, rate), *_doubted_pairs(positions, model)))
+    spans: list[Span] = []
+    for cycle in list(cycles)[:MOST_CANDIDATES]:
+        evidence = weigh(positions, cycle, model, neighbours, rate)
+        spans += _clear_spans(positions, cycle, evidence, model, parameters)
+    spans.sort(key=lambda span: (-span[0], span[1:]))
+    return [_swap(trajectories, span, model, neighbours) for span in _apart(spans, model)]
+
+
+def _clear_spans(
+    positions: Floats, cycle: Cycle, evidence: Evidence, model: RigidModel, parameters: LabelParameters
+) -> list[Span]:
+    spans = []
+    for first, last in best_spans(evidence):
+        distances = float(evidence.distances[first : last + 1].sum())
+        jumps = _jump_gains(evidence, first, last)
+        by_distance = distances > parameters.swap_evidence and _is_better(positions[first : last + 1], cycle, model)
+        by_jumps = (
+            min(jumps) > CLEAR_JUMP and distances > -parameters.swap_evidence and last - first + 1 < len(positions) / 2
+        )
+        if by_distance or by_jumps:
+            spans.append((distances + sum(jumps), cycle, first, last))
+    return spans
+
+
+def _jump_gains(evidence: Evidence, first: int, last: int) -> tuple[float, float]:
+    """Gains of the jumps at both ends; 0 where the take itself begins or ends."""
+    end = float(evidence.exits[last + 1]) if last + 1 < len(evidence.exits) else 0.0
+    return (float(evidence.entries[first]) if first else 0.0), end
+
+
+def _is_better(positions: Floats, cycle: Cycle, model: RigidModel) -> bool:
+    before, after = (np.nan_to_num(part) for part in misfits(positions, cycle, model))
+    return bool((after**2).sum() < BETTER**2 * (before**2).sum())
+
+
+def _apart(spans: list[Span], model: RigidModel) -> list[Span]:
+    """Spans, the clearest first, without those that share a limb and frames with one before."""
+    chosen: list[tuple[set[int], Span]] = []
+    for span in spans:
+        _, cycle, first, last = span
+        touched = {
+            int(model.limb_of_marker[marker]) if model.limb_of_marker[marker] >= 0 else ~marker for marker in cycle
+        }
+        if all(last < begin - 1 or first > end + 1 or not touched & other for other, (_, _, begin, end) in chosen):
+            chosen.append((touched, span))
+    return [span for _, span in chosen]
+
+
+def _swap(trajectories: Trajectories, span: Span, model: RigidModel, neighbours: Ints) -> Swap:
+    gain, cycle, first, last = span
+    evidence = weigh(trajectories.positions, cycle, model, neighbours, trajectories.rate)
+    pairs = {(min(m, k), max(m, k)) for m in cycle for k in model.partners(m).tolist()}
+    spread = np.array([model.spread[pair] for pair in sorted(pairs)])
+    before, after = misfits(trajectories.positions[first : last + 1], cycle, model)
+    names = tuple(trajectories.names[marker] for marker in cycle)
+    jumps = max(_jump_gains(evidence, first, last)) > CLEAR_JUMP
+    return Swap(cycle, names, first, last, _rms(before * spread), _rms(after * spread), jumps, gain)
+
+
+def _rms(deviation: Floats) -> float:
+    known = deviation[~np.isnan(deviation)]
+    return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
+
+
+def _doubted_pairs(positions: Floats, model: RigidModel) -> list[Cycle]:
+    """Pairs of labels whose distances to their limbs are off in the same frames."""
+    doubted = np.stack([_is_off(positions, marker, model) for marker in range(positions.shape[1])], axis=1)
+    markers = np.flatnonzero(doubted.sum(axis=0) >= LEAST_FRAMES)
+    together = doubted[:, markers].T.astype(np.float64) @ doubted[:, markers].astype(np.float64)
+    pairs = [(i, j) for i, j in combinations(range(len(markers)), 2) if together[i, j] >= LEAST_FRAMES]
+    pairs.sort(key=lambda pair: -together[pair])
+    return [(int(markers[i]), int(markers[j])) for i, j in pairs]
+
+
+def _is_off(positions: Floats, marker: int, model: RigidModel) -> Bools:
+    partners = model.partners(marker)
+    if not len(partners):
+        return np.zeros(len(positions), dtype=bool)
+    lengths = step_loops().lengths(positions, marker, partners)
+    off = np.abs(lengths - model.distance[marker, partners]) / model.spread[marker, partners]
+    return np.asarray((off > BAD).sum(axis=1) * 2 >= np.maximum((~np.isnan(off)).sum(axis=1), 1))

@@ -1,0 +1,96 @@
+"""Identities by rigidity: a skeleton of the markers found so far brings back what occlusion took apart."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skelgen.evaluation.identity import find_identity
+from skelgen.model import Project, StageReport
+from skelgen.simulation import simulate
+from skelgen.stages.labels import LabelParameters, label_markers
+from skelgen.stages.labels.model_fit.assignment import (
+    assign_tracks,
+    point_scores,
+    same_places,
+    split_where_marker_changes,
+)
+from skelgen.stages.labels.model_fit.refine import core_markers
+
+OCCLUDED = {"n_cameras": 6, "soft_tissue": 2.0, "ghosts": 0.2, "noise": 0.3, "labelled": False}
+
+
+def score(case, **settings):
+    labels = label_markers(case.take, LabelParameters(**settings))
+    return find_identity(Project(case.take).with_trajectories(labels, StageReport()), case.truth)[1]
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_occluded_human_is_labelled_better_than_by_sets_alone(seed):
+    case = simulate("human", n_frames=800, seed=seed, **OCCLUDED)
+    by_sets, by_rigidity = score(case, method="sets"), score(case)
+    assert by_rigidity.idf1 >= max(by_sets.idf1, 0.99)
+    assert by_rigidity.precision >= 0.998
+
+
+def test_known_number_of_markers_is_obeyed():
+    case = simulate("human", n_frames=400, seed=0, **OCCLUDED)
+    assert label_markers(case.take, LabelParameters(), n_markers=40).n_markers == 40
+
+
+def test_labels_are_the_same_every_time():
+    case = simulate("human", n_frames=300, seed=1, **OCCLUDED)
+    first, second = (label_markers(case.take, LabelParameters(), seed=5) for _ in range(2))
+    np.testing.assert_array_equal(first.positions, second.positions)
+
+
+def test_a_track_that_changes_its_marker_is_cut_there():
+    scores = np.zeros((40, 2))
+    scores[:25, 0] = scores[25:, 1] = 1.0
+    scores[10, :] = [0.0, 1.0]  # a single contrary vote does not cut
+    pieces = split_where_marker_changes(np.zeros(40, dtype=np.intp), scores)
+    np.testing.assert_array_equal(np.flatnonzero(np.diff(pieces)), [24])
+
+
+def test_a_marker_has_one_point_in_a_frame():
+    frames = np.repeat(np.arange(20), 2)
+    pieces = np.tile([0, 1], 20)
+    scores = np.tile([[0.9], [0.5]], (20, 1))
+    assigned = assign_tracks(pieces, frames, scores, 20)
+    np.testing.assert_array_equal(assigned.reshape(20, 2), np.tile([0, -1], (20, 1)))
+
+
+def test_points_outside_the_gate_and_unknown_places_score_nothing():
+    predicted = np.array([[[0.0, 0, 0], [np.nan] * 3]])
+    points = np.array([[0.0, 0, 0], [0, 3, 0], [0, 0, 9]])
+    scores = point_scores(points, np.zeros(3, dtype=np.intp), predicted, np.full((1, 2), 6.0))
+    np.testing.assert_allclose(scores, [[1.0, 0], [0.75, 0], [0, 0]])
+
+
+def test_markers_with_one_place_that_are_never_seen_together_are_one():
+    together = np.array([[6.0, 0, 5], [0, 4, 4], [5, 4, 10]])
+    offsets = np.array([[0.0, 0, 0], [0.5, 0, 0], [50, 0, 0]])
+    same = same_places(together, offsets, np.zeros(3, dtype=np.intp), limits=np.array([2.0]))
+    np.testing.assert_array_equal(same, [0, 0, 2])
+
+
+def test_markers_seen_together_are_never_one():
+    offsets = np.zeros((2, 3))
+    same = same_places(np.full((2, 2), 9.0), offsets, np.zeros(2, dtype=np.intp), limits=np.array([2.0]))
+    np.testing.assert_array_equal(same, [0, 1])
+
+
+def test_rarely_seen_markers_do_not_carry_the_model_and_a_given_number_bounds_it():
+    marker_of_point = np.repeat([0, 1, 2, 3], [100, 90, 20, 80])
+    np.testing.assert_array_equal(core_markers(marker_of_point), [0, 1, 3])
+    np.testing.assert_array_equal(core_markers(marker_of_point, 2), [0, 1])
+
+
+def test_half_of_the_points_being_doubtful_in_the_file_changes_no_label():
+    case = simulate("human", n_frames=300, seed=2, **OCCLUDED)
+    error = np.where(np.arange(case.take.n_points) % 2, 0.1, 0.4)
+    doubted = dataclasses.replace(case.take, attributes={"reprojection_error": error})
+    plain, weighted = (label_markers(take, LabelParameters()) for take in (case.take, doubted))
+    assert plain.n_markers == weighted.n_markers
