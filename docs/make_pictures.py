@@ -23,7 +23,7 @@ from skelgen_gui.theme import Theme, prepare_high_dpi
 from skelgen_gui.window import Window
 
 import skelgen
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
 from skelgen.model.rig import CaptureSettings
 from skelgen.simulation import simulate
 
@@ -111,7 +111,7 @@ def take_capture_pictures(app: QApplication, window: Window) -> None:
 def take_target_pictures(app: QApplication, window: Window, page: CapturePage) -> None:
     """Save pictures of a target and of joints that are calibrated on the simulated rig."""
     path = Path("rig.xml")
-    write_settings(CaptureSettings(seed_rig()), path)
+    write_settings(CaptureSettings(reference_rig()), path)
     page.target.form.settings.show_path(str(path))
     page.tabs.setCurrentWidget(page.target)
     for name in ("torso", "upper arm", "lower arm"):

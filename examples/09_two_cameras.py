@@ -16,7 +16,7 @@ import numpy as np
 from skelgen_formats.capture_settings import write_settings
 
 from skelgen.capture.live import MotionCapture
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.simulated_rig import simulated_rig
 
 N_PAIRS = 60
 

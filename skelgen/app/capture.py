@@ -16,14 +16,13 @@ from typing import Self
 import numpy as np
 from skelgen_formats.recording import C3dRecorder, MfmlRecorder
 
-from skelgen.capture.blobs import FoundBody, StereoPoints
 from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets, resolved_points
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, JointWish, calibrate_joints
-from skelgen.capture.frames import FrameSource
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.markers import misfit_in_space
 from skelgen.capture.prediction import PredictionParameters
+from skelgen.capture.values import FoundBody, FrameSource, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, CaptureSettings, JointModel

@@ -13,16 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.capture.angles import JointAngle
-from skelgen.capture.blobs import Balls, FoundBody
 from skelgen.capture.bodies import propose_targets
-from skelgen.capture.error_propagation.angles import angle_covariance
-from skelgen.capture.error_propagation.by_distance import places_before, typical_joints, typical_pair
-from skelgen.capture.error_propagation.poses import pose_covariances
+from skelgen.capture.error_propagation import angle_covariance, pose_covariances
+from skelgen.capture.errors_by_distance import places_before, typical_joints, typical_pair
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.optics.matching import match_and_triangulate
 from skelgen.capture.optics.projection import project
-from skelgen.capture.optics.seed_rig import seed_rig
-from skelgen.capture.rig import SimulatedRig, scene_of_bodies
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies
+from skelgen.capture.values import Balls, FoundBody
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import CaptureSettings, JointModel, StereoRig
@@ -73,7 +72,7 @@ def rig_errors(distance: float, n_trials: int, *, is_rendered: bool = False) -> 
     is_rendered : bool
         Whether images are rendered and captured; else the balls' centres are disturbed.
     """
-    rig, found = seed_rig(), dict[str, Errors]()
+    rig, found = reference_rig(), dict[str, Errors]()
     for name, joint in zip(("ball joint", "hinge"), typical_joints(), strict=True):
         rng = np.random.default_rng(_SEED)
         trials = [trial for trial in _trials_of(rig, joint, distance, rng, n_trials, is_rendered) if trial is not None]

@@ -24,8 +24,8 @@ from functools import cache
 
 import numpy as np
 
-from skelgen.capture.blobs import FoundBody
-from skelgen.capture.error_propagation.angles import block_diagonal, held_slope, turn_slope
+from skelgen.capture.error_propagation import block_diagonal, held_slope, turn_slope
+from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
 from skelgen.kinematics.angles import angle_deviations, joint_angles
 from skelgen.model import Joint

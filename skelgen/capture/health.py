@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from skelgen.capture.blobs import Balls, StereoPoints
-from skelgen.capture.frames import FramePair
+from skelgen.capture.values import Balls, FramePair, StereoPoints
 from skelgen.model.rig import StereoRig
 
 WINDOW = 30

@@ -18,9 +18,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from skelgen.capture.blobs import FoundBody
 from skelgen.capture.bodies import ExpectedPose
 from skelgen.capture.plain_filter import N_STATE
+from skelgen.capture.values import FoundBody
 from skelgen.compiling import loops
 from skelgen.model.arrays import Floats
 from skelgen.parameters import StageParameters, declare

@@ -7,9 +7,8 @@ import sys
 from types import TracebackType
 from typing import Any, Self
 
-from skelgen.capture.blobs import Balls
-from skelgen.capture.frames import Image
 from skelgen.capture.live import Captured
+from skelgen.capture.values import Balls, Image
 
 _MARK = (0, 255, 0)  # green, in OpenCV's order
 _MARK_SIZE = 9  # px

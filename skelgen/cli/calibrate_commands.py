@@ -71,7 +71,7 @@ def simulated(
     """Write what a perfect calibration of the simulated rig would find: a capture to try without cameras."""
     from skelgen_formats.capture_settings import write_settings
 
-    from skelgen.capture.rig import simulated_rig
+    from skelgen.capture.simulated_rig import simulated_rig
     from skelgen.model.rig import CaptureSettings
 
     screen = Screen(quiet, as_json)

@@ -14,7 +14,7 @@ from skelgen.cli.screen import Screen
 
 if TYPE_CHECKING:
     from skelgen.benchmark import Section
-    from skelgen.capture.error_propagation.by_distance import Curve, RigErrors
+    from skelgen.capture.errors_by_distance import Curve, RigErrors
 
 PageFile = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write, HTML.")]
 Suites = Annotated[
@@ -84,7 +84,7 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
     """Print the standard deviations of points, bodies and joint angles; draw them if a file is named."""
     from skelgen_formats.capture_settings import read_settings
 
-    from skelgen.capture.error_propagation.by_distance import errors_by_distance
+    from skelgen.capture.errors_by_distance import errors_by_distance
 
     errors = errors_by_distance(read_settings(settings))
     screen.say(
@@ -93,7 +93,7 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
     for curve in errors.curves:
         screen.table(f"{curve.what.capitalize()} [{curve.unit}]", _rows(errors, curve))
     if plot is not None:
-        from skelgen.capture.error_propagation.plot import plot_errors
+        from skelgen.capture.errors_plot import plot_errors
 
         plot_errors(errors, plot)
         screen.say(f"written: {plot}")

@@ -11,7 +11,7 @@ from skelgen_formats.mfml import read_mfml
 
 from skelgen.app.capture import calibrate_body_of, calibrate_joints_of, capture, with_joints
 from skelgen.capture.calibration.joints import JointCalibration
-from skelgen.capture.rig import SimulatedRig, scene_of_bodies, simulated_rig
+from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
 from skelgen.capture.sources import open_source
 from skelgen.cli import main
 from skelgen.errors import InputError, SkelgenError

@@ -10,7 +10,7 @@ import pytest
 from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.mfml import read_mfml
 
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.cli import main
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.rig import StereoRig

@@ -14,7 +14,7 @@ from skelgen_formats.c3d import read_c3d
 from skelgen_formats.capture_settings import read_settings
 from skelgen_formats.mfml import read_mfml
 
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.cli import main
 from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
 

@@ -12,7 +12,7 @@ from skelgen_formats.mfml import read_mfml
 import skelgen
 from skelgen.app.files import format_rows, is_stereo, name_of_format, open_input
 from skelgen.app.project_file.archive import open_project
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.cli import main
 from skelgen.errors import InputError, WriteError
 from skelgen.evaluation import evaluate

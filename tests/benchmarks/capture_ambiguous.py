@@ -14,12 +14,11 @@ import numpy as np
 from capture_pipeline import bent
 from shown import show, show_machine
 
-from skelgen.capture.markers.candidates import CandidateStore
-from skelgen.capture.markers.choice import chosen, evidence_of_time, surest_first, track_pairs
-from skelgen.capture.markers.tracks import BallTracks
+from skelgen.capture.markers.candidates import BallTracks, CandidateStore
+from skelgen.capture.markers.correspondences import chosen, evidence_of_time, surest_first, track_pairs
 from skelgen.capture.optics.matching import match_and_triangulate
-from skelgen.capture.optics.seed_rig import seed_rig
-from skelgen.capture.rig import projected_balls, scene_of_structure
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig import projected_balls, scene_of_structure
 from skelgen.model.arrays import Bools
 from skelgen.model.rig import CaptureSettings
 
@@ -29,7 +28,7 @@ WAYS = ("time alone", "learned distances", "and targets")
 
 def decided(structure: str, seed: int, rate: float, turned: float) -> tuple[int, list[int], float]:
     """Ambiguous pairs of ten seconds, how many each way judges wrongly, and processor time of the last [s]."""
-    rig, n_frames = seed_rig(), int(10 * rate)
+    rig, n_frames = reference_rig(), int(10 * rate)
     scene = scene_of_structure(structure, rig, seed=seed, n_frames=n_frames, rate=rate)
     settings = bent(CaptureSettings(rig, scene.bodies, scene.joints), turned)
     store, followers = CandidateStore(), (BallTracks(rig.left.size), BallTracks(rig.right.size))

@@ -22,12 +22,12 @@ from typing import NamedTuple
 import numpy as np
 from shown import show, show_machine, verdict
 
-from skelgen.capture.blobs import FoundBody, StereoPoints
 from skelgen.capture.bodies import BodyFinder, propose_targets
 from skelgen.capture.live import MotionCapture
-from skelgen.capture.optics.seed_rig import seed_rig
-from skelgen.capture.rig import SimulatedRig, scene_of_bodies, simulated_rig
-from skelgen.capture.rig.scene import wandering_poses
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
+from skelgen.capture.simulated_rig.scene import wandering_poses
+from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, StereoRig
@@ -103,7 +103,7 @@ def make_frame(
 
 def measure(n_targets: int, n_points: int, n_frames: int) -> tuple[int, int, int, Floats]:
     """Poses found, poses that can be found, wrong ones, and milliseconds of every frame, over `SEEDS`."""
-    rig, found, possible, wrong = seed_rig(), 0, 0, 0
+    rig, found, possible, wrong = reference_rig(), 0, 0, 0
     times: list[float] = []
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
@@ -145,7 +145,7 @@ def rows(n_frames: int) -> list[tuple[str, ...]]:
 
 def far_row(distance: float, n_seen: int) -> tuple[str, ...]:
     """Found and wrong poses of targets far away, some of whose balls are hidden."""
-    rig, found, wrong, n = seed_rig(), 0, 0, 0
+    rig, found, wrong, n = reference_rig(), 0, 0, 0
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
         wished = [BodyTarget(f"body{i}", rng.uniform(-SIZE, SIZE, (N_BALLS, 3))) for i in range(N_TARGETS)]
@@ -171,7 +171,7 @@ def far_off(body: FoundBody, pose: Floats) -> bool:
 
 def scenes() -> list[tuple[str, SimulatedRig]]:
     """What is rendered."""
-    rig, rng = seed_rig(), np.random.default_rng(0)
+    rig, rng = reference_rig(), np.random.default_rng(0)
     listed = [(f"the seed's arm, seed {seed}", simulated_rig("arm", n_frames=RENDERED, seed=seed)) for seed in SEEDS]
     wished = [BodyTarget(f"body{i}", rng.uniform(-50, 50, (N_BALLS, 3))) for i in range(N_TARGETS)]
     targets = propose_targets(wished)

@@ -12,7 +12,7 @@ from shown import show, show_machine, verdict
 from skelgen.capture.calibration.board import Board, BoardView
 from skelgen.capture.calibration.stereo import StereoCalibration, calibrate_stereo, calibrate_views
 from skelgen.capture.optics.projection import in_image, project
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 
 CHESSBOARDS = Path(__file__).parents[2] / ".." / "shared" / "data" / "stereo_chessboard"
@@ -63,11 +63,11 @@ def show_known_rig() -> None:
     errors, stds, spoilt = [], [], []
     for seed in SEEDS:
         pairs = seen_pairs(seed)
-        found = calibrate_views([str(index) for index in range(N_PAIRS)], pairs, BOARD, seed_rig().left.size)
+        found = calibrate_views([str(index) for index in range(N_PAIRS)], pairs, BOARD, reference_rig().left.size)
         errors.append(numbers(found) - numbers_of_seed())
         stds.append([found.left_std[0], found.left_std[2], found.right_std[0], found.baseline_std])
         pairs[3] = (pairs[3][0], replace(pairs[3][1], corners=pairs[7][1].corners))
-        bad = calibrate_views([str(index) for index in range(N_PAIRS)], pairs, BOARD, seed_rig().left.size)
+        bad = calibrate_views([str(index) for index in range(N_PAIRS)], pairs, BOARD, reference_rig().left.size)
         spoilt.append(numbers(bad) - numbers_of_seed())
     rows = [
         (name, *(f"{value:.3f}" for value in values))
@@ -91,13 +91,13 @@ def numbers(found: StereoCalibration) -> np.ndarray:
 
 def numbers_of_seed() -> np.ndarray:
     """The truth."""
-    rig = seed_rig()
+    rig = reference_rig()
     return np.array([rig.left.matrix[0, 0], rig.left.matrix[0, 2], rig.right.matrix[0, 0], rig.baseline])
 
 
 def seen_pairs(seed: int) -> list[tuple[BoardView, BoardView]]:
     """Views of boards at random poses that both cameras see whole."""
-    rng, rig, pairs = np.random.default_rng(seed), seed_rig(), []
+    rng, rig, pairs = np.random.default_rng(seed), reference_rig(), []
     while len(pairs) < N_PAIRS:
         turn = matrix_from_vector(rng.uniform(-0.6, 0.6, 3))
         place = rng.uniform([0.0, -250.0, 800.0], [450.0, 250.0, 1500.0])

@@ -16,10 +16,10 @@ import numpy as np
 from shown import show, show_machine, verdict
 
 from skelgen.capture.detection import DetectionParameters, centred, detect_balls
-from skelgen.capture.frames import Image
-from skelgen.capture.optics.seed_rig import seed_rig
-from skelgen.capture.rig import RenderParameters, render_pair, render_view, simulated_rig
-from skelgen.capture.rig.view import ViewTruth
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig import RenderParameters, render_pair, render_view, simulated_rig
+from skelgen.capture.simulated_rig.view import ViewTruth
+from skelgen.capture.values import Image
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import Camera
 
@@ -189,7 +189,7 @@ def show_speed(camera: Camera) -> None:
     told = (f"<= {MILLISECONDS}", verdict(median <= MILLISECONDS))
     rows.append(("arm, targets before each other", "union-find", f"{median:.2f}", f"{worst:.2f}", *told))
     points = places(np.random.default_rng(3), 1200.0, 20)
-    median, worst = milliseconds(lambda: render_pair(seed_rig(), points))
+    median, worst = milliseconds(lambda: render_pair(reference_rig(), points))
     told = (f"<= {RENDERED:g}", verdict(median <= RENDERED))
     rows.append(("20 balls", "rendering a pair", f"{median:.2f}", f"{worst:.2f}", *told))
     columns = ("image of 640 x 480", "what", "median [ms]", "99 % below", "wanted", "")
@@ -198,7 +198,7 @@ def show_speed(camera: Camera) -> None:
 
 if __name__ == "__main__":
     show_machine()
-    left = seed_rig().left
+    left = reference_rig().left
     show_errors(left)
     show_deviations(left)
     show_touching(left)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from shown import show, show_machine, verdict
 
 from skelgen.benchmark.stereo import COVERED, WANTED, WANTED_AT, WITHIN, Errors, rig_errors
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
 
 DISTANCES = (1000.0, 2000.0)
 N_TRIALS = 1000
@@ -23,7 +23,7 @@ def main(n_trials: int) -> None:
     columns = ("distance [mm]", "what [mm, degrees]", "rms error", "wanted", "predicted", "ratio (0.9 to 1.1)")
     columns += ("within stated 95 %", "")
     rows = [row for distance in DISTANCES for row in rows_of(distance, rig_errors(distance, n_trials), 1.0)]
-    show(f"Seed's rig, {seed_rig().noise:g} px, {n_trials} poses, all axes together", columns, rows)
+    show(f"Seed's rig, {reference_rig().noise:g} px, {n_trials} poses, all axes together", columns, rows)
     rows = rows_of(WANTED_AT, rig_errors(WANTED_AT, n_trials // 5, is_rendered=True), 0.0)
     show(f"Rendered images, {n_trials // 5} poses", columns, rows)
 

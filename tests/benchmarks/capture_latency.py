@@ -19,13 +19,12 @@ import numpy as np
 from capture_bodies import make_frame
 from shown import show, show_machine, verdict
 
-from skelgen.capture.blobs import FoundBody
 from skelgen.capture.bodies import BodyFinder, ExpectedPose, propose_targets
-from skelgen.capture.frames import FramePair
 from skelgen.capture.live import MotionCapture
-from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.prediction import BodyFilter, PredictionParameters
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig import simulated_rig
+from skelgen.capture.values import FoundBody, FramePair
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget
@@ -154,7 +153,7 @@ def prediction_rows() -> list[tuple[str, ...]]:
 
 def search_rows() -> list[tuple[str, ...]]:
     """Median times of the search everywhere and where the targets are expected."""
-    rows, rig, rng = [], seed_rig(), np.random.default_rng(0)
+    rows, rig, rng = [], reference_rig(), np.random.default_rng(0)
     targets = propose_targets([BodyTarget(f"body{i}", rng.uniform(-60, 60, (5, 3))) for i in range(3)])
     finder = BodyFinder(targets)
     for n_points in CROWDS:

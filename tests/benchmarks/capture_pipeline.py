@@ -19,7 +19,7 @@ from skelgen.app.pipeline import run_stages
 from skelgen.capture.bodies import resolved_points
 from skelgen.capture.live import PointFinder
 from skelgen.capture.markers import markers_of
-from skelgen.capture.rig import SimulatedRig, simulated_rig
+from skelgen.capture.simulated_rig import SimulatedRig, simulated_rig
 from skelgen.evaluation import Evaluation, evaluate
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import PointCloud, Project

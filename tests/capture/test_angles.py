@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from skelgen.capture.angles import angle_names, find_angles
-from skelgen.capture.blobs import FoundBody
-from skelgen.capture.error_propagation.angles import angle_covariance
+from skelgen.capture.error_propagation import angle_covariance
+from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.rig import JointModel
 

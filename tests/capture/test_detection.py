@@ -22,8 +22,8 @@ from skelgen.capture.detection.discs import normal_equations
 from skelgen.capture.detection.separation import inscribed_discs
 from skelgen.capture.detection.spots import AREA, BOTTOM, FULL, LEFT, RIGHT, TOP
 from skelgen.capture.detection.thresholds import dark_noise, find_thresholds, level_of
-from skelgen.capture.optics.seed_rig import seed_rig
-from skelgen.capture.rig import RenderParameters, render_view
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig import RenderParameters, render_view
 from skelgen.errors import CaptureError, InputError
 
 WANTED = 0.02  # px: what the project asks of a centre at the seed's conditions
@@ -33,7 +33,7 @@ DARK = np.zeros((480, 640), dtype=np.uint8)
 
 def scene(n, seed, distances=(900.0, 1100.0), parameters=None):
     """One image of balls that do not touch, with their true centres."""
-    rng, camera = np.random.default_rng(seed), seed_rig().left
+    rng, camera = np.random.default_rng(seed), reference_rig().left
     depth = rng.uniform(*distances, size=4 * n)
     slopes = rng.uniform([-0.33, -0.25], [0.33, 0.25], size=(4 * n, 2))
     chosen = [0]
@@ -63,7 +63,7 @@ def test_predicted_deviations_are_those_of_the_errors():
     ratios = []
     for seed in range(6):
         image, truth = scene(12, seed, (800.0, 2000.0), RenderParameters(noise=3.0))
-        balls = centred(seed_rig().left, detect_balls(image))
+        balls = centred(reference_rig().left, detect_balls(image))
         off, nearest = errors(balls, truth)
         ratios.append(off / balls.std[nearest, np.newaxis])
     spread = np.sqrt((np.concatenate(ratios) ** 2).mean())
@@ -73,7 +73,7 @@ def test_predicted_deviations_are_those_of_the_errors():
 def test_near_balls_are_centred_with_their_camera():
     image, truth = scene(8, 1, (350.0, 500.0), RenderParameters(diameter=20.0))
     balls = detect_balls(image)
-    before, after = errors(balls, truth)[0], errors(centred(seed_rig().left, balls), truth)[0]
+    before, after = errors(balls, truth)[0], errors(centred(reference_rig().left, balls), truth)[0]
     assert np.sqrt((before**2).mean()) > 2 * np.sqrt((after**2).mean())
     assert np.sqrt((after**2).mean()) < WANTED
 
@@ -103,7 +103,7 @@ def test_edges_give_better_centres_than_brightness_between_thresholds():
     for seed in range(4):
         image, truth = scene(15, seed, (900.0, 1500.0), RenderParameters(reflections=0))
         for way, found in several.items():
-            balls = centred(seed_rig().left, detect_balls(image, DetectionParameters(centre=way)))
+            balls = centred(reference_rig().left, detect_balls(image, DetectionParameters(centre=way)))
             found.append(errors(balls, truth)[0])
     by_edge, by_brightness = (np.sqrt((np.concatenate(found) ** 2).mean()) for found in several.values())
     assert by_edge < 0.85 * by_brightness
@@ -179,7 +179,7 @@ def test_touching_balls_are_separated(apart, distance):
     for turn in np.arange(6):
         x, y = 30.0 + apart * 7.0 * np.cos(turn), -50.0 + apart * 7.0 * np.sin(turn)
         points = np.array([[30.0, -50.0, distance], [x, y, distance + 40.0]])
-        image, truth = render_view(seed_rig().left, points, RenderParameters(), int(turn))
+        image, truth = render_view(reference_rig().left, points, RenderParameters(), int(turn))
         balls = detect_balls(image)
         assert len(balls) == 2
         assert balls.touching.all()
@@ -189,7 +189,7 @@ def test_touching_balls_are_separated(apart, distance):
 def test_three_balls_in_a_triangle_are_separated():
     ring = 8.0 * np.array([[np.cos(turn), np.sin(turn), 0.0] for turn in 2 * np.pi * np.arange(3) / 3])
     points = np.add(ring, [0.0, 0.0, 900.0])
-    image, truth = render_view(seed_rig().left, points, RenderParameters(reflections=0))
+    image, truth = render_view(reference_rig().left, points, RenderParameters(reflections=0))
     balls = detect_balls(image)
     assert len(balls) == 3
     assert np.linalg.norm(errors(balls, truth)[0], axis=1).max() < TOUCHING
@@ -201,7 +201,9 @@ def test_three_balls_in_a_row_are_separated(bend, apart):
     """They leave gaps on both sides, which a small disc would fill."""
     angle = np.radians(bend)
     row = apart * np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [np.cos(angle), np.sin(angle), 0.0]])
-    image, truth = render_view(seed_rig().left, np.add(row, [20.0, -30.0, 1000.0]), RenderParameters(reflections=0))
+    image, truth = render_view(
+        reference_rig().left, np.add(row, [20.0, -30.0, 1000.0]), RenderParameters(reflections=0)
+    )
     balls = detect_balls(image)
     assert len(balls) == 3
     assert np.linalg.norm(errors(balls, truth)[0], axis=1).max() < TOUCHING
@@ -209,12 +211,12 @@ def test_three_balls_in_a_row_are_separated(bend, apart):
 
 def test_separation_can_be_switched_off():
     points = np.array([[0.0, 0.0, 1000.0], [11.0, 0.0, 1000.0]])
-    image, _ = render_view(seed_rig().left, points, RenderParameters(reflections=0))
+    image, _ = render_view(reference_rig().left, points, RenderParameters(reflections=0))
     assert len(detect_balls(image, DetectionParameters(separate=False, max_elongation=5.0))) == 1
 
 
 def test_a_ball_that_the_border_cuts_has_the_centre_of_its_whole_outline():
-    camera = seed_rig().left
+    camera = reference_rig().left
     points = np.array([[-391.0, 20.0, 1000.0], [0.0, 0.0, 1000.0]])  # two thirds of the first are in the image
     image, truth = render_view(camera, points, RenderParameters(reflections=0))
     assert 0.4 < truth.visible[0] < 0.9
@@ -230,7 +232,7 @@ def test_dull_metal_is_no_ball():
 
 def spots_of_many_balls(seed):
     """Windows of an image in which up to six balls hang together, some cut by its border."""
-    rng, camera = np.random.default_rng(seed), seed_rig().left
+    rng, camera = np.random.default_rng(seed), reference_rig().left
     middles = np.column_stack([rng.uniform([-400, -290], [400, 290], (30, 2)), np.full(30, 1000.0)])
     places = np.repeat(middles, 4, axis=0)
     points = places + rng.uniform(-22.0, 22.0, places.shape) * [1.0, 1.0, 3.0]
@@ -269,7 +271,7 @@ def test_compiled_and_plain_discs_are_inscribed_alike():
 @pytest.mark.parametrize("distortion", [(0.0,) * 5, (-0.25, 0.1, 1e-3, -2e-3, 0.0)])
 def test_compiled_and_plain_outlines_have_the_same_centres(distortion):
     image, _ = scene(12, 4, (400.0, 900.0))
-    camera, balls = replace(seed_rig().left, distortion=np.array(distortion)), detect_balls(image)
+    camera, balls = replace(reference_rig().left, distortion=np.array(distortion)), detect_balls(image)
     one, other = (centred(camera, balls, compiled=how).centres for how in (True, False))
     assert np.abs(one - balls.centres).max() > 0.005
     assert one == pytest.approx(other, abs=1e-9)

@@ -6,10 +6,10 @@ from threading import Barrier
 import numpy as np
 import pytest
 
-from skelgen.capture.frames import FramePair
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.prediction import PredictionParameters
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.simulated_rig import simulated_rig
+from skelgen.capture.values import FramePair
 from skelgen.errors import InputError, ParameterError, SkelgenError
 from skelgen.model.rig import CaptureSettings
 

@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.blobs import Balls
 from skelgen.capture.bodies import propose_targets
-from skelgen.capture.error_propagation.angles import angle_covariance
-from skelgen.capture.error_propagation.by_distance import places_before, typical_joints, typical_pair
-from skelgen.capture.error_propagation.poses import pose_covariances
+from skelgen.capture.error_propagation import angle_covariance, pose_covariances
+from skelgen.capture.errors_by_distance import places_before, typical_joints, typical_pair
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.optics.matching import match_and_triangulate
 from skelgen.capture.optics.projection import project
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.values import Balls
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.rig import CaptureSettings
 
-RIG = seed_rig()
+RIG = reference_rig()
 TARGETS = tuple(propose_targets(typical_pair()))
 N_POSES = 250
 ALL_BUT_ONE_IN_A_THOUSAND = 3.3  # standard deviations

@@ -8,9 +8,9 @@ import pytest
 from skelgen.app.capture import ball_positions
 from skelgen.capture.bodies import propose_targets, resolved_points
 from skelgen.capture.live import MotionCapture
-from skelgen.capture.optics.seed_rig import seed_rig
-from skelgen.capture.rig import SimulatedRig, scene_of_bodies, simulated_rig
-from skelgen.capture.rig.scene import wandering_poses
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
+from skelgen.capture.simulated_rig.scene import wandering_poses
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.model.rig import BodyTarget
 
@@ -19,7 +19,7 @@ WRONG, WRONG_TURN = 2.0, 2.0  # mm and degrees: what no pose may be off
 
 def passing():
     """Three targets that pass before each other."""
-    rng, rig = np.random.default_rng(0), seed_rig()
+    rng, rig = np.random.default_rng(0), reference_rig()
     targets = propose_targets([BodyTarget(f"body{i}", rng.uniform(-50, 50, (5, 3))) for i in range(3)])
     return SimulatedRig(scene_of_bodies(targets, wandering_poses(rig, 200, 3, spread=60.0, seed=1)), rig)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from skelgen.capture import plain_filter
-from skelgen.capture.blobs import FoundBody
 from skelgen.capture.prediction import BodyFilter, Prediction, PredictionParameters
+from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 
 RATE = 60.0

@@ -10,7 +10,7 @@ pytest.importorskip("cv2")
 
 from skelgen_formats.capture_settings import read_settings, write_settings
 
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
 from skelgen.cli import main
 from skelgen.cli.calibrate_commands import split_pairs
 from skelgen.errors import InputError
@@ -28,7 +28,7 @@ def chessboards() -> list[str]:
 
 @pytest.fixture
 def settings(tmp_path) -> Path:
-    write_settings(CaptureSettings(seed_rig()), tmp_path / "rig.xml")
+    write_settings(CaptureSettings(reference_rig()), tmp_path / "rig.xml")
     return tmp_path / "rig.xml"
 
 

@@ -13,7 +13,7 @@ from skelgen_gui.cameras import VIEW, Cameras, cameras_from_view
 from skelgen_gui.derived import Deriver
 from skelgen_gui.view3d.viewpoint import DOWN
 
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
 from skelgen.model import Project
 from skelgen.model.rig import CaptureSettings, StereoRig
 from skelgen.model.source import Source
@@ -51,7 +51,7 @@ def project(walked):
 
 
 def test_cameras_survive_the_project_file(cameras, project):
-    cameras.show_rig(seed_rig())
+    cameras.show_rig(reference_rig())
     kept = json.loads(json.dumps({VIEW: cameras.as_view()}))
     before = cameras.frustums(None)
     cameras.begin_with(project)
@@ -76,14 +76,14 @@ def test_a_camera_without_size_is_left_out():
 
 def test_a_recording_that_was_captured_here_has_its_cameras(cameras, project, tmp_path):
     path = tmp_path / "take.mfml"
-    cameras.remember(path, seed_rig())
+    cameras.remember(path, reference_rig())
     cameras.begin_with(replace(project, source=Source(str(path), "mfml")))
     assert len(cameras.shown) == 2
 
 
 def test_a_stereo_recording_has_the_cameras_of_its_settings(cameras, reads, project, tmp_path):
     path = tmp_path / "rig.xml"
-    write_settings(CaptureSettings(seed_rig()), path)
+    write_settings(CaptureSettings(reference_rig()), path)
     stereo = replace(project, source=Source(str(path), "stereo"))
     cameras.begin_with(stereo)
     reads()
@@ -96,7 +96,7 @@ def test_a_stereo_recording_has_the_cameras_of_its_settings(cameras, reads, proj
 
 def test_cameras_of_a_project_that_was_left_meanwhile_are_not_shown(qtbot, cameras, project, tmp_path):
     path = tmp_path / "rig.xml"
-    write_settings(CaptureSettings(seed_rig()), path)
+    write_settings(CaptureSettings(reference_rig()), path)
     cameras.begin_with(replace(project, source=Source(str(path), "stereo")))
     cameras.begin_with(project)
     qtbot.wait(100)
@@ -104,7 +104,7 @@ def test_cameras_of_a_project_that_was_left_meanwhile_are_not_shown(qtbot, camer
 
 
 def test_pyramids_are_a_third_as_long_as_what_they_see_is_far(cameras):
-    cameras.show_rig(seed_rig())
+    cameras.show_rig(reference_rig())
     near, far = (cameras.frustums(np.array([[0.0, 0.0, distance]])) for distance in (900.0, 1800.0))
     assert near[0][0, 1, 2] == pytest.approx(300.0)
     assert far[0][0, 1, 2] == pytest.approx(600.0)
@@ -112,9 +112,9 @@ def test_pyramids_are_a_third_as_long_as_what_they_see_is_far(cameras):
 
 def test_cameras_that_stand_upright_say_which_axis_points_down(cameras):
     assert cameras.up is None
-    cameras.show_rig(seed_rig())  # whose world is the left camera's, with y down in its image
+    cameras.show_rig(reference_rig())  # whose world is the left camera's, with y down in its image
     assert cameras.up == DOWN + 1
-    rig = seed_rig()
+    rig = reference_rig()
     standing = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # world with z up
     cameras.show_rig(
         StereoRig(*(replace(eye, camera_from_world=eye.camera_from_world @ standing) for eye in (rig.left, rig.right)))
@@ -125,7 +125,7 @@ def test_cameras_that_stand_upright_say_which_axis_points_down(cameras):
 def test_cameras_are_chosen_from_settings_and_others_are_refused(cameras, reads, told, tmp_path, monkeypatch):
     path = tmp_path / "rig.xml"
     monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *args: (str(path), ""))
-    write_settings(CaptureSettings(seed_rig()), path)
+    write_settings(CaptureSettings(reference_rig()), path)
     cameras.choose()
     reads()
     assert len(cameras.shown) == 2

@@ -9,7 +9,7 @@ from PySide6.QtCore import QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from skelgen.capture.calibration.coverage import LEAST_CORNERS, coverage
+from skelgen.capture.calibration.board import LEAST_CORNERS, coverage
 from skelgen.model.arrays import Floats
 from skelgen_gui.batch import draw_points
 from skelgen_gui.capture.views import View, sides

@@ -7,8 +7,8 @@ from functools import partial
 
 from skelgen.capture.calibration.board import Board, BoardView, find_board
 from skelgen.capture.calibration.stereo import absence
-from skelgen.capture.frames import FrameSource, Image
-from skelgen.capture.opencv import opencv
+from skelgen.capture.images import opencv
+from skelgen.capture.values import FrameSource, Image
 from skelgen.errors import InputError
 from skelgen.progress import Monitor
 from skelgen_gui.capture.feed import Feed

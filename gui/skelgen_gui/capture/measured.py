@@ -11,8 +11,7 @@ from skelgen_gui.capture.results import ValueTable
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.body import BodyCalibration
-    from skelgen.capture.calibration.joints import JointCalibration
-    from skelgen.capture.calibration.motion import JointMotion
+    from skelgen.capture.calibration.joints import JointCalibration, JointMotion
 
 _MOST_ROWS = 9
 _JOINT_ROWS = 3  # its name, and its place in both targets

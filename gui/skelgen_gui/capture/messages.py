@@ -14,9 +14,9 @@ from skelgen_gui.capture.overlay import Eye
 
 if TYPE_CHECKING:
     from skelgen.capture.angles import JointAngle
-    from skelgen.capture.blobs import FoundBody
-    from skelgen.capture.calibration.motion import JointMotion
+    from skelgen.capture.calibration.joints import JointMotion
     from skelgen.capture.calibration.taking import BodyProgress
+    from skelgen.capture.values import FoundBody
     from skelgen_gui.capture.space import Found
 
 SIMULATED = "simulated:arm?paced=yes&rate=30&frames=3600"

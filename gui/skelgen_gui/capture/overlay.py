@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skelgen.capture.blobs import Balls, FoundBody, StereoPoints
 from skelgen.capture.calibration.board import BoardView
-from skelgen.capture.frames import Image
+from skelgen.capture.values import Balls, FoundBody, Image, StereoPoints
 from skelgen.model.arrays import Floats, Ints
 
 NO_BODY = -1

@@ -8,7 +8,7 @@ from PySide6.QtGui import QColor, QImage, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
 from skelgen.app.report.colours import limb_colour
-from skelgen.capture.frames import Image
+from skelgen.capture.values import Image
 from skelgen.model.arrays import Floats
 from skelgen_gui.batch import draw_lines
 from skelgen_gui.capture.overlay import NO_BODY, Eye

@@ -11,9 +11,9 @@ from threading import Event
 import numpy as np
 
 from skelgen.app.capture import Recording, capture, read_capture_settings, source_of
-from skelgen.capture.frames import FrameSource
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.prediction import PredictionParameters
+from skelgen.capture.values import FrameSource
 from skelgen.errors import Cancelled, InputError, SkelgenError
 from skelgen.model.rig import CaptureSettings
 from skelgen.progress import Monitor
@@ -180,7 +180,7 @@ def warm_up(monitor: Monitor) -> None:
     """Capture one simulated pair: what is compiled then is not compiled while the first pairs come, and are lost."""
     if _IS_WARM.is_set():
         return
-    from skelgen.capture.rig import simulated_rig  # noqa: PLC0415 - loads compiled loops
+    from skelgen.capture.simulated_rig import simulated_rig  # noqa: PLC0415 - loads compiled loops
 
     rig = simulated_rig("arm", n_frames=1)
     monitor.advance(1, 4)

@@ -26,7 +26,7 @@ from skelgen_gui.view3d.sprites import Sprites, Style
 from skelgen_gui.view3d.viewpoint import Viewpoint
 
 if TYPE_CHECKING:
-    from skelgen.capture.blobs import FoundBody
+    from skelgen.capture.values import FoundBody
 
 _SHOWN_FROM_RIG = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """A rig's x right, y down, z away, turned to x right, y away, z up, as viewers stand."""

@@ -8,13 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from threading import Event
 
-from skelgen.capture.blobs import Balls, FoundBody, StereoPoints
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
 from skelgen.capture.calibration.joints import JointCalibration, JointWish, calibrate_joints
 from skelgen.capture.calibration.taking import BodyProgress, BodyTaking, JointTaking
-from skelgen.capture.frames import FramePair, FrameSource
 from skelgen.capture.health import RigWatch
 from skelgen.capture.live import PointFinder
+from skelgen.capture.values import Balls, FoundBody, FramePair, FrameSource, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.rig import BodyTarget, CaptureSettings
 from skelgen.progress import Monitor

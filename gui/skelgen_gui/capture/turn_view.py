@@ -15,7 +15,7 @@ from skelgen_gui.palette import blended
 from skelgen_gui.theme import is_dark
 
 if TYPE_CHECKING:
-    from skelgen.capture.calibration.motion import JointMotion
+    from skelgen.capture.calibration.joints import JointMotion
 
 _GAP = 6.0  # px, between the pictures
 _STEP = 30.0  # degrees, between the rings

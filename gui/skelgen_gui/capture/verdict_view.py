@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QLabel, QWidget
 
-from skelgen.capture.calibration.grades import REPEAT, Verdict
+from skelgen.capture.calibration.verdict import REPEAT, Verdict
 from skelgen_gui.capture.results import ValueTable
 from skelgen_gui.theme import PROBLEM_ROLE
 

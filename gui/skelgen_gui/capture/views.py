@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.capture.calibration.board import BoardView
-from skelgen.capture.calibration.coverage import uncovered
+from skelgen.capture.calibration.board import BoardView, uncovered
 from skelgen.model.arrays import Floats
 
 ENOUGH = 10

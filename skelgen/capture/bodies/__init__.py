@@ -3,11 +3,17 @@
 Pairs of balls are matched to pairs of points by their distance, and the best pair is extended depth-first; see `plain`.
 """
 
-from skelgen.capture.bodies.design import AmbiguousTargetError, Confusion, check_targets, find_confusions
-from skelgen.capture.bodies.finder import BodyFinder, ExpectedPose, find_bodies
-from skelgen.capture.bodies.parameters import BodyParameters
-from skelgen.capture.bodies.propose import BallMove, propose_move, propose_targets
-from skelgen.capture.bodies.resolving import resolved_points
+from skelgen.capture.bodies.design import (
+    AmbiguousTargetError,
+    BallMove,
+    Confusion,
+    check_targets,
+    find_confusions,
+    propose_move,
+    propose_targets,
+)
+from skelgen.capture.bodies.finder import BodyFinder, ExpectedPose, find_bodies, resolved_points
+from skelgen.capture.parameters import BodyParameters
 
 __all__ = [
     "AmbiguousTargetError",

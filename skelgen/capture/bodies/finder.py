@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.blobs import FoundBody, StereoPoints
 from skelgen.capture.bodies import plain, plain_pose
 from skelgen.capture.bodies.design import check_targets
-from skelgen.capture.bodies.parameters import BodyParameters
 from skelgen.capture.bodies.plain_pose import Settled
 from skelgen.capture.bodies.tables import Rules, Scene, TargetTable, rules_of, scene_plain, target_table
+from skelgen.capture.parameters import BodyParameters
+from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
@@ -324,3 +324,34 @@ def _near(table: TargetTable, scene: Scene, expected: ExpectedPose, rules: Rules
 
 def _found_body(target: BodyTarget, settled: Settled) -> FoundBody:
     return FoundBody(target.name, settled.pose, settled.covariance, settled.matched, float(settled.rms))
+
+
+def resolved_points(points: StereoPoints, bodies: Iterable[FoundBody]) -> Ints:
+    """Return the points that are left when every ball of an image is used once.
+
+    Points of bodies are real; of the others those go first whose balls fit best together.
+
+    Parameters
+    ----------
+    points : StereoPoints
+        All candidates of one frame.
+    bodies : iterable of FoundBody
+        What was found among them.
+
+    Returns
+    -------
+    ndarray of intp, shape (n,)
+        Indices, rising.
+    """
+    certain = [int(point) for body in bodies for point in body.points if point >= 0]
+    order = [*certain, *np.argsort(points.epipolar_distance, kind="stable").tolist()]
+    used_left: set[int] = set()
+    used_right: set[int] = set()
+    kept = []
+    for point in order:
+        left, right = int(points.left[point]), int(points.right[point])
+        if left not in used_left and right not in used_right:
+            kept.append(point)
+            used_left.add(left)
+            used_right.add(right)
+    return np.array(sorted(kept), dtype=np.intp)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.blobs import StereoPoints
-from skelgen.capture.bodies.parameters import BodyParameters
+from skelgen.capture.parameters import BodyParameters
+from skelgen.capture.values import StereoPoints
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget
 

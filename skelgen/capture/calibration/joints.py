@@ -6,18 +6,17 @@ joints of a tree together. Which targets are joined, and how, is found if the us
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skelgen.capture.angles import find_angles
-from skelgen.capture.blobs import FoundBody
-from skelgen.capture.calibration.grades import GOOD, REPEAT, USABLE, Verdict, as_sentence
-from skelgen.capture.calibration.motion import JointMotion, joint_motion
+from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
 from skelgen.capture.calibration.whole_chain import fit_whole_chain
+from skelgen.capture.values import FoundBody
 from skelgen.errors import InputError
-from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vector_from_matrix
 from skelgen.kinematics import JointFit, KindChoice, choose_kind, find_hierarchy
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
@@ -278,3 +277,76 @@ def _complete(
     poses = {name: np.array([frame[name].world_from_body for frame in shown]).reshape(-1, 4, 4) for name in names}
     covariances = {name: np.array([frame[name].covariance for frame in shown]).reshape(-1, 6, 6) for name in names}
     return poses, covariances
+
+
+LEAST_TURN = 20.0
+"""Degrees; what turns less is seen from one side, and its place is known worse along one direction than others."""
+
+"""Frames that a motion is told from, evenly spread."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointMotion:
+    """The motion of one target in another.
+
+    Attributes
+    ----------
+    parent, child : str
+        Names of the targets.
+    n_frames : int
+        Frames that show both.
+    turns : ndarray, shape (n, 3), degrees
+        Turns from the mean attitude about three perpendicular axes, those about which most is turned first.
+    """
+
+    parent: str
+    child: str
+    n_frames: int
+    turns: Floats
+
+    @property
+    def spans(self) -> tuple[float, float, float]:
+        """Degrees from one end to the other about each of the three axes."""
+        if not len(self.turns):
+            return 0.0, 0.0, 0.0
+        first, second, third = np.ptp(self.turns, axis=0).tolist()
+        return first, second, third
+
+    def advice(self, kind: str = "") -> str:
+        """Return what to do for a joint of a kind, or of any kind if it is empty; empty if the motion is enough."""
+        if not self.n_frames:
+            return f"{self.parent} and {self.child} were not seen together yet; hold both before the cameras"
+        if self.spans[0] < LEAST_TURN:
+            return f"{self.child} turned by {self.spans[0]:.0f} degrees in {self.parent}; move the joint further"
+        if kind == "ball" and self.spans[1] < LEAST_TURN:
+            return f"{self.child} turned in {self.parent} about one axis only; a ball joint is measured about all axes"
+        return ""
+
+
+def joint_motion(frames: Sequence[Sequence[FoundBody]], parent: str, child: str) -> JointMotion:
+    """Return how a target moved in another one.
+
+    Parameters
+    ----------
+    frames : sequence of sequence of FoundBody
+        The targets that were found in each frame.
+    parent, child : str
+        Names of two targets.
+    """
+    found: list[Mapping[str, FoundBody]] = [{body.name: body for body in frame} for frame in frames]
+    both = [frame for frame in found if parent in frame and child in frame]
+    n_frames = len(both)
+    if n_frames > MOST_FRAMES:
+        both = [both[index] for index in np.linspace(0, n_frames - 1, MOST_FRAMES).round().astype(int)]
+    if not both:
+        return JointMotion(parent, child, 0, np.zeros((0, 3)))
+    turns = [frame[parent].world_from_body[:3, :3].T @ frame[child].world_from_body[:3, :3] for frame in both]
+    return JointMotion(parent, child, n_frames, _main_turns(np.array(turns)))
+
+
+def _main_turns(relative: Floats) -> Floats:
+    """Turns [degrees] from the mean attitude about their main axes, the largest first."""
+    middle = nearest_rotation(relative.mean(axis=0))
+    vectors = np.rad2deg(vector_from_matrix(relative @ middle.T))
+    _, axes = np.linalg.eigh(vectors.T @ vectors)
+    return np.asarray(vectors @ axes[:, ::-1])

@@ -9,21 +9,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.calibration.adjustment import N_INTRINSIC, Adjusted, Bundle
 from skelgen.capture.calibration.board import Board, BoardView, board_that_is_there, find_board
-from skelgen.capture.calibration.grades import Verdict
-from skelgen.capture.calibration.outliers import LEAST_VIEWS
-from skelgen.capture.calibration.pairing import pair_cameras
-from skelgen.capture.calibration.single import AUTO, adjust_lens, guess_camera
-from skelgen.capture.calibration.verdict import PairSeen, judge
-from skelgen.capture.frames import Image
-from skelgen.capture.image_files import read_image
+from skelgen.capture.calibration.bundle_adjustment import LEAST_VIEWS, N_INTRINSIC, Adjusted, Bundle
+from skelgen.capture.calibration.single_camera import AUTO, adjust_lens, guess_camera
+from skelgen.capture.calibration.verdict import PairSeen, Verdict, judge
+from skelgen.capture.images import read_image
+from skelgen.capture.optics.projection import project
+from skelgen.capture.values import Image
 from skelgen.errors import InputError
-from skelgen.model.arrays import Bools, Floats
-from skelgen.model.rig import SEED_NOISE, StereoRig
+from skelgen.geometry.orientation import fit_transform
+from skelgen.geometry.rotations import nearest_rotation, transform_from
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.rig import SEED_NOISE, Camera, StereoRig
 from skelgen.progress import SILENT, Monitor, told
 
 Picture = Image | Path | str
@@ -89,7 +90,7 @@ def calibrate_stereo(
     square : float, mm
         Side of a square.
     lens : str
-        ``auto``, ``radial``, ``tangential`` or ``full``; see `skelgen.capture.calibration.single`.
+        ``auto``, ``radial``, ``tangential`` or ``full``; see `skelgen.capture.calibration.single_camera`.
     monitor : Monitor
         Told of each pair.
 
@@ -231,3 +232,66 @@ def _too_few(views: Sequence[tuple[BoardView | None, BoardView | None]], n_pairs
         f"the board was found in both images of {n_pairs} pairs ({left} left, {right} right images of {len(views)}); "
         f"at least {LEAST_VIEWS} pairs are needed, 10 to 20 are better: keep the whole board in both images"
     )
+
+
+class Pairing(NamedTuple):
+    """A first guess of the rig.
+
+    Attributes
+    ----------
+    right_from_left : ndarray, shape (4, 4), mm
+        Of the cameras' frames.
+    orders : ndarray of intp, shape (n_pairs, n_corners)
+        The right image's corners in the order of the left one's.
+    error : ndarray, shape (n_pairs,), px
+        How far the right image's corners are from where the left one's pose expects them.
+    """
+
+    right_from_left: Floats
+    orders: Ints
+    error: Floats
+
+
+def pair_cameras(
+    right: Camera, left_poses: Floats, right_poses: Floats, right_corners: Floats, board: Board
+) -> Pairing:
+    """Return where the right camera stands.
+
+    Parameters
+    ----------
+    right : Camera
+        In its own frame.
+    left_poses, right_poses : ndarray, shape (n_pairs, 4, 4), mm
+        camera_from_board of both cameras.
+    right_corners : ndarray, shape (n_pairs, n_corners, 2), px
+        In the order of the detector.
+    board : Board
+        What was seen.
+    """
+    orders = np.stack(board.orders)
+    every = np.ones(len(board.points), dtype=np.bool_)
+    turned = [fit_transform(board.points, board.points[order], every) for order in orders]
+    guesses = (
+        _judged(right, right_pose @ turn @ np.linalg.inv(left_pose), left_poses, right_corners, orders, board)
+        for left_pose, right_pose in zip(left_poses, right_poses, strict=True)
+        for turn in turned
+    )
+    return min(guesses, key=lambda guess: float(np.median(guess.error)))
+
+
+def _judged(
+    right: Camera, right_from_left: Floats, left_poses: Floats, corners: Floats, orders: Ints, board: Board
+) -> Pairing:
+    """A guess from one pair, with each pair's error in the order that fits it best; infinite behind the camera."""
+    eye = replace(right, camera_from_world=_clean(right_from_left))
+    in_left = board.points @ np.swapaxes(left_poses[:, :3, :3], 1, 2) + left_poses[:, np.newaxis, :3, 3]
+    expected = project(eye, in_left)
+    shifts = corners[:, orders] - expected[:, np.newaxis]
+    errors = np.nan_to_num(np.sqrt((shifts**2).sum(axis=-1).mean(axis=-1)), nan=np.inf)
+    best = errors.argmin(axis=1)
+    return Pairing(eye.camera_from_world, orders[best], errors.min(axis=1))
+
+
+def _clean(pose: Floats) -> Floats:
+    """A product of poses, with the rounding taken off its rotation."""
+    return transform_from(nearest_rotation(pose[:3, :3]), pose[:3, 3])

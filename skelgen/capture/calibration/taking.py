@@ -13,10 +13,10 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from skelgen.capture.blobs import FoundBody, StereoPoints
 from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets
 from skelgen.capture.calibration.body import ENOUGH_FRAMES, first_shape, sure_points
-from skelgen.capture.calibration.motion import LEAST_TURN, JointMotion, joint_motion
+from skelgen.capture.calibration.joints import LEAST_TURN, JointMotion, joint_motion
+from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.model.arrays import Floats

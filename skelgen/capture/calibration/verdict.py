@@ -7,12 +7,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.capture.calibration.adjustment import Adjusted
-from skelgen.capture.calibration.board import BoardView
-from skelgen.capture.calibration.coverage import uncovered
-from skelgen.capture.calibration.grades import GOOD, REPEAT, USABLE, Verdict
+from skelgen.capture.calibration.board import BoardView, uncovered
+from skelgen.capture.calibration.bundle_adjustment import Adjusted
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import StereoRig
+
+GOOD, USABLE, REPEAT = "good", "usable", "repeat"
+"""Grades, best first."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A judgement in words.
+
+    Attributes
+    ----------
+    grade : str
+        ``good``, ``usable`` or ``repeat``.
+    sentences : tuple of str
+        The judgement, and then what would make it better, the most important first.
+    """
+
+    grade: str
+    sentences: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return " ".join(self.sentences)
+
+
+def as_sentence(words: str) -> str:
+    """Return a notice as a sentence: with a capital, and a full stop."""
+    return f"{words[:1].upper()}{words[1:]}{'' if words.endswith('.') else '.'}"
+
 
 GOOD_RMS, USABLE_RMS = 0.3, 1.0
 """Root mean square distances [px]: sharp images of a flat board reach 0.1 to 0.3; a whole pixel is a mistake."""

@@ -2,6 +2,6 @@
 
 from skelgen.capture.detection.detect import check_image, detect_balls
 from skelgen.capture.detection.outline import centred
-from skelgen.capture.detection.parameters import DetectionParameters
+from skelgen.capture.parameters import DetectionParameters
 
 __all__ = ["DetectionParameters", "centred", "check_image", "detect_balls"]

@@ -33,7 +33,7 @@ from skelgen.capture.detection.spots import (
     RIGHT,
     TOP,
 )
-from skelgen.capture.frames import Image
+from skelgen.capture.values import Image
 from skelgen.compiling import compile_function
 from skelgen.model.arrays import Floats
 

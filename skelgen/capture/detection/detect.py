@@ -7,13 +7,12 @@ from types import ModuleType
 
 import numpy as np
 
-from skelgen.capture.blobs import Balls
 from skelgen.capture.detection import edges, opencv, plain, separation
 from skelgen.capture.detection.measure import Fits, Spots
-from skelgen.capture.detection.parameters import DetectionParameters
 from skelgen.capture.detection.spots import MOST_PIXELS
 from skelgen.capture.detection.thresholds import dark_noise, find_thresholds
-from skelgen.capture.frames import Image
+from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.values import Balls, Image
 from skelgen.errors import InputError
 
 _DEFAULTS = DetectionParameters()

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.capture.detection.spots import BOTTOM, FULL, LEFT, M00, M01, M10, RIGHT, TOP
-from skelgen.capture.frames import Image
+from skelgen.capture.values import Image
 from skelgen.model.arrays import Floats
 
 RING = 0.7

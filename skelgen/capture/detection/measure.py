@@ -9,9 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.blobs import Balls
 from skelgen.capture.detection.discs import Discs
-from skelgen.capture.detection.parameters import DetectionParameters
 from skelgen.capture.detection.separation import MARGIN
 from skelgen.capture.detection.spots import (
     AREA,
@@ -33,7 +31,8 @@ from skelgen.capture.detection.spots import (
     TOP,
 )
 from skelgen.capture.detection.thresholds import Thresholds
-from skelgen.capture.frames import Image
+from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.values import Balls, Image
 from skelgen.model.arrays import Bools, Floats
 
 _FLOOR = 0.006  # px: what the grid of pixels makes of a centre without any noise

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from skelgen.capture.detection.plain import measured_spots
 from skelgen.capture.detection.spots import MOST_RUNS, N_COLUMNS
-from skelgen.capture.frames import Image
-from skelgen.capture.opencv import opencv
+from skelgen.capture.images import opencv
+from skelgen.capture.values import Image
 
 _Table = NDArray[np.int64]
 _FOUR_NEIGHBOURS = 4

@@ -13,8 +13,8 @@ from types import ModuleType
 
 import numpy as np
 
-from skelgen.capture.blobs import Balls
 from skelgen.capture.optics.projection import camera_numbers, distort, pixels_from_normalised, undistort
+from skelgen.capture.values import Balls
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import Camera
 

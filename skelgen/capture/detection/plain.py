@@ -26,7 +26,7 @@ from skelgen.capture.detection.spots import (
     RIGHT,
     TOP,
 )
-from skelgen.capture.frames import Image
+from skelgen.capture.values import Image
 
 _Table = NDArray[np.int64]
 

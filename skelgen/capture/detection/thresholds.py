@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.detection.parameters import DetectionParameters
 from skelgen.capture.detection.spots import FULL
+from skelgen.capture.parameters import DetectionParameters
 
 _WHITE = 200  # grey level of half the image above which it is over-exposed
 _QUANTILES = (0.1587, 0.5, 0.6915)  # of the normal distribution, at -1, 0 and 1/2 standard deviations

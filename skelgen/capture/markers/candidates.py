@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.blobs import StereoPoints
-from skelgen.model.arrays import Floats, Ints
+from skelgen.capture.values import StereoPoints
+from skelgen.model.arrays import Bools, Floats, Ints
 
 _UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz of a symmetric matrix
 _SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # and where each entry of the matrix is among them
@@ -84,3 +84,90 @@ class CandidateStore:
             np.frombuffer(self._right, np.int32),
             np.frombuffer(self._per_frame, np.int32).astype(np.intp),
         )
+
+
+CLEAR = 3.0
+"""The second nearest ball is at least so many times farther from where a ball is expected than the nearest."""
+
+REACH = 0.04
+"""Farthest that a ball may be from where it is expected, as a part of the image's longer side: 25 px of 640."""
+
+LONGEST_PAUSE = 5.0
+"""Usual steps in time over which a track still goes on; nobody knows what moves how in a longer one."""
+
+
+class BallTracks:
+    """Tracks in the images of one camera.
+
+    Parameters
+    ----------
+    size : tuple of int, px
+        Width and height of the images.
+
+    Attributes
+    ----------
+    first, last : list of int
+        Frame in which each track begins, and in which it ends.
+    """
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        self._reach = REACH * max(size)
+        self._step = np.inf
+        self._time = -np.inf
+        self._places, self._speeds = np.zeros((0, 2)), np.zeros((0, 2))
+        self._tracks = np.zeros(0, dtype=np.intp)
+        self._n_frames = 0
+        self.first: list[int] = []
+        self.last: list[int] = []
+
+    def follow(self, centres: Floats, time: float) -> Ints:
+        """Take the balls of the next image.
+
+        Parameters
+        ----------
+        centres : ndarray, shape (n_balls, 2), px
+            Where they are.
+        time : float, s
+            When.
+
+        Returns
+        -------
+        ndarray of intp, shape (n_balls,)
+            The track of each ball.
+        """
+        pause = time - self._time
+        if 0 < pause < np.inf:
+            self._step = min(self._step, pause)
+        tracks = np.full(len(centres), -1, dtype=np.intp)
+        speeds = np.zeros((len(centres), 2))
+        if len(centres) and len(self._places) and 0 < pause <= LONGEST_PAUSE * self._step:
+            before, now = self._links(centres, pause)
+            tracks[now] = self._tracks[before]
+            speeds[now] = (centres[now] - self._places[before]) / pause
+            if len(now):  # new balls most likely move as the others do
+                speeds[tracks < 0] = np.median(speeds[now], axis=0)
+        self._begin_tracks(tracks)
+        for track in tracks.tolist():
+            self.last[track] = self._n_frames
+        self._places, self._speeds, self._tracks, self._time = centres, speeds, tracks, time
+        self._n_frames += 1
+        return tracks
+
+    def _links(self, centres: Floats, pause: float) -> tuple[Ints, Ints]:
+        """Balls of the image before and of this one that are surely the same."""
+        expected = self._places + self._speeds * pause
+        gaps = np.linalg.norm(expected[:, np.newaxis] - centres, axis=2)
+        before, now = np.arange(len(gaps)), gaps.argmin(axis=1)
+        nearest = gaps[before, now]
+        is_mutual = gaps.argmin(axis=0)[now] == before
+        gaps[before, now] = np.where(is_mutual, np.inf, nearest)
+        others = np.minimum(gaps.min(axis=1), gaps.min(axis=0)[now])
+        is_sure: Bools = is_mutual & (nearest < self._reach) & (CLEAR * nearest < others)
+        return before[is_sure], now[is_sure]
+
+    def _begin_tracks(self, tracks: Ints) -> None:
+        """Number the balls without a track."""
+        new = np.flatnonzero(tracks < 0)
+        tracks[new] = len(self.first) + np.arange(len(new))
+        self.first.extend([self._n_frames] * len(new))
+        self.last.extend([self._n_frames] * len(new))

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.capture.markers.candidates import Candidates
-from skelgen.capture.markers.choice import TrackPairs, makers_of
-from skelgen.capture.markers.rigid_edges import rigid_edges
+from skelgen.capture.markers.correspondences import TrackPairs, makers_of
+from skelgen.capture.markers.rigidity import rigid_edges
 from skelgen.capture.optics.projection import undistort
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats, Ints

@@ -8,14 +8,12 @@ from itertools import islice
 
 import numpy as np
 
-from skelgen.capture.blobs import Balls, StereoPoints
-from skelgen.capture.frames import FramePair, FrameSource
 from skelgen.capture.health import FEWEST_BALLS, LEAST_MATCHED, exchanged_share, matched_share, mismatch
 from skelgen.capture.live import PointFinder
-from skelgen.capture.markers.candidates import Candidates, CandidateStore
-from skelgen.capture.markers.choice import chosen, noise_scale, track_pairs
+from skelgen.capture.markers.candidates import BallTracks, Candidates, CandidateStore
+from skelgen.capture.markers.correspondences import chosen, noise_scale, track_pairs
 from skelgen.capture.markers.one_camera import BallStore, seen_by_one
-from skelgen.capture.markers.tracks import BallTracks
+from skelgen.capture.values import Balls, FramePair, FrameSource, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.blobs import Balls, StereoPoints
 from skelgen.capture.optics.epipolar import Rays, candidates, essential_matrix, rays_of, sampson_distances
 from skelgen.capture.optics.projection import camera_numbers
 from skelgen.capture.optics.triangulation import triangulate_rays
+from skelgen.capture.values import Balls, StereoPoints
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera, StereoRig

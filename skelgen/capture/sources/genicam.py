@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.frames import Image
-from skelgen.capture.sources.options import GenicamOptions
 from skelgen.capture.sources.pairs import Shot
+from skelgen.capture.sources.text import GenicamOptions
+from skelgen.capture.values import Image
 from skelgen.errors import CaptureError
 
 _WINDOW = 300  # frames: long enough for one that came without delay, short enough to follow clocks that drift apart

@@ -10,12 +10,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from skelgen.capture.opencv import extra_module
+from skelgen.capture.images import extra_module
 from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey
-from skelgen.capture.sources.live import LivePairs, OpenPair
-from skelgen.capture.sources.options import GenicamOptions
-from skelgen.capture.sources.pairs import Shot
-from skelgen.capture.sources.text import check_two_cameras
+from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
+from skelgen.capture.sources.text import GenicamOptions, check_two_cameras
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "gentl:producer.cti,LEFT,RIGHT"

@@ -1,20 +1,182 @@
-"""A frame source of image files."""
+"""A frame source of image files, which belong together by their names in a folder or by a list."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 
-from skelgen.capture.frames import FramePair, Image
-from skelgen.capture.image_files import read_image
-from skelgen.capture.sources.names import ImagePair
-from skelgen.capture.sources.options import FileOptions
+from skelgen.capture.images import IMAGE_SUFFIXES, read_image
 from skelgen.capture.sources.pairs import check_same_size
-from skelgen.errors import FormatError
+from skelgen.capture.sources.text import FileOptions
+from skelgen.capture.values import FramePair, Image
+from skelgen.errors import CaptureError, FormatError
+
+__all__ = [
+    "ImagePair",
+    "ImagePairs",
+    "folder_pairs",
+    "listed_pairs",
+]
+
+_SIDES = (("left", "right"), ("_l", "_r"), ("-l", "-r"), ("cam0", "cam1"), ("cam1", "cam2"))
+_WITHOUT_TIME, _WITH_TIME = 2, 3  # fields of a line
+
+
+@dataclass(frozen=True)
+class ImagePair:
+    """The files of one pair.
+
+    Attributes
+    ----------
+    left, right : Path
+        The images.
+    time : float or None, s
+        Where the list says it.
+    lost : int
+        Pairs between the one before and this of which one side is missing.
+    """
+
+    left: Path
+    right: Path
+    time: float | None = None
+    lost: int = 0
+
+
+def folder_pairs(folder: Path, options: FileOptions) -> list[ImagePair]:
+    """Find the pairs of a folder: ``left01.png`` and ``right01.png``, or ``left/01.png`` and ``right/01.png``.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the images are.
+    options : FileOptions
+        `left` and `right` say how the names look; without them the usual ways are tried.
+
+    Returns
+    -------
+    list of ImagePair
+        In the order of their numbers. An image without a partner is a lost pair.
+
+    Raises
+    ------
+    CaptureError
+        If there is no such folder, or no pair in it.
+    """
+    if not folder.is_dir():
+        raise CaptureError(f"{folder}: no such folder")
+    if options.left or options.right:
+        sides = [_matching(folder, pattern) for pattern in (options.left, options.right)]
+    else:
+        sides = _by_usual_names(folder)
+    left, right = sides
+    if not set(left) & set(right):
+        raise CaptureError(_why_no_pairs(folder, left, right))
+    return _ordered(left, right)
+
+
+def listed_pairs(path: Path) -> list[ImagePair]:
+    """Read a list: in each line a left and a right image and perhaps the time [s], between tabs, commas or blanks.
+
+    Empty lines and those that begin with # are passed over; names count from the list's folder.
+
+    Raises
+    ------
+    FormatError
+        If a line is not like that, or times do not grow; with the line's number.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise FormatError(path, "", f"cannot be read as a list of images: {error}") from error
+    pairs: list[ImagePair] = []
+    for number, line in enumerate(lines, 1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            pairs.append(_listed(path, number, line, pairs[-1].time if pairs else None))
+    if not pairs:
+        raise FormatError(path, "", "lists no images; each line needs a left and a right one")
+    return pairs
+
+
+def _listed(path: Path, number: int, line: str, before: float | None) -> ImagePair:
+    separator = next((mark for mark in "\t," if mark in line), None)
+    fields = [field.strip() for field in line.split(separator)]
+    if len(fields) not in (_WITHOUT_TIME, _WITH_TIME):
+        raise FormatError(
+            path, number, f"{len(fields)} entries where a left and a right image and perhaps a time belong"
+        )
+    time = None
+    if len(fields) == _WITH_TIME:
+        try:
+            time = float(fields[2])
+        except ValueError as error:
+            raise FormatError(path, number, f"{fields[2]!r} is no time in seconds") from error
+        if not time > (-np.inf if before is None else before):
+            raise FormatError(path, number, f"the time {time:g} s is not later than the one before")
+    return ImagePair(path.parent / fields[0], path.parent / fields[1], time)
+
+
+def _by_usual_names(folder: Path) -> list[dict[str, Path]]:
+    """Return the images of both sides by what is left of the name without the side; the way that pairs most wins."""
+    inside = [path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES]
+    below = [
+        [path for path in (folder / side).glob("*") if path.suffix.lower() in IMAGE_SUFFIXES] for side in _SIDES[0]
+    ]
+    ways = [[{path.stem: path for path in side} for side in below]]
+    ways += [[_without(inside, word) for word in words] for words in _SIDES]
+    return max(ways, key=lambda sides: (len(set(sides[0]) & set(sides[1])), len(sides[0]) + len(sides[1])))
+
+
+def _without(paths: list[Path], word: str) -> dict[str, Path]:
+    found = {}
+    for path in paths:
+        stem = path.stem.lower()
+        at = stem.rfind(word)
+        ends = at >= 0 and not stem[at + len(word) :][:1].isalpha()
+        if ends:
+            found[stem[:at] + "|" + stem[at + len(word) :]] = path
+    return found
+
+
+def _matching(folder: Path, pattern: str) -> dict[str, Path]:
+    """Return files by what the stars of a pattern stand for."""
+    as_regex = re.compile("(.*)".join(re.escape(part) for part in pattern.split("*")))
+    named = {path: as_regex.fullmatch(path.relative_to(folder).as_posix()) for path in folder.glob(pattern or "*")}
+    return {"|".join(match.groups()): path for path, match in named.items() if match}
+
+
+def _ordered(left: dict[str, Path], right: dict[str, Path]) -> list[ImagePair]:
+    pairs: list[ImagePair] = []
+    lost = 0
+    for key in sorted(set(left) | set(right), key=_natural):
+        if key in left and key in right:
+            pairs.append(ImagePair(left[key], right[key], lost=lost if pairs else 0))
+            lost = 0
+        else:
+            lost += 1
+    return pairs
+
+
+def _natural(key: str) -> list[tuple[int, int, str]]:
+    """Order numbers by value: frame 10 comes after frame 9."""
+    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", key) if part]
+
+
+def _why_no_pairs(folder: Path, left: dict[str, Path], right: dict[str, Path]) -> str:
+    how = "name them left01.png and right01.png, or give ?left=...&right=..."
+    if left and right:
+        one, other = min(left.values()).name, min(right.values()).name
+        return f"{folder}: {one} and {other} do not belong together, nor do any others; {how}"
+    if left or right:
+        side, there = ("right", left) if left else ("left", right)
+        return f"{folder}: {len(there)} images of one camera, but none of the {side} one; {how}"
+    return f"{folder}: no pairs of images; {how}"
+
 
 _SECONDS_IF_UNKNOWN = 1.0  # from pair to pair, so that times at least grow
 
@@ -105,6 +267,3 @@ def _size(image: Image) -> tuple[int, int]:
 
 def _by(size: tuple[int, int]) -> str:
     return f"{size[0]} x {size[1]}"
-
-
-__all__ = ["ImagePairs"]

@@ -1,11 +1,25 @@
-"""From two cameras' images to numbered pairs: which belong together, and how many were lost between."""
+"""Numbered pairs from the images of two cameras: which belong together, how many were lost, the newest of live ones."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
 
-from skelgen.capture.frames import FramePair, Image
+from skelgen.capture.sources.text import CameraOptions
+from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError
+
+__all__ = [
+    "LiveCamera",
+    "LivePairs",
+    "OpenPair",
+    "PairCounter",
+    "Shot",
+    "check_same_size",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,4 +102,165 @@ def check_same_size(left: tuple[int, int], right: tuple[int, int], names: tuple[
     return left
 
 
-__all__ = ["PairCounter", "Shot", "check_same_size"]
+_MILLISECONDS = 1e-3
+_TRIES = 100  # steps to find a partner: more than frames can be apart that were started together
+
+
+class LiveCamera(Protocol):
+    """What every driver offers.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    size : tuple of int, px
+        Width and height.
+    capacity : int or None
+        Images that can wait before later ones are lost; None if later ones take the place of older ones.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+
+    @property
+    def size(self) -> tuple[int, int]: ...  # noqa: D102
+
+    @property
+    def capacity(self) -> int | None: ...  # noqa: D102
+
+    def take(self, timeout: float) -> Shot | None:
+        """Return the oldest image that waits, or None if none comes within `timeout` seconds."""
+
+
+@dataclass(frozen=True)
+class OpenPair:
+    """Two cameras that run.
+
+    Attributes
+    ----------
+    left, right : LiveCamera
+        The cameras.
+    rate : float or None, Hz
+        Frames a second; None if nobody knows.
+    """
+
+    left: LiveCamera
+    right: LiveCamera
+    rate: float | None
+
+
+class LivePairs:
+    """The frame source of two cameras.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    open_pair : callable
+        Opens and starts both cameras, and tells a stack how they are closed.
+    options : CameraOptions
+        Order, time-out, allowed skew, number of pairs.
+    """
+
+    def __init__(self, name: str, open_pair: Callable[[ExitStack], OpenPair], options: CameraOptions) -> None:
+        self.name = name
+        self.worst_skew = 0.0
+        self._open_pair = open_pair
+        self._options = options
+        self._stack = ExitStack()
+        self._pair: OpenPair | None = None
+        self._counter = PairCounter(None)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px]; known while the cameras are open."""
+        return self._opened.left.size
+
+    @property
+    def rate(self) -> float | None:
+        """Pairs a second [Hz]; known while the cameras are open."""
+        return self._opened.rate
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of pairs that were asked for."""
+        return self._options.frames or None
+
+    @property
+    def n_dropped(self) -> int:
+        """Pairs lost so far."""
+        return self._counter.n_dropped
+
+    def __enter__(self) -> Self:
+        """Open and start both cameras."""
+        with ExitStack() as stack:
+            pair = self._open_pair(stack)
+            check_same_size(pair.left.size, pair.right.size, (pair.left.name, pair.right.name))
+            self._stack = stack.pop_all()
+        self._pair = pair
+        self._counter = PairCounter(pair.rate)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop both cameras and let go of them."""
+        self._pair = None
+        self._stack.close()
+
+    def __iter__(self) -> Iterator[FramePair]:
+        """Deliver pairs until the source is closed, or as many as were asked for.
+
+        Raises
+        ------
+        CaptureError
+            If a camera is unplugged or falls silent, or the images of a pair are further apart than allowed.
+        """
+        n_delivered = 0
+        while self._pair is not None and (not self._options.frames or n_delivered < self._options.frames):
+            yield self._counter.pair(*self._next(self._pair))
+            n_delivered += 1
+
+    @property
+    def _opened(self) -> OpenPair:
+        if self._pair is None:
+            raise CaptureError(f"{self.name} is not open; use it in a with block")
+        return self._pair
+
+    def _next(self, pair: OpenPair) -> tuple[Shot, Shot]:
+        take = self._newest if self._options.order == "newest" else self._following
+        left, right = take(pair.left), take(pair.right)
+        allowed = self._options.skew * _MILLISECONDS
+        same_frame = max(0.5 / pair.rate if pair.rate else 0.0, allowed)
+        for _ in range(_TRIES):
+            if abs(left.time - right.time) < same_frame:
+                break
+            if left.time < right.time:
+                left = self._following(pair.left)
+            else:
+                right = self._following(pair.right)
+        skew = abs(left.time - right.time)
+        if skew > allowed:
+            raise CaptureError(
+                f"the images of {pair.left.name} and {pair.right.name} are {skew / _MILLISECONDS:.3g} ms apart, and "
+                f"{self._options.skew:g} ms are allowed: give both cameras one bus or one trigger, or allow more by "
+                "?skew=..."
+            )
+        self.worst_skew = max(self.worst_skew, skew)
+        return left, right
+
+    def _following(self, camera: LiveCamera) -> Shot:
+        shot = camera.take(self._options.timeout)
+        if shot is None:
+            raise CaptureError(
+                f"{camera.name} has sent no image for {self._options.timeout:g} s; check its cable and its trigger"
+            )
+        return shot
+
+    def _newest(self, camera: LiveCamera) -> Shot:
+        """Return the newest image; if all places were taken, those that came later were lost, and one is waited for."""
+        shot, n_taken = self._following(camera), 1
+        while (later := camera.take(0.0)) is not None:
+            shot, n_taken = later, n_taken + 1
+        was_full = camera.capacity is not None and n_taken >= camera.capacity
+        return self._following(camera) if was_full else shot

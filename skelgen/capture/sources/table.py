@@ -6,15 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from skelgen.capture.frames import FrameSource
-from skelgen.capture.sources.options import (
+from skelgen.capture.sources.text import (
     FileOptions,
     FireWireOptions,
     GenicamOptions,
     SimulatedOptions,
+    SourceText,
     VideoOptions,
+    parse_source,
 )
-from skelgen.capture.sources.text import SourceText, parse_source
+from skelgen.capture.values import FrameSource
 from skelgen.errors import InputError
 from skelgen.parameters import StageParameters
 
@@ -45,16 +46,14 @@ class SourceKind:
 
 
 def _open_folder(text: SourceText) -> FrameSource:
-    from skelgen.capture.sources.images import ImagePairs  # noqa: PLC0415 - each source as it is needed
-    from skelgen.capture.sources.names import folder_pairs  # noqa: PLC0415
+    from skelgen.capture.sources.images import ImagePairs, folder_pairs  # noqa: PLC0415 - each source as it is needed
 
     options = FileOptions.from_mapping(text.options, str(text))
     return ImagePairs(text.place, folder_pairs(Path(text.place), options), options)
 
 
 def _open_list(text: SourceText) -> FrameSource:
-    from skelgen.capture.sources.images import ImagePairs  # noqa: PLC0415
-    from skelgen.capture.sources.names import listed_pairs  # noqa: PLC0415
+    from skelgen.capture.sources.images import ImagePairs, listed_pairs  # noqa: PLC0415 - each source as it is needed
 
     options = FileOptions.from_mapping(text.options, str(text))
     return ImagePairs(text.place, listed_pairs(Path(text.place)), options)
@@ -86,8 +85,8 @@ def _open_gentl(text: SourceText) -> FrameSource:
 
 
 def _open_simulated(text: SourceText) -> FrameSource:
-    from skelgen.capture.optics.seed_rig import seed_rig  # noqa: PLC0415
-    from skelgen.capture.rig import SimulatedBoard, SimulatedRig, hand_held_target, simulated_rig  # noqa: PLC0415
+    from skelgen.capture.reference_rig import reference_rig  # noqa: PLC0415
+    from skelgen.capture.simulated_rig import SimulatedBoard, SimulatedRig, hand_held_target, simulated_rig  # noqa: PLC0415
 
     options = SimulatedOptions.from_mapping(text.options, str(text)).as_mapping()
     if text.place == "board":
@@ -95,7 +94,7 @@ def _open_simulated(text: SourceText) -> FrameSource:
         return SimulatedBoard(n_frames=options.pop("frames"), **options)
     if text.place == "target":
         name, paced, n_frames = options.pop("show"), options.pop("paced"), options.pop("frames")
-        scene = hand_held_target(name, seed_rig(), n_frames=n_frames, **options)
+        scene = hand_held_target(name, reference_rig(), n_frames=n_frames, **options)
         return SimulatedRig(scene, seed=options["seed"], paced=paced)
     shown = [name.strip() for name in options.pop("show").split(",") if name.strip()]
     return simulated_rig(text.place or "arm", n_frames=options.pop("frames"), show=shown, **options)

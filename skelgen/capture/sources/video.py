@@ -9,10 +9,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from skelgen.capture.frames import FramePair, Image
-from skelgen.capture.opencv import opencv
-from skelgen.capture.sources.options import VideoOptions
+from skelgen.capture.images import opencv
 from skelgen.capture.sources.pairs import check_same_size
+from skelgen.capture.sources.text import VideoOptions
+from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError
 
 _SAME_RATE = 0.001  # part by which the rates of two files may differ: containers round 59.94

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skelgen.capture.blobs import StereoPoints
+from skelgen.capture.values import StereoPoints
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.rig import BodyTarget
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from skelgen.capture.blobs import StereoPoints
 from skelgen.capture.bodies import BodyFinder, BodyParameters, ExpectedPose, find_bodies
 from skelgen.capture.bodies.plain_pose import fit_limit
+from skelgen.capture.values import StereoPoints
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.rig import BodyTarget
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.capture.blobs import FoundBody, StereoPoints
 from skelgen.capture.bodies import resolved_points
+from skelgen.capture.values import FoundBody, StereoPoints
 
 
 def candidates(left, right, distances):

@@ -5,9 +5,9 @@ from itertools import combinations, permutations
 import numpy as np
 import pytest
 
-from skelgen.capture.blobs import StereoPoints
 from skelgen.capture.bodies import BodyParameters, compiled_search, plain
 from skelgen.capture.bodies.tables import rules_of, scene_plain, target_table
+from skelgen.capture.values import StereoPoints
 from skelgen.geometry.orientation import fit_transform
 from skelgen.model.rig import BodyTarget
 

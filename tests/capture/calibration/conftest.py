@@ -9,7 +9,7 @@ import pytest
 
 from skelgen.capture.calibration.board import Board, BoardView
 from skelgen.capture.optics.projection import in_image, project
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 
 CHESSBOARDS = Path(__file__).parents[3] / ".." / "shared" / "data" / "stereo_chessboard"
@@ -38,7 +38,7 @@ def seen_pairs(board):
     """A function that returns pairs of views of the board by the seed's rig, with noise [px] and turns [rad]."""
 
     def make(n_pairs: int, noise: float, seed: int = 6, lean: float = 0.6) -> list[tuple[BoardView, BoardView]]:
-        rng, rig, pairs = np.random.default_rng(seed), seed_rig(), []
+        rng, rig, pairs = np.random.default_rng(seed), reference_rig(), []
         while len(pairs) < n_pairs:
             turn = matrix_from_vector(rng.uniform(-lean, lean, 3))
             place = rng.uniform([0.0, -250.0, 800.0], [450.0, 250.0, 1500.0])

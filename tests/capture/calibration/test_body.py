@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.blobs import StereoPoints
 from skelgen.capture.calibration.body import calibrate_body
+from skelgen.capture.values import StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.rigid_body import normal_form
@@ -61,7 +61,7 @@ def test_stated_deviations_are_those_of_the_errors():
 
 
 def test_weights_make_the_shape_better_than_equal_ones():
-    from skelgen.capture.calibration.weighted_shape import fit_weighted_shape
+    from skelgen.capture.calibration.body import fit_weighted_shape
     from skelgen.geometry.rotations import transform_from
     from skelgen.kinematics import calibrate_rigid_body
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from skelgen.capture.angles import find_angles
-from skelgen.capture.blobs import FoundBody
 from skelgen.capture.calibration.joints import JointWish, calibrate_joints
+from skelgen.capture.values import FoundBody
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.rig import JointModel

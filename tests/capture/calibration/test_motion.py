@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.blobs import FoundBody
-from skelgen.capture.calibration.motion import MOST_FRAMES, joint_motion
+from skelgen.capture.calibration.joints import MOST_FRAMES, joint_motion
+from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 
 

@@ -5,10 +5,9 @@ import pytest
 
 pytest.importorskip("cv2")
 
-from skelgen.capture.calibration.board import Board, board_from_text, find_board
-from skelgen.capture.calibration.coverage import coverage, uncovered
-from skelgen.capture.calibration.single import calibrate_camera
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.calibration.board import Board, board_from_text, coverage, find_board, uncovered
+from skelgen.capture.calibration.single_camera import calibrate_camera
+from skelgen.capture.reference_rig import reference_rig
 from skelgen.errors import InputError, ParameterError
 
 
@@ -38,7 +37,7 @@ def test_one_camera_is_found_without_the_view_that_does_not_fit(seen_pairs, boar
     views = [left for left, _ in seen_pairs(10, noise=0.1)]
     views[3].corners[:5] += 4.0  # five corners that slipped
     found = calibrate_camera(views, board, (640, 480))
-    truth = seed_rig().left
+    truth = reference_rig().left
     assert np.flatnonzero(~found.kept).tolist() == [3]
     error = (found.camera.matrix - truth.matrix)[[0, 1, 0, 1], [0, 1, 2, 2]]
     assert (np.abs(error) < 5 * found.std[:4]).all()

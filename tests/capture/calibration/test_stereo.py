@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("cv2")
 
 from skelgen.capture.calibration.stereo import calibrate_stereo, calibrate_views
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
 from skelgen.errors import FormatError, InputError
 
 SIZE = (640, 480)
@@ -27,8 +27,8 @@ def shared_numbers(rig) -> np.ndarray:
 
 def test_exact_corners_give_the_rig_back(seen_pairs, board):
     found = calibrated(seen_pairs(6, noise=0.0), board)
-    assert np.allclose(shared_numbers(found.rig), shared_numbers(seed_rig()), atol=1e-4)  # OpenCV takes float32
-    assert np.allclose(found.rig.right_from_left, seed_rig().right_from_left, atol=1e-4)
+    assert np.allclose(shared_numbers(found.rig), shared_numbers(reference_rig()), atol=1e-4)  # OpenCV takes float32
+    assert np.allclose(found.rig.right_from_left, reference_rig().right_from_left, atol=1e-4)
 
 
 def test_errors_are_those_that_the_standard_deviations_say(seen_pairs, board):
@@ -38,7 +38,7 @@ def test_errors_are_those_that_the_standard_deviations_say(seen_pairs, board):
         found = calibrated(seen_pairs(8, noise=0.1, seed=seed), board)
         std = np.concatenate([found.left_std, found.right_std, found.translation_std])
         free = std > 0
-        squares.append((((shared_numbers(found.rig) - shared_numbers(seed_rig()))[free] / std[free]) ** 2).mean())
+        squares.append((((shared_numbers(found.rig) - shared_numbers(reference_rig()))[free] / std[free]) ** 2).mean())
     assert np.mean(squares) == pytest.approx(1.0, abs=0.4)
 
 
@@ -62,7 +62,7 @@ def test_a_pair_of_two_moments_is_left_out_and_named(shift, seen_pairs, board):
     found = calibrated(pairs, board)
     assert [pair.name for pair in found.pairs if not pair.is_used] == ["5"]
     assert "Pair 5 is left out" in str(found.verdict)
-    assert np.abs(found.rig.left.matrix[0, 0] - seed_rig().left.matrix[0, 0]) < 5 * found.left_std[0]
+    assert np.abs(found.rig.left.matrix[0, 0] - reference_rig().left.matrix[0, 0]) < 5 * found.left_std[0]
 
 
 def test_corners_numbered_from_the_other_end_are_turned_round(seen_pairs, board):

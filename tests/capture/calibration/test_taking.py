@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.blobs import StereoPoints
 from skelgen.capture.calibration.body import calibrate_body
 from skelgen.capture.calibration.taking import BodyTaking, EvenFrames, JointTaking
+from skelgen.capture.values import StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.rig import BodyTarget

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.markers.candidates import CandidateStore
-from skelgen.capture.markers.choice import track_pairs
-from skelgen.capture.markers.tracks import BallTracks
+from skelgen.capture.markers.candidates import BallTracks, CandidateStore
+from skelgen.capture.markers.correspondences import track_pairs
 from skelgen.capture.optics.matching import match_and_triangulate
-from skelgen.capture.optics.seed_rig import seed_rig
-from skelgen.capture.rig import projected_balls, scene_of_structure
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig import projected_balls, scene_of_structure
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.rig import CaptureSettings
 
@@ -21,7 +20,7 @@ class Projected:
     """Balls of a structure, 0.1 px off, seen by a rig that was turned by `turned` px after its calibration."""
 
     def __init__(self, structure, seed, n_frames, rate, turned=0.0):
-        rig = seed_rig()
+        rig = reference_rig()
         self.scene = scene_of_structure(structure, rig, seed=seed, n_frames=n_frames, rate=rate)
         turn = np.eye(4)
         turn[:3, :3] = matrix_from_vector(np.array([turned / rig.right.matrix[1, 1], 0.0, 0.0]))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.capture.blobs import StereoPoints
 from skelgen.capture.markers.candidates import CandidateStore
-from skelgen.capture.markers.choice import chosen, track_pairs
+from skelgen.capture.markers.correspondences import chosen, track_pairs
+from skelgen.capture.values import StereoPoints
 
 NOISE, STEP = 0.1, 1 / 60
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.capture.markers import markers_of
-from skelgen.capture.rig import SimulatedRig, simulated_rig
+from skelgen.capture.simulated_rig import SimulatedRig, simulated_rig
 
 LOST = slice(40, 70)
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.capture.frames import FramePair
 from skelgen.capture.markers import markers_of, misfit_in_space
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.simulated_rig import simulated_rig
+from skelgen.capture.values import FramePair
 from skelgen.errors import Cancelled, InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.progress import SilentMonitor

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.markers.choice import chosen, evidence_of_time, makers_of, surest_first
+from skelgen.capture.markers.correspondences import chosen, evidence_of_time, makers_of, surest_first
 from skelgen.capture.markers.rigidity import NOBODY, learned_triangles, triangles_of_targets
 from skelgen.model.rig import BodyTarget
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.capture.markers.tracks import BallTracks
+from skelgen.capture.markers.candidates import BallTracks
 
 SIZE = (640, 480)
 

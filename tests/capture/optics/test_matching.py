@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from skelgen.capture.blobs import Balls, StereoPoints
 from skelgen.capture.optics.epipolar import essential_matrix, fundamental_matrix, homogeneous
 from skelgen.capture.optics.matching import match_and_triangulate
 from skelgen.capture.optics.projection import in_image, pixels_from_normalised, project, undistort
-from skelgen.capture.optics.seed_rig import seed_rig
 from skelgen.capture.optics.triangulation import triangulate
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.values import Balls, StereoPoints
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.rig import Camera, StereoRig
 
@@ -29,14 +29,14 @@ def visible_points(rig: StereoRig, rng: np.random.Generator, n: int) -> np.ndarr
 
 
 def test_exact_projections_give_their_points(rng):
-    rig = seed_rig()
+    rig = reference_rig()
     points = visible_points(rig, rng, 200)
     found = triangulate(rig, project(rig.left, points), project(rig.right, points))
     assert np.abs(found.points - points).max() < ROUNDING_MM
 
 
 def test_fundamental_matrix_holds_for_undistorted_pixels(rng):
-    rig = seed_rig()
+    rig = reference_rig()
     points = visible_points(rig, rng, 50)
     left, right = (pixels_from_normalised(eye, undistort(eye, project(eye, points))) for eye in (rig.left, rig.right))
     residuals = (homogeneous(right) * (homogeneous(left) @ fundamental_matrix(rig).T)).sum(axis=1)
@@ -44,7 +44,7 @@ def test_fundamental_matrix_holds_for_undistorted_pixels(rng):
 
 
 def test_scatter_of_noisy_points_is_the_predicted_covariance(rng):
-    rig = seed_rig()
+    rig = reference_rig()
     points = visible_points(rig, rng, 2000)
     noise = rig.noise * rng.normal(size=(2, len(points), 2))
     found = triangulate(rig, project(rig.left, points) + noise[0], project(rig.right, points) + noise[1])
@@ -54,7 +54,7 @@ def test_scatter_of_noisy_points_is_the_predicted_covariance(rng):
 
 
 def test_corrected_rays_meet_and_no_other_pair_of_rays_that_meet_is_nearer(rng):
-    rig = seed_rig()
+    rig = reference_rig()
     points = visible_points(rig, rng, 100)
     noise = 2.0 * rng.normal(size=(2, len(points), 2))
     found = triangulate(rig, project(rig.left, points) + noise[0], project(rig.right, points) + noise[1])
@@ -86,7 +86,7 @@ def test_optimum_next_to_the_epipole_is_the_best_of_all_lines_through_it(rng):
 
 
 def test_forty_balls_all_find_their_partner_and_ambiguous_pairs_are_told(rng):
-    rig = seed_rig()
+    rig = reference_rig()
     points = visible_points(rig, rng, 40)
     order = rng.permutation(40)
     noise = rig.noise * rng.normal(size=(2, 40, 2))
@@ -100,7 +100,7 @@ def test_forty_balls_all_find_their_partner_and_ambiguous_pairs_are_told(rng):
 
 
 def test_epipolar_distance_is_the_shift_in_pixels():
-    rig = seed_rig()
+    rig = reference_rig()
     point = np.array([[230.0, 0.0, 1000.0]])
     left, right = project(rig.left, point), project(rig.right, point)
     found = match_and_triangulate(balls(left + np.array([0.0, 0.2])), balls(right - np.array([0.0, 0.2])), rig)
@@ -108,7 +108,7 @@ def test_epipolar_distance_is_the_shift_in_pixels():
 
 
 def test_a_ball_that_is_known_better_moves_less():
-    rig = seed_rig()
+    rig = reference_rig()
     point = np.array([[230.0, 0.0, 1000.0]])
     left, right = project(rig.left, point), project(rig.right, point)
     found = match_and_triangulate(balls(left + np.array([0.0, 1.0]), std=1.0), balls(right), rig)
@@ -118,7 +118,7 @@ def test_a_ball_that_is_known_better_moves_less():
 
 
 def test_points_behind_the_cameras_are_no_candidates():
-    rig = seed_rig()
+    rig = reference_rig()
     point = np.array([[230.0, 0.0, 1000.0]])
     swapped = match_and_triangulate(balls(project(rig.right, point)), balls(project(rig.left, point)), rig, gate=1e6)
     assert len(swapped) == 0
@@ -126,12 +126,12 @@ def test_points_behind_the_cameras_are_no_candidates():
 
 def test_no_balls_give_no_points():
     empty = balls(np.empty((0, 2)))
-    assert len(match_and_triangulate(empty, balls(np.array([[10.0, 10.0]])), seed_rig())) == 0
-    assert match_and_triangulate(empty, empty, seed_rig()).covariance.shape == (0, 3, 3)
+    assert len(match_and_triangulate(empty, balls(np.array([[10.0, 10.0]])), reference_rig())) == 0
+    assert match_and_triangulate(empty, empty, reference_rig()).covariance.shape == (0, 3, 3)
 
 
 def test_points_turn_with_the_world(rng):
-    rig = seed_rig()
+    rig = reference_rig()
     world = transform_from(matrix_from_vector(np.array([0.3, 1.0, -0.4])), np.array([100.0, 900.0, -300.0]))
     moved = StereoRig(
         *(Camera(e.width, e.height, e.matrix, e.distortion, e.camera_from_world @ world) for e in (rig.left, rig.right))
@@ -155,7 +155,7 @@ def same_points(one: StereoPoints, other: StereoPoints) -> bool:
 @pytest.mark.parametrize("seed", range(5))
 def test_compiled_and_plain_matching_agree(seed):
     rng = np.random.default_rng(seed)
-    rig = seed_rig()
+    rig = reference_rig()
     lens = np.array([-0.3, 0.1, 0.002, -0.001, 0.02])
     skewed = rig.left.matrix + np.array([[0, 3.0, 0], [0, 0, 0], [0, 0, 0]])
     pose = transform_from(matrix_from_vector(rng.normal(size=3)), rng.normal(size=3) * 100)
@@ -163,7 +163,7 @@ def test_compiled_and_plain_matching_agree(seed):
         Camera(640, 480, skewed, lens, pose),
         Camera(640, 480, rig.right.matrix, lens, rig.right.camera_from_world @ pose),
     )
-    points = visible_points(seed_rig(), rng, 60) @ pose[:3, :3] - pose[:3, 3] @ pose[:3, :3]
+    points = visible_points(reference_rig(), rng, 60) @ pose[:3, :3] - pose[:3, 3] @ pose[:3, :3]
     left, right = (project(eye, points) + 0.1 * rng.normal(size=(60, 2)) for eye in (rig.left, rig.right))
     left[3], right[5] = 1e5, np.nan  # a pixel that no ray reaches, and none at all
     seen = balls(left, std=0.2), balls(rng.permutation(right))
@@ -186,7 +186,7 @@ def test_matching_works_where_nothing_compiled_can_be_kept(rng, monkeypatch):
     from skelgen.capture.optics import matching
 
     monkeypatch.setattr(matching, "_compiled_twin", lambda: None)
-    rig = seed_rig()
+    rig = reference_rig()
     points = visible_points(rig, rng, 10)
     found = match_and_triangulate(balls(project(rig.left, points)), balls(project(rig.right, points)), rig)
     assert len(found) >= 10

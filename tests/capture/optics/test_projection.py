@@ -11,7 +11,7 @@ from skelgen.capture.optics.projection import (
     projection_jacobian,
     undistort,
 )
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.rig import Camera
 
@@ -88,7 +88,7 @@ def test_images_end_at_the_outer_edges_of_their_pixels():
 
 
 def test_both_cameras_of_the_seed_see_what_stands_a_metre_before_their_middle():
-    rig = seed_rig()
+    rig = reference_rig()
     middle = np.array([230.0, 0.0, 1000.0])
     for eye in (rig.left, rig.right):
         assert in_image(eye, project(eye, middle))

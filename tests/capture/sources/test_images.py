@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.image_files import read_image
+from skelgen.capture.images import read_image
 from skelgen.capture.sources import open_source
 from skelgen.errors import CaptureError, FormatError, ParameterError
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, grey
-from skelgen.capture.sources.live import LivePairs, OpenPair
-from skelgen.capture.sources.options import CameraOptions
-from skelgen.capture.sources.pairs import Shot
+from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
+from skelgen.capture.sources.text import CameraOptions
 from skelgen.errors import CaptureError
 
 RATE = 50.0

@@ -10,7 +10,7 @@ from skelgen_formats.c3d import read_c3d
 from skelgen_formats.capture_settings import write_settings
 from skelgen_formats.mfml import read_mfml
 
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.simulated_rig import simulated_rig
 
 RUN = """
 import contextlib, io, os, sys, threading

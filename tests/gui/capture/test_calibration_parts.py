@@ -11,7 +11,7 @@ from skelgen_gui.capture.turn_view import TurnView
 from skelgen_gui.capture.wish_list import Wished, WishList
 from skelgen_gui.theme import is_dark, theme_palette
 
-from skelgen.capture.calibration.motion import JointMotion
+from skelgen.capture.calibration.joints import JointMotion
 
 NAMES = ["torso", "upper arm", "lower arm"]
 

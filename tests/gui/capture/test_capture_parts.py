@@ -15,10 +15,10 @@ from skelgen_gui.capture.recorder import free_path
 from skelgen_gui.capture.results import MOST_SENTENCES, Sentences
 from skelgen_gui.capture.space import Found, Space
 
-from skelgen.capture.blobs import Balls, FoundBody
 from skelgen.capture.calibration.board import BoardView
 from skelgen.capture.optics.projection import project
-from skelgen.capture.optics.seed_rig import seed_rig
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.values import Balls, FoundBody
 
 BLACK = np.zeros((480, 640), np.uint8)
 
@@ -83,7 +83,7 @@ def test_a_bright_pixel_is_painted_at_its_place(shown):
 
 
 def test_frustums_end_at_the_corners_of_the_images():
-    rig = seed_rig()
+    rig = reference_rig()
     for seeing, camera in zip(cameras_of(rig), (rig.left, rig.right), strict=True):
         lines = seeing.lines(500.0)
         bare = type(camera)(camera.width, camera.height, camera.matrix, camera_from_world=camera.camera_from_world)
@@ -96,7 +96,7 @@ def test_frustums_end_at_the_corners_of_the_images():
 
 def test_space_shows_cameras_points_and_axes_of_bodies(qtbot, shown, has_colour):
     space = shown(Space(), 600, 400)
-    space.show_rig(seed_rig())
+    space.show_rig(reference_rig())
     before = space.grab().toImage()
     pose = np.eye(4)
     pose[:3, 3] = (200, 0, 1000)
@@ -116,7 +116,7 @@ def _axes(space):
 @pytest.mark.parametrize("key", [Qt.Key.Key_Left, Qt.Key.Key_Plus, Qt.Key.Key_1])
 def test_space_is_moved_by_keys_and_fitted_again(qtbot, shown, key):
     space = shown(Space(), 600, 400)
-    space.show_rig(seed_rig())
+    space.show_rig(reference_rig())
     before = space.grab().toImage()
     qtbot.keyClick(space, key)
     assert space.grab().toImage() != before
@@ -124,7 +124,7 @@ def test_space_is_moved_by_keys_and_fitted_again(qtbot, shown, key):
 
 def test_space_is_turned_by_dragging(qtbot, shown):
     space = shown(Space(), 600, 400)
-    space.show_rig(seed_rig())
+    space.show_rig(reference_rig())
     before = space.grab().toImage()
     qtbot.mousePress(space, Qt.MouseButton.LeftButton, pos=QPoint(300, 200))
     qtbot.mouseMove(space, QPoint(340, 220))

@@ -10,7 +10,7 @@ from skelgen_gui.capture.messages import LiveWish, Orders
 from skelgen_gui.capture.running import LiveRun, opened
 
 import skelgen
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.errors import InputError
 from skelgen.model.rig import CaptureSettings
 from skelgen.progress import SILENT

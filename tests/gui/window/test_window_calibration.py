@@ -82,12 +82,12 @@ def test_a_moving_board_gives_a_view_where_it_is_held_still(page, gathers):
 
 
 def test_the_simulated_board_gives_the_rig_that_sees_it(qtbot, window, page, gathers):
-    from skelgen.capture.optics.seed_rig import seed_rig
+    from skelgen.capture.reference_rig import reference_rig
 
     gathers("simulated:board?rate=4&frames=36")
     calibrates(qtbot, window, page)
     found = page.assistant.found
-    assert abs(found.rig.baseline - seed_rig().baseline) < 4 * found.baseline_std
+    assert abs(found.rig.baseline - reference_rig().baseline) < 4 * found.baseline_std
     assert page.assistant.views.item(0, 3).text() == "yes"
     assert page.view.space.accessibleName()
 

@@ -12,7 +12,7 @@ from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.capture.pictures import group_colour
 
 import skelgen
-from skelgen.capture.rig import simulated_rig
+from skelgen.capture.simulated_rig import simulated_rig
 
 WAIT = 120_000  # ms; what is compiled for the first time takes a minute
 SHORT = "simulated:arm?frames=60"
@@ -129,7 +129,7 @@ def test_without_settings_and_source_the_page_says_what_to_choose(qtbot, page):
 
 
 def test_a_camera_that_is_unplugged_keeps_what_was_recorded(qtbot, page, starts, monkeypatch, tmp_path):
-    from skelgen.capture.rig import SimulatedRig
+    from skelgen.capture.simulated_rig import SimulatedRig
     from skelgen.errors import CaptureError
 
     healthy = SimulatedRig.__iter__
@@ -180,10 +180,10 @@ def test_a_capture_that_is_cancelled_before_it_begins_can_be_started_again(qtbot
 
 
 def test_cameras_are_kept_with_the_project(window, person, rods, tmp_path):
-    from skelgen.capture.optics.seed_rig import seed_rig
+    from skelgen.capture.reference_rig import reference_rig
 
     person.opens(rods)
-    window.cameras.show_rig(seed_rig())
+    window.cameras.show_rig(reference_rig())
     person.saves_as(tmp_path / "rods.skelgen")
     person.opens(rods)
     assert window.cameras.shown == ()

@@ -8,8 +8,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
 from skelgen_formats.capture_settings import read_settings, write_settings
 
-from skelgen.capture.optics.seed_rig import seed_rig
-from skelgen.capture.rig import SimulatedRig, scene_of_bodies, simulated_rig, wandering_poses
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig, wandering_poses
 from skelgen.cli import main
 from skelgen.errors import CaptureError
 from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig
@@ -29,7 +29,7 @@ def page(window):
 def path(tmp_path):
     """Settings with the simulated cameras only, as their calibration writes them."""
     path = tmp_path / "rig.xml"
-    write_settings(CaptureSettings(seed_rig()), path)
+    write_settings(CaptureSettings(reference_rig()), path)
     return path
 
 
@@ -86,7 +86,7 @@ def test_a_target_is_taken_judged_and_added_as_the_command_does_it(qtbot, page, 
     clicks(step.add)
     assert f"Added to {path}." in step.state.text()
     said = tmp_path / "said.xml"
-    write_settings(CaptureSettings(seed_rig()), said)
+    write_settings(CaptureSettings(reference_rig()), said)
     assert main(["calibrate", "body", str(said), "--name", "torso", "--source", TORSO, "--quiet"]) == 0
     assert path.read_bytes() == said.read_bytes()
 
@@ -140,7 +140,7 @@ def test_a_simulated_target_is_one_choice_away(qtbot, page, window):
 
 def test_an_ambiguous_design_is_refused_with_the_reason(page, takes, path, tmp_path):
     cv2 = pytest.importorskip("cv2")
-    poses = wandering_poses(seed_rig(), 12, 1, distance=900.0, spread=60.0, rate=3.0)
+    poses = wandering_poses(reference_rig(), 12, 1, distance=900.0, spread=60.0, rate=3.0)
     rig = SimulatedRig(scene_of_bodies([BodyTarget("pyramid", PYRAMID - PYRAMID.mean(axis=0))], poses))
     for index in range(12):
         pair, _ = rig.render(index)
@@ -243,7 +243,7 @@ def test_a_source_that_breaks_off_keeps_what_was_taken(page, takes, clicks, path
 def test_settings_of_other_cameras_are_not_written_to(page, takes, clicks, path):
     page.target.form.name.setText("torso")
     takes(page.target, TORSO, path)
-    rig = seed_rig()
+    rig = reference_rig()
     write_settings(CaptureSettings(StereoRig(rig.right, rig.left)), path)
     before = path.read_bytes()
     clicks(page.target.add)

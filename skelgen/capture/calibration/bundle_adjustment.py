@@ -1,0 +1,333 @@
+"""Bundle adjustment of one camera or two that look at one board in several poses (Gaschler 2011, equations 4.8, 4.9).
+
+Gauss and Newton's method with exact derivatives, damped where the views hardly determine the cameras. At the minimum
+the normal matrix gives the standard deviations of all parameters, with the noise of the corners from what remains.
+Views that do not fit are left out: those that are blurred, moved between exposures, or have mistaken corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from skelgen.capture.optics.projection import distortion_jacobian
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, nearest_rotation, transform_from
+from skelgen.model.arrays import Bools, Floats
+from skelgen.model.rig import N_DISTORTION, Camera
+
+N_MATRIX = 4
+"""Numbers of a camera's matrix: fx, fy, cx, cy."""
+
+N_INTRINSIC = N_MATRIX + N_DISTORTION
+N_POSE = 6
+"""Numbers of a pose: a small turn [rad] about the axes of the frame that it leads to, and a shift [mm]."""
+
+MAX_STEPS = 40
+STANDS_STILL, ROUNDING = 1e-14, 1e-9
+"""Part of the sum of squares, and distance [px] of each corner, that no further step is worth."""
+
+LEAST_DAMPING = 1e-6
+"""Of the scaled normal matrix, when a full step has made the sum of squares larger (Levenberg and Marquardt)."""
+
+LEAST_EIGENVALUE = 1e-12
+"""Of the normal matrix, with its diagonal scaled to 1: below it some numbers cannot be told from others. Ten good views
+of one board are at 1e-6, three at 1e-8."""
+
+UNDETERMINED = (
+    "the views do not determine the cameras: turn the board about different axes by 20 to 45 degrees, move it through "
+    "the whole image, and take 10 to 20 views"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """What is adjusted, and what it is adjusted to.
+
+    Attributes
+    ----------
+    cameras : tuple of Camera
+        One or two; their `camera_from_world` is their place relative to the first one's frame.
+    first_from_board : ndarray, shape (n_views, 4, 4), mm
+        Poses of the board.
+    board : ndarray, shape (n_corners, 3), mm
+        Corners in the board's frame.
+    corners : ndarray, shape (n_cameras, n_views, n_corners, 2), px
+        Where they were seen.
+    """
+
+    cameras: tuple[Camera, ...]
+    first_from_board: Floats
+    board: Floats
+    corners: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Adjusted:
+    """The most likely bundle.
+
+    Attributes
+    ----------
+    bundle : Bundle
+        With adjusted cameras and poses.
+    noise : float, px
+        Standard deviation of a corner along one axis, from the residuals and the degrees of freedom.
+    covariance : ndarray, shape (n_shared, n_shared)
+        Of the numbers that all views share: nine for each camera, then the six of the second camera's pose if there is
+        one. Zero where a number was held.
+    residuals : ndarray, shape (n_cameras, n_views, n_corners, 2), px
+        Seen minus expected.
+    """
+
+    bundle: Bundle
+    noise: float
+    covariance: Floats
+    residuals: Floats
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance [px] of the corners from where they are expected, over all images."""
+        return float(np.sqrt((self.residuals**2).sum(axis=-1).mean()))
+
+    @property
+    def view_rms(self) -> Floats:
+        """The same for each image, shape (n_cameras, n_views), px."""
+        return np.asarray(np.sqrt((self.residuals**2).sum(axis=-1).mean(axis=-1)))
+
+    @property
+    def sum_of_squares(self) -> float:
+        """What was minimised [px^2]."""
+        return float((self.residuals**2).sum())
+
+
+def adjust(bundle: Bundle, free: Bools) -> Adjusted:
+    """Return the most likely cameras and poses.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        Near the solution: a guess from the closed form.
+    free : ndarray of bool, shape (n_shared,)
+        Which of the numbers that all views share are adjusted, in the order of `Adjusted.covariance`; the poses of the
+        board always are.
+    """
+    damping = 0.0
+    for _ in range(MAX_STEPS):
+        residuals, slope = _linearised(bundle, free)
+        squares = float(residuals @ residuals)
+        step = _inverse(slope, damping) @ (slope.T @ residuals)
+        if step @ (slope.T @ residuals) <= STANDS_STILL * squares + residuals.size * ROUNDING**2:
+            break
+        moved = _better(bundle, free, step, squares)
+        damping = max(10.0 * damping, LEAST_DAMPING) if moved is None else damping / 10.0
+        bundle = bundle if moved is None else moved
+    residuals = residuals_of(bundle)
+    noise, inverse = _noise(residuals, slope), _inverse(slope, 0.0)
+    covariance = np.zeros((len(free), len(free)))
+    n_free = int(free.sum())
+    covariance[np.ix_(free, free)] = noise**2 * inverse[:n_free, :n_free]
+    return Adjusted(bundle, noise, covariance, residuals)
+
+
+def residuals_of(bundle: Bundle) -> Floats:
+    """Return seen minus expected corners, shape (n_cameras, n_views, n_corners, 2), px."""
+    in_first = _posed(bundle.first_from_board, bundle.board)
+    expected = [_pixels(eye, _posed(eye.camera_from_world, in_first))[0] for eye in bundle.cameras]
+    return np.asarray(bundle.corners - np.stack(expected))
+
+
+def _posed(pose: Floats, points: Floats) -> Floats:
+    """Points, shape (..., n, 3), brought by poses, shape (..., 4, 4), into the frames that they lead to."""
+    return np.asarray(points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., np.newaxis, :3, 3])
+
+
+def _pixels(eye: Camera, inside: Floats) -> tuple[Floats, Floats, Floats]:
+    """Pixels of points in the camera's frame, with their derivatives by the intrinsic numbers and by the point.
+
+    Unlike `project`, this knows no fold of the lens: on the way to the minimum any lens may occur.
+    """
+    flat = inside[..., :2] / inside[..., 2:]
+    basis = _lens_basis(flat)
+    bent = flat + basis @ eye.distortion
+    focal = np.diag(eye.matrix)[:2]
+    by_intrinsic = np.zeros((*flat.shape, N_INTRINSIC))
+    for axis in (0, 1):
+        by_intrinsic[..., axis, axis], by_intrinsic[..., axis, 2 + axis] = bent[..., axis], 1.0
+    by_intrinsic[..., N_MATRIX:] = focal[:, np.newaxis] * basis
+    by_point = np.zeros((*flat.shape, 3))
+    by_point[..., :2] = distortion_jacobian(eye, flat) * focal[:, np.newaxis]
+    by_point[..., 2] = -(by_point[..., :2] @ flat[..., np.newaxis])[..., 0]
+    by_point /= inside[..., 2, np.newaxis, np.newaxis]
+    return bent * focal + eye.matrix[:2, 2], by_intrinsic, by_point
+
+
+def _lens_basis(flat: Floats) -> Floats:
+    """The shift of a normalised point by each coefficient of the lens, shape (..., 2, 5)."""
+    x, y = flat[..., 0], flat[..., 1]
+    square = x * x + y * y
+    basis = np.empty((*flat.shape, N_DISTORTION))
+    for column, power in ((0, 1), (1, 2), (4, 3)):
+        basis[..., column] = flat * square[..., np.newaxis] ** power
+    basis[..., 0, 2] = basis[..., 1, 3] = 2.0 * x * y
+    basis[..., 1, 2], basis[..., 0, 3] = square + 2.0 * y * y, square + 2.0 * x * x
+    return basis
+
+
+def _linearised(bundle: Bundle, free: Bools) -> tuple[Floats, Floats]:
+    """Residuals, shape (n,), and the derivative of the expected pixels by the free numbers and all poses."""
+    n_cameras, (n_views, n_corners) = len(bundle.cameras), bundle.corners.shape[1:3]
+    n_shared = len(free)
+    slope = np.zeros((n_cameras, n_views, n_corners, 2, n_shared + N_POSE * n_views))
+    residuals = np.empty(bundle.corners.shape)
+    turned = bundle.board @ np.swapaxes(bundle.first_from_board[:, :3, :3], 1, 2)
+    in_first = turned + bundle.first_from_board[:, np.newaxis, :3, 3]
+    for index, eye in enumerate(bundle.cameras):
+        inside = _posed(eye.camera_from_world, in_first)
+        pixels, by_intrinsic, by_point = _pixels(eye, inside)
+        residuals[index] = bundle.corners[index] - pixels
+        slope[index, ..., N_INTRINSIC * index : N_INTRINSIC * (index + 1)] = by_intrinsic
+        if index == 1:
+            slope[index, ..., n_shared - N_POSE : n_shared] = _by_pose(by_point, inside - eye.camera_from_world[:3, 3])
+        by_view = _by_pose(by_point @ eye.camera_from_world[:3, :3], turned)
+        for view in range(n_views):
+            start = n_shared + N_POSE * view
+            slope[index, view, ..., start : start + N_POSE] = by_view[view]
+    kept = np.concatenate([free, np.ones(N_POSE * n_views, dtype=np.bool_)])
+    return residuals.ravel(), slope.reshape(-1, len(kept))[:, kept]
+
+
+def _by_pose(by_point: Floats, turned: Floats) -> Floats:
+    """Derivative by a turn and a shift of what was turned already, shape (..., 2, 6)."""
+    return np.concatenate([-by_point @ cross_matrix(turned), by_point], axis=-1)
+
+
+def _inverse(slope: Floats, damping: float) -> Floats:
+    """The inverse of the normal matrix, damped."""
+    scale = 1.0 / np.sqrt((slope * slope).sum(axis=0))
+    if not np.isfinite(scale).all():
+        raise InputError(UNDETERMINED)
+    scaled = slope * scale
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    if values[0] < LEAST_EIGENVALUE:
+        raise InputError(UNDETERMINED)
+    return np.asarray((vectors / (values + damping)) @ vectors.T * np.outer(scale, scale))
+
+
+def _noise(residuals: Floats, slope: Floats) -> float:
+    freedom = max(slope.shape[0] - slope.shape[1], 1)
+    return float(np.sqrt((residuals**2).sum() / freedom))
+
+
+def _better(bundle: Bundle, free: Bools, step: Floats, squares: float) -> Bundle | None:
+    """The bundle after a step, or None if that is no camera or fits worse than `squares`."""
+    try:
+        moved = _moved(bundle, free, step)
+    except InputError:
+        return None
+    return moved if float((residuals_of(moved) ** 2).sum()) < squares else None
+
+
+def _moved(bundle: Bundle, free: Bools, step: Floats) -> Bundle:
+    """The bundle after a step."""
+    shared = np.zeros(len(free))
+    n_free = int(free.sum())
+    shared[free] = step[:n_free]
+    cameras = tuple(_moved_camera(eye, index, shared) for index, eye in enumerate(bundle.cameras))
+    return replace(
+        bundle, cameras=cameras, first_from_board=_moved_pose(bundle.first_from_board, step[n_free:].reshape(-1, 6))
+    )
+
+
+def _moved_camera(eye: Camera, index: int, shared: Floats) -> Camera:
+    own = shared[N_INTRINSIC * index : N_INTRINSIC * (index + 1)]
+    matrix = eye.matrix.copy()
+    matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += own[:N_MATRIX]
+    pose = _moved_pose(eye.camera_from_world, shared[-N_POSE:]) if index == 1 else eye.camera_from_world
+    return replace(eye, matrix=matrix, distortion=eye.distortion + own[N_MATRIX:], camera_from_world=pose)
+
+
+def _moved_pose(pose: Floats, step: Floats) -> Floats:
+    turn = nearest_rotation(matrix_from_vector(step[..., :3]) @ pose[..., :3, :3])
+    return transform_from(turn, pose[..., :3, 3] + step[..., 3:])
+
+
+OUTLIER_RATIO = 3.0
+"""A view is left out whose error is so many times the median view's: those of one recording differ by less than two,
+and a view that errs three times as much would weigh as much as nine others."""
+
+MAX_ROUNDS = 10
+LEAST_VIEWS = 3
+"""Two views leave a camera undetermined in practice; three leave nothing to judge it by, and the verdict says so."""
+
+
+class Robust(NamedTuple):
+    """An adjustment and the views that it rests on.
+
+    Attributes
+    ----------
+    adjusted : Adjusted
+        Of the kept views.
+    kept : ndarray of bool, shape (n_views,)
+        Which they are.
+    view_rms : ndarray, shape (n_cameras, n_views), px
+        Error of all views; those left out with their pose fitted to the others' cameras.
+    """
+
+    adjusted: Adjusted
+    kept: Bools
+    view_rms: Floats
+
+
+def adjust_robustly(bundle: Bundle, free: Bools, trusted: Bools | None = None) -> Robust:
+    """Return the most likely cameras by the views that fit each other; a view may come back once the others agree.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        All views.
+    free : ndarray of bool
+        See `adjust`.
+    trusted : ndarray of bool, shape (n_views,), optional
+        Views to begin with; all if not given.
+
+    Raises
+    ------
+    InputError
+        If fewer than three views fit each other, or they do not determine the cameras.
+    """
+    kept = np.ones(len(bundle.first_from_board), dtype=np.bool_) if trusted is None else trusted
+    for _ in range(MAX_ROUNDS):
+        adjusted = adjust(bundle_of(bundle, kept), free)
+        view_rms = _rms_of_all(bundle, adjusted, kept)
+        limit = OUTLIER_RATIO * np.median(view_rms[:, kept], axis=1)
+        fits = np.asarray((view_rms <= limit[:, np.newaxis]).all(axis=0))
+        if (fits == kept).all():
+            break
+        if fits.sum() < LEAST_VIEWS:
+            raise InputError(
+                f"only {int(fits.sum())} views of the board fit each other; at least {LEAST_VIEWS} are needed, 10 to "
+                "20 are better: hold the board still, or trigger both cameras together"
+            )
+        kept = fits
+    return Robust(adjusted, kept, view_rms)
+
+
+def bundle_of(bundle: Bundle, kept: Bools) -> Bundle:
+    """Return the bundle of some of its views."""
+    return replace(bundle, first_from_board=bundle.first_from_board[kept], corners=bundle.corners[:, kept])
+
+
+def _rms_of_all(bundle: Bundle, adjusted: Adjusted, kept: Bools) -> Floats:
+    out = np.full(bundle.corners.shape[:2], np.inf)
+    out[:, kept] = adjusted.view_rms
+    held = np.zeros(len(adjusted.covariance), dtype=np.bool_)
+    for view in np.flatnonzero(~kept):
+        alone = bundle_of(bundle, np.arange(len(kept)) == view)
+        try:
+            posed = adjust(replace(alone, cameras=adjusted.bundle.cameras), held)
+        except InputError:  # no pose fits: as far out as can be
+            continue
+        out[:, view] = posed.view_rms[:, 0]
+    return out

@@ -1,0 +1,138 @@
+"""Calibration of one camera from views of a chessboard (Zhang 2000; Bouguet; Gaschler 2011, equation 4.8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.capture.calibration.board import Board, BoardView
+from skelgen.capture.calibration.bundle_adjustment import (
+    LEAST_VIEWS,
+    N_INTRINSIC,
+    N_MATRIX,
+    Bundle,
+    Robust,
+    adjust_robustly,
+    bundle_of,
+)
+from skelgen.capture.images import opencv
+from skelgen.errors import InputError, ParameterError
+from skelgen.geometry.rotations import matrix_from_vector, transform_from
+from skelgen.model.arrays import Bools, Floats
+from skelgen.model.rig import Camera
+
+LENSES = {"radial": (0, 1), "tangential": (0, 1, 2, 3), "full": (0, 1, 2, 3, 4)}
+"""Lens models: which of k1 k2 p1 p2 k3 are estimated. The seed's is the first."""
+
+AUTO = "auto"
+"""The lens model that the views themselves ask for: the least Bayesian information criterion."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCalibration:
+    """A calibrated camera.
+
+    Attributes
+    ----------
+    camera : Camera
+        Its frame is the world.
+    std : ndarray, shape (9,)
+        Standard deviations of fx, fy, cx, cy [px], k1, k2, p1, p2, k3; zero where a number was held at zero.
+    rms : float, px
+        Root mean square distance of the corners from where they are expected.
+    kept : ndarray of bool, shape (n_views,)
+        Which views it rests on.
+    view_rms : ndarray, shape (n_views,), px
+        The same for each view, those left out as well.
+    """
+
+    camera: Camera
+    std: Floats
+    rms: float
+    kept: Bools
+    view_rms: Floats
+
+
+def calibrate_camera(
+    views: Sequence[BoardView], board: Board, size: tuple[int, int], lens: str = AUTO
+) -> CameraCalibration:
+    """Return the camera that saw a board in some poses.
+
+    Parameters
+    ----------
+    views : sequence of BoardView
+        At least three, that lean differently.
+    board : Board
+        What was seen.
+    size : tuple of int, px
+        Width and height of the images.
+    lens : str
+        ``auto``, ``radial``, ``tangential`` or ``full``.
+
+    Raises
+    ------
+    InputError
+        If the views are too few, too alike, or do not fit each other.
+    """
+    corners = np.stack([view.corners for view in views]) if views else np.empty((0, 0, 2))
+    camera, poses = guess_camera(corners, board, size)
+    every = np.ones(len(views), dtype=np.bool_)
+    found = adjust_lens(Bundle((camera,), poses, board.points, corners[np.newaxis]), every, lens)
+    adjusted = found.adjusted
+    std = np.sqrt(np.diag(adjusted.covariance))
+    return CameraCalibration(adjusted.bundle.cameras[0], std, adjusted.rms, found.kept, found.view_rms[0])
+
+
+def guess_camera(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Camera, Floats]:
+    """Return a camera with a radial lens and the poses of the board, shape (n_views, 4, 4), by OpenCV's calibration."""
+    if len(corners) < LEAST_VIEWS:
+        raise InputError(
+            f"{len(corners)} views of the board are too few; at least {LEAST_VIEWS} are needed, 10 to 20 are better"
+        )
+    cv2 = opencv()
+    points = [board.points.astype(np.float32)] * len(corners)
+    seen = [view.astype(np.float32).reshape(-1, 1, 2) for view in corners]
+    flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    try:
+        _, matrix, lens, turns, shifts = cv2.calibrateCamera(points, seen, size, None, None, flags=flags)
+    except cv2.error as error:
+        raise InputError(
+            "no camera explains these views of the board; see that its corners are counted right"
+        ) from error
+    poses = [transform_from(matrix_from_vector(np.ravel(t)), np.ravel(s)) for t, s in zip(turns, shifts, strict=True)]
+    if not (np.isfinite(matrix).all() and min(matrix[0, 0], matrix[1, 1]) > 0):
+        raise InputError("no camera explains these views of the board; see that its corners are counted right")
+    return Camera(size[0], size[1], matrix, np.ravel(lens)), np.stack(poses)
+
+
+def adjust_lens(bundle: Bundle, trusted: Bools, lens: str) -> Robust:
+    """Return the robust adjustment with the lens model that is asked for, or that the views ask for.
+
+    It begins with the `trusted` views; see `adjust_robustly`.
+    """
+    if lens != AUTO and lens not in LENSES:
+        raise ParameterError(f"lens {lens!r} is unknown; it must be one of {', '.join([AUTO, *LENSES])}")
+    first = adjust_robustly(bundle, _free(bundle, "radial" if lens == AUTO else lens), trusted)
+    if lens != AUTO:
+        return first
+    fitting = bundle_of(bundle, first.kept)
+    tried = {name: adjust_robustly(fitting, _free(bundle, name)) for name in LENSES}
+    best = min(tried, key=lambda name: _information(tried[name], int(_free(bundle, name).sum())))
+    return adjust_robustly(bundle, _free(bundle, best), first.kept)
+
+
+def _free(bundle: Bundle, lens: str) -> Bools:
+    """Which of the shared numbers a lens model leaves free; the second camera's pose always is."""
+    own = np.zeros(N_INTRINSIC, dtype=np.bool_)
+    own[:N_MATRIX] = True
+    own[[N_MATRIX + index for index in LENSES[lens]]] = True
+    pose = np.ones(6 * (len(bundle.cameras) - 1), dtype=np.bool_)
+    return np.concatenate([np.tile(own, len(bundle.cameras)), pose])
+
+
+def _information(found: Robust, n_free: int) -> float:
+    """Bayesian information criterion, but for a constant: poses of the board are the same for all models."""
+    squares, n = found.adjusted.sum_of_squares, found.adjusted.residuals.size
+    return float(n * np.log(squares / n) + n_free * np.log(n))

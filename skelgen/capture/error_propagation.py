@@ -1,0 +1,176 @@
+r"""Errors from the images to the angles (Gaschler 2011, 6.1): centres of balls, points, poses of bodies, joint angles.
+
+A joint's frames :math:`R_p` and :math:`R_c` in the world differ by the rotation :math:`R_p^T R_c`. Small rotations
+:math:`\delta` of the bodies about the world's axes rotate it by :math:`R_p^T (\delta_c - \delta_p)`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skelgen.capture.optics.matrices import inverse_symmetric
+from skelgen.capture.optics.projection import in_image, project, projection_jacobian
+from skelgen.geometry.rotations import cross_matrix
+from skelgen.model.arrays import Bools, Floats
+from skelgen.model.rig import BodyTarget, JointModel, StereoRig
+
+
+def point_covariances(rig: StereoRig, points: Floats) -> Floats:
+    """Return the covariance of triangulated points (equation 6.2, for the most likely point).
+
+    With J the derivative of the four pixel coordinates by the point it is sigma^2 (J^T J)^-1, which no unbiased
+    estimate can be below (Cramer and Rao).
+
+    Parameters
+    ----------
+    rig : StereoRig
+        With the noise of its centres.
+    points : ndarray, shape (..., 3), mm
+        In the world.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3), mm^2
+        NaN for points that are behind a camera; see `seen_by_both` for the images' borders.
+    """
+    slope = np.concatenate([projection_jacobian(rig.left, points), projection_jacobian(rig.right, points)], axis=-2)
+    return rig.noise**2 * inverse_symmetric(np.swapaxes(slope, -1, -2) @ slope)
+
+
+def seen_by_both(rig: StereoRig, points: Floats) -> Bools:
+    """Whether points, shape (..., 3), mm, lie in both images."""
+    return np.asarray(in_image(rig.left, project(rig.left, points)) & in_image(rig.right, project(rig.right, points)))
+
+
+LEAST_POINTS = 3
+"""Balls below which a pose cannot be known."""
+
+LEAST_EIGENVALUE = 1e-10
+"""Of the scaled information: balls on one line leave a turn free, and rounding 1e-16 of it."""
+
+_TINY = np.finfo(np.float64).tiny
+
+
+def pose_covariances(rig: StereoRig, target: BodyTarget, world_from_body: Floats, seen: Bools | None = None) -> Floats:
+    """Return the covariance of a target's most likely pose.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        With the noise of its centres.
+    target : BodyTarget
+        The balls; deviations of their calibration count as further noise.
+    world_from_body : ndarray, shape (..., 4, 4), translation in mm
+        Where the target is.
+    seen : ndarray of bool, shape (..., n_points), optional
+        Which balls are seen; those that lie in both images, if not given.
+
+    Returns
+    -------
+    ndarray, shape (..., 6, 6)
+        Of a small turn about the world's axes [rad] and a shift [mm]; NaN where fewer than three balls are seen, or
+        such as lie on one line.
+    """
+    turned = target.points @ np.swapaxes(world_from_body[..., :3, :3], -1, -2)
+    points = turned + world_from_body[..., np.newaxis, :3, 3]
+    seen = seen_by_both(rig, points) if seen is None else seen
+    turn = world_from_body[..., np.newaxis, :3, :3]
+    calibrated = (turn * target_variance(target)[:, np.newaxis, :]) @ np.swapaxes(turn, -1, -2)
+    weights = inverse_symmetric(point_covariances(rig, points) + calibrated)
+    weights = np.where(seen[..., np.newaxis, np.newaxis], weights, 0.0)
+    slope = np.concatenate([-cross_matrix(turned), np.broadcast_to(np.eye(3), (*turned.shape, 3))], axis=-1)
+    information = (np.swapaxes(slope, -1, -2) @ weights @ slope).sum(axis=-3)
+    return _inverse_where(information, seen.sum(axis=-1) >= LEAST_POINTS)
+
+
+def target_variance(target: BodyTarget) -> Floats:
+    """Return the variances of a target's balls along its axes, shape (n_points, 3), mm^2."""
+    return np.zeros_like(target.points) if target.std is None else target.std**2
+
+
+def _inverse_where(information: Floats, is_known: Bools) -> Floats:
+    """Inverses of the matrices that are known and regular; the diagonals are scaled, as radians and mm differ."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(information, axis1=-2, axis2=-1), _TINY))
+    both = scale[..., :, np.newaxis] * scale[..., np.newaxis, :]
+    scaled = information * both
+    values = np.linalg.eigvalsh(scaled)
+    is_known = is_known & (values[..., 0] > LEAST_EIGENVALUE)
+    out = np.full_like(information, np.nan)
+    out[is_known] = np.linalg.inv(scaled[is_known]) * both[is_known]
+    return out
+
+
+BALL, HINGE = "ball", "hinge"
+
+
+def angle_covariance(
+    joint: JointModel,
+    poses: tuple[Floats, Floats],
+    covariances: tuple[Floats, Floats],
+    *,
+    is_joined: bool = False,
+) -> Floats:
+    """Return the covariance of a joint's angles.
+
+    Parameters
+    ----------
+    joint : JointModel
+        With its frames in both bodies.
+    poses : tuple of ndarray, shape (..., 4, 4), mm
+        world_from_body of the parent and of the child.
+    covariances : tuple of ndarray, shape (..., 6, 6)
+        Of small turns about the world's axes [rad] and shifts [mm] of both.
+    is_joined : bool
+        Whether the estimate uses that the joint holds the bodies together: at its centre, a hinge along its axis as
+        well. Otherwise each body is posed by its own balls alone, as the seed does.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3) or (..., 1, 1), rad^2
+        Of small turns about the axes of the joint's frame in the parent; of the angle for a hinge.
+    """
+    both = block_diagonal(*covariances)
+    slope = turn_slope(joint, poses)
+    if is_joined:
+        held = held_slope(joint, poses)
+        gain = both @ np.swapaxes(held, -1, -2)
+        both = both - gain @ np.linalg.solve(held @ gain, np.swapaxes(gain, -1, -2))
+    slope = slope[..., 2:, :] if joint.kind == HINGE else slope
+    return np.asarray(slope @ both @ np.swapaxes(slope, -1, -2))
+
+
+def block_diagonal(first: Floats, second: Floats) -> Floats:
+    """Return the covariance of both bodies together, shape (..., 12, 12), rad and mm: they err independently."""
+    out = np.zeros((*first.shape[:-2], 12, 12))
+    out[..., :6, :6], out[..., 6:, 6:] = first, second
+    return out
+
+
+def turn_slope(joint: JointModel, poses: tuple[Floats, Floats]) -> Floats:
+    """Return the derivative of the joint's turn, in the axes of its frame in the parent, shape (..., 3, 12).
+
+    Parameters
+    ----------
+    joint : JointModel
+        With its frames in both bodies.
+    poses : tuple of ndarray, shape (..., 4, 4), mm
+        world_from_body of the parent and of the child.
+    """
+    parent_axes = np.swapaxes(poses[0][..., :3, :3] @ joint.parent_from_joint[:3, :3], -1, -2)
+    slope = np.zeros((*parent_axes.shape[:-2], 3, 12))
+    slope[..., :3], slope[..., 6:9] = -parent_axes, parent_axes
+    return slope
+
+
+def held_slope(joint: JointModel, poses: tuple[Floats, Floats]) -> Floats:
+    """Return the derivative of what a joint holds at zero, shape (..., 3, 12) for a ball, (..., 5, 12) for a hinge.
+
+    That is the way [mm] from its centre in the parent to that in the child, in the world, and for a hinge the tilts
+    [rad] about x and y of its frame in the parent. Parameters as for `turn_slope`.
+    """
+    parent_arm = poses[0][..., :3, :3] @ joint.parent_from_joint[:3, 3]
+    child_arm = poses[1][..., :3, :3] @ joint.child_from_joint[:3, 3]
+    slope = np.zeros((*parent_arm.shape[:-1], 3, 12))
+    slope[..., :3], slope[..., 6:9] = cross_matrix(parent_arm), -cross_matrix(child_arm)
+    slope[..., 3:6], slope[..., 9:] = -np.eye(3), np.eye(3)
+    return np.concatenate([slope, turn_slope(joint, poses)[..., :2, :]], axis=-2) if joint.kind == HINGE else slope

@@ -1,0 +1,221 @@
+"""Errors of a rig against the distance from it: what the seed shows in its figures 6.1 to 6.4."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.capture.error_propagation import HINGE, angle_covariance, point_covariances, pose_covariances, seen_by_both
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from
+from skelgen.model.arrays import Floats
+from skelgen.model.rig import BodyTarget, CaptureSettings, JointModel, StereoRig
+
+SEED_DISTANCES = (500.0, 600.0, 700.0, 800.0, 900.0, 1000.0, 1250.0, 1500.0, 1750.0, 2000.0, 2500.0, 3000.0)
+"""Distances [mm] of the seed's working space."""
+
+N_TURNS = 100
+"""Random orientations over which errors are averaged: one of a target seen edge-on is no measure of it."""
+
+TYPICAL_POINTS = np.array(
+    [[39.5, 4.1, -5.3], [-19.3, 35.9, 6.6], [-23.8, -29.8, 8.6], [9.8, -13.1, -44.7], [-10.5, 5.7, 35.0]]
+)
+"""mm; all distances differ by more than the detection of bodies needs (`propose_targets`)."""
+
+ARM = 150.0
+"""mm between a typical joint and the targets on both sides of it."""
+
+LARGEST_BEND = np.radians(45.0)
+"""rad; joints are bent at random up to this, about each axis that they have."""
+
+AXES, IN_ALL, JOINED = ("x", "y", "z"), "in all", "held by the joint"
+"""Names of components; the last is all of them for an estimate that lets the joint hold both bodies together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Errors of one thing at some distances.
+
+    Attributes
+    ----------
+    what : str
+        ``ball``, ``body upper_arm``, ``hinge joint elbow``.
+    unit : str
+        ``mm`` or ``degrees``.
+    columns : tuple of str
+        Names of the components; the last is their root of the sum of squares where there are several.
+    std : ndarray, shape (n_distances, n_columns)
+        Standard deviations; NaN where the thing is not seen by both cameras.
+    """
+
+    what: str
+    unit: str
+    columns: tuple[str, ...]
+    std: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class RigErrors:
+    """All curves of a rig.
+
+    Attributes
+    ----------
+    distances : ndarray, shape (n_distances,), mm
+        From the middle between the cameras, along the line in the middle of both views.
+    noise : float, px
+        Standard deviation of a ball's centre that the errors come from; they grow in proportion.
+    curves : tuple of Curve
+        For a ball, each body, each joint.
+    """
+
+    distances: Floats
+    noise: float
+    curves: tuple[Curve, ...]
+
+
+def errors_by_distance(
+    settings: CaptureSettings, distances: Sequence[float] = SEED_DISTANCES, seed: int = 0
+) -> RigErrors:
+    """Return the errors of a rig's points, bodies and joint angles against the distance.
+
+    Parameters
+    ----------
+    settings : CaptureSettings
+        The rig; its bodies and joints, or typical ones where it has none.
+    distances : sequence of float, mm
+        From the middle between the cameras.
+    seed : int
+        Of the random orientations of bodies and joints.
+
+    Raises
+    ------
+    InputError
+        If a distance is not above 0.
+    """
+    away = np.asarray(distances, dtype=np.float64)
+    if not away.size or not np.isfinite(away).all() or away.min() <= 0:
+        raise InputError("distances of the errors must be above 0 mm")
+    places = places_before(settings.rig, away)
+    quaternions = np.random.default_rng(seed).normal(size=(N_TURNS, 4))
+    turns = matrix_from_quaternion(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
+    bodies = settings.bodies or (typical_target("typical target"),)
+    joints = settings.joints or typical_joints()
+    targets = {body.name: body for body in (*settings.bodies, *typical_pair())}
+    curves = [_of_ball(settings.rig, places)]
+    for body in bodies:
+        curves += _of_body(settings.rig, body, places, turns)
+    curves += [_of_joint(settings.rig, joint, targets, places, turns) for joint in joints]
+    return RigErrors(away, settings.rig.noise, tuple(curves))
+
+
+def places_before(rig: StereoRig, distances: Floats) -> Floats:
+    """Return points in the middle of both views, shape (n_distances, 3), mm, in the world."""
+    world_from_left = np.linalg.inv(rig.left.camera_from_world)
+    world_from_right = np.linalg.inv(rig.right.camera_from_world)
+    middle = (world_from_left[:3, 3] + world_from_right[:3, 3]) / 2
+    along = world_from_left[:3, 2] + world_from_right[:3, 2]
+    return np.asarray(middle + np.outer(distances, along / np.linalg.norm(along)))
+
+
+def typical_target(name: str) -> BodyTarget:
+    """Return five balls within a sphere of 98 mm, as in the seed's figure 6.2, that no turn brings onto each other."""
+    return BodyTarget(name, TYPICAL_POINTS - TYPICAL_POINTS.mean(axis=0))
+
+
+def typical_pair() -> tuple[BodyTarget, BodyTarget]:
+    """Return the targets of `typical_joints`."""
+    return typical_target("typical parent"), typical_target("typical child")
+
+
+def typical_joints() -> tuple[JointModel, JointModel]:
+    """Return a ball joint and a hinge between two typical targets, each with its middle 150 mm from the joint."""
+    up, down = (
+        transform_from(np.eye(3), np.array([0.0, 0.0, ARM])),
+        transform_from(np.eye(3), np.array([0.0, 0.0, -ARM])),
+    )
+    parent, child = (target.name for target in typical_pair())
+    across = transform_from(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.zeros(3))
+    return (
+        JointModel("typical ball joint", "ball", parent, child, up, down),
+        JointModel("typical hinge", HINGE, parent, child, up @ across, down @ across),
+    )
+
+
+def _of_ball(rig: StereoRig, places: Floats) -> Curve:
+    """Figure 6.1: one ball, along the axes of the left camera; z is depth."""
+    covariances = point_covariances(rig, places)
+    covariances[~seen_by_both(rig, places)] = np.nan
+    return Curve("ball", "mm", (*AXES, IN_ALL), _std_with_sum(_in_left(rig, covariances)))
+
+
+def _of_body(rig: StereoRig, body: BodyTarget, places: Floats, turns: Floats) -> list[Curve]:
+    """Figure 6.2: position of the middle of a target's balls, and its orientation, along the left camera's axes."""
+    centred = BodyTarget(body.name, body.points - body.points.mean(axis=0), body.std)
+    covariances = _covariances_where_seen(rig, centred, _placed(turns, places, np.zeros(3)))
+    shifts = _std_with_sum(_averaged(_in_left(rig, covariances[..., 3:, 3:])))
+    turned = _std_with_sum(_averaged(_in_left(rig, covariances[..., :3, :3])))
+    return [
+        Curve(f"position of {body.name}", "mm", (*AXES, IN_ALL), shifts),
+        Curve(f"orientation of {body.name}", "degrees", (*AXES, IN_ALL), np.degrees(turned)),
+    ]
+
+
+def _of_joint(
+    rig: StereoRig, joint: JointModel, targets: Mapping[str, BodyTarget], places: Floats, turns: Floats
+) -> Curve:
+    """Figures 6.3 and 6.4: angles of a joint, each body posed alone as the seed does, and both held by the joint."""
+    parents = _placed(turns, places, joint.parent_from_joint[:3, 3])
+    bent = transform_from(_bends(joint, len(turns)), np.zeros(3))
+    children = parents @ joint.parent_from_joint @ bent @ np.linalg.inv(joint.child_from_joint)
+    covariances = (
+        _covariances_where_seen(rig, targets[joint.parent], parents),
+        _covariances_where_seen(rig, targets[joint.child], children),
+    )
+    alone, joined = (
+        _std_with_sum(_averaged(angle_covariance(joint, (parents, children), covariances, is_joined=is_joined)))
+        for is_joined in (False, True)
+    )
+    columns = ("angle", JOINED) if joint.kind == HINGE else (*AXES, IN_ALL, JOINED)
+    std = np.degrees(np.column_stack([alone if joint.kind != HINGE else alone[:, :1], joined[:, -1]]))
+    return Curve(f"angle of {joint.name}", "degrees", columns, std)
+
+
+def _placed(turns: Floats, places: Floats, arm: Floats) -> Floats:
+    """Poses in all orientations with a point of the body at all places, shape (n_places, n_turns, 4, 4)."""
+    shape = (len(places), len(turns), 3, 3)
+    return transform_from(np.broadcast_to(turns, shape), places[:, np.newaxis] - turns @ arm)
+
+
+def _bends(joint: JointModel, count: int) -> Floats:
+    """Rotations of a joint, evenly spread up to `LARGEST_BEND` about each of its axes."""
+    angles = np.random.default_rng(0).uniform(-LARGEST_BEND, LARGEST_BEND, (count, 3))
+    return matrix_from_vector(angles * ([0.0, 0.0, 1.0] if joint.kind == HINGE else [1.0, 1.0, 1.0]))
+
+
+def _covariances_where_seen(rig: StereoRig, target: BodyTarget, poses: Floats) -> Floats:
+    """Covariances of a target's pose; NaN where one of its balls is outside an image."""
+    points = target.points @ np.swapaxes(poses[..., :3, :3], -1, -2) + poses[..., np.newaxis, :3, 3]
+    covariances = pose_covariances(rig, target, poses)
+    covariances[~seen_by_both(rig, points).all(axis=-1)] = np.nan
+    return covariances
+
+
+def _in_left(rig: StereoRig, covariances: Floats) -> Floats:
+    turn = rig.left.camera_from_world[:3, :3]
+    return np.asarray(turn @ covariances @ turn.T)
+
+
+def _averaged(covariances: Floats) -> Floats:
+    """Means over the orientations in which a thing is seen; NaN where that is fewer than half of them."""
+    is_seen = np.isfinite(covariances[..., 0, 0])
+    total = np.where(is_seen[..., np.newaxis, np.newaxis], covariances, 0.0).sum(axis=1)
+    count = np.where(is_seen.mean(axis=1) >= 0.5, is_seen.sum(axis=1), np.nan)
+    return np.asarray(total / count[:, np.newaxis, np.newaxis])
+
+
+def _std_with_sum(covariances: Floats) -> Floats:
+    """Standard deviations along the axes, and the root of the sum of their squares."""
+    variances = np.diagonal(covariances, axis1=-2, axis2=-1)
+    return np.asarray(np.sqrt(np.column_stack([variances, variances.sum(axis=-1)])))

@@ -1,0 +1,39 @@
+"""The simulated rig: what two cameras would see of moving balls, with sub-pixel truth."""
+
+from skelgen.capture.parameters import RenderParameters
+from skelgen.capture.reference_rig import reference_arm
+from skelgen.capture.simulated_rig.board import BoardTruth, SimulatedBoard, board_places, draw_board
+from skelgen.capture.simulated_rig.render import PairTruth, projected_balls, render_pair, render_view
+from skelgen.capture.simulated_rig.scene import (
+    Scene,
+    hand_held_target,
+    scene_of_bodies,
+    scene_of_structure,
+    view_centre,
+    wandering_poses,
+)
+from skelgen.capture.simulated_rig.source import SimulatedRig, simulated_rig, suited_parameters
+from skelgen.capture.simulated_rig.view import ViewTruth
+
+__all__ = [
+    "BoardTruth",
+    "PairTruth",
+    "RenderParameters",
+    "Scene",
+    "SimulatedBoard",
+    "SimulatedRig",
+    "ViewTruth",
+    "board_places",
+    "draw_board",
+    "hand_held_target",
+    "projected_balls",
+    "reference_arm",
+    "render_pair",
+    "render_view",
+    "scene_of_bodies",
+    "scene_of_structure",
+    "simulated_rig",
+    "suited_parameters",
+    "view_centre",
+    "wandering_poses",
+]

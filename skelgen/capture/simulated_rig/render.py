@@ -1,0 +1,175 @@
+"""A pair of images of balls, as the two cameras of a rig would take it, with what is true of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from skelgen.capture.optics.projection import in_image, project
+from skelgen.capture.parameters import RenderParameters
+from skelgen.capture.simulated_rig import plain
+from skelgen.capture.simulated_rig.scene import Scene
+from skelgen.capture.simulated_rig.view import SeenBalls, ViewTruth, background, corner_rays, look_at
+from skelgen.capture.values import Balls, FramePair, Image
+from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats
+from skelgen.model.rig import Camera, StereoRig
+
+
+@dataclass(frozen=True, eq=False)
+class PairTruth:
+    """What is true of a rendered pair.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_balls, 3), mm
+        Centres of the balls in the rig's world.
+    left, right : ViewTruth
+        Where they are in both images.
+    """
+
+    points: Floats
+    left: ViewTruth
+    right: ViewTruth
+
+
+def render_pair(
+    rig: StereoRig,
+    points: Floats,
+    parameters: RenderParameters | None = None,
+    *,
+    hidden: Bools | None = None,
+    seed: int = 0,
+    index: int = 0,
+    time: float = 0.0,
+) -> tuple[FramePair, PairTruth]:
+    """Render balls into both images of a rig.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The cameras.
+    points : ndarray, shape (n_balls, 3), mm
+        Centres of the balls in the rig's world; NaN for balls that are not there.
+    parameters : RenderParameters, optional
+        Balls, light and sensors; by default the seed's conditions.
+    hidden : ndarray of bool, shape (2, n_balls), optional
+        Balls that something stands before, for the left and the right camera.
+    seed : int
+        Of the sensors' noise and of where dull metal is.
+    index, time : int and float, s
+        Of the pair; each index has a noise of its own.
+
+    Returns
+    -------
+    FramePair
+        The images.
+    PairTruth
+        What is true of them.
+
+    Examples
+    --------
+    >>> from skelgen.capture.reference_rig import reference_rig
+    >>> pair, truth = render_pair(reference_rig(), np.array([[130.0, 0.0, 1000.0]]))
+    >>> pair.left.shape
+    (480, 640)
+    """
+    settings = parameters or RenderParameters()
+    places = check_floats(points, (None, 3), "points to render")
+    covered = np.zeros((2, len(places)), dtype=np.bool_) if hidden is None else hidden
+    covered = check_bools(covered, (2, len(places)), "hidden")
+    views = [
+        render_view(camera, np.where(covered[side, :, np.newaxis], np.nan, places), settings, seed, (index, side))
+        for side, camera in enumerate((rig.left, rig.right))
+    ]
+    (left, left_truth), (right, right_truth) = views
+    return FramePair(left, right, time, index), PairTruth(places, left_truth, right_truth)
+
+
+def render_view(
+    camera: Camera, points: Floats, parameters: RenderParameters, seed: int = 0, noise_of: tuple[int, ...] = (0,)
+) -> tuple[Image, ViewTruth]:
+    """Render balls into one image; arguments as `render_pair`, `noise_of` tells noises of one seed apart."""
+    loops: Any = _loops()
+    balls, truth = look_at(camera, points, parameters)
+    light = background(camera, parameters, seed).copy()
+    rays, kernel = corner_rays(camera), plain.blur_kernel(parameters.blur)
+    radius = parameters.diameter / 2
+    for ball in range(len(balls.index)):
+        nearer = _covering(balls, ball)
+        visible = loops.draw_ball(
+            *(light, rays, balls.windows[ball], balls.places[ball], radius, balls.scale[ball]),
+            *(balls.places[nearer], balls.scale[nearer], balls.light[ball], parameters.limb_darkening, kernel),
+        )
+        truth.visible[balls.index[ball]] = min(visible / balls.areas[ball], 1.0)
+    image = np.empty((camera.height, camera.width), dtype=np.uint8)
+    key = np.random.SeedSequence([seed, *noise_of]).generate_state(1, np.uint64)[0]
+    loops.expose(light, _normals(), key, parameters.noise, parameters.shot_noise, image)
+    image.flags.writeable = False
+    return image, truth
+
+
+def _covering(balls: SeenBalls, ball: int) -> Any:
+    """Nearer balls whose windows overlap that of a ball, as indices."""
+    mine, others = balls.windows[ball], balls.windows[:ball]
+    across = (others[:, 0] < mine[1]) & (others[:, 1] > mine[0])
+    return np.nonzero(across & (others[:, 2] < mine[3]) & (others[:, 3] > mine[2]))[0]
+
+
+@lru_cache(maxsize=1)
+def _normals() -> Any:
+    return plain.normal_table()
+
+
+@lru_cache(maxsize=1)
+def _loops() -> ModuleType:
+    """The compiled loops; the plain ones where numba cannot keep what it compiles."""
+    try:
+        from skelgen.capture.simulated_rig import compiled  # noqa: PLC0415 - numba takes a second to import
+    except (ImportError, RuntimeError):
+        return plain
+    return compiled
+
+
+_AREA, _BRIGHTNESS = 30.0, 4000.0  # px, grey levels: of a ball at the seed's distance
+
+
+def projected_balls(
+    scene: Scene, frame: int, rig: StereoRig, noise: float, rng: np.random.Generator
+) -> tuple[tuple[Balls, Ints], tuple[Balls, Ints]]:
+    """Return the balls that the left and the right image of a frame show, and which balls of the scene they are.
+
+    Parameters
+    ----------
+    scene : Scene
+        What moves.
+    frame : int
+        Which moment.
+    rig : StereoRig
+        The cameras.
+    noise : float, px
+        Standard deviation of a centre along one axis; balls that touch are told apart nevertheless.
+    rng : Generator
+        Noise, and the order of the balls.
+    """
+    return _seen(scene, frame, 0, rig, noise, rng), _seen(scene, frame, 1, rig, noise, rng)
+
+
+def _seen(
+    scene: Scene, frame: int, side: int, rig: StereoRig, noise: float, rng: np.random.Generator
+) -> tuple[Balls, Ints]:
+    camera = (rig.left, rig.right)[side]
+    centres = project(camera, scene.points[frame])
+    index = rng.permutation(np.flatnonzero(in_image(camera, centres) & ~scene.hidden[frame, side]))
+    n_balls = len(index)
+    seen = Balls(
+        centres=centres[index] + rng.normal(scale=noise, size=(n_balls, 2)),
+        area=np.full(n_balls, _AREA),
+        brightness=np.full(n_balls, _BRIGHTNESS),
+        std=np.full(n_balls, noise),
+        touching=np.zeros(n_balls, dtype=np.bool_),
+    )
+    return seen, index

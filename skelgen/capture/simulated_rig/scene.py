@@ -1,0 +1,346 @@
+"""What moves before the simulated rig: the markers of a simulated structure, or rigid targets on paths of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from skelgen.capture.optics.projection import in_image, project
+from skelgen.capture.reference_rig import reference_arm
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, check_names, check_rate
+from skelgen.model.rig import BodyTarget, JointModel, StereoRig
+from skelgen.simulation import Structure, find_structure, simulate
+from skelgen.simulation.cameras import blocked_by_limbs
+from skelgen.simulation.motion import smooth_curves
+from skelgen.simulation.truth import Truth
+
+RIG_FROM_SIMULATION = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+"""Turn from the simulation's x forward, y left, z up to the rig's x right, y down, z away: who walks forward walks
+towards the cameras."""
+
+_DISTANCES = np.arange(400.0, 12_000.0, 100.0)  # mm: where a structure may be put
+_WHOLLY_SEEN = 0.98  # of all marker positions in both images
+_WALK = 30.0  # mm: a target or structure hardly leaves its place, so that it stays in both images
+_TURN_FREQUENCIES = (0.1, 0.5)  # Hz: a robot's arm, moved by hand
+_SHIFT_FREQUENCIES = (0.1, 0.4)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Balls in motion before a rig.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_frames, n_balls, 3), mm
+        Centres of the balls in the rig's world; NaN for balls that are not there.
+    world_from_body : ndarray, shape (n_frames, n_bodies, 4, 4), translations in mm
+        Poses of the bodies that carry the balls.
+    body_of_ball : ndarray of intp, shape (n_balls,)
+        Which body carries each ball.
+    bodies : tuple of BodyTarget
+        The bodies, with their balls in their own frames.
+    joints : tuple of JointModel
+        Ball joints and hinges between the bodies.
+    hidden : ndarray of bool, shape (n_frames, 2, n_balls)
+        Balls that something stands before, for the left and the right camera; balls hide each other by themselves.
+    rate : float, Hz
+        Frames a second.
+    name : str
+        What it is.
+    truth : Truth or None
+        Skeleton and motion of a simulated structure in the rig's world, to compare results with.
+    """
+
+    points: Floats
+    world_from_body: Floats
+    body_of_ball: Ints
+    bodies: tuple[BodyTarget, ...]
+    joints: tuple[JointModel, ...] = ()
+    hidden: Bools = field(default_factory=lambda: np.empty((0, 2, 0), dtype=np.bool_))
+    rate: float = 60.0
+    name: str = "scene"
+    truth: Truth | None = None
+
+    def __post_init__(self) -> None:
+        points = check_floats(self.points, (None, None, 3), "points of the scene")
+        n_frames, n_balls = points.shape[:2]
+        check_names([body.name for body in self.bodies], len(self.bodies), "target")
+        poses = check_floats(self.world_from_body, (n_frames, len(self.bodies), 4, 4), "world_from_body", finite=True)
+        hidden = self.hidden if self.hidden.size else np.zeros((n_frames, 2, n_balls), dtype=np.bool_)
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "world_from_body", poses)
+        object.__setattr__(self, "body_of_ball", check_ints(self.body_of_ball, (n_balls,), "body_of_ball"))
+        object.__setattr__(self, "hidden", check_bools(hidden, (n_frames, 2, n_balls), "hidden"))
+        object.__setattr__(self, "rate", check_rate(self.rate, "the scene"))
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.points)
+
+
+def scene_of_bodies(
+    bodies: Sequence[BodyTarget],
+    world_from_body: Floats,
+    *,
+    stray: Floats | None = None,
+    rate: float = 60.0,
+    name: str = "targets",
+) -> Scene:
+    """Return a scene of rigid targets.
+
+    Parameters
+    ----------
+    bodies : sequence of BodyTarget
+        The targets.
+    world_from_body : ndarray, shape (n_frames, n_bodies, 4, 4), translations in mm
+        Their poses in the rig's world.
+    stray : ndarray, shape (n_frames, n_stray, 3) or (n_stray, 3), mm, optional
+        Balls of no body; they come last, with -1 in `body_of_ball`.
+    rate : float, Hz
+        Frames a second.
+    name : str
+        What it is.
+    """
+    poses = check_floats(world_from_body, (None, len(bodies), 4, 4), "world_from_body", finite=True)
+    owners = np.repeat(np.arange(len(bodies)), [len(body.points) for body in bodies])
+    points = [poses[:, i, np.newaxis, :3, :3] @ body.points[..., np.newaxis] for i, body in enumerate(bodies)]
+    placed = [points[i][..., 0] + poses[:, i, np.newaxis, :3, 3] for i in range(len(bodies))]
+    if stray is not None:
+        placed.append(np.broadcast_to(stray, (len(poses), *np.shape(stray)[-2:])))
+        owners = np.append(owners, np.full(np.shape(stray)[-2], -1))
+    return Scene(np.concatenate(placed, axis=1), poses, owners, tuple(bodies), rate=rate, name=name)
+
+
+def show_alone(scene: Scene, names: Sequence[str]) -> Scene:
+    """Return a scene in which only some bodies carry balls, as when a target is calibrated by itself.
+
+    Parameters
+    ----------
+    scene : Scene
+        What moves; bodies that are not named still hide what is behind them.
+    names : sequence of str
+        The bodies whose balls are seen.
+
+    Raises
+    ------
+    InputError
+        If there is no such body.
+    """
+    known = [body.name for body in scene.bodies]
+    for name in names:
+        if name not in known:
+            raise InputError(f"the {scene.name} has no target {name!r} to show; it has {', '.join(known)}")
+    kept = np.isin(scene.body_of_ball, [known.index(name) for name in names])
+    return replace(scene, points=np.where(kept[:, np.newaxis], scene.points, np.nan))
+
+
+def scene_of_structure(
+    structure: Structure | str,
+    rig: StereoRig,
+    *,
+    distance: float = 0.0,
+    seed: int = 0,
+    n_frames: int = 600,
+    rate: float = 60.0,
+    hide: bool = True,
+    **options: Any,
+) -> Scene:
+    """Return a scene of a structure that moves before a rig, as `skelgen simulate` moves it.
+
+    Parameters
+    ----------
+    structure : Structure or str
+        What moves, or its name for `find_structure`; ``arm`` is the seed's test rig.
+    rig : StereoRig
+        The cameras.
+    distance : float, mm
+        From the middle between the cameras to the middle of all markers; 0 = so near that both images show them whole.
+    seed : int
+        Of the motion.
+    n_frames : int
+        Length of the scene.
+    rate : float, Hz
+        Frames a second.
+    hide : bool
+        Whether limbs hide what is behind them.
+    **options
+        Further `SimulationParameters`, by name: ``motion_range``, ``walk``, ``soft_tissue``, ...
+
+    Raises
+    ------
+    ParameterError
+        If there is no such structure or option.
+    InputError
+        If it fits into both images at no distance.
+    """
+    body = structure if isinstance(structure, Structure) else _find_structure(structure, seed)
+    options = {"walk": _WALK} | options | {"labelled": True}
+    simulated = simulate(body, seed=seed, n_frames=n_frames, rate=rate, **options)
+    truth, seen = simulated.truth, simulated.take.positions  # type: ignore[union-attr]  # labelled: Trajectories
+    points = (seen - truth.marker_positions.mean(axis=(0, 1))) @ RIG_FROM_SIMULATION.T
+    place = view_centre(rig, distance) if distance > 0 else _near_place(points, rig)
+    shift = place - RIG_FROM_SIMULATION @ truth.marker_positions.mean(axis=(0, 1))
+    rig_from_simulation = np.eye(4)
+    rig_from_simulation[:3, :3], rig_from_simulation[:3, 3] = RIG_FROM_SIMULATION, shift
+    hidden = np.zeros((n_frames, 2, body.n_markers), dtype=np.bool_)
+    if hide:
+        for side, camera in enumerate((rig.left, rig.right)):
+            eye = np.asarray(np.linalg.inv(camera.camera_from_world @ rig_from_simulation)[:3, 3], dtype=np.float64)
+            hidden[:, side] = blocked_by_limbs(body, truth.world_from_limb, truth.marker_positions, eye)
+    poses = rig_from_simulation @ truth.world_from_limb
+    targets, joints = targets_of(body), joints_of(body)
+    there = _placed(truth, rig_from_simulation)
+    return Scene(points + place, poses, body.limb_of_marker, targets, joints, hidden, rate, body.name, there)
+
+
+def _placed(truth: Truth, place: Floats) -> Truth:
+    """A truth seen from elsewhere."""
+    turn, shift = place[:3, :3], place[:3, 3]
+    return replace(
+        truth,
+        joint_positions=truth.joint_positions @ turn.T + shift,
+        joint_axes=truth.joint_axes @ turn.T,
+        world_from_limb=place @ truth.world_from_limb,
+        marker_positions=truth.marker_positions @ turn.T + shift,
+    )
+
+
+def targets_of(structure: Structure) -> tuple[BodyTarget, ...]:
+    """Return the limbs of a structure as targets, in order."""
+    return tuple(BodyTarget(limb.name, limb.markers) for limb in structure.limbs)
+
+
+def joints_of(structure: Structure) -> tuple[JointModel, ...]:
+    """Return the ball joints and hinges of a structure, outward; others have no model in a capture.
+
+    All limb frames are turned alike when all angles are zero, and a hinge turns about the z axis of its joint's frames.
+    """
+    joints = []
+    for limb in structure.limbs:
+        if limb.kind in ("ball", "hinge"):
+            in_child = np.eye(4)
+            if limb.kind == "hinge":
+                in_child[:3, :3] = _frame_about(limb.axes[0])
+            in_parent = in_child.copy()
+            in_parent[:3, 3] = limb.joint
+            joints.append(JointModel(limb.name, limb.kind, limb.parent, limb.name, in_parent, in_child))
+    return tuple(joints)
+
+
+def wandering_poses(
+    rig: StereoRig,
+    n_frames: int,
+    n_bodies: int,
+    *,
+    distance: float = 1000.0,
+    spread: float = 120.0,
+    turn: float = 0.6,
+    rate: float = 60.0,
+    seed: int = 0,
+) -> Floats:
+    """Return smooth random poses of bodies before a rig, shape (n_frames, n_bodies, 4, 4), translations in mm.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The cameras.
+    n_frames, n_bodies : int
+        How many.
+    distance : float, mm
+        Of the middle of all bodies from the middle between the cameras.
+    spread : float, mm
+        How far bodies stand apart, side by side, and half of how far they move.
+    turn : float, rad
+        How far each turns about each axis from an attitude of its own.
+    rate : float, Hz
+        Frames a second.
+    seed : int
+        Of the motion.
+    """
+    rng = np.random.default_rng(seed)
+    poses = np.zeros((n_frames, n_bodies, 4, 4))
+    poses[..., 3, 3] = 1.0
+    aside = np.arange(n_bodies) - (n_bodies - 1) / 2
+    for body in range(n_bodies):
+        start = matrix_from_vector(rng.normal(size=3))
+        turns = turn * smooth_curves(rng, n_frames, rate, 3, _TURN_FREQUENCIES)
+        shifts = spread / 2 * smooth_curves(rng, n_frames, rate, 3, _SHIFT_FREQUENCIES)
+        poses[:, body, :3, :3] = matrix_from_vector(turns) @ start
+        shifts[:, 0] += spread * aside[body]
+        poses[:, body, :3, 3] = view_centre(rig, distance) + shifts
+    return poses
+
+
+def view_centre(rig: StereoRig, distance: float) -> Floats:
+    """Return the point [mm] of the world that both cameras look at most, at a distance from the middle between them."""
+    poses = [np.linalg.inv(camera.camera_from_world) for camera in (rig.left, rig.right)]
+    middle = (poses[0][:3, 3] + poses[1][:3, 3]) / 2
+    ahead = poses[0][:3, 2] + poses[1][:3, 2]
+    return np.asarray(middle + distance * ahead / np.linalg.norm(ahead))
+
+
+def _near_place(points: Floats, rig: StereoRig) -> Floats:
+    """The nearest place at which both images show nearly all of points about the origin."""
+    for distance in _DISTANCES:
+        place = view_centre(rig, distance)
+        sides = [in_image(camera, project(camera, points + place)) for camera in (rig.left, rig.right)]
+        if (sides[0] & sides[1]).mean() >= _WHOLLY_SEEN:
+            return place
+    raise InputError(
+        f"the structure fits into both images at no distance up to {_DISTANCES[-1] / 1000:.0f} m; let it walk less, "
+        "or give the distance"
+    )
+
+
+def _frame_about(axis: Floats) -> Floats:
+    """A rotation whose z axis is a unit vector."""
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(axis, first), axis])
+
+
+def _find_structure(name: str, seed: int) -> Structure:
+    from skelgen.capture.reference_rig import reference_arm  # noqa: PLC0415 - only this name needs it
+
+    return reference_arm() if name == "arm" else find_structure(name, seed)
+
+
+_DISTANCE = 900.0  # mm: a target fills a fifth of the images, and stays in both
+_SPREAD = 80.0  # mm
+_TURN = 0.9  # rad about each axis: seen from many sides, as the calibration asks for
+
+
+def hand_held_target(name: str, rig: StereoRig, *, n_frames: int = 600, rate: float = 60.0, seed: int = 0) -> Scene:
+    """Return the scene in which one target is turned, and nothing else is seen.
+
+    Parameters
+    ----------
+    name : str
+        A target of the arm; the first one if it is empty.
+    rig : StereoRig
+        The cameras.
+    n_frames : int
+        Length of the scene.
+    rate : float, Hz
+        Frames a second.
+    seed : int
+        Of the motion.
+
+    Raises
+    ------
+    InputError
+        If the arm has no such target.
+    """
+    targets = {target.name: target for target in targets_of(reference_arm())}
+    if name and name not in targets:
+        raise InputError(f"there is no target {name!r} to show; there are {', '.join(targets)}")
+    chosen = targets[name] if name else next(iter(targets.values()))
+    held = BodyTarget(chosen.name, chosen.points - chosen.points.mean(axis=0))
+    poses = wandering_poses(rig, n_frames, 1, distance=_DISTANCE, spread=_SPREAD, turn=_TURN, rate=rate, seed=seed)
+    return scene_of_bodies([held], poses, rate=rate, name=f"target {chosen.name}")

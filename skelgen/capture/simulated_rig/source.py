@@ -1,0 +1,217 @@
+"""The simulated rig as a source of frames: a scene rendered pair by pair, with its truth beside."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from skelgen.capture.parameters import RenderParameters
+from skelgen.capture.reference_rig import reference_rig
+from skelgen.capture.simulated_rig.render import PairTruth, render_pair
+from skelgen.capture.simulated_rig.scene import Scene, scene_of_structure, show_alone
+from skelgen.capture.values import FramePair
+from skelgen.errors import InputError
+from skelgen.model.rig import CaptureSettings, StereoRig
+
+_SMALLEST_BALL = 7.0  # px across: half as much again as the seed's 4 x 4, with room for what is farther away
+
+
+class SimulatedRig:
+    """Two cameras that need no hardware; a `FrameSource`.
+
+    Parameters
+    ----------
+    scene : Scene
+        What moves.
+    rig : StereoRig, optional
+        The cameras; by default the seed's.
+    parameters : RenderParameters, optional
+        Balls, light and sensors; by default the seed's conditions.
+    seed : int
+        Of the sensors' noise and of where dull metal is.
+    paced : bool
+        Whether pairs come at the scene's rate by the clock, as from cameras: who is slow loses pairs, which are
+        counted. Otherwise they come as fast as they are asked for, and none is lost.
+
+    Examples
+    --------
+    >>> with simulated_rig("arm", n_frames=2) as source:
+    ...     [pair.left.shape for pair in source]
+    [(480, 640), (480, 640)]
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        rig: StereoRig | None = None,
+        parameters: RenderParameters | None = None,
+        *,
+        seed: int = 0,
+        paced: bool = False,
+    ) -> None:
+        self.scene = scene
+        self.rig = rig or reference_rig()
+        self.parameters = parameters or RenderParameters()
+        self._seed = seed
+        self._paced = paced
+        self._n_dropped = 0
+        if self.rig.left.size != self.rig.right.size:
+            left, right = ("{} x {}".format(*camera.size) for camera in (self.rig.left, self.rig.right))
+            raise InputError(f"the left camera takes {left} pixels and the right one {right}; a pair has one size")
+
+    @property
+    def name(self) -> str:
+        """What it is, for messages and files."""
+        return f"simulated {self.scene.name}"
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px] of both images."""
+        return self.rig.left.size
+
+    @property
+    def rate(self) -> float | None:
+        """Pairs a second [Hz]."""
+        return self.scene.rate
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of pairs."""
+        return self.scene.n_frames
+
+    @property
+    def n_dropped(self) -> int:
+        """Pairs lost so far."""
+        return self._n_dropped
+
+    @property
+    def settings(self) -> CaptureSettings:
+        """The settings that a perfect calibration would find: rig, bodies and joints."""
+        return CaptureSettings(self.rig, self.scene.bodies, self.scene.joints)
+
+    def __enter__(self) -> Self:
+        """Return itself: there is nothing to open."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Do nothing: there is nothing to close."""
+
+    def __iter__(self) -> Iterator[FramePair]:
+        """Deliver the pairs of the scene in order."""
+        for index, dropped in due_pairs(self.scene.n_frames, self.scene.rate, self._paced):
+            self._n_dropped += dropped
+            yield self.render(index, dropped)[0]
+
+    def render(self, index: int, dropped: int = 0) -> tuple[FramePair, PairTruth]:
+        """Return any pair of the scene with its truth; the same index gives the same pair.
+
+        Parameters
+        ----------
+        index : int
+            Which, from 0.
+        dropped : int
+            What the pair says about pairs lost before it.
+
+        Raises
+        ------
+        InputError
+            If the scene has no such frame.
+        """
+        if not 0 <= index < self.scene.n_frames:
+            raise InputError(f"frame {index} is asked for; the scene has frames 0 to {self.scene.n_frames - 1}")
+        pair, truth = render_pair(
+            self.rig,
+            self.scene.points[index],
+            self.parameters,
+            hidden=self.scene.hidden[index],
+            seed=self._seed,
+            index=index,
+            time=index / self.scene.rate,
+        )
+        return (FramePair(pair.left, pair.right, pair.time, index, dropped) if dropped else pair), truth
+
+
+def simulated_rig(
+    structure: str = "arm",
+    *,
+    rig: StereoRig | None = None,
+    parameters: RenderParameters | None = None,
+    seed: int = 0,
+    paced: bool = False,
+    show: Sequence[str] = (),
+    **options: Any,
+) -> SimulatedRig:
+    """Return the simulated rig with a structure before it.
+
+    Parameters
+    ----------
+    structure : str
+        ``arm``, the seed's test rig, or what `skelgen.simulation.find_structure` knows.
+    rig, paced
+        As in `SimulatedRig`.
+    parameters : RenderParameters, optional
+        Balls, light and sensors; by default `suited_parameters`.
+    seed : int
+        Of motion and noise.
+    show : sequence of str
+        Targets whose balls are seen; all of them if none is named.
+    **options
+        Of `scene_of_structure`: ``n_frames``, ``rate``, ``distance``, ``hide``, ...
+
+    Raises
+    ------
+    ParameterError
+        If there is no such structure or option.
+    """
+    cameras = rig or reference_rig()
+    scene = scene_of_structure(structure, cameras, seed=seed, **options)
+    suited = parameters or suited_parameters(scene, cameras)
+    return SimulatedRig(show_alone(scene, show) if show else scene, cameras, suited, seed=seed, paced=paced)
+
+
+def suited_parameters(scene: Scene, rig: StereoRig) -> RenderParameters:
+    """Return the seed's conditions with shutter and balls as somebody chooses them for a scene that is farther away.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is to be seen.
+    rig : StereoRig
+        The cameras.
+    """
+    parameters = RenderParameters()
+    distance = float(np.nanmedian(np.linalg.norm(scene.points, axis=-1)))
+    least = _SMALLEST_BALL * distance / rig.left.matrix[0, 0]
+    return parameters.replace(
+        bright_distance=max(parameters.bright_distance, distance), diameter=max(parameters.diameter, least)
+    )
+
+
+def due_pairs(n_frames: int, rate: float, paced: bool) -> Iterator[tuple[int, int]]:
+    """Deliver the index of each pair, and how many were lost before it.
+
+    Parameters
+    ----------
+    n_frames : int
+        Number of pairs.
+    rate : float, Hz
+        How many are due in a second.
+    paced : bool
+        Whether to wait until a pair is due, and to leave out those that nobody took in time.
+    """
+    begin, index = time.monotonic(), 0
+    while index < n_frames:
+        lost = 0
+        if paced:
+            ahead = begin + index / rate - time.monotonic()
+            time.sleep(max(ahead, 0.0))
+            lost = min(int(max(-ahead, 0.0) * rate), n_frames - 1 - index)
+            index += lost
+        yield index, lost
+        index += 1

@@ -1,0 +1,174 @@
+"""What the steps of the capture hand on: pairs of images and their source, balls, points in space, bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen.errors import InputError
+from skelgen.model.arrays import Bools, Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Balls:
+    """Bright balls in one image, largest first.
+
+    Attributes
+    ----------
+    centres : ndarray, shape (n_balls, 2), px
+        x and y; the centre of pixel (0, 0) is (0.0, 0.0).
+    area : ndarray, shape (n_balls,), px
+        Pixels above the lower threshold.
+    brightness : ndarray, shape (n_balls,)
+        Sum of the thresholded brightness.
+    std : ndarray, shape (n_balls,), px
+        Predicted standard deviation of a centre along one axis.
+    touching : ndarray of bool, shape (n_balls,)
+        Whether the ball was separated from another one, and is less certain for it.
+    notice : str
+        What the user should know of the image: black, over-exposed; empty if all is well.
+    """
+
+    centres: Floats
+    area: Floats
+    brightness: Floats
+    std: Floats
+    touching: Bools
+    notice: str = ""
+
+    def __len__(self) -> int:
+        return len(self.centres)
+
+
+@dataclass(frozen=True, eq=False)
+class StereoPoints:
+    """Points in space from one pair of images; candidates that share a ball are all kept.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        In the rig's world.
+    covariance : ndarray, shape (n_points, 3, 3), mm^2
+        From the noise in both images.
+    left, right : ndarray of intp, shape (n_points,)
+        The balls that each point rests on.
+    epipolar_distance : ndarray, shape (n_points,), px
+        How far the balls were from seeing one point, before the correction.
+    ambiguous : ndarray of bool, shape (n_points,)
+        Whether another candidate shares one of the balls.
+    """
+
+    points: Floats
+    covariance: Floats
+    left: Ints
+    right: Ints
+    epipolar_distance: Floats
+    ambiguous: Bools
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundBody:
+    """A target found in one frame.
+
+    Attributes
+    ----------
+    name : str
+        Of the target.
+    world_from_body : ndarray, shape (4, 4), translation in mm
+        Its pose.
+    covariance : ndarray, shape (6, 6)
+        Of a small turn about the world's axes [rad] and a shift [mm], in this order.
+    points : ndarray of intp, shape (n_target_points,)
+        The point in space that each ball of the target is; -1 where none is.
+    rms : float, mm
+        Root mean square distance of the points from the posed target.
+    """
+
+    name: str
+    world_from_body: Floats
+    covariance: Floats
+    points: Ints
+    rms: float
+
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class FramePair:
+    """One moment seen by both cameras.
+
+    Attributes
+    ----------
+    left, right : ndarray of uint8, shape (height, width)
+        Grey images; not to be written to, and valid only until the next pair unless copied.
+    time : float, s
+        Since the first pair.
+    index : int
+        Number of the pair since the source was opened, lost ones counted.
+    dropped : int
+        Pairs that were lost between the pair before and this one.
+    """
+
+    left: Image
+    right: Image
+    time: float
+    index: int
+    dropped: int = 0
+
+    def __post_init__(self) -> None:
+        for side, image in (("left", self.left), ("right", self.right)):
+            if image.ndim != 2 or image.dtype != np.uint8:
+                raise InputError(
+                    f"the {side} image of frame {self.index} has shape {image.shape} and type {image.dtype}; "
+                    "grey images of 8 bits are needed"
+                )
+
+
+class FrameSource(Protocol):
+    """What delivers pairs: cameras, files or the simulated rig; a context manager, iterated once."""
+
+    @property
+    def name(self) -> str:
+        """What it is, for messages and files."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [px] of both images."""
+
+    @property
+    def rate(self) -> float | None:
+        """Pairs a second [Hz]; None if nobody knows."""
+
+    @property
+    def n_frames(self) -> int | None:
+        """Number of pairs; None if it does not end by itself."""
+
+    @property
+    def n_dropped(self) -> int:
+        """Pairs lost so far."""
+
+    def __enter__(self) -> Self:
+        """Open cameras and files."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close cameras and files, whatever happened."""
+
+    def __iter__(self) -> Iterator[FramePair]:
+        """Deliver pairs in the order of their times.
+
+        Raises
+        ------
+        SkelgenError
+            If a camera breaks off or a file cannot be read; pairs before it were delivered.
+        """
