@@ -4,18 +4,19 @@ A kernel is written as plain Python over numbers and is compiled when it is firs
 disk for the next time. With ``NUMBA_DISABLE_JIT=1`` the same source runs uncompiled. Numbers that kernels share with
 the rest of the package are defined here, as numba freezes them: what is kept on disk is good for exactly these files.
 
-Modules of kernels import numba, which takes half a second: whoever may do without imports them in a function.
+numba takes half a second to import, and is imported when the first kernel is called.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import threading
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from skelgen.errors import KernelError
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _announce: ContextVar[Callable[[str], None] | None] = ContextVar("who is told what is compiled", default=None)
+_making = threading.Lock()
 
 
 def kernel(function: _Function) -> _Function:
@@ -31,17 +33,9 @@ def kernel(function: _Function) -> _Function:
 
     What it calls must be a kernel or a part of one. Divisions by zero give infinities and NaN, as NumPy's do.
     Compiling takes a second or two for each sort, set or array expression of NumPy's: loops over numbers take none.
-
-    Raises
-    ------
-    KernelError
-        If numba cannot be imported or finds no folder to write to; at the first call, if it cannot compile.
+    A call raises `KernelError` if numba cannot be imported, cannot compile, or finds no folder to write to.
     """
-    compiled = _compiled(function)
-    if hasattr(compiled, "py_func"):  # else NUMBA_DISABLE_JIT is set
-        _keep_on_disk(compiled)
-        _explain_failure(compiled)
-    return cast(_Function, compiled)
+    return cast(_Function, Kernel(function, is_part=False))
 
 
 def kernel_part(function: _Function) -> _Function:
@@ -50,7 +44,55 @@ def kernel_part(function: _Function) -> _Function:
     Numbers that are given to it should not be written out, nor be names of Python's whole numbers: it would be compiled
     anew for each of them. Names of NumPy's are not; see `fixed`.
     """
-    return cast(_Function, _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True))
+    return cast(_Function, Kernel(function, is_part=True))
+
+
+class Kernel:
+    """A function that numba compiles when it is needed.
+
+    Parameters
+    ----------
+    function : callable
+        What is compiled.
+    is_part : bool
+        Only kernels call it: numba makes no entry from Python, and nothing is kept on disk.
+    """
+
+    def __init__(self, function: Callable[..., Any], *, is_part: bool) -> None:
+        self.function = function
+        self._is_part = is_part
+        self._compiled: Any = None
+        self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
+
+    def __call__(self, *args: Any) -> Any:
+        """Call the compiled function.
+
+        Raises
+        ------
+        KernelError
+            If it cannot be compiled.
+        """
+        try:
+            return self.compiled(*args)
+        except (KernelError, MemoryError):
+            raise
+        except Exception as error:  # compiled code raises nothing else
+            if self._compiled is self.function:
+                raise
+            what = f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
+            raise KernelError(
+                f"numba cannot compile {self.__module__}.{self.__name__} ({what}); install the versions of numba and "
+                "NumPy that skelgen asks for, and see that the disk is not full"
+            ) from error
+
+    @property
+    def compiled(self) -> Any:
+        """What numba made of the function; the function itself where ``NUMBA_DISABLE_JIT`` is set."""
+        if self._compiled is None:
+            with _making:
+                if self._compiled is None:
+                    self._compiled = _without_cache(self.function) if self._is_part else _with_cache(self.function)
+        return self._compiled
 
 
 def fixed(*numbers: int) -> tuple[int, ...]:
@@ -78,80 +120,42 @@ def announce_compiling(announce: Callable[[str], None]) -> Iterator[None]:
         _announce.reset(token)
 
 
-def _compiled(function: Callable[..., Any], **options: bool) -> Any:
+def _without_cache(function: Callable[..., Any]) -> Any:
+    return _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+
+
+def _with_cache(function: Callable[..., Any]) -> Any:
+    compiled = _njit()(function)
+    if hasattr(compiled, "py_func"):  # else NUMBA_DISABLE_JIT is set
+        try:
+            compiled._cache = _cache_class()(function)
+        except RuntimeError as error:
+            raise KernelError(
+                f"compiled kernels can be kept neither in {Path(__file__).parent} nor in your cache folder; "
+                "set NUMBA_CACHE_DIR to a folder that you can write to"
+            ) from error
+    return compiled
+
+
+def _njit(**options: bool) -> Any:
     try:
         import numba  # noqa: PLC0415 - half a second
     except Exception as error:  # it refuses versions of NumPy that it does not know, in several ways
         raise KernelError(
-            f"numba, which compiles the kernels, cannot be imported ({error}); install the version that skelgen asks for"
+            f"numba, which compiles skelgen's kernels, cannot be imported ({error}); install the version asked for"
         ) from error
-    _listen()
-    return cast(Any, numba.njit)(nogil=True, error_model="numpy", **options)(function)
-
-
-def _keep_on_disk(compiled: Any) -> None:
-    """Keep machine code in the folder that the user names, else in the package's, else in the user's cache folder."""
-    from numba.core import caching  # noqa: PLC0415 - half a second
-
-    class AllSources:
-        """What is kept is good as long as no file of kernels changes: they use each other's constants."""
-
-        def get_source_stamp(self) -> str:
-            return _sources_digest()
-
-    def of_all_sources(folder: type) -> Any:
-        return type(folder.__name__, (AllSources, folder), {})
-
-    folders = (caching.UserProvidedCacheLocator, caching.InTreeCacheLocator, caching.UserWideCacheLocator)
-
-    class Implementation(caching.CompileResultCacheImpl):
-        _locator_classes: ClassVar = [of_all_sources(folder) for folder in folders]
-
-    class Cache(caching.FunctionCache):
-        _impl_class = Implementation
-
-    try:
-        compiled._cache = cast(Any, Cache)(compiled.py_func)
-    except RuntimeError as error:
-        raise KernelError(
-            f"compiled kernels can be kept neither in {Path(__file__).parent} nor in your cache folder; "
-            "set NUMBA_CACHE_DIR to a folder that you can write to"
-        ) from error
+    _introduce()
+    return cast(Any, numba.njit)(nogil=True, error_model="numpy", **options)
 
 
 @cache
-def _sources_digest() -> str:
-    """Return a digest of all sources of kernels."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()
-
-
-def _explain_failure(compiled: Any) -> None:
-    """Say in words that a kernel cannot be compiled, or that what was compiled cannot be kept."""
-    compile_for_args = compiled._compile_for_args
-
-    def compile_or_explain(*args: object, **kwargs: object) -> object:
-        try:
-            return compile_for_args(*args, **kwargs)
-        except Exception as error:
-            name = f"{compiled.py_func.__module__}.{compiled.py_func.__name__}"
-            first_line = str(error).strip().partition("\n")[0]
-            raise KernelError(
-                f"numba cannot compile {name} ({type(error).__name__}: {first_line}); install the versions of numba "
-                "and NumPy that skelgen asks for, and see that the disk is not full"
-            ) from error
-
-    compiled._compile_for_args = compile_or_explain
-
-
-@cache
-def _listen() -> None:
-    from numba.core import event  # noqa: PLC0415 - half a second
+def _introduce() -> None:
+    """Tell numba what a kernel is that another one calls, and listen to what it compiles."""
+    from numba.core import event, types  # noqa: PLC0415 - half a second
+    from numba.extending import typeof_impl  # noqa: PLC0415 - half a second
 
     class Listener(event.Listener):
-        depth = 0  # kernels' parts are compiled while the kernel is
+        depth = 0  # parts of a kernel are compiled while the kernel is
 
         def on_start(self, event: Any) -> None:
             announce = _announce.get()
@@ -163,3 +167,30 @@ def _listen() -> None:
             self.depth -= 1
 
     cast(Any, event).register("numba:compile", Listener())  # which numba gives no types
+    typeof_impl.register(Kernel)(lambda kernel, context: types.Dispatcher(kernel.compiled))
+
+
+@cache
+def _cache_class() -> Any:
+    """Keep machine code in the folder that the user names, else in the package's, else in the user's cache folder."""
+    from numba.core import caching  # noqa: PLC0415 - half a second
+
+    class AllSources:
+        """What is kept is good as long as no file of kernels changes: they use each other's constants."""
+
+        def get_source_stamp(self) -> str:
+            return _sources_digest()
+
+    folders = (caching.UserProvidedCacheLocator, caching.InTreeCacheLocator, caching.UserWideCacheLocator)
+    locators = [type(folder.__name__, (AllSources, folder), {}) for folder in folders]
+    implementation = type("Implementation", (caching.CompileResultCacheImpl,), {"_locator_classes": locators})
+    return type("Cache", (caching.FunctionCache,), {"_impl_class": implementation})
+
+
+@cache
+def _sources_digest() -> str:
+    """Return a digest of all sources of kernels."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()
