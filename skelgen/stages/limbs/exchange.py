@@ -24,17 +24,17 @@ from skelgen.stages.limbs.relative import Group, Movements
 EXCHANGED = 10.0
 """Largest variance of a distance to any marker of the other limb, in units of its noise, with which a move can pay."""
 
-LEAST_GAIN = 0.1
+LEAST_MOVE_GAIN = 0.1
 """nats per frame that a move must gain: some 2 in all if a take tells as much as 20 frames that know nothing of each
 other. What changes the number of inner coordinates must gain `GAIN` more for each."""
 
-PRIOR_WEIGHT = 0.5
+TAKE_WEIGHT = 0.5
 """Coordinates of the take's noise that are counted among a limb's own: two markers may be rigid by chance."""
 
 SEEN_PART = 0.5
 """Of the sampled frames: what is seen less may be seen only while limbs rest against each other."""
 
-LEAST_MARKERS = 2
+LEAST_LEFT = 2
 """No limb is left with fewer: a single marker has no inner coordinates, and with them no say."""
 
 MOST_MOVES = 100
@@ -85,17 +85,17 @@ class _Exchange:
         for block in self._wishes.blocks:
             own = members[int(groups[block[0]])]
             rest = tuple(marker for marker in own if marker not in block)
-            if len(rest) < LEAST_MARKERS or seen[list(block)].min() < SEEN_PART:
+            if len(rest) < LEAST_LEFT or seen[list(block)].min() < SEEN_PART:
                 continue
             for limb, other in members.items():
-                if other == own or len(other) < LEAST_MARKERS or farthest[limb][list(block)].max() > EXCHANGED:
+                if other == own or len(other) < LEAST_LEFT or farthest[limb][list(block)].max() > EXCHANGED:
                     continue
                 if not self._wishes.apart[np.ix_(block, other)].any():
                     yield self._gain((own, other), (rest, tuple(sorted(other + block)))), block, limb
 
     def _gain(self, now: tuple[Group, Group], then: tuple[Group, Group]) -> float:
         explained = [sum(_n_inner(group) for group in pair) for pair in (now, then)]
-        return self._cost(*now) - self._cost(*then) - LEAST_GAIN - GAIN * abs(explained[0] - explained[1])
+        return self._cost(*now) - self._cost(*then) - LEAST_MOVE_GAIN - GAIN * abs(explained[0] - explained[1])
 
     def _cost(self, first: Group, second: Group) -> float:
         first, second = min(first, second), max(first, second)
@@ -108,7 +108,7 @@ class _Exchange:
         if relative is None:
             return np.inf
         size = len(relative.covariance)
-        motion = np.linalg.slogdet(relative.covariance / self._noise + PRIOR_WEIGHT / size * np.eye(size))[1]
+        motion = np.linalg.slogdet(relative.covariance / self._noise + TAKE_WEIGHT / size * np.eye(size))[1]
         return self._of_one(first) + self._of_one(second) + float(motion) / 2
 
     def _of_one(self, group: Group) -> float:
@@ -116,7 +116,7 @@ class _Exchange:
         if inner is None:
             return np.inf
         size = len(inner.covariance)
-        variance = (PRIOR_WEIGHT + np.trace(inner.covariance) / self._noise) / (PRIOR_WEIGHT + size)
+        variance = (TAKE_WEIGHT + np.trace(inner.covariance) / self._noise) / (TAKE_WEIGHT + size)
         return float(size * np.log(variance) / 2)
 
 
