@@ -12,7 +12,7 @@ from skelgen.app.report.wording import digits, fixed, listed
 from skelgen.kinematics.joint_motion import AngleRange, angle_ranges
 from skelgen.model import Project, Topology
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.joints.said import SMALL_MARGIN
+from skelgen.stages.joints.tree import SMALL_MARGIN
 
 translate = QCoreApplication.translate
 

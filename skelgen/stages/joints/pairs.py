@@ -11,22 +11,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.compiling import in_order
-from skelgen.geometry.orientation import Rotator, rotation_by_quaternion
 from skelgen.geometry.robust import quantile_of
 from skelgen.kinematics.ball import FixedPoint, ball_loops, fit_fixed_point
-from skelgen.kinematics.shape import LimbShape, fit_shape
+from skelgen.kinematics.shape import LimbShape
 from skelgen.kinematics.sphere import fit_sphere
-from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.joints.conjugate_gradient import minimise
-from skelgen.stages.joints.cost import joint_cost, local_optimum, mean_distances
-from skelgen.stages.joints.noise import PoseNoise, pose_noise
+from skelgen.model.arrays import Floats
+from skelgen.progress import Monitor
+from skelgen.stages.classic.conjugate_gradient import minimise
+from skelgen.stages.classic.joint_cost import joint_cost, local_optimum, mean_distances
 from skelgen.stages.joints.parameters import JointParameters
+from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
 
 FREE_COORDINATES = 3
 """A joint that is free in every frame explains three of its distances to markers by itself."""
 
-ENOUGH_FRAMES = 50
-"""Frames with both limbs below which more are looked for, in the whole take and by other ways."""
 
 LEAST_TURN = 0.02
 """rad, each axis; limbs that turn less against each other hardly turn."""
@@ -45,74 +43,6 @@ LEAST_VARIANCE = 1e-4
 
 KEPT_PART = 0.95
 """Part of the frames, those with the smallest gap for their noise, that a joint rests on: labels may jump."""
-
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """A limb with what is known of it: its markers, then the joints found so far.
-
-    Attributes
-    ----------
-    points : ndarray, shape (n_frames, n_points, 3), mm
-        World positions, NaN where unseen.
-    n_markers : int
-        The first points are markers, the rest are joints.
-    shape : LimbShape
-        Rigid shape and poses, where the points suffice.
-    noise : PoseNoise
-        How far the poses may be wrong.
-    """
-
-    points: Floats
-    n_markers: int
-    shape: LimbShape
-    noise: PoseNoise
-
-    @property
-    def markers(self) -> Floats:
-        """World positions of the markers, shape (n_frames, n_markers, 3)."""
-        return self.points[:, : self.n_markers]
-
-    @property
-    def centre(self) -> Floats:
-        """Centroid of the markers in the limb's frame [mm]; undetermined joints lean there."""
-        return np.asarray(self.shape.points[: self.n_markers].mean(axis=0))
-
-    @property
-    def lacks_poses(self) -> bool:
-        """Whether too few frames determine its pose for more than a start."""
-        return int(self.shape.posed.sum()) < min(ENOUGH_FRAMES, int(self.is_seen.sum()))
-
-    @property
-    def is_known(self) -> Bools:
-        """Frames that show the limb: its pose, or any marker where it never has one, shape (n_frames,)."""
-        posed = self.shape.posed
-        return posed if posed.any() else self.is_seen
-
-    @property
-    def is_seen(self) -> Bools:
-        """Frames that show any of its points, shape (n_frames,)."""
-        return np.asarray(~np.isnan(self.points[:, :, 0]).all(axis=1))
-
-    def with_joint(self, joint: Floats, frames: Ints, rotator: Rotator = rotation_by_quaternion) -> Segment:
-        """Return the segment with the world positions of one more joint, shape (n_frames, 3), among its points."""
-        points = np.concatenate([self.points, joint[:, np.newaxis]], axis=1)
-        return _segment(points, self.n_markers, frames, rotator)
-
-    def at(self, frames: Ints) -> Segment:
-        """Return the segment in some frames."""
-        shape = LimbShape(self.shape.points, self.shape.world_from_limb[frames])
-        return Segment(self.points[frames], self.n_markers, shape, self.noise.at(frames))
-
-
-def make_segment(markers: Floats, frames: Ints, rotator: Rotator = rotation_by_quaternion) -> Segment:
-    """Make a segment of a limb's markers, shape (n_frames, n_markers, 3); `frames` tell its shape."""
-    return _segment(markers, markers.shape[1], frames, rotator)
-
-
-def _segment(points: Floats, n_markers: int, frames: Ints, rotator: Rotator) -> Segment:
-    shape = fit_shape(points, frames, rotator)
-    return Segment(points, n_markers, shape, pose_noise(shape, points, frames))
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,3 +243,46 @@ def _centroid(points: Floats) -> Floats:
     count = seen.sum(axis=1)
     total = np.where(seen, points, 0.0).sum(axis=1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+WORTH_PROCESSES = 200
+"""Descents cost some 5 ms each, starting workers about a second: below so many pairs that lack poses, one does."""
+
+
+def map_pairs(
+    pairs: list[tuple[Segment, Segment]],
+    typical: float,
+    parameters: JointParameters,
+    seed: int,
+    n_jobs: int,
+    monitor: Monitor,
+) -> list[JointGuess]:
+    """Guess the joint of every pair, in the order given; the result does not depend on `n_jobs`."""
+    if n_jobs == 1 or _n_descents(pairs, parameters) < WORTH_PROCESSES:
+        found = []
+        for index, (first, second) in enumerate(pairs):
+            found.append(guess_joint(first, second, typical, parameters.alpha, parameters, seed))
+            monitor.advance(index + 1, len(pairs))
+        return found
+    from joblib import Parallel, delayed  # noqa: PLC0415 - only wanted with several processes
+
+    workers = Parallel(n_jobs=n_jobs, return_as="generator")
+    results = workers(delayed(_guess_alone)(first, second, typical, parameters, seed) for first, second in pairs)
+    found = []
+    for guess in results:
+        found.append(guess)
+        monitor.advance(len(found), len(pairs))
+    return found
+
+
+def _n_descents(pairs: list[tuple[Segment, Segment]], parameters: JointParameters) -> int:
+    if parameters.solver == "conjugate-gradient":
+        return len(pairs)
+    return int(np.sum([not (first.shape.has_pose or second.shape.has_pose) for first, second in pairs]))
+
+
+def _guess_alone(first: Segment, second: Segment, typical: float, parameters: JointParameters, seed: int) -> JointGuess:
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - only wanted in workers
+
+    with threadpool_limits(limits=1):
+        return guess_joint(first, second, typical, parameters.alpha, parameters, seed)

@@ -5,82 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from skelgen.parameters import StageParameters, declare
-
-_NLCG = "JointFinder/NLCG"
-
-
-@dataclass(frozen=True)
-class DescentParameters(StageParameters):
-    """The nonlinear conjugate gradient method (seed, table 4.16)."""
-
-    stage: ClassVar[str] = "descent"
-    seed_section: ClassVar[str] = _NLCG
-
-    method: str = declare(
-        "polak-ribiere",
-        "how the next search direction is made conjugate",
-        choices=("fletcher-reeves", "polak-ribiere"),
-        seed_name="METHOD",
-        seed_section=_NLCG,
-        seed_codes=("fletcher-reeves", "polak-ribiere"),
-    )
-    tolerance: float = declare(
-        1e-6,
-        "stop when a step lowers the cost by less than this part",
-        low=0.0,
-        high=0.1,
-        seed_name="FTOL",
-        seed_section=_NLCG,
-    )
-    absolute_tolerance: float = declare(
-        1e-10,
-        "stop when a step lowers the cost by less than this",
-        unit="mm^2",
-        low=0.0,
-        seed_name="EPSBREAK",
-        seed_section=_NLCG,
-    )
-    max_iterations: int = declare(
-        200, "stop after so many iterations", low=1, high=100000, seed_name="ITMAX", seed_section=_NLCG
-    )
-    step_limit: float = declare(
-        100.0,
-        "a bracket grows at most by this factor at once",
-        low=1.1,
-        high=1e6,
-        seed_name="GLIMIT",
-        seed_section=_NLCG,
-    )
-    line_iterations: int = declare(
-        100, "iterations of a line search", low=1, high=100000, seed_name="ITMAXDBRENT", seed_section=_NLCG
-    )
-    line_tolerance: float = declare(
-        1e-3,
-        "relative width at which a line search stops",
-        low=1e-15,
-        high=0.5,
-        seed_name="TOLBRENT",
-        seed_section=_NLCG,
-    )
-    line_zero: float = declare(
-        1e-12, "absolute width at which a line search stops", low=0.0, seed_name="ZEPS", seed_section=_NLCG
-    )
-    smallest: float = declare(
-        1e-20, "a denominator below this counts as zero", low=0.0, high=1e-3, seed_name="EPS", seed_section=_NLCG
-    )
-    anneal: bool = declare(
-        False, "shake the joint while it is optimised, less and less", seed_name="ADDRANDOM", seed_section=_NLCG
-    )
-    max_jitter: float = declare(
-        1.0,
-        "largest shake in the first iteration",
-        unit="mm",
-        low=0.0,
-        high=1e3,
-        seed_name="MAXJITTER",
-        seed_section=_NLCG,
-    )
+from skelgen.parameters import declare
+from skelgen.stages.classic.conjugate_gradient import DescentParameters
 
 
 @dataclass(frozen=True)

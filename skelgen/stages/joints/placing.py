@@ -15,9 +15,9 @@ from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.joints.noise import typical_variance
-from skelgen.stages.joints.pairs import ENOUGH_FRAMES, JointGuess, Segment, guess_joint, make_segment
+from skelgen.stages.joints.pairs import JointGuess, guess_joint
 from skelgen.stages.joints.parameters import JointParameters
+from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment, make_segment, typical_variance
 
 POSE_POINTS = 3
 """Points that fix a pose, where a limb has as many."""

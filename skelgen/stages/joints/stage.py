@@ -16,12 +16,9 @@ from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.joints.bodies import false_joints, usual_radius
-from skelgen.stages.joints.comparable import comparable_costs
-from skelgen.stages.joints.loops import loop_joints
-from skelgen.stages.joints.noise import typical_variance
-from skelgen.stages.joints.pairs import ENOUGH_FRAMES, MIN_COMMON, JointGuess, Segment, guess_joint, make_segment
-from skelgen.stages.joints.parallel import map_pairs
+from skelgen.stages.joints.constraints import Pair, limb_pairs, obeyed_costs
+from skelgen.stages.joints.costs import comparable_costs, spanning_tree
+from skelgen.stages.joints.pairs import MIN_COMMON, JointGuess, guess_joint, map_pairs
 from skelgen.stages.joints.parameters import JointParameters
 from skelgen.stages.joints.placing import (
     place_in_blocks,
@@ -32,9 +29,8 @@ from skelgen.stages.joints.placing import (
     telling_frames,
     tracks_of_limbs,
 )
-from skelgen.stages.joints.said import slack_sentences, tree_sentences
-from skelgen.stages.joints.tree import spanning_tree
-from skelgen.stages.joints.wishes import Pair, limb_pairs, obeyed_costs
+from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment, make_segment, typical_variance
+from skelgen.stages.joints.tree import false_joints, loop_joints, slack_sentences, tree_sentences, usual_radius
 
 Costs = dict[tuple[int, int], JointGuess]
 

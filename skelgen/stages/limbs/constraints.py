@@ -9,7 +9,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.limbs.relative import Group
+from skelgen.stages.limbs.relative_motion import Group
 
 GROUP_SEPARATOR, NAME_SEPARATOR = ";", ","
 

@@ -13,17 +13,20 @@ from skelgen.errors import InputError
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.limbs.bodies import Distances, rigid_bodies
+from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_clusters, spectral_clusters, spectrum
+from skelgen.stages.limbs.checks import limb_doubts
 from skelgen.stages.limbs.constraints import Constraints, NameGroups, find_constraints, name_groups
-from skelgen.stages.limbs.count import count_limbs
-from skelgen.stages.limbs.deviation import Deviations, distance_deviations, sample_frames
-from skelgen.stages.limbs.doubts import limb_doubts
+from skelgen.stages.limbs.distances import (
+    Deviations,
+    PairSums,
+    distance_deviations,
+    noise_variance,
+    rigid_groups,
+    sample_frames,
+)
+from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbParameters
-from skelgen.stages.limbs.relative import Movements
-from skelgen.stages.limbs.rigidity import rigid_groups
-from skelgen.stages.limbs.spectral import greedy_clusters, spectral_clusters
-from skelgen.stages.limbs.stray import stray_markers
-from skelgen.stages.limbs.votes import majority
+from skelgen.stages.limbs.relative_motion import Movements
 
 LONELY = "never seen together with another marker"
 
@@ -183,3 +186,116 @@ def _report(trajectories: Trajectories, markers: Ints, reason: str, monitor: Mon
     if len(markers):
         names = ", ".join(trajectories.names[marker] for marker in markers)
         monitor.notice(f"left out, {reason}: {names}")
+
+
+RIGID_FACTOR = 8.0
+"""The automatic limit of the rising count, in units of the noise of a distance: beyond the largest of many pairs."""
+
+
+def count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int:
+    """Find the number of limbs.
+
+    Parameters
+    ----------
+    deviation : ndarray, shape (n_markers, n_markers), mm
+        Complete standard deviations of distances.
+    parameters : LimbParameters
+        Their `count` says how.
+    seed : int
+        Seed of k-means for the rising count.
+    """
+    if parameters.count == "eigengap":
+        return _largest_gap(deviation, parameters)
+    if parameters.count == "rotation":
+        _, vectors = spectrum(affinities(deviation, parameters)[0], parameters.zero)
+        return aligned_count(vectors[:, ::-1])
+    if parameters.count == "rising":
+        return _first_rigid(deviation, parameters, seed)
+    return int(rigid_groups(deviation, parameters).max()) + 1
+
+
+def _largest_gap(deviation: Floats, parameters: LimbParameters) -> int:
+    """Number of leading eigenvalues before the largest gap (von Luxburg 2007, 8.3)."""
+    values, _ = spectrum(affinities(deviation, parameters)[0], parameters.zero)
+    falling = values[::-1]
+    gaps = falling[:-1] - falling[1:]
+    return int(np.argmax(gaps[: max(1, len(values) // 2)])) + 1
+
+
+def _first_rigid(deviation: Floats, parameters: LimbParameters, seed: int) -> int:
+    """Smallest k whose clusters hold no pair that varies more than the limit (seed 3.4.1)."""
+    limit = parameters.rigid_limit or RIGID_FACTOR * float(np.sqrt(2 * noise_variance(deviation)))
+    for k in range(1, len(deviation)):
+        labels = spectral_clusters(deviation, k, parameters, seed)
+        if deviation[labels[:, np.newaxis] == labels].max() <= limit:
+            return k
+    return len(deviation)
+
+
+def majority(groupings: list[Ints]) -> Ints:
+    """Group markers that more than half of the groupings put together (Kirk et al. 2005 keep the tightest of several).
+
+    Where that is contradictory, because a is with b and b with c but a not with c, the markers that hang together are
+    grouped as in the grouping that agrees best with the others about them.
+
+    Parameters
+    ----------
+    groupings : list of ndarray of intp, shape (n_markers,)
+        Group of each marker, by several samplings.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_markers,)
+    """
+    together: Floats = np.mean([groups[:, np.newaxis] == groups for groups in groupings], axis=0)
+    result = np.full(len(together), -1, dtype=np.intp)
+    for marker in range(len(together)):
+        if result[marker] < 0:
+            reached = np.flatnonzero(_reached(together > 1 / 2, marker))
+            result[reached] = reached[_agreed(together[np.ix_(reached, reached)], [one[reached] for one in groupings])]
+    return result
+
+
+def _reached(linked: Bools, marker: int) -> Bools:
+    """Markers that are linked to one, directly or through others."""
+    reached = np.zeros(len(linked), dtype=np.bool_)
+    reached[marker] = True
+    while (wider := np.asarray(linked[reached].any(axis=0))).sum() > reached.sum():
+        reached = wider
+    return reached
+
+
+def _agreed(together: Floats, groupings: list[Ints]) -> Ints:
+    """For each of some markers that hang together, the first of its group."""
+    if (together > 1 / 2).all():
+        return np.zeros(len(together), dtype=np.intp)
+    same = [groups[:, np.newaxis] == groups for groups in groupings]
+    best = min(same, key=lambda pairs: float(np.abs(pairs - together).sum()))
+    return np.asarray(best.argmax(axis=1), dtype=np.intp)
+
+
+STRAY = 3.0
+"""Times the usual deviation between neighbouring limbs. The only marker of a limb hangs on a joint, which keeps it near
+some marker; a marker of the room, of a bystander or one whose label wanders has no such neighbour."""
+
+
+def stray_markers(groups: Ints, deviation: Floats) -> Bools:
+    """Find markers that are alone in their group and have no neighbour.
+
+    Parameters
+    ----------
+    groups : ndarray of intp, shape (n_markers,)
+        Group of each marker, from 0 without holes.
+    deviation : ndarray, shape (n_markers, n_markers), mm
+        Standard deviations of distances, NaN where unknown.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_markers,)
+        None if there are fewer than two limbs with several markers: nothing tells how much limbs usually move.
+    """
+    known = ~np.isnan(deviation)
+    usual = PairSums(np.where(known, deviation, 0.0) ** 2 / 2, known.astype(np.float64), groups).usual_motion()
+    others = np.where(known, deviation, np.inf) + np.diag(np.full(len(groups), np.inf))
+    is_alone = np.bincount(groups)[groups] == 1
+    return np.asarray(is_alone & (others.min(axis=1) ** 2 / 2 > STRAY**2 * usual) & (usual > 0))

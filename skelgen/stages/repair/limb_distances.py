@@ -11,7 +11,7 @@ from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs import LimbParameters
-from skelgen.stages.limbs.rigidity import rigid_groups
+from skelgen.stages.limbs.distances import rigid_groups
 
 GROUPING_FRAMES = 400
 """Frames from which limbs are grouped: more change nothing."""

@@ -1,13 +1,11 @@
 """Stage 4: fit a skeleton of rigid limbs, and fit it back to every frame."""
 
-from skelgen.stages.skeleton.assemble import Body, assemble, cut_out
-from skelgen.stages.skeleton.outliers import out_of_line
+from skelgen.stages.skeleton.assembly import Body, assemble, cut_out
+from skelgen.stages.skeleton.loops import BodyRings, all_poses
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
-from skelgen.stages.skeleton.ringed import BodyRings, all_poses
-from skelgen.stages.skeleton.second_look import posed_with_care
+from skelgen.stages.skeleton.posing import out_of_line, posed_with_care, without_outliers
 from skelgen.stages.skeleton.stage import fit_skeleton
-from skelgen.stages.skeleton.trusted import without_outliers
 
 __all__ = [
     "Body",

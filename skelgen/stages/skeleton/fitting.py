@@ -17,24 +17,23 @@ from skelgen.kinematics.posing import fit_poses
 from skelgen.kinematics.skin import Skin
 from skelgen.kinematics.sliding import fit_sliding, settle_sliding
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.skeleton.assemble import Body, assemble
-from skelgen.stages.skeleton.deviations import joint_deviations, lasting
+from skelgen.stages.skeleton.assembly import Body, assemble
 from skelgen.stages.skeleton.joints import (
     articulation_of,
     axis_freedom,
     errors_of_limbs,
     find_kinds,
+    joint_deviations,
+    lasting,
     shifted,
     shifts_along_axes,
     with_axes,
     with_noise_of_poses,
 )
-from skelgen.stages.skeleton.outliers import out_of_line
+from skelgen.stages.skeleton.loops import FOUND, BodyRings, closed_body
 from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
-from skelgen.stages.skeleton.ringed import FOUND, BodyRings, closed_body
-from skelgen.stages.skeleton.second_look import posed_with_care
-from skelgen.stages.skeleton.trusted import without_outliers
+from skelgen.stages.skeleton.posing import out_of_line, posed_with_care, without_outliers
 
 FIRST_ROUNDS = 3
 """Rounds of the fit with free joints: it need only be near enough for the kinds to be told."""

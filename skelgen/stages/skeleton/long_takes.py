@@ -23,12 +23,11 @@ from skelgen.kinematics.posed_motion import PosedMotion
 from skelgen.model import Limbs, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import Monitor
-from skelgen.stages.skeleton.assemble import Body, cut_out
+from skelgen.stages.skeleton.assembly import Body, cut_out
 from skelgen.stages.skeleton.fitting import FittedBody
+from skelgen.stages.skeleton.loops import all_poses
 from skelgen.stages.skeleton.parameters import SkeletonParameters
-from skelgen.stages.skeleton.ringed import all_poses
-from skelgen.stages.skeleton.second_look import posed_with_care
-from skelgen.stages.skeleton.trusted import without_outliers
+from skelgen.stages.skeleton.posing import posed_with_care, without_outliers
 
 LONGEST_AT_ONCE = 16_384
 """Frames; a take of forty markers needs some 10 KB for each while it is fitted."""

@@ -13,7 +13,7 @@ from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.fitting import FittedBody
 from skelgen.stages.skeleton.joints import limb_size
-from skelgen.stages.skeleton.ringed import BodyRings
+from skelgen.stages.skeleton.loops import BodyRings
 
 
 def make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -> Skeleton:

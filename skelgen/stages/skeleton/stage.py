@@ -15,12 +15,12 @@ from skelgen.kinematics.observability import observed_joints
 from skelgen.model import Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.skeleton.assemble import cut_out
+from skelgen.stages.skeleton.assembly import cut_out
 from skelgen.stages.skeleton.fitting import fit_body
 from skelgen.stages.skeleton.long_takes import at_frames, play_back, telling_frames
+from skelgen.stages.skeleton.loops import ring_sentences, wanted_rings
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.result import make_motion, make_skeleton
-from skelgen.stages.skeleton.ringed import ring_sentences, wanted_rings
 
 
 def fit_skeleton(

@@ -1,0 +1,166 @@
+"""Spectral clustering of markers (Ng, Jordan and Weiss 2002) with one sigma or local scaling (Zelnik-Manor 2004)."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.limbs.parameters import LimbParameters
+
+SIGMA_QUANTILES = np.linspace(0.02, 0.6, 12)
+"""A scan tries the global sigma at these quantiles of all deviations: from within the limbs to between them."""
+
+KMEANS_STARTS = 10
+
+
+def spectral_clusters(deviation: Floats, k: int, parameters: LimbParameters, seed: int) -> Ints:
+    """Cluster markers by the eigenvectors of their normalised affinity.
+
+    Parameters
+    ----------
+    deviation : ndarray, shape (n_markers, n_markers), mm
+        Complete standard deviations of distances.
+    k : int
+        Number of clusters.
+    parameters : LimbParameters
+        Scaling, measure and k-means.
+    seed : int
+        Seed of k-means.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_markers,)
+        Cluster of each marker.
+    """
+    if k == 1:
+        return np.zeros(len(deviation), dtype=np.intp)
+    trials = [
+        _partition(embedding(affinity, k, parameters.zero), k, parameters, seed)
+        for affinity in affinities(deviation, parameters)
+    ]
+    return min(trials, key=lambda labels: _inner_deviation(deviation, labels))
+
+
+def affinities(deviation: Floats, parameters: LimbParameters) -> list[Floats]:
+    """Affinity matrices to try: one with local scaling or a given sigma, several for a scan (seed 3.4.2, step 1)."""
+    distance = deviation if parameters.measure == "deviation" else deviation**2
+    off = ~np.eye(len(distance), dtype=bool)
+    floor = np.finfo(np.float64).tiny ** 0.25
+    if parameters.local_scaling:
+        m = min(parameters.neighbour, len(distance) - 1)
+        scale = np.maximum(np.sort(distance, axis=1)[:, m], floor)
+        return [np.exp(-(distance**2) / (scale[:, np.newaxis] * scale)) * off]
+    if parameters.sigma_squared > 0:
+        scales = [parameters.sigma_squared]
+    else:
+        scales = [max(float(sigma), floor) ** 2 for sigma in np.quantile(distance[off], SIGMA_QUANTILES)]
+    return [np.exp(-(distance**2) / (2 * scale)) * off for scale in scales]
+
+
+def embedding(affinity: Floats, k: int, zero: float) -> Floats:
+    """Rows of the k leading eigenvectors of D^-1/2 W D^-1/2, normalised (seed 3.4.2, steps 2-4), shape (n, k)."""
+    _, vectors = spectrum(affinity, zero)
+    leading = vectors[:, -k:]
+    norms = np.linalg.norm(leading, axis=1, keepdims=True)
+    return np.asarray(leading / np.maximum(norms, np.finfo(np.float64).tiny))
+
+
+def spectrum(affinity: Floats, zero: float) -> tuple[Floats, Floats]:
+    """Eigenvalues (rising) and eigenvectors of the normalised affinity."""
+    degree = affinity.sum(axis=1)
+    root = np.where(degree > zero, 1 / np.sqrt(np.maximum(degree, np.finfo(np.float64).tiny)), 0.0)
+    values, vectors = np.linalg.eigh(root[:, np.newaxis] * affinity * root)
+    return values, vectors
+
+
+def greedy_clusters(deviation: Floats, k: int) -> Ints:
+    """Join the two markers with the smallest deviation again and again until k clusters are left (seed 5.3)."""
+    from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - heavy
+    from scipy.spatial.distance import squareform  # noqa: PLC0415 - heavy
+
+    tree = linkage(squareform(deviation, checks=False), method="single")
+    return np.asarray(fcluster(tree, k, criterion="maxclust") - 1, dtype=np.intp)
+
+
+def _partition(rows: Floats, k: int, parameters: LimbParameters, seed: int) -> Ints:
+    from sklearn.cluster import KMeans  # noqa: PLC0415 - its import costs seconds
+
+    kmeans = KMeans(n_clusters=k, init=parameters.kmeans, n_init=KMEANS_STARTS, random_state=seed)
+    return np.asarray(kmeans.fit_predict(rows), dtype=np.intp)
+
+
+def _inner_deviation(deviation: Floats, labels: Ints) -> float:
+    """Mean deviation within clusters: the smaller, the better the clustering (Kirk et al. 2005)."""
+    same = (labels[:, np.newaxis] == labels) & ~np.eye(len(labels), dtype=bool)
+    return float(deviation[same].mean()) if same.any() else np.inf
+
+
+AS_GOOD = 0.001
+"""Alignments that differ by less are alike; the paper's value."""
+
+SWEEPS = 3
+"""Turns through all planes for each k: the start is near, more change nothing."""
+
+ANGLES = np.linspace(-np.pi / 4, np.pi / 4, 17)
+"""Rotations tried in a plane, rad: beyond an eighth of a turn the axes only change places."""
+
+TINY = 1e-300
+
+
+def aligned_count(vectors: Floats) -> int:
+    """Return the number of clusters that aligns eigenvectors best.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape (n_markers, n_vectors)
+        Eigenvectors of the normalised affinity, the leading one first.
+    """
+    n_markers, largest = len(vectors), max(1, min(vectors.shape[1], len(vectors) // 2))
+    quality = [1.0 - _spread(vectors[:, :1]) / n_markers]
+    turned = vectors[:, :1]
+    for k in range(2, largest + 1):
+        turned = _turned(np.column_stack([turned, vectors[:, k - 1]]))
+        quality.append(1.0 - (_spread(turned) / n_markers - 1.0) / k)
+    best = max(quality[1:], default=0.0)
+    good = [k for k in range(2, largest + 1) if quality[k - 1] > best - AS_GOOD]
+    return max(good, default=1)
+
+
+def _turned(columns: Floats) -> Floats:
+    """Turn columns in all planes so that each row has one large entry."""
+    columns = columns.copy()
+    for _ in range(SWEEPS):
+        squares = columns**2
+        for first, second in combinations(range(columns.shape[1]), 2):
+            others = np.delete(squares, (first, second), axis=1)
+            rest, largest = others.sum(axis=1), others.max(axis=1, initial=0.0)
+            pair = columns[:, [first, second]]
+            angle = _best_angle(pair, rest, largest)
+            if angle != 0.0:
+                columns[:, [first, second]] = pair @ _rotation(angle)
+                squares[:, [first, second]] = columns[:, [first, second]] ** 2
+    return columns
+
+
+def _best_angle(pair: Floats, rest: Floats, largest: Floats) -> float:
+    """Angle that aligns two columns best, given the sum and the largest of the other squares in each row."""
+    scale = (pair**2).sum(axis=1) + rest
+    one = (pair[:, :1] * np.cos(ANGLES) + pair[:, 1:] * np.sin(ANGLES)) ** 2
+    two = (pair**2).sum(axis=1, keepdims=True) - one
+    peak = np.maximum(np.maximum(one, two), largest[:, np.newaxis])
+    costs = (scale[:, np.newaxis] / np.maximum(peak, TINY)).sum(axis=0)
+    best = int(np.argmin(costs))
+    gain = costs[len(ANGLES) // 2] - costs[best]
+    return float(ANGLES[best]) if gain > 0 else 0.0
+
+
+def _rotation(angle: float) -> Floats:
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
+def _spread(columns: Floats) -> float:
+    squares = columns**2
+    return float((squares.sum(axis=1) / np.maximum(squares.max(axis=1), TINY)).sum())

@@ -1,0 +1,190 @@
+r"""Joint costs that can be compared between pairs with different numbers of markers, noise and motion.
+
+A gap of mean square s per coordinate, where the noise of both limbs' poses lets expect e and the limbs turn by t
+against each other (each axis, root mean square), costs
+
+.. math::
+    \eta \, (\max(s, e) + K \max(0, s - \rho e) + h \max(1, T^2 / t^2) + \alpha d) .
+
+A gap below what noise makes is chance and counts as noise; what noise does not explain counts K times more; h is what
+the noise could hide in so few frames, blown up to the usual turn T: limbs that hardly move against each other have
+small gaps wherever the joint is thought to be. The distance d to the markers decides between what is left. To e belongs
+what joints of this take usually wander (soft tissue that moves as a whole), estimated from the tree itself, and so is
+what the ratio of s to e usually is, which says how much of it is chance.
+
+Where the axes of two hinges meet, the two outer limbs turn about that point as well: no gap tells which two of the
+three joints are there. The turns do: a hinge leaves nothing but noise across its axis. It costs less by the factor eta.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess
+
+Guesses = Mapping[tuple[int, int], JointGuess]
+
+UNEXPLAINED_WEIGHT = 3.0
+"""Noise explains gaps up to chance; beyond, each mm^2 counts so many more."""
+
+CHANCE = 1.5
+"""Ratio of gaps to expected gaps that noise still makes: soft tissue lasts, so that few frames are independent."""
+
+CHANCE_SPREAD = 4.0
+"""Standard deviations above the median of the tree's joints up to which their ratios are chance, if that is less."""
+
+ENOUGH_RATIOS = 8
+"""Fewer joints say nothing of how their ratios are spread."""
+
+HINGE_PART = 0.8
+"""Of the cost, for a hinge. Of 7 takes with up to 3 mm of soft tissue all hinges turn across their axes by at most 1.2
+times the noise, no pair of limbs that has no hinge by less than 2.5 times; the factor need only break ties."""
+
+USUAL_PART = 0.25
+"""Of all pairs of limbs turn less than what counts as usual: limbs of a joint turn less than those far apart."""
+
+ROUNDS = 3
+"""Of tree and usual wandering, each from the other."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointCosts:
+    """Joint costs between all limbs.
+
+    Attributes
+    ----------
+    costs : ndarray, shape (n_limbs, n_limbs), mm^2
+        Comparable costs; infinite where two limbs cannot be joined, 0 on the diagonal.
+    squares : ndarray, shape (n_limbs, n_limbs), mm^2
+        Mean square of the gap per coordinate; infinite where unknown.
+    expected : ndarray, shape (n_limbs, n_limbs), mm^2
+        What noise and usual wandering let expect for them.
+    turns : ndarray, shape (n_limbs, n_limbs), rad
+        How far the limbs turn against each other, each axis.
+    """
+
+    costs: Floats
+    squares: Floats
+    expected: Floats
+    turns: Floats
+
+
+def comparable_costs(guesses: Guesses, n_limbs: int, alpha: float) -> JointCosts:
+    """Return costs that can be compared.
+
+    Parameters
+    ----------
+    guesses : mapping of pair to JointGuess
+        A joint between each two limbs.
+    n_limbs : int
+        Number of limbs.
+    alpha : float, mm
+        Weight of the mean distance between joint and markers.
+    """
+    squares = _table({pair: guess.square for pair, guess in guesses.items()}, n_limbs)
+    possible = np.isfinite(squares)
+    noise = np.where(possible, _table({pair: guess.expected for pair, guess in guesses.items()}, n_limbs), 0.0)
+    hidden = np.where(possible, _table({pair: guess.hidden_part for pair, guess in guesses.items()}, n_limbs), 0.0)
+    far = alpha * np.where(possible, _table({pair: guess.distance for pair, guess in guesses.items()}, n_limbs), 0.0)
+    turns = np.where(possible, _table({pair: guess.turn for pair, guess in guesses.items()}, n_limbs), np.nan)
+    wobbles = np.where(possible, _table({pair: guess.wobble for pair, guess in guesses.items()}, n_limbs), np.nan)
+    kinds = np.where((wobbles <= CHANCE) & (turns >= LEAST_TURN), HINGE_PART, 1.0)
+    stillness = _stillness(turns, possible)
+    wandering, chance, costs, expected = 0.0, CHANCE, squares, noise
+    for _ in range(ROUNDS):
+        expected = noise + wandering
+        unexplained = np.maximum(0.0, squares - chance * expected)
+        costs = np.maximum(squares, expected) + UNEXPLAINED_WEIGHT * unexplained
+        costs = np.where(possible, kinds * (costs + hidden * expected * stillness + far), np.inf)
+        np.fill_diagonal(costs, 0.0)
+        parents = spanning_tree(costs, np.zeros(n_limbs, dtype=np.intp))
+        children = np.flatnonzero(parents >= 0)
+        if len(children):
+            edges = children, parents[children]
+            wandering = max(float(np.median(squares[edges] - noise[edges])), 0.0)
+            chance = _chance(squares[edges] / np.maximum(noise[edges] + wandering, np.finfo(np.float64).tiny))
+    return JointCosts(costs, squares, expected, turns)
+
+
+def _chance(ratios: Floats) -> float:
+    """Largest ratio of a gap to what is expected that noise still makes, from the ratios of the tree's joints."""
+    if len(ratios) < ENOUGH_RATIOS:
+        return CHANCE
+    middle = float(np.median(ratios))
+    spread = SIGMA_OF_MEDIAN * float(np.median(np.abs(ratios - middle)))
+    return float(np.clip(middle + CHANCE_SPREAD * spread, 1.0, CHANCE))
+
+
+def _stillness(turns: Floats, possible: Bools) -> Floats:
+    """Square of how much less than usual two limbs turn, at least 1."""
+    moves = np.maximum(np.nan_to_num(turns, nan=1.0), LEAST_TURN)
+    upper = np.triu(possible, 1)
+    usual = float(np.quantile(moves[upper], USUAL_PART)) if upper.any() else 1.0
+    return np.asarray(np.maximum(1.0, (usual / moves) ** 2))
+
+
+def _table(values: Mapping[tuple[int, int], float], n_limbs: int) -> Floats:
+    table = np.full((n_limbs, n_limbs), np.inf)
+    np.fill_diagonal(table, 0.0)
+    for (first, second), value in values.items():
+        table[first, second] = table[second, first] = value
+    return table
+
+
+def spanning_tree(costs: Floats, sizes: Ints, root: int | None = None) -> Ints:
+    """Return the parent of each limb in the minimum spanning forest.
+
+    Parameters
+    ----------
+    costs : ndarray, shape (n_limbs, n_limbs), mm^2
+        Symmetric joint costs; infinite where two limbs cannot be joined.
+    sizes : ndarray of intp, shape (n_limbs,)
+        Number of markers on each limb: of two limbs with as many joints, the larger becomes the root.
+    root : int, optional
+        Limb that becomes the root of its tree in any case.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_limbs,)
+        -1 for a root; limbs that no finite cost connects belong to separate trees.
+    """
+    edges = _cheapest_edges(np.where(np.eye(len(costs), dtype=bool), np.inf, costs))
+    joined: list[list[int]] = [[] for _ in range(len(costs))]
+    for first, second in edges:
+        joined[first].append(second)
+        joined[second].append(first)
+    parents = np.full(len(costs), -1, dtype=np.intp)
+    placed: set[int] = set()
+    for start in sorted(range(len(costs)), key=lambda limb: (limb != root, -len(joined[limb]), -sizes[limb], limb)):
+        if start in placed:
+            continue
+        placed.add(start)
+        waiting = [start]
+        for parent in waiting:  # grows as limbs are placed
+            children = [child for child in joined[parent] if child not in placed]
+            parents[children] = parent
+            placed.update(children)
+            waiting += children
+    return parents
+
+
+def _cheapest_edges(costs: Floats) -> list[tuple[int, int]]:
+    """Edges of the minimum spanning forest, grown from one limb after the other (Prim 1957)."""
+    edges: list[tuple[int, int]] = []
+    cost, nearest = np.full(len(costs), np.inf), np.full(len(costs), -1, dtype=np.intp)
+    waiting = np.ones(len(costs), dtype=bool)
+    for _ in range(len(costs)):
+        limb = int(np.argmin(np.where(waiting, cost, np.inf))) if np.isfinite(cost[waiting]).any() else -1
+        if limb >= 0:
+            edges.append((int(nearest[limb]), limb))
+        else:
+            limb = int(np.argmax(waiting))
+        waiting[limb] = False
+        cheaper = costs[limb] < cost
+        cost[cheaper], nearest[cheaper] = costs[limb][cheaper], limb
+    return edges

@@ -1,0 +1,345 @@
+r"""Join rigid pieces into limbs that are no more rigid than skin and plates are.
+
+Two pieces become one limb if two tests agree. The first (`rigidity`) is scale-free: one body with a noise of its own
+must describe both better than two bodies do, by the variances of all distances. The second looks at the relative motion
+itself (`relative`): its principal variances, in units of what the noise of both pieces and the flexibility of a limb
+explain, may not tell of a joint. The first knows how rigid each limb is, the second sees motions that hardly change
+distances: of a hand about its long axis, of a small foot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.limbs.constraints import Constraints
+from skelgen.stages.limbs.distances import (
+    FULL_POSE,
+    LEAST_GAIN,
+    PRIOR_WEIGHT,
+    TINY_VARIANCE,
+    PairSums,
+    merge_costs,
+    noise_variance,
+    single_order,
+)
+from skelgen.stages.limbs.parameters import LimbParameters
+from skelgen.stages.limbs.relative_motion import Group, Movements, Spread
+from skelgen.stages.limbs.rigid_clusters import GAIN, LINKED, marker_noise, misfit, rigid_pieces
+
+BEND = 4.0
+"""Times what three markers or more are seen to bend: no more is allowed for a limb that they belong to."""
+
+LIMB = 5.0
+"""nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
+
+PLATE = 3.0
+"""The same between pieces that have poses of their own: that each is rigid speaks for a joint already, while pairs of
+markers on soft tissue are rigid by nearness."""
+
+
+UNRELATED = 1e6
+"""Times the largest variance: what markers count between which nothing was seen. Finite, so that sums stay numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """What is known of all distances between markers.
+
+    Attributes
+    ----------
+    variance : ndarray, shape (n_markers, n_markers), mm^2
+        Half the variance of each distance: the mean noise of its ends if they are one body; 0 where unknown.
+    weight : ndarray, shape (n_markers, n_markers)
+        How much each pair is to be believed, 0 where nothing is known of it.
+    """
+
+    variance: Floats
+    weight: Floats
+
+    @property
+    def noise(self) -> float:
+        """Variance [mm^2] of the take's noise."""
+        return noise_variance(np.where(self.weight > 0, np.sqrt(2 * self.variance), np.nan))
+
+    @property
+    def bounded(self) -> Floats:
+        """The variances; a pair that is never seen together has the least that a third marker leaves possible.
+
+        Where no third marker is seen with both, nothing holds them together: the variance is far beyond all others.
+        """
+        known = np.where(self.weight > 0, self.variance, np.inf)
+        np.fill_diagonal(known, 0.0)
+        for index in np.flatnonzero(np.isinf(known).any(axis=1)):
+            known[index] = np.minimum(known[index], np.maximum(known[index][:, np.newaxis], known).min(axis=0))
+            known[:, index] = known[index]
+        return np.where(np.isfinite(known), known, UNRELATED * max(known[np.isfinite(known)].max(), TINY_VARIANCE))
+
+
+def rigid_bodies(
+    movements: Movements,
+    distances: Distances,
+    parameters: LimbParameters,
+    wishes: Constraints,
+    n_limbs: int | None = None,
+) -> Ints:
+    """Group markers that move as rigid bodies.
+
+    Parameters
+    ----------
+    movements : Movements
+        The take.
+    distances : Distances
+        Its distances.
+    parameters : LimbParameters
+        Their `motion_factor`, `pair_limit` and `flexibility`.
+    wishes : Constraints
+        Which markers share a limb and which do not.
+    n_limbs : int, optional
+        Number of limbs at which merging stops, and to which it goes on.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_markers,)
+        Group of each marker.
+    """
+    noise = distances.noise
+    own = marker_noise(np.where(distances.weight > 0, distances.variance, np.inf), noise)
+    ratio = 2 * distances.bounded / (own[:, np.newaxis] + own)
+    pieces = rigid_pieces(movements, ratio, own, wishes)
+    groups = _Joiner(movements, distances, parameters, pieces, wishes.apart).joined(n_limbs)
+    groups = exchanged(movements, groups, ratio, noise, wishes)
+    return _with_resting(movements, ratio, groups, own, wishes)
+
+
+def _with_resting(movements: Movements, ratio: Floats, groups: Ints, noise: Floats, wishes: Constraints) -> Ints:
+    """Put markers that are seen only while their limb and others rest against each other on the nearest of these."""
+    groups = groups.copy()
+    seen_part = movements.seen_part
+    for marker in [block[0] for block in wishes.blocks if len(block) == 1 and seen_part[block[0]] < 1]:
+        own = int(groups[marker])
+        mates = {group: _others(groups, group, marker) for group in np.unique(groups).tolist()}
+        near = [
+            group
+            for group, others in mates.items()
+            if group != own and ratio[marker, others].max() <= LINKED and not wishes.apart[marker, others].any()
+        ]
+        if not near or not mates[own]:
+            continue
+        meanwhile = movements.while_seen(marker)
+        least = _cost(meanwhile.relative(mates[own], (marker,)), noise) + LEAST_GAIN
+        resting = [
+            group
+            for group in near
+            if _cost(meanwhile.relative(mates[group], (marker,)), noise) <= least
+            and _cost(meanwhile.relative(mates[own], mates[group]), noise) < 0
+        ]
+        groups[marker] = min((own, *resting), key=lambda group: movements.distance(marker, mates[group]))
+    return groups
+
+
+def _others(groups: Ints, group: int, marker: int) -> Group:
+    return tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
+
+
+def _cost(motion: Spread | None, noise: Floats) -> float:
+    """Evidence of a joint beside what the coordinates explain [nats per frame], without any bending."""
+    if motion is None:
+        return np.inf
+    ratios = motion.ratios(noise)
+    return misfit(ratios) - GAIN * len(ratios)
+
+
+class _Joiner:
+    def __init__(
+        self, movements: Movements, distances: Distances, parameters: LimbParameters, pieces: list[Group], apart: Bools
+    ) -> None:
+        members = np.empty(len(distances.variance), dtype=np.intp)
+        for index, piece in enumerate(pieces):
+            members[list(piece)] = index
+        self._movements, self._parameters, self._apart = movements, parameters, apart
+        self._verdicts: dict[tuple[Group, Group], float] = {}
+        self._noise = distances.noise
+        self._noise = max(self._noise, self._usual_noise(pieces))
+        self._groups = PairSums(distances.variance, distances.weight, members)
+
+    def joined(self, n_limbs: int | None) -> Ints:
+        groups = self._groups
+        least = n_limbs or 1
+        groups.merge_while(lambda: self._allowed(self._by_rigidity()), least)
+        usual = groups.usual_motion()
+        groups.merge_while(lambda: self._allowed(single_order(groups, usual)), least)
+        if n_limbs is not None:
+            groups.merge_while(self._all_evidence, least)
+        return groups.members.astype(np.intp)
+
+    def _by_rigidity(self) -> Floats:
+        pays = merge_costs(self._groups, self._noise, self._parameters) < 0
+        return np.where(pays, self._groups.across, np.inf)
+
+    def _allowed(self, order: Floats) -> Floats:
+        """Strike pairs whose relative motion tells of a joint from an order of merging, up to the first that stays."""
+        while True:
+            first, second = (int(index) for index in np.unravel_index(np.argmin(order), order.shape))
+            if not np.isfinite(order[first, second]) or self._evidence(first, second) < 0:
+                return order
+            order[first, second] = np.inf
+
+    def _all_evidence(self) -> Floats:
+        size = len(self._groups.sizes)
+        order = np.full((size, size), np.inf)
+        for first, second in np.argwhere(np.isfinite(self._groups.across)).tolist():
+            order[first, second] = self._evidence(first, second)
+        return order
+
+    def _evidence(self, first: int, second: int) -> float:
+        """Evidence [nats per frame] that two groups are two limbs."""
+        one, other = (tuple(np.flatnonzero(self._groups.members == index).tolist()) for index in (first, second))
+        if (one, other) not in self._verdicts:
+            self._verdicts[one, other] = self._tested(one, other)
+        return self._verdicts[one, other]
+
+    def _tested(self, one: Group, other: Group) -> float:
+        if self._apart[np.ix_(one, other)].any():
+            return np.inf
+        motion = self._movements.relative(one, other)
+        if motion is None:
+            return np.inf
+        variances = np.full(len(self._apart), (self._bend(one, other) * motion.radius) ** 2)
+        variances[list(one)] += self._group_noise(one)
+        variances[list(other)] += self._group_noise(other)
+        return misfit(motion.ratios(variances)) - (LIMB if min(len(one), len(other)) < FULL_POSE else PLATE)
+
+    def _bend(self, *groups: Group) -> float:
+        """Part of its size by which a limb of these groups may bend: less for what is seen to be a rigid plate."""
+        inner = [self._movements.inner(group) for group in groups if len(group) > 2]
+        seen = [
+            np.sqrt(np.trace(spread.covariance) / len(spread.covariance)) / spread.radius
+            for spread in inner
+            if spread is not None and spread.radius > 0
+        ]
+        return float(min(self._parameters.flexibility, BEND * max(seen, default=np.inf)))
+
+    def _group_noise(self, group: Group) -> float:
+        """Noise variance [mm^2] of a group's markers, steadied by that of the take."""
+        spread = self._movements.inner(group) if len(group) > 1 else None
+        if spread is None:
+            return self._noise
+        freedoms = len(spread.covariance)
+        return float((PRIOR_WEIGHT * self._noise + np.trace(spread.covariance)) / (PRIOR_WEIGHT + freedoms))
+
+    def _usual_noise(self, pieces: list[Group]) -> float:
+        """Median of the pieces' noise [mm^2], weighted by their inner coordinates."""
+        several = [piece for piece in pieces if len(piece) > 1 and self._movements.inner(piece) is not None]
+        if not several:
+            return self._noise
+        noises = np.array([self._group_noise(piece) for piece in several])
+        freedoms = np.cumsum([max(1, 3 * len(several[index]) - 6) for index in np.argsort(noises)])
+        return float(np.sort(noises)[np.searchsorted(freedoms, freedoms[-1] / 2)])
+
+
+EXCHANGED = 10.0
+"""Largest variance of a distance to any marker of the other limb, in units of its noise, with which a move can pay."""
+
+LEAST_MOVE_GAIN = 0.1
+"""nats per frame that a move must gain: some 2 in all if a take tells as much as 20 frames that know nothing of each
+other. What changes the number of inner coordinates must gain `GAIN` more for each."""
+
+TAKE_WEIGHT = 0.5
+"""Coordinates of the take's noise that are counted among a limb's own: two markers may be rigid by chance."""
+
+SEEN_PART = 0.5
+"""Of the sampled frames: what is seen less may be seen only while limbs rest against each other."""
+
+LEAST_LEFT = 2
+"""No limb is left with fewer: a single marker has no inner coordinates, and with them no say."""
+
+MOST_MOVES = 100
+"""Ends a search that rounding might keep going."""
+
+
+def exchanged(movements: Movements, groups: Ints, ratio: Floats, noise: float, wishes: Constraints) -> Ints:
+    """Move markers, the most profitable first, for as long as that pays.
+
+    Parameters
+    ----------
+    movements : Movements
+        The take.
+    groups : ndarray of intp, shape (n_markers,)
+        Limb of each marker.
+    ratio : ndarray, shape (n_markers, n_markers)
+        Variance of each distance in units of its noise.
+    noise : float, mm^2
+        Variance of the take's noise.
+    wishes : Constraints
+        Which markers share a limb and which do not.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_markers,)
+        As many limbs as before.
+    """
+    search = _Exchange(movements, ratio, noise, wishes)
+    groups = groups.copy()
+    for _ in range(MOST_MOVES):
+        gain, block, limb = max(search.moves(groups), default=(0.0, (), -1))
+        if gain <= 0:
+            break
+        groups[list(block)] = limb
+    return groups
+
+
+class _Exchange:
+    def __init__(self, movements: Movements, ratio: Floats, noise: float, wishes: Constraints) -> None:
+        self._movements, self._ratio, self._noise, self._wishes = movements, ratio, noise, wishes
+        self._costs: dict[tuple[Group, Group], float] = {}
+
+    def moves(self, groups: Ints) -> Iterator[tuple[float, Group, int]]:
+        """Gain [nats per frame] beyond what it must be at least, markers and new limb of all moves."""
+        members = {limb: tuple(np.flatnonzero(groups == limb).tolist()) for limb in np.unique(groups).tolist()}
+        seen = self._movements.seen_part
+        farthest = {limb: self._ratio[:, other].max(axis=1) for limb, other in members.items()}
+        for block in self._wishes.blocks:
+            own = members[int(groups[block[0]])]
+            rest = tuple(marker for marker in own if marker not in block)
+            if len(rest) < LEAST_LEFT or seen[list(block)].min() < SEEN_PART:
+                continue
+            for limb, other in members.items():
+                if other == own or len(other) < LEAST_LEFT or farthest[limb][list(block)].max() > EXCHANGED:
+                    continue
+                if not self._wishes.apart[np.ix_(block, other)].any():
+                    yield self._gain((own, other), (rest, tuple(sorted(other + block)))), block, limb
+
+    def _gain(self, now: tuple[Group, Group], then: tuple[Group, Group]) -> float:
+        explained = [sum(_n_inner(group) for group in pair) for pair in (now, then)]
+        return self._cost(*now) - self._cost(*then) - LEAST_MOVE_GAIN - GAIN * abs(explained[0] - explained[1])
+
+    def _cost(self, first: Group, second: Group) -> float:
+        first, second = min(first, second), max(first, second)
+        if (first, second) not in self._costs:
+            self._costs[first, second] = self._of_two_bodies(first, second)
+        return self._costs[first, second]
+
+    def _of_two_bodies(self, first: Group, second: Group) -> float:
+        relative = self._movements.relative(first, second)
+        if relative is None:
+            return np.inf
+        size = len(relative.covariance)
+        motion = np.linalg.slogdet(relative.covariance / self._noise + TAKE_WEIGHT / size * np.eye(size))[1]
+        return self._of_one(first) + self._of_one(second) + float(motion) / 2
+
+    def _of_one(self, group: Group) -> float:
+        inner = self._movements.inner(group)
+        if inner is None:
+            return np.inf
+        size = len(inner.covariance)
+        variance = (TAKE_WEIGHT + np.trace(inner.covariance) / self._noise) / (TAKE_WEIGHT + size)
+        return float(size * np.log(variance) / 2)
+
+
+def _n_inner(group: Group) -> int:
+    """Coordinates of a group beside its pose."""
+    return 3 * len(group) - (6 if len(group) > 2 else 5)

@@ -1,0 +1,235 @@
+r"""Part markers into pieces of limbs that move as one rigid body, as far as the noise of the take can tell.
+
+With the noise of every marker given, a piece costs, in nats per frame,
+
+.. math::
+    \sum_k \tfrac12 (\lambda_k - 1 - \log\lambda_k)_{\lambda_k > 1} - \kappa\, d + P
+
+over its d inner coordinates with variances :math:`\lambda_k` in units of the noise: what a rigid body fails to explain
+is a cost, each coordinate that it explains a gain, each piece a cost. Complete linkage of the distances' variances
+gives a start; pieces are then merged, markers moved and small pieces parted anew for as long as the cost falls. Limbs
+that are less rigid than the take's noise stay in several pieces; joining those is the next step (`bodies`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.limbs.constraints import Constraints
+from skelgen.stages.limbs.relative_motion import Group, Movements
+
+LINKED = 5.0
+"""Largest variance of a distance within a piece at the start, in units of its noise: soft tissue is rarely beyond."""
+
+GAIN = 0.5
+"""nats for each coordinate that a rigid body explains: a width of the prior of motions 1.6 times what is observed."""
+
+PIECE = 0.5
+"""nats for each piece."""
+
+MERGED = 12.0
+"""Pieces with a distance across that varies more, in units of its noise, cannot pay to be merged."""
+
+MOVED = 10.0
+"""Likewise for a marker and the piece it might move to: it can win less."""
+
+SUSPICIOUS = 4.0
+"""A marker leaves its piece only if some inner distance varies more than this, in units of its noise."""
+
+PARTED = 6
+"""Markers of two neighbouring pieces that are parted anew in all ways: 31 of them."""
+
+MOST_CHANGES = 500
+"""Ends a search that rounding might keep going."""
+
+NOISE_RANGE = 6.0
+"""The variance of one marker's noise is at most so many times that of the take."""
+
+FORBIDDEN = 1e9
+"""nats; the cost of a piece that may not be, or that no frames show: finite, so that differences stay numbers."""
+
+TINY = 1e-9
+"""nats; a smaller gain is rounding."""
+
+
+def misfit(ratios: Floats) -> float:
+    """Return the cost [nats per frame] of coordinates whose variances are `ratios` times the noise."""
+    excess = np.maximum(ratios, 1.0)
+    return float((excess - 1 - np.log(excess)).sum() / 2)
+
+
+def marker_noise(variance: Floats, noise: float) -> Floats:
+    """Estimate the noise of each marker from its most rigid neighbour, shape (n_markers,), mm^2.
+
+    Parameters
+    ----------
+    variance : ndarray, shape (n_markers, n_markers), mm^2
+        Half the variance of each distance, infinite where unknown.
+    noise : float, mm^2
+        Noise of the take, the least of any marker.
+    """
+    nearest = (variance + np.diag(np.full(len(variance), np.inf))).min(axis=1)
+    return np.asarray(np.clip(nearest, noise, NOISE_RANGE * noise))
+
+
+def rigid_pieces(movements: Movements, ratio: Floats, noise: Floats, wishes: Constraints) -> list[Group]:
+    """Part markers into rigid pieces.
+
+    Parameters
+    ----------
+    movements : Movements
+        The take.
+    ratio : ndarray, shape (n_markers, n_markers)
+        Variance of each distance in units of its noise.
+    noise : ndarray, shape (n_markers,), mm^2
+        Variance of each marker's noise.
+    wishes : Constraints
+        Which markers share a limb, hence a piece, and which do not.
+    """
+    search = _Search(movements, ratio, noise, wishes)
+    for _ in range(MOST_CHANGES):
+        change = search.best_change()
+        if change is None:
+            break
+        search.apply(*change)
+    return search.pieces
+
+
+Change = tuple[tuple[int, ...], list[Group]]
+"""Numbers of the pieces that go, and the pieces that come."""
+
+
+class _Search:
+    def __init__(self, movements: Movements, ratio: Floats, noise: Floats, wishes: Constraints) -> None:
+        self._movements, self._ratio, self._noise, self._apart = movements, ratio, noise, wishes.apart
+        self._block_of = {marker: block for block in wishes.blocks for marker in block}
+        self._costs: dict[Group, float] = {}
+        self.pieces = _linked(ratio, wishes.blocks, wishes.apart)
+
+    def apply(self, gone: tuple[int, ...], come: list[Group]) -> None:
+        self.pieces = [piece for index, piece in enumerate(self.pieces) if index not in gone] + come
+
+    def best_change(self) -> Change | None:
+        """The merge or move that saves most; if there is none, the new parting of two small pieces that does."""
+        for candidates in (self._merges_and_moves, self._partings):
+            best: tuple[float, Change | None] = (-TINY, None)
+            for saving, gone, come in candidates():
+                if saving < best[0]:
+                    best = (saving, (gone, come))
+            if best[1] is not None:
+                return best[1]
+        return None
+
+    def _merges_and_moves(self) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
+        labels = self._labels()
+        to_piece = _largest(self._ratio, labels)
+        across = _largest(to_piece.T, labels)
+        for first, second in np.argwhere(np.triu(across <= MERGED, 1)).tolist():
+            whole = _union(self.pieces[first], self.pieces[second])
+            yield self._cost(whole) - self._now(first, second), (first, second), [whole]
+        for index, piece in enumerate(self.pieces):
+            for block in {self._block_of[marker] for marker in piece}:
+                if len(block) < len(piece):
+                    yield from self._moves(index, block, to_piece[list(block)].max(axis=0))
+
+    def _moves(
+        self, index: int, block: Group, distance: Floats
+    ) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
+        others = [other for other in np.flatnonzero(distance <= MOVED).tolist() if other != index]
+        if not others and distance[index] <= SUSPICIOUS:
+            return
+        rest = _without(self.pieces[index], block)
+        yield self._cost(rest) + self._cost(block) - self._now(index), (index,), [rest, block]
+        for other in others:
+            longer = _union(self.pieces[other], block)
+            yield self._cost(rest) + self._cost(longer) - self._now(index, other), (index, other), [rest, longer]
+
+    def _partings(self) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
+        labels = self._labels()
+        nearest = -_largest(_largest(-self._ratio, labels).T, labels)
+        for first, second in np.argwhere(np.triu(nearest <= SUSPICIOUS, 1)).tolist():
+            both = _union(self.pieces[first], self.pieces[second])
+            if len(both) > PARTED:
+                continue
+            now = self._now(first, second)
+            for one, other in self._ways_to_part(both):
+                yield self._cost(one) + self._cost(other) - now, (first, second), [one, other]
+
+    def _ways_to_part(self, markers: Group) -> Iterator[tuple[Group, Group]]:
+        blocks = sorted({self._block_of[marker] for marker in markers})
+        for size in range(len(blocks) - 1):
+            for added in combinations(blocks[1:], size):
+                one: Group = tuple(sorted(blocks[0] + tuple(marker for block in added for marker in block)))
+                other = _without(markers, one)
+                if max(self._widest(one), self._widest(other)) <= MERGED:
+                    yield one, other
+
+    def _labels(self) -> Ints:
+        labels = np.empty(len(self._ratio), dtype=np.intp)
+        for index, piece in enumerate(self.pieces):
+            labels[list(piece)] = index
+        return labels
+
+    def _widest(self, group: Group) -> float:
+        return float(self._ratio[np.ix_(group, group)].max())
+
+    def _now(self, *pieces: int) -> float:
+        return sum(self._cost(self.pieces[index]) for index in pieces)
+
+    def _cost(self, group: Group) -> float:
+        if group not in self._costs:
+            self._costs[group] = PIECE + self._inner_cost(group)
+        return self._costs[group]
+
+    def _inner_cost(self, group: Group) -> float:
+        if len(group) == 1:
+            return 0.0
+        if self._apart[np.ix_(group, group)].any():
+            return FORBIDDEN
+        if len(group) == 2:
+            ratios: Floats = self._ratio[group[:1], group[1:]]
+            return misfit(ratios) - GAIN
+        spread = self._movements.inner(group)
+        if spread is None:
+            return FORBIDDEN
+        ratios = spread.ratios(self._noise)
+        return misfit(ratios) - GAIN * len(ratios)
+
+
+def _linked(ratio: Floats, blocks: list[Group], apart: Bools) -> list[Group]:
+    """Complete linkage of blocks up to `LINKED`."""
+    if len(blocks) == 1:
+        return list(blocks)
+    from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - heavy
+    from scipy.spatial.distance import squareform  # noqa: PLC0415 - heavy
+
+    labels = np.empty(len(ratio), dtype=np.intp)
+    for index, block in enumerate(blocks):
+        labels[list(block)] = index
+    large = np.where(apart, np.finfo(np.float64).max / 4, np.minimum(ratio, np.finfo(np.float64).max / 8))
+    between = _largest(_largest(large, labels).T, labels)
+    np.fill_diagonal(between, 0.0)
+    number = fcluster(linkage(squareform(between, checks=False), method="complete"), LINKED, criterion="distance")
+    return [
+        tuple(sorted(marker for index in np.flatnonzero(number == one) for marker in blocks[index]))
+        for one in np.unique(number)
+    ]
+
+
+def _largest(table: Floats, labels: Ints) -> Floats:
+    """Largest entry of each row over the columns of each label, shape (len(table), n_labels)."""
+    order = np.argsort(labels, kind="stable")
+    starts = np.searchsorted(labels[order], np.arange(labels.max() + 1))
+    return np.asarray(np.maximum.reduceat(table[:, order], starts, axis=1))
+
+
+def _union(first: Group, second: Group) -> Group:
+    return tuple(sorted(first + second))
+
+
+def _without(group: Group, markers: Group) -> Group:
+    return tuple(marker for marker in group if marker not in markers)

@@ -1,0 +1,208 @@
+r"""Whether markers sit where they sat: two takes of one body compared, marker by marker, in the frames of the limbs.
+
+Each take is cut into spans of equal length. A marker's usual place in each span, its median, varies with noise, skin
+and posture; two takes differ where the means of these differ by more than they vary. With the covariances :math:`S_i`
+of the spans' places and their numbers :math:`n_i`,
+
+.. math::
+    T^2 = d^T \left( S_1 / n_1 + S_2 / n_2 + E \right)^{-1} d, \qquad
+    F = \frac{\nu - 2}{3 \nu} T^2 \sim F(3, \nu - 2),
+
+Hotelling's test for unequal covariances, the degrees of freedom :math:`\nu` after Nel and van der Merwe (1986,
+*Communications in Statistics* 15, 3719). E is what the calibration leaves open of the marker's place and of the joints
+of its limb: a joint that is off pushes all markers of the limb aside, as the pose has it. The level is shared by all
+markers (Bonferroni).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import f as f_distribution
+from scipy.stats import ttest_ind
+
+from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.kinematics.articulation import FREEDOMS
+from skelgen.kinematics.known_tree import KnownTree
+from skelgen.model import Joint, Skeleton
+from skelgen.model.arrays import Bools, Floats
+from skelgen.stages.subject.posing import KnownPoses
+
+N_SPANS = 12
+"""Spans of a take: long against the time for which skin stays on one side, enough for a covariance of three numbers."""
+
+LEAST_SPANS = 6
+"""Spans that must show a marker in both takes; with fewer nothing can be said."""
+
+LEAST_SEEN = 5
+"""Frames of a span that must show a marker."""
+
+LEVEL = 0.001
+"""Probability of calling any marker of a take moved where none is."""
+
+_RIDGE = 1e-6  # mm: exact takes have no spread, and differ by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceTest:
+    """What the comparison says of each marker.
+
+    Attributes
+    ----------
+    shifts : ndarray, shape (n_markers, 3), mm
+        Mean place in the new take minus that in the calibrated one, in the limb's frame; NaN where not to be told.
+    p_values : ndarray, shape (n_markers,)
+        Probability of as large a difference by chance; 1 where not to be told.
+    """
+
+    shifts: Floats
+    p_values: Floats
+
+    @property
+    def n_tested(self) -> int:
+        """Number of markers that could be tested."""
+        return int((~np.isnan(self.shifts[:, 0])).sum())
+
+    @property
+    def is_moved(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Whether each marker moved, at the level shared by all."""
+        return np.asarray(self.p_values < LEVEL / max(self.n_tested, 1))
+
+    @property
+    def distances(self) -> Floats:
+        """Lengths of the shifts [mm], 0 where not to be told."""
+        return np.asarray(np.nan_to_num(np.linalg.norm(self.shifts, axis=1)))
+
+
+def span_means(local: Floats) -> Floats:
+    """Return usual places in each span [mm], shape (n_spans, n_markers, 3), NaN where too little is seen.
+
+    Parameters
+    ----------
+    local : ndarray, shape (n_frames, n_markers, 3), mm
+        Markers in the frames of their limbs, NaN where unseen.
+    """
+    means = np.full((N_SPANS, *local.shape[1:]), np.nan)
+    for span, part in enumerate(np.array_split(local, N_SPANS)):
+        seen = ~np.isnan(part[:, :, 0])
+        enough = seen.sum(axis=0) >= LEAST_SEEN
+        if enough.any():
+            means[span, enough] = np.nanmedian(part[:, enough], axis=0)
+    return means
+
+
+def place_errors(skeleton: Skeleton) -> Floats:
+    """Return what a calibration leaves open of markers' places against the joints [mm^2], shape (n_markers, 3, 3).
+
+    The covariances of the place on the limb and of all joints of the limb are added.
+    """
+    errors = np.zeros((len(skeleton.limb_of_marker), 3, 3))
+    if skeleton.offset_std is not None:
+        errors += np.nan_to_num(skeleton.offset_std)[:, np.newaxis] ** 2 * np.eye(3)
+    for joint in skeleton.joints:
+        for limb, covariance in ((joint.parent, joint.covariance), (joint.child, joint.covariance_in_child)):
+            if covariance is not None:
+                errors[skeleton.limb_of_marker == limb] += covariance
+    return errors
+
+
+def compare_places(before: Floats, after: Floats, errors: Floats) -> PlaceTest:
+    """Test whether markers sit at the same places in two takes.
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (n_spans, n_markers, 3), mm
+        From `span_means`.
+    errors : ndarray, shape (n_markers, 3, 3), mm^2
+        From `place_errors`.
+    """
+    n_markers = before.shape[1]
+    shifts, p_values = np.full((n_markers, 3), np.nan), np.ones(n_markers)
+    for marker in range(n_markers):
+        samples = [means[:, marker][~np.isnan(means[:, marker, 0])] for means in (before, after)]
+        if min(map(len, samples)) >= LEAST_SPANS:
+            shifts[marker] = samples[1].mean(axis=0) - samples[0].mean(axis=0)
+            p_values[marker] = _p_value(shifts[marker], samples, errors[marker])
+    return PlaceTest(shifts, p_values)
+
+
+def _p_value(shift: Floats, samples: list[Floats], error: Floats) -> float:
+    parts = [np.cov(sample.T) / len(sample) + _RIDGE**2 * np.eye(3) for sample in samples]
+    whole = parts[0] + parts[1]
+    square = float(shift @ np.linalg.solve(whole + error, shift))
+    spread = sum(_size(part) / (len(sample) - 1) for part, sample in zip(parts, samples, strict=True))
+    freedom = max(_size(whole) / spread, 3.0)
+    return float(f_distribution.sf(square * (freedom - 2) / (3 * freedom), 3, freedom - 2))
+
+
+def _size(matrix: Floats) -> float:
+    return float(np.trace(matrix @ matrix) + np.trace(matrix) ** 2)
+
+
+_LEAST_ANGLE = 1e-6  # rad: exact takes have none
+
+
+def with_free_joints(skeleton: Skeleton, which: tuple[int, ...] | None = None) -> Skeleton:
+    """Return a skeleton some of whose joints, or all, are balls."""
+    chosen = range(skeleton.n_joints) if which is None else which
+    joints = tuple(_ball(joint) if index in chosen else joint for index, joint in enumerate(skeleton.joints))
+    return replace(skeleton, joints=joints)
+
+
+def _ball(joint: Joint) -> Joint:
+    if joint.kind in {"ball", "undetermined"}:
+        return joint
+    return replace(joint, kind="ball", axis=None, second_axis=None, axis_std=None, second_axis_std=None)
+
+
+def looser_joints(skeleton: Skeleton, before: KnownPoses, after: KnownPoses) -> tuple[int, ...]:
+    """Find joints whose kind does not hold in a new take.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With the kinds.
+    before, after : KnownPoses
+        The calibrated and the new take, posed with all joints free.
+
+    Returns
+    -------
+    tuple of int
+        Indices of joints.
+    """
+    bound = [index for index, joint in enumerate(skeleton.joints) if FREEDOMS[joint.kind] < FREEDOMS["ball"]]
+    wobbles = [_wobbles(skeleton, poses) for poses in (before, after)]
+    found = []
+    for index in bound:
+        child = skeleton.joints[index].child
+        samples = [
+            log_spans(wobble[:, child], poses.seen[:, child])
+            for wobble, poses in zip(wobbles, (before, after), strict=True)
+        ]
+        if min(map(len, samples)) >= LEAST_SPANS:
+            p_value = float(ttest_ind(samples[1], samples[0], equal_var=False, alternative="greater").pvalue)
+            if p_value < LEVEL / len(bound):
+                found.append(index)
+    return tuple(found)
+
+
+def _wobbles(skeleton: Skeleton, poses: KnownPoses) -> Floats:
+    """Angles [rad] by which limbs leave what the joints above allow, shape (n_frames, n_limbs)."""
+    angles = np.zeros(poses.seen.shape)
+    for root in skeleton.roots:
+        tree = KnownTree(skeleton, int(root), None)
+        free = poses.world_from_limb[:, tree.limbs][..., :3, :3]
+        held = tree.articulation.projected(tree.chain.parents, free)
+        above = np.maximum(tree.chain.parents, 0)
+        turns = [rotations[:, above].swapaxes(-1, -2) @ rotations for rotations in (held, free)]
+        off = np.linalg.norm(vector_from_matrix(turns[0].swapaxes(-1, -2) @ turns[1]), axis=-1)
+        angles[:, tree.limbs[1:]] = off[:, 1:]
+    return angles
+
+
+def log_spans(angles: Floats, seen: Bools) -> Floats:
+    """Return logarithms of the root mean square in each span of a take that shows enough."""
+    spans = zip(np.array_split(angles, N_SPANS), np.array_split(seen, N_SPANS), strict=True)
+    shown = [part[known] for part, known in spans if known.sum() >= LEAST_SEEN]
+    return np.array([np.log(np.sqrt((part**2).mean()) + _LEAST_ANGLE) for part in shown])

@@ -1,0 +1,311 @@
+"""Labels by a known skeleton: which point of a new take is which of its markers, and what the others are.
+
+Proposals are made: the names, where the take has some that the skeleton knows, and the pose of the skeleton followed
+through the take forward and backward, names or none, as each frame tells and as all frames of a track tell together.
+The one that explains most positions is kept. The skeleton is then posed in all frames, and points that no marker has
+are given to markers whose place they are at.
+Tracks that remain and keep their place on a limb are markers: moved ones, where one of the limb is missing, or new.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from skelgen.errors import InputError
+from skelgen.model import PointCloud, Skeleton, Trajectories
+from skelgen.model.arrays import Floats, Ints
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels.online.pose_filter import Chain
+from skelgen.stages.labels.online.skeleton_labels import ModelLabels
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.tracking.follow import typical_spacing
+from skelgen.stages.subject.points import Settler, TrackedPoints, settled_tracks, tracked_points
+from skelgen.stages.subject.posing import KnownPoses, pose_known
+
+GATE = 5.0
+"""Deviations of a marker on its limb within which a point is at its place, as in the labels frame by frame."""
+
+LEAST_EXPLAINED = 0.5
+"""Of the positions that markers of the skeleton or points of the take could give: less is no take of this body."""
+
+ROUNDS = 3
+"""Turns of points to markers and of poses: a point that is found poses its limb, which finds others."""
+
+HELD_SHARE = 0.5
+"""A track that is at a marker's place in more than this part of its frames is that marker's in between too."""
+
+JUDGED_FRAMES = 200
+"""Frames in which proposals are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownLabels:
+    """Points of a take as markers of a known skeleton.
+
+    Attributes
+    ----------
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point; beyond those of the skeleton new ones; -1 for none.
+    points : TrackedPoints
+        The points.
+    poses : KnownPoses
+        Of the skeleton, by the points at their places.
+    moved : tuple of Settler
+        Markers of the skeleton that are at another place of their limb.
+    new : tuple of Settler
+        Markers that the skeleton does not know, in the order of their numbers.
+    explained : float
+        Part of the positions that could be explained which lie where the skeleton has its markers.
+    by_name : bool
+        Whether the names of the take told.
+    """
+
+    marker_of_point: Ints
+    points: TrackedPoints
+    poses: KnownPoses
+    moved: tuple[Settler, ...]
+    new: tuple[Settler, ...]
+    explained: float
+    by_name: bool
+
+
+def label_known(
+    take: PointCloud | Trajectories,
+    skeleton: Skeleton,
+    names: tuple[str, ...],
+    parameters: LabelParameters | None = None,
+    monitor: Monitor = SILENT,
+) -> KnownLabels:
+    """Label a take by the skeleton of the body that it shows.
+
+    Parameters
+    ----------
+    take : PointCloud or Trajectories
+        The take; names that it has are heeded where they agree with the skeleton.
+    skeleton : Skeleton
+        Calibrated on another take.
+    names : tuple of str
+        Names of its markers.
+    parameters : LabelParameters, optional
+        How points without names are followed.
+    monitor : Monitor
+        Told of progress; may cancel.
+
+    Raises
+    ------
+    InputError
+        If the skeleton explains too little of the take: it shows another body, or other markers.
+    """
+    monitor.begin("labels by the known skeleton")
+    points = tracked_points(take, parameters or LabelParameters(), monitor)
+    gates = GATE * Chain(skeleton).deviation
+    owner, by_name = _proposed(points, skeleton, names, gates, monitor)
+    placed, poses = _placed(points, owner, skeleton, gates, monitor)
+    explained = _share(points, placed, skeleton)
+    if explained < LEAST_EXPLAINED:
+        raise InputError(
+            f"{take.name or 'the take'}: the skeleton explains {100 * explained:.0f} % of the positions that it could; "
+            "it is of another body, or of other markers: leave out --skeleton to calibrate this take by itself"
+        )
+    names_of_tracks = {index: names.index(name) for index, name in enumerate(points.names) if name in names}
+    moved, new = settled_tracks(points, placed, skeleton, poses, gates, names_of_tracks)
+    result = placed.copy()
+    for number, one in enumerate((*moved, *new)):
+        marker = one.marker if number < len(moved) else len(names) + number - len(moved)
+        result[one.points] = marker
+    return KnownLabels(result, points, poses, moved, new, explained, by_name)
+
+
+def _proposed(
+    points: TrackedPoints, skeleton: Skeleton, names: tuple[str, ...], gates: Floats, monitor: Monitor
+) -> tuple[Ints, bool]:
+    """Markers of the points by what explains most of them, and whether that is the names of the take."""
+    ways = _ways(points, skeleton, monitor)
+    proposals = [(_frame_by_frame(points, ways, len(names)), False), (by_tracks(points, ways, len(names)), False)]
+    named = _named(points, names)
+    if named is not None:
+        proposals.append((named, True))
+    counts = [_n_explained(points, owner, skeleton, gates) for owner, _ in proposals]
+    return proposals[max(range(len(proposals)), key=lambda index: (counts[index], index))]
+
+
+def _named(points: TrackedPoints, names: tuple[str, ...]) -> Ints | None:
+    """Markers by the names of the take, if there are any that the skeleton knows."""
+    known = np.array([names.index(name) if name in names else -1 for name in points.names], dtype=np.intp)
+    return known[points.tracks] if (known >= 0).any() else None
+
+
+def _ways(points: TrackedPoints, skeleton: Skeleton, monitor: Monitor) -> list[Ints]:
+    """Markers by the pose of the skeleton, followed forward, and backward where that leaves points alone."""
+    spacing, n_frames = typical_spacing(points.cloud), points.cloud.n_frames
+    forward = _one_way(points, skeleton, spacing, range(n_frames), monitor)
+    alone = np.bincount(points.frames[forward < 0], minlength=n_frames)
+    missing = _n_carried(skeleton) - np.bincount(points.frames[forward >= 0], minlength=n_frames)
+    if not ((alone > 0) & (missing > 0)).any():
+        return [forward]
+    return [forward, _one_way(points, skeleton, spacing, range(n_frames - 1, -1, -1), monitor)]
+
+
+def _frame_by_frame(points: TrackedPoints, ways: list[Ints], n_markers: int) -> Ints:
+    """Markers by the first way, by the next ones where that leaves both point and marker alone."""
+    owner = ways[0]
+    for other in ways[1:]:
+        taken = np.zeros((points.cloud.n_frames, n_markers), dtype=np.bool_)
+        owned = owner >= 0
+        taken[points.frames[owned], owner[owned]] = True
+        free = (owner < 0) & (other >= 0) & ~taken[points.frames, other]
+        owner = np.where(free, other, owner)
+    return owner
+
+
+def _one_way(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
+    model = ModelLabels(skeleton)
+    starts = points.cloud.frame_starts
+    owner = np.full(points.cloud.n_points, -1, dtype=np.intp)
+    for count, frame in enumerate(frames):
+        part = slice(int(starts[frame]), int(starts[frame + 1]))
+        if part.stop > part.start:
+            owner[part] = model.update(points.cloud.points[part], points.tracks[part], 1, spacing)
+        if count % 100 == 0:
+            monitor.advance(count, len(frames))
+    return owner
+
+
+def _n_explained(points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats) -> int:
+    """Positions at their places in some frames."""
+    frames = np.unique(np.linspace(0, points.cloud.n_frames - 1, JUDGED_FRAMES).astype(np.intp))
+    positions = points.positions(owner, len(skeleton.limb_of_marker))[frames]
+    if np.isnan(positions[:, :, 0]).all():
+        return 0
+    return int((_away(pose_known(skeleton, positions), skeleton, positions) < gates).sum())
+
+
+def _away(poses: KnownPoses, skeleton: Skeleton, positions: Floats) -> Floats:
+    """Distances [mm] of positions from where the skeleton has their markers, shape (n_frames, n_markers)."""
+    return np.asarray(np.linalg.norm(positions - poses.markers(skeleton), axis=2))
+
+
+def _placed(
+    points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
+) -> tuple[Ints, KnownPoses]:
+    """Keep points that are at their marker's place, give others to markers whose place they are at, and pose again.
+
+    A track that is at a marker's place now and then is tried as that marker in all its frames, which turns a limb that
+    few markers hold to where it belongs.
+    """
+    owner, poses = _settled(points, owner, skeleton, gates, monitor)
+    n_markers = len(skeleton.limb_of_marker)
+    tried = _frame_by_frame(points, [owner, by_tracks(points, [owner], n_markers)], n_markers)
+    if not np.array_equal(owner, tried):
+        other, poses_of_other = _settled(points, tried, skeleton, gates, monitor)
+        if (other >= 0).sum() > (owner >= 0).sum():
+            owner, poses = other, poses_of_other
+    return _held(points, owner, poses.markers(skeleton)), poses
+
+
+def _held(points: TrackedPoints, owner: Ints, predicted: Floats) -> Ints:
+    """Leave a marker what its track shows in between: skin may stray farther than the calibrated take told.
+
+    The track is at the marker's place in most of its frames, and no farther from it than half the points' spacing.
+    """
+    if (owner < 0).all():
+        return owner
+    n_markers = predicted.shape[1]
+    most = by_tracks(points, [owner], n_markers)
+    own = np.maximum(most, 0)
+    tracks = np.maximum(points.tracks, 0)
+    agreed = np.bincount(tracks, (owner == most) & (most >= 0)) > HELD_SHARE * np.bincount(tracks, points.tracks >= 0)
+    away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
+    near = agreed[tracks] & (away < typical_spacing(points.cloud) / 2)
+    return _frame_by_frame(points, [owner, np.where(near, most, -1)], n_markers)
+
+
+def _settled(
+    points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
+) -> tuple[Ints, KnownPoses]:
+    """Turns of points to markers and of poses until nothing changes."""
+    n_markers = len(skeleton.limb_of_marker)
+    if (owner < 0).all():
+        return owner, pose_known(skeleton, points.positions(owner, n_markers)[:0])
+    poses = pose_known(skeleton, points.positions(owner, n_markers), monitor=monitor)
+    for _ in range(ROUNDS):
+        before, owner = owner, _reassigned(points, owner, poses.markers(skeleton), gates)
+        if (owner < 0).all() or np.array_equal(before, owner):
+            break
+        poses = pose_known(skeleton, points.positions(owner, n_markers), monitor=monitor)
+    return owner, poses
+
+
+def _reassigned(points: TrackedPoints, owner: Ints, predicted: Floats, gates: Floats) -> Ints:
+    own = np.maximum(owner, 0)
+    away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
+    kept = np.where((owner >= 0) & (away < gates[own]), owner, -1)
+    free = np.flatnonzero((kept < 0) & (points.tracks >= 0))
+    taken = np.zeros(predicted.shape[:2], dtype=np.bool_)
+    taken[points.frames[kept >= 0], kept[kept >= 0]] = True
+    for some in np.split(free, np.flatnonzero(np.diff(points.frames[free])) + 1):
+        if not len(some):
+            continue
+        frame = int(points.frames[some[0]])
+        markers = np.flatnonzero(~taken[frame] & ~np.isnan(predicted[frame, :, 0]))
+        apart = (
+            np.linalg.norm(points.cloud.points[some, np.newaxis] - predicted[frame, markers], axis=2) / gates[markers]
+        )
+        rows, columns = linear_sum_assignment(np.minimum(apart, 1.0))
+        near = apart[rows, columns] < 1.0
+        kept[some[rows[near]]] = markers[columns[near]]
+    return kept
+
+
+def _share(points: TrackedPoints, owner: Ints, skeleton: Skeleton) -> float:
+    """Part of what could be explained, frame by frame the fewer of points and markers, that is explained."""
+    possible = np.minimum(points.cloud.points_per_frame, _n_carried(skeleton)).sum()
+    return float((owner >= 0).sum() / max(int(possible), 1))
+
+
+def _n_carried(skeleton: Skeleton) -> int:
+    return int((skeleton.limb_of_marker >= 0).sum())
+
+
+def by_tracks(points: TrackedPoints, owners: Iterable[Ints], n_markers: int) -> Ints:
+    """Return the marker of each point by the votes of all frames of its track.
+
+    Each frame in which a point of a track was taken for a marker is a vote. Pairs of tracks and markers are joined,
+    most votes first, unless a track of the marker is seen in the same frames.
+
+    Parameters
+    ----------
+    points : TrackedPoints
+        The take.
+    owners : iterable of ndarray of intp, shape (n_points,)
+        Markers of the points, -1 for none, from each way of following them.
+    n_markers : int
+        Number of markers.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for points on no track, or on one without a marker.
+    """
+    order = np.flatnonzero(points.tracks >= 0)
+    n_tracks = int(points.tracks.max(initial=0)) + 1
+    votes = np.zeros((n_tracks, n_markers), dtype=np.intp)
+    for owner in owners:
+        heard = order[owner[order] >= 0]
+        np.add.at(votes, (points.tracks[heard], owner[heard]), 1)
+    by_track = order[np.argsort(points.tracks[order], kind="stable")]
+    ends = np.cumsum(np.bincount(points.tracks[by_track], minlength=n_tracks))
+    frames_of = np.split(points.frames[by_track], ends[:-1])
+    taken = np.zeros((n_markers, points.cloud.n_frames), dtype=np.bool_)
+    marker_of_track = np.full(n_tracks, -1, dtype=np.intp)
+    tracks, markers = np.nonzero(votes)
+    for pair in np.argsort(-votes[tracks, markers], kind="stable").tolist():
+        track, marker = tracks[pair], markers[pair]
+        if marker_of_track[track] < 0 and not taken[marker, frames_of[track]].any():
+            marker_of_track[track] = marker
+            taken[marker, frames_of[track]] = True
+    return np.where(points.tracks >= 0, marker_of_track[points.tracks], -1)

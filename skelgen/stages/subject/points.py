@@ -1,0 +1,203 @@
+"""A take as points in tracks, whether its markers carry names or not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model import PointCloud, Skeleton, Trajectories
+from skelgen.model.arrays import Floats, Ints
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.subject.posing import KnownPoses
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPoints:
+    """Points of a take, and which of them are one in time.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        All points that are seen.
+    frames : ndarray of intp, shape (n_points,)
+        Frame of each.
+    tracks : ndarray of intp, shape (n_points,)
+        Track of each, -1 for none; of a labelled take the index of its marker.
+    names : tuple of str
+        Names of the tracks of a labelled take; empty for others.
+    """
+
+    cloud: PointCloud
+    frames: Ints
+    tracks: Ints
+    names: tuple[str, ...]
+
+    def positions(self, owner: Ints, n_markers: int) -> Floats:
+        """Return positions of markers [mm], shape (n_frames, n_markers, 3), from the marker of each point."""
+        owned = owner >= 0
+        placed = np.full((self.cloud.n_frames, n_markers, 3), np.nan)
+        placed[self.frames[owned], owner[owned]] = self.cloud.points[owned]
+        return placed
+
+
+def tracked_points(
+    take: PointCloud | Trajectories, parameters: LabelParameters, monitor: Monitor = SILENT
+) -> TrackedPoints:
+    """Return the points of a take in tracks.
+
+    Parameters
+    ----------
+    take : PointCloud or Trajectories
+        The take.
+    parameters : LabelParameters
+        How points without names are followed.
+    monitor : Monitor
+        Told of progress; may cancel.
+    """
+    if isinstance(take, PointCloud):
+        frames = np.repeat(np.arange(take.n_frames), take.points_per_frame)
+        owner, _ = follow_points(take, parameters, monitor)
+        return TrackedPoints(take, frames, np.asarray(owner, dtype=np.intp), ())
+    frames, columns = np.nonzero(~np.isnan(take.positions[:, :, 0]))
+    starts = np.searchsorted(frames, np.arange(take.n_frames + 1))
+    times = np.arange(take.n_frames) / take.rate
+    cloud = PointCloud(take.positions[frames, columns], starts, times, name=take.name)
+    return TrackedPoints(cloud, frames, columns, take.names)
+
+
+LEAST_FRAMES = 30
+"""Frames that must show a track before its place on a limb counts, as for the skeleton's own limbs."""
+
+MOVED_SHARE = 0.5
+"""A marker that is at its place in more than this part of the frames that show the newcomer has not moved there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settler:
+    """A marker at a place of its own on a limb.
+
+    Attributes
+    ----------
+    points : ndarray of intp
+        Its points in the take.
+    limb : int
+        The limb, -1 for none.
+    place : ndarray, shape (3,), mm
+        Where it is in the limb's frame; NaN on no limb.
+    spread : float, mm
+        Root mean square of a coordinate around that place.
+    marker : int
+        The marker of the skeleton that moved there; -1 for a new one.
+    name : str
+        Name in the take, empty where it has none.
+    """
+
+    points: Ints
+    limb: int
+    place: Floats
+    spread: float
+    marker: int
+    name: str
+
+
+def settled_tracks(
+    points: TrackedPoints,
+    owner: Ints,
+    skeleton: Skeleton,
+    poses: KnownPoses,
+    gates: Floats,
+    marker_of_track: dict[int, int],
+) -> tuple[tuple[Settler, ...], tuple[Settler, ...]]:
+    """Find moved and new markers among the tracks that no marker explains.
+
+    Parameters
+    ----------
+    points : TrackedPoints
+        The take.
+    owner : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    skeleton : Skeleton
+        The known skeleton.
+    poses : KnownPoses
+        Its poses.
+    gates : ndarray, shape (n_markers,), mm
+        How far from its place each marker may be.
+    marker_of_track : mapping of int to int
+        The marker that a track is by its name.
+    """
+    settlers = _joined(_alone(points, owner, skeleton, poses, float(np.median(gates))), points, float(np.median(gates)))
+    seen = np.zeros((points.cloud.n_frames, len(skeleton.limb_of_marker)), dtype=np.bool_)
+    seen[points.frames[owner >= 0], owner[owner >= 0]] = True
+    moved: list[Settler] = []
+    new: list[Settler] = []
+    for one in sorted(settlers, key=lambda settler: -len(settler.points)):
+        track = int(points.tracks[one.points[0]])
+        named = marker_of_track.get(track, -1) if points.names else -1
+        taken = {other.marker for other in moved}
+        absent = ~(seen[points.frames[one.points]].mean(axis=0) > MOVED_SHARE)
+        candidates = [int(m) for m in skeleton_markers(skeleton, one.limb) if absent[m] and m not in taken]
+        if named >= 0 and absent[named] and named not in taken:
+            moved.append(_as(one, named))
+        elif candidates:
+            apart = np.linalg.norm(skeleton.marker_offsets[candidates] - one.place, axis=1)
+            moved.append(_as(one, candidates[int(np.argmin(apart))]))
+        else:
+            new.append(one)
+    return tuple(moved), tuple(new)
+
+
+def skeleton_markers(skeleton: Skeleton, limb: int) -> Ints:
+    """Return the markers on a limb; none for -1."""
+    return skeleton.markers_of(limb) if limb >= 0 else np.empty(0, dtype=np.intp)
+
+
+def _as(settler: Settler, marker: int) -> Settler:
+    return Settler(settler.points, settler.limb, settler.place, settler.spread, marker, settler.name)
+
+
+def _alone(points: TrackedPoints, owner: Ints, skeleton: Skeleton, poses: KnownPoses, gate: float) -> list[Settler]:
+    """Tracks without a marker that are seen for long: on the limb on which they stay, or on none."""
+    left = np.flatnonzero((owner < 0) & (points.tracks >= 0))
+    lengths = np.bincount(points.tracks[points.tracks >= 0])
+    found = []
+    for some in _groups(left, points.tracks):
+        if len(some) < max(LEAST_FRAMES, MOVED_SHARE * lengths[points.tracks[some[0]]]):
+            continue
+        frames = points.frames[some]
+        shifted = points.cloud.points[some, np.newaxis] - poses.world_from_limb[frames, :, :3, 3]
+        local = (poses.world_from_limb[frames, :, :3, :3].swapaxes(-1, -2) @ shifted[..., np.newaxis])[..., 0]
+        middle = np.median(local, axis=0)
+        off = np.linalg.norm(local - middle, axis=2)
+        limb = int(np.argmin(np.median(off, axis=0)))
+        near = off[:, limb] < gate
+        name = points.names[int(points.tracks[some[0]])] if points.names else ""
+        if near.sum() >= max(LEAST_FRAMES, len(some) / 2):
+            place = local[near, limb].mean(axis=0)
+            spread = float(np.sqrt(((local[near, limb] - place) ** 2).mean()))
+            found.append(Settler(some[near], limb, place, spread, -1, name))
+        elif name:
+            found.append(Settler(some, -1, np.full(3, np.nan), np.nan, -1, name))
+    return found
+
+
+def _groups(points: Ints, tracks: Ints) -> list[Ints]:
+    order = points[np.argsort(tracks[points], kind="stable")]
+    return np.split(order, np.flatnonzero(np.diff(tracks[order])) + 1) if len(order) else []
+
+
+def _joined(settlers: list[Settler], points: TrackedPoints, gate: float) -> list[Settler]:
+    """Join settlers at one place of a limb that are never seen together: one marker, lost and found again."""
+    joined: list[Settler] = []
+    for one in sorted(settlers, key=lambda settler: -len(settler.points)):
+        for index, other in enumerate(joined):
+            near = one.limb >= 0 and one.limb == other.limb and np.linalg.norm(one.place - other.place) < gate
+            if near and not points.names and not np.isin(points.frames[one.points], points.frames[other.points]).any():
+                both = np.sort(np.concatenate([other.points, one.points]))
+                joined[index] = Settler(both, other.limb, other.place, other.spread, -1, other.name)
+                break
+        else:
+            joined.append(one)
+    return joined

@@ -1,0 +1,175 @@
+"""A known skeleton posed in all frames of a take: limbs, joints and places of markers stay as they are.
+
+Each tree is placed from the root outward, then fitted to all markers at once with its joints held to their kinds, as
+the skeleton stage does after its calibration; positions that the chain does not explain are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.geometry.orientation import ROTATORS, fit_transform
+from skelgen.geometry.rotations import transform_from
+from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.inverse import posture_of
+from skelgen.kinematics.known_tree import KnownTree
+from skelgen.kinematics.shape import determines_pose
+from skelgen.model import Motion, Skeleton
+from skelgen.model.arrays import Bools, Floats
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.skeleton.assembly import Body
+from skelgen.stages.skeleton.loops import BodyRings, all_poses
+from skelgen.stages.skeleton.parameters import SkeletonParameters
+from skelgen.stages.skeleton.posing import out_of_line, posed_with_care, without_outliers
+
+BLOCK_FRAMES = 8_192
+"""Frames posed at once: a take of forty markers needs some 10 KB for each."""
+
+MARGIN = 400
+"""Frames on both sides of a block that are posed with it: what is not seen at its ends is interpolated as elsewhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPoses:
+    """Poses of a known skeleton.
+
+    Attributes
+    ----------
+    world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
+        Complete: what is not seen is interpolated.
+    seen : ndarray of bool, shape (n_frames, n_limbs)
+        Whether a limb's rotation rests on markers of the frame.
+    trusted : ndarray, shape (n_frames, n_markers, 3), mm
+        Positions without those that the skeleton does not explain.
+    """
+
+    world_from_limb: Floats
+    seen: Bools
+    trusted: Floats
+
+    def local(self, skeleton: Skeleton, positions: Floats) -> Floats:
+        """Return positions of markers in the frames of their limbs [mm], NaN where unseen or on no limb."""
+        poses = self.world_from_limb[:, skeleton.limb_of_marker]
+        shifted = (positions - poses[..., :3, 3])[..., np.newaxis]
+        local = (poses[..., :3, :3].swapaxes(-1, -2) @ shifted)[..., 0]
+        return np.asarray(np.where((skeleton.limb_of_marker >= 0)[:, np.newaxis], local, np.nan))
+
+    def markers(self, skeleton: Skeleton) -> Floats:
+        """Return where the skeleton carries its markers [mm], shape (n_frames, n_markers, 3)."""
+        poses = self.world_from_limb[:, skeleton.limb_of_marker]
+        carried = (poses[..., :3, :3] @ skeleton.marker_offsets[..., np.newaxis])[..., 0] + poses[..., :3, 3]
+        return np.asarray(np.where((skeleton.limb_of_marker >= 0)[:, np.newaxis], carried, np.nan))
+
+
+def pose_known(
+    skeleton: Skeleton,
+    positions: Floats,
+    parameters: SkeletonParameters | None = None,
+    monitor: Monitor = SILENT,
+) -> KnownPoses:
+    """Pose a known skeleton in the frames of a take.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The limbs, with kinds and axes of joints.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers in the skeleton's order, NaN where unseen.
+    parameters : SkeletonParameters, optional
+        Their `rotation`, `flatness`, `outlier_limit` and `robust`.
+    monitor : Monitor
+        Told of progress; may cancel.
+    """
+    wishes = parameters or SkeletonParameters()
+    n_frames = len(positions)
+    world = np.tile(np.eye(4), (n_frames, skeleton.n_limbs, 1, 1))
+    seen = np.zeros((n_frames, skeleton.n_limbs), dtype=np.bool_)
+    trusted = np.array(positions)
+    trees = [KnownTree(skeleton, int(root), None) for root in skeleton.roots]
+    for first in range(0, n_frames, BLOCK_FRAMES):
+        last = min(first + BLOCK_FRAMES, n_frames)
+        start = max(first - MARGIN, 0)
+        wide, inner = slice(start, min(last + MARGIN, n_frames)), slice(first - start, last - start)
+        for tree in trees:
+            if not len(tree.markers):
+                continue
+            poses, fixed, kept = _posed(tree, positions[wide][:, tree.markers], wishes)
+            part = poses[inner]
+            world[first:last, tree.limbs] = transform_from(part.rotations, part.origins(tree.chain))
+            seen[first:last, tree.limbs] = fixed[inner]
+            trusted[first:last, tree.markers] = kept[inner]
+        monitor.advance(last, n_frames)
+    return KnownPoses(world, seen, trusted)
+
+
+def _posed(tree: KnownTree, positions: Floats, parameters: SkeletonParameters) -> tuple[ChainPoses, Bools, Floats]:
+    """Poses, whether rotations rest on markers of the frame, and the positions that are explained."""
+    chain, articulation = tree.chain, tree.articulation
+    joints = _joints_of_limbs(chain, positions, parameters.flatness)
+    body = Body(tree.limbs, chain.parents, tree.markers, chain.limb_of_marker, positions, joints)
+    trusted, start, fixed = without_outliers(body, chain, parameters, ROTATORS[parameters.rotation])
+    rings = _closed(tree)
+    begin = ChainPoses(start.root, articulation.projected(chain.parents, start.rotations))
+    poses = posed_with_care(chain, rings, begin, trusted, articulation, fixed)
+    far = out_of_line(chain, articulation, poses, trusted, parameters.robust)
+    if far.any():
+        trusted = np.where(far[..., np.newaxis], np.nan, trusted)
+        poses = all_poses(chain, rings, poses, trusted, articulation)
+    return poses, fixed, trusted
+
+
+def _joints_of_limbs(chain: Chain, positions: Floats, flatness: float) -> Floats:
+    """Joint above each limb that its own markers pose [mm], shape (n_frames, n_limbs, 3), else NaN.
+
+    They place limbs that show too little, or nothing at all: a pelvis without markers between its neighbours.
+    """
+    seen = ~np.isnan(positions[:, :, 0])
+    joints = np.full((len(positions), chain.n_limbs, 3), np.nan)
+    for limb in range(1, chain.n_limbs):
+        markers = np.flatnonzero(chain.limb_of_marker == limb)
+        frames = np.flatnonzero(determines_pose(chain.offsets[markers], seen[:, markers], flatness))
+        block = np.ix_(frames, markers)
+        joints[frames, limb] = fit_transform(chain.offsets[markers], positions[block], seen[block])[:, :3, 3]
+    return joints
+
+
+def _closed(tree: KnownTree) -> BodyRings | None:
+    n_rings = tree.rings.n_rings
+    if not n_rings:
+        return None
+    return BodyRings(tree.rings, np.zeros(n_rings), np.zeros(n_rings), 0.0, 0.0, {}, np.zeros((n_rings, 2, 3, 3)))
+
+
+def known_motion(skeleton: Skeleton, poses: KnownPoses, measured: Floats, rate: float) -> Motion:
+    """Return poses as a motion, with residuals of the measured markers and deviations of the joints.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        What is posed.
+    poses : KnownPoses
+        Its poses.
+    measured : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    rate : float, Hz
+        Frame rate.
+    """
+    children = [joint.child for joint in skeleton.joints]
+    markers = poses.markers(skeleton)
+    motion = Motion(
+        world_from_limb=poses.world_from_limb,
+        joint_positions=poses.world_from_limb[:, children][..., :3, 3],
+        marker_positions=markers,
+        residuals=np.linalg.norm(measured - markers, axis=2),
+        limb_seen=poses.seen,
+        rate=rate,
+    )
+    stds = [
+        posture_of(
+            skeleton, motion, poses.trusted, np.arange(first, min(first + BLOCK_FRAMES, len(measured)))
+        ).joint_std
+        for first in range(0, len(measured), BLOCK_FRAMES)
+    ]
+    return Motion(**{**vars(motion), "joint_std": np.concatenate(stds)})

@@ -1,0 +1,196 @@
+r"""Sensors put on a known body: where each sits on its limb, told by the joints.
+
+In a calibrated take the joint of two limbs is at one place, whether the parent's sensor or the child's carries it. How
+far these two places are apart in the new take is noise where both sensors sit as they sat, and more where one does
+not. The gaps in equal spans of both takes are compared by Welch's test, one-sided, the level shared by all joints.
+
+Of the limb with most such joints, all of which must be such ones, the joints' places in the sensor's frame are found
+anew, with those in the neighbours' frames left open as well (SCoRE, Ehrig et al. 2006): the deviations p, q that
+minimise :math:`\sum |R_1 (a + p) + t_1 - R_2 (b + q) - t_2|^2`. The rigid transform that brings the known places onto
+them is where the sensor sits now. This is repeated until no gap is left that a sensor could explain. Where a limb has
+fewer than three joints, or all on one line, they leave its sensor's turn about them open: axes of its joints are then
+not known any more, and the joints are balls.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import ttest_ind
+
+from skelgen.geometry.orientation import fit_transform, rotation_by_svd
+from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.kinematics.shape import determines_pose
+from skelgen.model import Joint, Skeleton
+from skelgen.model.arrays import Floats
+from skelgen.stages.skeleton.parameters import SkeletonParameters
+from skelgen.stages.subject.changes import LEAST_SPANS, LEVEL, log_spans, with_free_joints
+
+LEAST_TURN = 0.05
+"""Part of the largest singular value below which a direction tells nothing: relative turns of some 3 degrees."""
+
+REPEATS = 10
+"""Times that one sensor is placed: along a hinge's axis its joint is free, and goes where the other joints have it."""
+
+ROUNDS = 3
+"""Times that each sensor is looked at: it is placed by neighbours that may have been placed after it."""
+
+_ANCHOR = 0.01  # of a joint's pull: what the joints leave open of a sensor's seat stays as it was
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A sensor that sits elsewhere on its limb.
+
+    Attributes
+    ----------
+    limb : int
+        The limb.
+    shift : float, mm
+        By how far the sensor's origin moved.
+    turn : float, degrees
+        By how much it turned.
+    """
+
+    limb: int
+    shift: float
+    turn: float
+
+
+def reseated(skeleton: Skeleton, before: Floats, after: Floats) -> tuple[Skeleton, tuple[Seat, ...], tuple[int, ...]]:
+    """Find sensors that sit elsewhere than in the calibrated take.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The known one, of virtual markers on sensors.
+    before, after : ndarray, shape (n_frames, n_markers, 3), mm
+        Its markers in the calibrated and in the new take, NaN where unseen.
+
+    Returns
+    -------
+    skeleton : Skeleton
+        With the markers of sensors that moved where they are now; joints whose axes are not known any more are balls.
+    seats : tuple of Seat
+        Those sensors.
+    open_joints : tuple of int
+        Joints whose gap no seat of a sensor explains.
+    """
+    known = [_log_gaps(skeleton, joint, before) for joint in skeleton.joints]
+    now, moved, looked_at = skeleton, set[int](), [0] * skeleton.n_limbs
+    while True:
+        loose = [index for index in range(skeleton.n_joints) if _is_wider(now, index, known, after)]
+        limb = _suspect(now, loose, looked_at)
+        if limb < 0:
+            seats = [_seat(skeleton, now, limb) for limb in sorted(moved)]
+            return _with_known_axes(now, seats), tuple(seats), tuple(loose)
+        for _ in range(REPEATS):
+            now = _reseated(now, limb, after)
+        moved.add(limb)
+        looked_at[limb] += 1
+
+
+def _with_known_axes(skeleton: Skeleton, seats: list[Seat]) -> Skeleton:
+    """The skeleton with balls on limbs whose sensors moved and whose joints leave open how."""
+    freed: set[int] = set()
+    for seat in seats:
+        own = _joints_of(skeleton, seat.limb)
+        places = np.array([_ends(skeleton.joints[index], seat.limb)[0] for index in own])
+        if not determines_pose(places, np.ones((1, len(places)), dtype=np.bool_), SkeletonParameters().flatness)[0]:
+            freed.update(own)
+    return with_free_joints(skeleton, tuple(sorted(freed)))
+
+
+def _is_wider(skeleton: Skeleton, index: int, known: list[Floats], after: Floats) -> bool:
+    gaps = _log_gaps(skeleton, skeleton.joints[index], after)
+    if min(len(gaps), len(known[index])) < LEAST_SPANS:
+        return False
+    p_value = float(ttest_ind(gaps, known[index], equal_var=False, alternative="greater").pvalue)
+    return p_value < LEVEL / skeleton.n_joints
+
+
+def _log_gaps(skeleton: Skeleton, joint: Joint, positions: Floats) -> Floats:
+    """Logarithms of the gap's root mean square in each span."""
+    first, second = (_limb_poses(skeleton, limb, positions) for limb in (joint.parent, joint.child))
+    ends = first[:, :3, :3] @ joint.position_in_parent + first[:, :3, 3]
+    others = second[:, :3, :3] @ joint.position_in_child + second[:, :3, 3]
+    gaps = np.linalg.norm(ends - others, axis=1)
+    return log_spans(gaps, ~np.isnan(gaps))
+
+
+def _limb_poses(skeleton: Skeleton, limb: int, positions: Floats) -> Floats:
+    """Poses of a limb by its own sensor, shape (n_frames, 4, 4), NaN where unseen."""
+    markers = skeleton.markers_of(limb)
+    seen = ~np.isnan(positions[:, markers, 0])
+    if not len(markers):
+        return np.full((len(positions), 4, 4), np.nan)
+    return fit_transform(skeleton.marker_offsets[markers], positions[:, markers], seen)
+
+
+def _suspect(skeleton: Skeleton, loose: list[int], looked_at: list[int]) -> int:
+    """The limb with most joints, all of them loose, of those that were looked at least; -1 for none."""
+    counts = {
+        limb: len(own)
+        for limb in range(skeleton.n_limbs)
+        if looked_at[limb] < ROUNDS and (own := _joints_of(skeleton, limb)) and set(own) <= set(loose)
+    }
+    if not counts:
+        return -1
+    return max(counts, key=lambda limb: (-looked_at[limb], counts[limb], limb not in skeleton.roots))
+
+
+def _ends(joint: Joint, limb: int) -> tuple[Floats, Floats]:
+    """Places of a joint in one of its limbs, and in the other."""
+    ends = (joint.position_in_parent, joint.position_in_child)
+    return ends if joint.parent == limb else ends[::-1]
+
+
+def _joints_of(skeleton: Skeleton, limb: int) -> list[int]:
+    return [index for index, joint in enumerate(skeleton.joints) if limb in (joint.parent, joint.child)]
+
+
+def _reseated(skeleton: Skeleton, limb: int, positions: Floats) -> Skeleton:
+    """The skeleton with one sensor where the joints of its limb say that it sits."""
+    markers = skeleton.markers_of(limb)
+    own = _limb_poses(skeleton, limb, positions)
+    places, found = [], []
+    for index in _joints_of(skeleton, limb):
+        joint = skeleton.joints[index]
+        here, there = _ends(joint, limb)
+        other = _limb_poses(skeleton, joint.child if joint.parent == limb else joint.parent, positions)
+        places.append(here)
+        found.append(here + _deviation(own, other, here, there))
+    anchors = skeleton.marker_offsets[markers]
+    now_from_limb = _weighted_fit(np.vstack([places, anchors]), np.vstack([found, anchors]), len(places))
+    limb_from_now = np.linalg.inv(now_from_limb)
+    offsets = skeleton.marker_offsets.copy()
+    offsets[markers] = anchors @ limb_from_now[:3, :3].T + limb_from_now[:3, 3]
+    return replace(skeleton, marker_offsets=offsets)
+
+
+def _seat(before: Skeleton, after: Skeleton, limb: int) -> Seat:
+    """How a sensor moved on its limb."""
+    places = [skeleton.marker_offsets[skeleton.markers_of(limb)] for skeleton in (before, after)]
+    shift = float(np.linalg.norm(places[1].mean(axis=0) - places[0].mean(axis=0)))
+    moved = fit_transform(places[0], places[1][np.newaxis], np.ones((1, len(places[0])), dtype=np.bool_))[0]
+    return Seat(limb, shift, float(np.degrees(np.linalg.norm(vector_from_matrix(moved[:3, :3])))))
+
+
+def _deviation(own: Floats, other: Floats, here: Floats, there: Floats) -> Floats:
+    """How far a joint is in a limb's frame from where it is known [mm], its place in the other limb left open."""
+    both = ~np.isnan(own[:, 0, 0]) & ~np.isnan(other[:, 0, 0])
+    rows = np.concatenate([own[both, :3, :3], -other[both, :3, :3]], axis=2).reshape(-1, 6)
+    apart = other[both, :3, :3] @ there + other[both, :3, 3] - own[both, :3, :3] @ here - own[both, :3, 3]
+    return np.asarray(np.linalg.lstsq(rows, apart.ravel(), rcond=LEAST_TURN)[0][:3])
+
+
+def _weighted_fit(source: Floats, target: Floats, n_joints: int) -> Floats:
+    """Rigid transform of points, of which those after the joints are anchors."""
+    weights = np.where(np.arange(len(source)) < n_joints, 1.0, _ANCHOR)
+    before, after = (np.average(points, axis=0, weights=weights) for points in (source, target))
+    moments = ((target - after) * weights[:, np.newaxis]).T @ (source - before)
+    transform = np.eye(4)
+    transform[:3, :3] = rotation_by_svd(moments)
+    transform[:3, 3] = after - transform[:3, :3] @ before
+    return transform
