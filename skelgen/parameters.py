@@ -1,7 +1,7 @@
-"""Parameters declared once: default, unit, bounds, help and the seed's name.
+"""Parameters declared once: default, unit, bounds, help and their place in ``config.xml``.
 
-A stage declares a frozen dataclass that derives from `StageParameters`, with one `declare` per field. The command
-line's options, ``config.xml``, the docs table and (later) the window's forms are generated from that.
+A stage declares a frozen dataclass that derives from `StageParameters`, with one `declare` per field. The options of
+the command line, ``config.xml``, the tables of the docs and the forms of the window are generated from that.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, ClassVar, Self, get_type_hints
+from typing import Any, ClassVar, Self, TypedDict, Unpack, get_type_hints
 
 from skelgen.errors import ParameterError
 
@@ -38,11 +38,12 @@ class Declaration:
         Inclusive bounds of a number; None means no bound.
     choices : tuple of str
         Allowed values of a string; empty means any.
-    seed_name : str
-        Name in the seed's ``config.xml`` (tables 4.13-4.16), empty when the seed has none.
-    seed_codes : tuple of str
-        For a choice that the seed codes as an integer: the choice that each integer means.
-    seed_section : str
+    config_name : str
+        Name in ``config.xml``, as the classic program (Schönauer 2007, tables 4.13-4.16) calls it; empty where that
+        has no such parameter.
+    config_codes : tuple of str
+        For a choice that the classic ``config.xml`` writes as an integer: the choice that each integer means.
+    config_section : str
         Element of ``config.xml`` that holds it, where that is not the one of its stage, e.g. ``JointFinder/NLCG``.
     basic : bool
         Whether a form shows it at once, rather than among the advanced ones.
@@ -56,9 +57,9 @@ class Declaration:
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
-    seed_name: str = ""
-    seed_codes: tuple[str, ...] = ()
-    seed_section: str = ""
+    config_name: str = ""
+    config_codes: tuple[str, ...] = ()
+    config_section: str = ""
     basic: bool = False
 
     @property
@@ -121,23 +122,49 @@ class Declaration:
         return int(number) if self.kind is int else number
 
 
-def declare(
-    default: Any,
-    help: str,
-    *,
-    unit: str = "",
-    low: float | None = None,
-    high: float | None = None,
-    choices: tuple[str, ...] = (),
-    seed_name: str = "",
-    seed_codes: tuple[str, ...] = (),
-    seed_section: str = "",
-    basic: bool = False,
-) -> Any:
-    """Declare one parameter as a dataclass field; the arguments are those of `Declaration`."""
-    facts = {"help": help, "unit": unit, "low": low, "high": high, "choices": choices}
-    facts |= {"seed_name": seed_name, "seed_codes": seed_codes, "seed_section": seed_section, "basic": basic}
-    return dataclasses.field(default=default, metadata={_KEY: facts})
+class Facts(TypedDict, total=False):
+    """What can be declared of a parameter beside its default and help; see `Declaration`."""
+
+    unit: str
+    low: float | None
+    high: float | None
+    choices: tuple[str, ...]
+    config_name: str
+    config_codes: tuple[str, ...]
+    config_section: str
+    basic: bool
+
+
+def declare(default: Any, help: str, **facts: Unpack[Facts]) -> Any:
+    """Declare one parameter as a dataclass field.
+
+    Parameters
+    ----------
+    default : int, float, str or bool
+        Value when nobody says otherwise.
+    help : str
+        One sentence for the user.
+    **facts
+        Further attributes of `Declaration`.
+
+    Returns
+    -------
+    dataclasses.Field
+        To be assigned to the field of a `StageParameters`.
+
+    Examples
+    --------
+    >>> @dataclasses.dataclass(frozen=True)
+    ... class Cut(StageParameters):
+    ...     stage: ClassVar[str] = "cut"
+    ...     length: float = declare(0.5, "Shortest piece.", unit="s", low=0.0)
+    >>> Cut().length
+    0.5
+    >>> Cut(length=-1.0)
+    Traceback (most recent call last):
+    skelgen.errors.ParameterError: cut: length is -1; it must lie in 0 .. inf s
+    """
+    return dataclasses.field(default=default, metadata={_KEY: {"help": help, **facts}})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,12 +175,12 @@ class StageParameters:
     ----------
     stage : str
         Name of the stage, also its command and the key in a project's parameters.
-    seed_section : str
-        Name of the element that groups these parameters in the seed's ``config.xml``.
+    config_section : str
+        Name of the element that groups these parameters in ``config.xml``.
     """
 
     stage: ClassVar[str] = ""
-    seed_section: ClassVar[str] = ""
+    config_section: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         for declaration in self.declarations():
@@ -171,7 +198,20 @@ class StageParameters:
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "") -> Self:
-        """Build from names and values; unknown names are errors that list the known ones."""
+        """Build parameters from names and values.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            Values or their texts; parameters that are not named keep their defaults.
+        where : str
+            Prefix for errors, e.g. ``config.xml:12``.
+
+        Raises
+        ------
+        ParameterError
+            If a name is unknown, or a value has the wrong type or lies outside its bounds.
+        """
         known = {declaration.name: declaration for declaration in cls.declarations()}
         for name in values:
             if name not in known:

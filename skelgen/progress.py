@@ -1,4 +1,4 @@
-"""One idea of progress and cancelling, silent by default: the last argument of every long function."""
+"""Progress, notices and cancelling: a `Monitor` is the last argument of every long function, silent by default."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from skelgen.errors import Cancelled
 
 _T = TypeVar("_T")
 
-_TOLD_EVERY = 50  # items; telling costs a call, and nobody sees smaller steps
+_EVERY = 50  # items; a report costs a call, and nobody sees smaller steps
 
 
 class Monitor(Protocol):
-    """What a long computation tells its caller, and how it is told to stop."""
+    """Receives the progress and the notices of a long computation, and can stop it."""
 
     def begin(self, name: str) -> None:
-        """Say that the work called `name` starts."""
+        """Report that the work called `name` starts."""
 
     def advance(self, done: float, total: float) -> None:
-        """Say that `done` of `total` units of the current work are finished; raise `Cancelled` to stop it."""
+        """Report that `done` of `total` units of the current work are finished; raise `Cancelled` to stop it."""
 
     def notice(self, sentence: str) -> None:
-        """Say something that the user should know but that stops nothing."""
+        """Report something that the user should know but that stops nothing."""
 
 
 class SilentMonitor:
@@ -41,8 +41,8 @@ class SilentMonitor:
 SILENT = SilentMonitor()
 
 
-def told(items: Iterable[_T], n_items: int, monitor: Monitor, every: int = _TOLD_EVERY) -> Iterator[_T]:
-    """Yield items, and tell a monitor how many of them are done; it may raise `Cancelled`.
+def with_progress(items: Iterable[_T], n_items: int, monitor: Monitor, every: int = _EVERY) -> Iterator[_T]:
+    """Yield items and report to a monitor how many of them are done.
 
     Parameters
     ----------
@@ -51,9 +51,14 @@ def told(items: Iterable[_T], n_items: int, monitor: Monitor, every: int = _TOLD
     n_items : int
         How many there are.
     monitor : Monitor
-        Is told.
+        Receives the progress; it may raise `Cancelled`.
     every : int
-        After how many items it is told.
+        Number of items between two reports.
+
+    Examples
+    --------
+    >>> sum(with_progress([1, 2, 3], 3, SILENT))
+    6
     """
     for done, item in enumerate(items):
         if done % every == 0:
@@ -61,4 +66,4 @@ def told(items: Iterable[_T], n_items: int, monitor: Monitor, every: int = _TOLD
         yield item
 
 
-__all__ = ["SILENT", "Cancelled", "Monitor", "SilentMonitor", "told"]
+__all__ = ["SILENT", "Cancelled", "Monitor", "SilentMonitor", "with_progress"]

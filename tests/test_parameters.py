@@ -18,10 +18,10 @@ class Soup(StageParameters):
     """Something to declare parameters for."""
 
     stage: ClassVar[str] = "soup"
-    litres: float = declare(1.5, "How much.", unit="l", low=0.0, high=20.0, seed_name="LITRES")
+    litres: float = declare(1.5, "How much.", unit="l", low=0.0, high=20.0, config_name="LITRES")
     eggs: int = declare(2, "How many.", low=0)
     is_hot: bool = declare(True, "Whether it is heated.")
-    kind: str = declare("pea", "Which.", choices=("pea", "bean"), seed_codes=("pea", "bean"))
+    kind: str = declare("pea", "Which.", choices=("pea", "bean"), config_codes=("pea", "bean"))
 
 
 def stage_parameters():
@@ -102,7 +102,7 @@ def test_parameters_are_frozen():
 def test_declarations_keep_their_order_and_facts():
     first = Soup.declarations()[0]
     assert [declaration.name for declaration in Soup.declarations()] == ["litres", "eggs", "is_hot", "kind"]
-    assert (first.unit, first.seed_name, first.bounds, first.kind) == ("l", "LITRES", "0 .. 20", float)
+    assert (first.unit, first.config_name, first.bounds, first.kind) == ("l", "LITRES", "0 .. 20", float)
     assert Soup.declarations()[3].bounds == "pea | bean"
     assert Soup.declarations()[2].bounds == ""
 
@@ -111,7 +111,7 @@ def test_declarations_keep_their_order_and_facts():
 def test_every_stage_declares_parameters_under_its_name(stage):
     declared = stage.parameters_class()
     assert declared.stage == stage.name
-    assert declared.seed_section
+    assert declared.config_section
     assert declared().as_mapping() == {one.name: one.default for one in declared.declarations()}
 
 
@@ -125,9 +125,9 @@ def test_every_parameter_has_help_and_every_number_a_lower_bound():
 def test_seed_codes_name_choices():
     for declared in stage_parameters():
         for one in declared.declarations():
-            assert set(one.seed_codes) <= set(one.choices), one.name
+            assert set(one.config_codes) <= set(one.choices), one.name
 
 
 def test_seed_names_the_issue_lists_are_there():
-    names = {one.seed_name for declared in stage_parameters() for one in declared.declarations()}
+    names = {one.config_name for declared in stage_parameters() for one in declared.declarations()}
     assert {"SAMPLING", "MINRANGE", "TRIMRANGE", "LOCALSIGMA", "M", "ALPHA", "FTOL", "ITMAX", "METHOD"} <= names

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.model import Project, Take
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.csv_rows import write_csv
 from skelgen_formats.digits import fixed_rows
 from skelgen_formats.finished import finished_project
@@ -43,7 +43,7 @@ def write_angles_csv(value: Project | Take, path: Path, monitor: Monitor = SILEN
     header = ["frame", "time_s"]
     for name, joint in zip(joint_names(project.skeleton), project.skeleton.joints, strict=True):
         header += [f"{name}_{angle}{what}_deg" for angle in angle_names(joint) for what in ("", "_std")]
-    rows = told(_rows(project), project.motion.n_frames, monitor)
+    rows = with_progress(_rows(project), project.motion.n_frames, monitor)
     write_csv(path, header, rows)
     return [path]
 

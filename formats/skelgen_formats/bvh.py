@@ -40,7 +40,7 @@ from skelgen.files import replacing
 from skelgen.geometry.euler import zxy_from_matrix
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.animations import animated_project, bone_name, bone_tip, lost_in_animations
 from skelgen_formats.bones import bone_transforms
 from skelgen_formats.bvh_reader import read_bvh
@@ -68,7 +68,7 @@ def write_bvh(value: Project | Take, path: Path, unit: str = "mm", monitor: Moni
         If the project has no skeleton yet.
     """
     project = animated_project(value, _TITLE)
-    rows = told(_rows(project, unit), project.motion.n_frames, monitor)
+    rows = with_progress(_rows(project, unit), project.motion.n_frames, monitor)
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
         stream.writelines(f"{line}\n" for line in _hierarchy(project.skeleton, unit))
         stream.write(f"MOTION\nFrames: {project.motion.n_frames}\nFrame Time: {1 / project.motion.rate:.12g}\n")

@@ -18,7 +18,7 @@ import numpy as np
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.animations import animated_project, bone_name, check_single_precision
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.registry import Format
@@ -93,7 +93,7 @@ def _animation(project: Project, unit: str, monitor: Monitor) -> Iterator[str]:
     duration = times[-1] if motion.n_frames > 1 else f"{1 / motion.rate:.9g}"  # zero is refused by the loaders
     key = f'<KEYFRAME TIME="%s">\n{_template("TRANSLATION", 3)}{_template("ROTATION", 4)}</KEYFRAME>\n'
     yield f'<HEADER MAGIC="XAF" VERSION="{_VERSION}"/>\n<ANIMATION NUMTRACKS="{len(order)}" DURATION="{duration}">\n'
-    for bone, limb in enumerate(told(order, len(order), monitor, every=1)):
+    for bone, limb in enumerate(with_progress(order, len(order), monitor, every=1)):
         translations, rotations = bone_transforms(world_from_limb, int(skeleton.parents[limb]), limb)
         numbers = np.concatenate([translations, xyzw_from_matrix(rotations) * _CONJUGATE], axis=1)
         yield f'<TRACK BONEID="{bone}" NUMKEYFRAMES="{motion.n_frames}">\n'

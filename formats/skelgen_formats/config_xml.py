@@ -95,11 +95,11 @@ def _tree(stages: Iterable[AnyStage]) -> _Group:
     root = _Group()
     for stage in stages:
         for declaration in stage.declarations():
-            section = declaration.seed_section or stage.seed_section or stage.stage
+            section = declaration.config_section or stage.config_section or stage.stage
             group = root
             for name in section.split("/"):
                 group = group.groups.setdefault(name, _Group())
-            name = declaration.seed_name or declaration.name.upper()
+            name = declaration.config_name or declaration.name.upper()
             if name in group.names:
                 raise ParameterError(f"the stage {stage.stage!r} declares {name} twice in {ROOT}/{section}")
             group.parameters[name] = (stage, declaration)
@@ -119,20 +119,20 @@ def _group_lines(group: _Group, indent: str) -> Iterator[str]:
 
 def _comment(declaration: Declaration) -> str:
     bounds = f"{declaration.bounds} {declaration.unit}".strip()
-    if declaration.seed_codes:
+    if declaration.config_codes:
         bounds += f" ({_codes(declaration)})"
     text = f"{declaration.help} [{bounds}]" if bounds else declaration.help
     return re.sub("-(?=-)", "- ", text).rstrip("-")  # two hyphens would end the comment
 
 
 def _codes(declaration: Declaration) -> str:
-    return ", ".join(f"{code} = {choice}" for code, choice in enumerate(declaration.seed_codes))
+    return ", ".join(f"{code} = {choice}" for code, choice in enumerate(declaration.config_codes))
 
 
 def _written(declaration: Declaration, value: Any) -> tuple[str, str]:
     """Type and text of a value in the file."""
-    if value in declaration.seed_codes:
-        return "int", str(declaration.seed_codes.index(value))
+    if value in declaration.config_codes:
+        return "int", str(declaration.config_codes.index(value))
     if declaration.kind is bool:
         return "int", str(int(value))
     return _TYPES[declaration.kind], repr(value) if declaration.kind is float else str(value)
@@ -161,7 +161,7 @@ def _value(where: str, element: Any, declaration: Declaration) -> Any:
         found = ", ".join(map(str, element.attrib)) or "none"
         raise ParameterError(f"{where} must have the attributes value and type, and hold nothing; it has {found}")
     type_, text = element.get("type"), element.get("value")
-    if declaration.seed_codes and type_ == "int":
+    if declaration.config_codes and type_ == "int":
         text = _choice(where, text, declaration)
     elif type_ != _TYPES[declaration.kind]:
         raise ParameterError(f"{where} has the type {type_!r}; it must be {_allowed_types(declaration)}")
@@ -172,10 +172,10 @@ def _value(where: str, element: Any, declaration: Declaration) -> Any:
 
 def _allowed_types(declaration: Declaration) -> str:
     own = repr(_TYPES[declaration.kind])
-    return f"'int' or {own}" if declaration.seed_codes else own
+    return f"'int' or {own}" if declaration.config_codes else own
 
 
 def _choice(where: str, text: str, declaration: Declaration) -> str:
-    if not (text.isascii() and text.isdigit() and float(text) < len(declaration.seed_codes)):
+    if not (text.isascii() and text.isdigit() and float(text) < len(declaration.config_codes)):
         raise ParameterError(f"{where} is {text!r}; it must be one of {_codes(declaration)}")
-    return declaration.seed_codes[int(text)]
+    return declaration.config_codes[int(text)]

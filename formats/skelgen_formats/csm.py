@@ -34,7 +34,7 @@ from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.filled_markers import (
     FILLED,
     check_markers,
@@ -134,7 +134,7 @@ def write_csm(
     gap = _DROPOUT if dropout == "word" else "0 0 0"
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(take, names, unit))
-        for number, row in enumerate(told(take.positions * per_mm(unit), take.n_frames, monitor), start=1):
+        for number, row in enumerate(with_progress(take.positions * per_mm(unit), take.n_frames, monitor), start=1):
             words = (gap if math.isnan(x) else f"{x!r} {y!r} {z!r}" for x, y, z in row.tolist())
             stream.write(f"{number}  " + "  ".join(words) + "\n")
     return [path, *write_table(markers, path)]

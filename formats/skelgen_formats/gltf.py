@@ -25,7 +25,7 @@ from skelgen.files import replacing
 from skelgen.geometry.rotations import transform_from
 from skelgen.model import Joint, Project, Skeleton, Take
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.animations import animated_project, bone_name, check_single_precision, lost_in_animations
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.registry import Format, Option
@@ -168,7 +168,7 @@ def _animation(project: Project, scale: float, data: _Data, monitor: Monitor) ->
         samplers.append({"input": keys, "output": data.add(values), "interpolation": "LINEAR"})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": _node(limb), "path": what}})
 
-    for limb in told(skeleton.outward.tolist(), skeleton.n_limbs, monitor, every=1):
+    for limb in with_progress(skeleton.outward.tolist(), skeleton.n_limbs, monitor, every=1):
         parent = int(skeleton.parents[limb])
         translation, rotation = bone_transforms(poses, parent, limb)
         if parent < 0:

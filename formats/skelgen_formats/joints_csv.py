@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from skelgen.model import Project, Skeleton, Take
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.csv_rows import write_csv
 from skelgen_formats.digits import fixed_rows
 from skelgen_formats.finished import finished_project
@@ -41,7 +41,7 @@ def write_joints_csv(value: Project | Take, path: Path, unit: str = "mm", monito
     """
     project = finished_project(value, _TITLE)
     header = ["frame", "time_s", *(f"{name}_{axis}_{unit}" for name in joint_names(project.skeleton) for axis in "xyz")]
-    rows = told(_rows(project, unit), project.motion.n_frames, monitor)
+    rows = with_progress(_rows(project, unit), project.motion.n_frames, monitor)
     write_csv(path, header, rows)
     return [path]
 

@@ -10,7 +10,7 @@ import numpy as np
 from skelgen.errors import FormatError, WriteError
 from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.arrays import Floats, Ints
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, cloud_from_markers
 from skelgen_formats.mfml_stream import (
     MARKER_DTYPES,
@@ -112,7 +112,7 @@ def write_mfml(
             cloud.times.tolist(), cloud.frame_starts[:-1].tolist(), cloud.frame_starts[1:].tolist(), strict=True
         )
     )
-    write_frames(path, told(frames, cloud.n_frames, monitor), str(width), timestamp_unit)
+    write_frames(path, with_progress(frames, cloud.n_frames, monitor), str(width), timestamp_unit)
     return [path]
 
 

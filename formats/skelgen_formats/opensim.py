@@ -21,7 +21,7 @@ from skelgen.files import arriving_together
 from skelgen.geometry.xyz_angles import xyz_angles
 from skelgen.model import Project, Take
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.articulated import (
     JOINTS,
     M_PER_MM,
@@ -195,7 +195,7 @@ def _motion(project: Project, links: Sequence[Link], name: str, monitor: Monitor
     yield f"{name}\nversion=1\nnRows={project.motion.n_frames}\nnColumns={len(names) + 1}\ninDegrees=yes\nendheader\n"
     yield "\t".join(["time", *names]) + "\n"
     rows = zip(project.motion.times.tolist(), np.concatenate(columns, axis=1).tolist(), strict=True)
-    for time, values in told(rows, project.motion.n_frames, monitor):
+    for time, values in with_progress(rows, project.motion.n_frames, monitor):
         yield "\t".join(repr(value) for value in (time, *values)) + "\n"
 
 

@@ -28,7 +28,7 @@ from skelgen.files import replacing
 from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from skelgen.model import Poses, Project, Take
 from skelgen.model.arrays import Bools, Floats
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
 from skelgen_formats.registry import Format
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
@@ -86,7 +86,7 @@ def write_poses(value: Project | Take, path: Path, unit: str = "mm", monitor: Mo
     numbers = _numbers(take.world_from_body) * ([per_mm(unit)] * 3 + [1.0] * 4)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(take.rate, names, unit))
-        for frame, row in enumerate(told(numbers.reshape(take.n_frames, -1), take.n_frames, monitor)):
+        for frame, row in enumerate(with_progress(numbers.reshape(take.n_frames, -1), take.n_frames, monitor)):
             cells = ["" if x != x else repr(x) for x in row.tolist()]  # noqa: PLR0124 - NaN differs from itself
             stream.write(f"{frame},{frame / take.rate!r}," + ",".join(cells) + "\n")
     return [path]

@@ -18,7 +18,7 @@ from skelgen.errors import WriteError
 from skelgen.files import arriving_together, replacing
 from skelgen.model import Project, Take
 from skelgen.model.arrays import Floats, Ints
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.csv_rows import write_csv
 from skelgen_formats.finished import finished_project
 from skelgen_formats.joints_csv import joint_names
@@ -83,7 +83,7 @@ def _chunks(project: Project, name: str, unit: str, monitor: Monitor) -> Iterato
     rows = kinds[name]
     n_frames = project.motion.n_frames
     starts = range(0, max(n_frames, 1), _CHUNK_FRAMES)  # a table without rows has its columns all the same
-    for start in told(starts, len(starts), monitor, every=1):
+    for start in with_progress(starts, len(starts), monitor, every=1):
         yield rows(project, np.arange(start, min(start + _CHUNK_FRAMES, n_frames)))
 
 

@@ -23,7 +23,7 @@ from skelgen.files import replacing
 from skelgen.geometry.up_axis import AS_RECORDED
 from skelgen.model import Project, Skeleton, Take, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.animations import animated_project, bone_name, check_single_precision, lost_in_animations
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.markers import MM_PER_UNIT
@@ -159,7 +159,7 @@ def _define_motion(stage: Any, project: Project, scale: float, monitor: Monitor)
     prim.CreateJointsAttr(_joint_paths(skeleton))
     prim.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * skeleton.n_limbs))
     moves, turns = prim.CreateTranslationsAttr(), prim.CreateRotationsAttr()
-    for frame in told(range(motion.n_frames), motion.n_frames, monitor):
+    for frame in with_progress(range(motion.n_frames), motion.n_frames, monitor):
         moves.Set(_vectors(translations[frame]), frame)
         turns.Set(Vt.QuatfArray.FromNumpy(rotations[frame].astype(np.float32)), frame)
     return prim

@@ -26,7 +26,7 @@ from skelgen.capture.values import FoundBody, FrameSource, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, CaptureSettings, JointModel
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 
 RECORDINGS = (".mfml", ".c3d")
 """Suffixes of recordings: all points without names, and the balls of the targets with theirs."""
@@ -151,7 +151,7 @@ def calibrate_joints_of(
     frames = _points_of(settings, source, n_frames, monitor)
     finder = BodyFinder(settings.bodies)
     monitor.begin("bodies")
-    found: list[list[FoundBody]] = [finder.find(points) for points in told(frames, len(frames), monitor)]
+    found: list[list[FoundBody]] = [finder.find(points) for points in with_progress(frames, len(frames), monitor)]
     done = calibrate_joints(found, [body.name for body in settings.bodies], wishes, source.rate)
     return with_joints(settings, done), done
 
@@ -180,7 +180,7 @@ def _points_of(
     finder.load()
     with source as pairs:
         total = min(count for count in (n_frames, source.n_frames, 10**9) if count is not None)
-        return [finder.find(pair)[2] for pair in told(islice(pairs, n_frames), total, monitor)]
+        return [finder.find(pair)[2] for pair in with_progress(islice(pairs, n_frames), total, monitor)]
 
 
 def check_recording(path: Path, settings: CaptureSettings) -> None:

@@ -20,30 +20,30 @@ class FileParameters(StageParameters):
     """Names of the files that the stage commands use when none is given (the seed's table 4.13)."""
 
     stage: ClassVar[str] = "files"
-    seed_section: ClassVar[str] = "GUI"
+    config_section: ClassVar[str] = "GUI"
 
     capture_file: str = declare(
-        "take.mfml", "Take that `skelgen label` reads when no file is given.", seed_name="tempCorFileName"
+        "take.mfml", "Take that `skelgen label` reads when no file is given.", config_name="tempCorFileName"
     )
     labels_file: str = declare(
         "labels.skelgen",
         "Project with labelled markers, which `skelgen label` writes and `skelgen cluster` reads.",
-        seed_name="specCluFileName",
+        config_name="specCluFileName",
     )
     limbs_file: str = declare(
         "limbs.skelgen",
         "Project with clustered markers, which `skelgen cluster` writes and `skelgen joints` reads.",
-        seed_name="jointFinderFileName",
+        config_name="jointFinderFileName",
     )
     joints_file: str = declare(
         "joints.skelgen",
         "Project with the structure of the skeleton, which `skelgen joints` writes and `skelgen fit` reads.",
-        seed_name="skelFitFileName",
+        config_name="skelFitFileName",
     )
     result_file: str = declare(
         "result.xml",
         "Results and evaluation of the whole program, which `skelgen fit` writes beside its project file.",
-        seed_name="saveFileName",
+        config_name="saveFileName",
     )
 
 
@@ -140,7 +140,7 @@ def parameter_rows(settings: Settings) -> list[dict[str, Any]]:
             "default": declaration.default,
             "unit": declaration.unit,
             "bounds": declaration.bounds,
-            "seed_name": declaration.seed_name,
+            "config_name": declaration.config_name,
             "help": declaration.help,
         }
         for cls in all_parameter_classes()

@@ -53,7 +53,7 @@ def _section(declared: type[StageParameters], set_by: str = "") -> str:
 
 
 def _row(entry: Declaration, declared: type[StageParameters]) -> tuple[str, ...]:
-    place = "/".join((entry.seed_section or declared.seed_section, entry.seed_name or entry.name.upper()))
+    place = "/".join((entry.config_section or declared.config_section, entry.config_name or entry.name.upper()))
     allowed = entry.bounds.replace(" .. inf", " or more")
     default = f"{_text(entry.default)} {entry.unit}".strip()
     return (f"`{entry.name}`", entry.kind.__name__, default, allowed, f"`{place}`", entry.help.rstrip("."))

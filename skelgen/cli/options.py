@@ -187,5 +187,5 @@ def _option(name: str, kind: type, text: str, default: Any, panel: str) -> inspe
 
 def _help(entry: Declaration) -> str:
     limits = " ".join(part for part in (entry.bounds, entry.unit) if part)
-    seed = f"; {entry.seed_name} in config.xml" if entry.seed_name else ""
+    seed = f"; {entry.config_name} in config.xml" if entry.config_name else ""
     return f"{entry.help.rstrip('.')}{f' ({limits})' if limits else ''}{seed}."

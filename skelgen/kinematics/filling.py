@@ -18,7 +18,7 @@ from skelgen.kinematics.process import Clock, Features, Series, fit_variances, l
 from skelgen.model import Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, Source
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 
 _FEWEST_TOGETHER = 25  # frames in which a marker and its helpers are seen, to learn from
 _FEWEST_KNOWN = 10  # frames in which a marker is seen, to tell how far it strays from them
@@ -57,7 +57,7 @@ def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, mo
         )
     work = _Work(trajectories, skeleton, motion)
     monitor.begin("filling gaps")
-    for limb in told(range(skeleton.n_limbs), skeleton.n_limbs, monitor, every=1):
+    for limb in with_progress(range(skeleton.n_limbs), skeleton.n_limbs, monitor, every=1):
         _fill_limb(work, limb)
     for marker in np.flatnonzero(work.with_gaps).tolist():
         _fill_rest(work, marker)

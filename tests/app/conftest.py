@@ -17,28 +17,28 @@ from skelgen.parameters import StageParameters, declare
 @dataclass(frozen=True)
 class _Labels(StageParameters):
     stage: ClassVar[str] = "labels"
-    seed_section: ClassVar[str] = "TemporalCorrespondence"
-    min_range: int = declare(3, "Shortest Marker Set.", unit="frames", low=1, high=100, seed_name="MINRANGE")
+    config_section: ClassVar[str] = "TemporalCorrespondence"
+    min_range: int = declare(3, "Shortest Marker Set.", unit="frames", low=1, high=100, config_name="MINRANGE")
 
 
 @dataclass(frozen=True)
 class _Limbs(StageParameters):
     stage: ClassVar[str] = "limbs"
-    seed_section: ClassVar[str] = "SpectralClustering"
+    config_section: ClassVar[str] = "SpectralClustering"
     method: str = declare("plain", "How.", choices=("plain", "fancy"))
 
 
 @dataclass(frozen=True)
 class _Joints(StageParameters):
     stage: ClassVar[str] = "joints"
-    seed_section: ClassVar[str] = "JC"
-    alpha: float = declare(0.1, "Weight of the mean distance.", low=0.0, high=1.0, seed_name="ALPHA")
+    config_section: ClassVar[str] = "JC"
+    alpha: float = declare(0.1, "Weight of the mean distance.", low=0.0, high=1.0, config_name="ALPHA")
 
 
 @dataclass(frozen=True)
 class _Skeleton(StageParameters):
     stage: ClassVar[str] = "skeleton"
-    seed_section: ClassVar[str] = "LimbFrame"
+    config_section: ClassVar[str] = "LimbFrame"
     robust: bool = declare(True, "Leave outliers out.")
 
 

@@ -50,7 +50,7 @@ def test_wrong_assignment_says_what_is_possible(text, sentence):
 
 
 def test_file_names_of_table_4_13_are_declared():
-    assert [entry.seed_name for entry in FileParameters.declarations()] == [
+    assert [entry.config_name for entry in FileParameters.declarations()] == [
         "tempCorFileName",
         "specCluFileName",
         "jointFinderFileName",

@@ -16,25 +16,25 @@ from skelgen.parameters import StageParameters, declare
 @dataclass(frozen=True)
 class Search(StageParameters):
     stage: ClassVar[str] = "search"
-    seed_section: ClassVar[str] = "JointFinder/NLCG"
+    config_section: ClassVar[str] = "JointFinder/NLCG"
 
     method: str = declare(
         "polak",
         "How the direction -- the next one -- is chosen -",
         choices=("fletcher", "polak", "newton"),
-        seed_name="METHOD",
-        seed_codes=("fletcher", "polak"),
+        config_name="METHOD",
+        config_codes=("fletcher", "polak"),
     )
-    tolerance: float = declare(1e-7, "When to stop.", unit="mm", low=0.0, high=0.1, seed_name="FTOL")
-    anneal: bool = declare(False, "Shake.", seed_name="ADDRANDOM")
+    tolerance: float = declare(1e-7, "When to stop.", unit="mm", low=0.0, high=0.1, config_name="FTOL")
+    anneal: bool = declare(False, "Shake.", config_name="ADDRANDOM")
 
 
 @dataclass(frozen=True)
 class Joints(StageParameters):
     stage: ClassVar[str] = "joints"
-    seed_section: ClassVar[str] = "JointFinder"
+    config_section: ClassVar[str] = "JointFinder"
 
-    sampling: int = declare(10, "Every so many frames.", unit="frames", low=1, seed_name="SAMPLING")
+    sampling: int = declare(10, "Every so many frames.", unit="frames", low=1, config_name="SAMPLING")
     file_name: str = declare('a <b> & "c"\'', "Name of a file.")
 
 

@@ -21,7 +21,7 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.finished import finished_project
 from skelgen_formats.seed_xml.statistics import centers_of_mass, joint_stats
@@ -63,7 +63,7 @@ def write_seed_xml(value: Project | Take, path: Path, monitor: Monitor = SILENT)
     n_rows = project.motion.n_frames * (_rows_per_frame(project.skeleton))
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(header)
-        stream.writelines(told(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY))
+        stream.writelines(with_progress(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY))
         stream.write(f"</{ROOT}>\n")
     return [path]
 

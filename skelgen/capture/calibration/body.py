@@ -21,7 +21,7 @@ from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, vector_
 from skelgen.kinematics import calibrate_rigid_body
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 
 FEWEST_FRAMES = 3
 ENOUGH_FRAMES = 10
@@ -196,7 +196,7 @@ def _find_everywhere(
     frames: Sequence[StereoPoints], target: BodyTarget, parameters: BodyParameters, monitor: Monitor
 ) -> list[list[FoundBody]]:
     finder = BodyFinder([target], parameters)
-    return [finder.find(frame) for frame in told(frames, len(frames), monitor)]
+    return [finder.find(frame) for frame in with_progress(frames, len(frames), monitor)]
 
 
 def _ordered(frames: Sequence[StereoPoints], found: Sequence[list[FoundBody]], n_balls: int) -> tuple[Floats, Floats]:

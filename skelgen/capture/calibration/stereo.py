@@ -25,7 +25,7 @@ from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import nearest_rotation, transform_from
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import SEED_NOISE, Camera, StereoRig
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 
 Picture = Image | Path | str
 """An image, or the file that holds it."""
@@ -109,7 +109,7 @@ def calibrate_stereo(
     monitor.begin("boards")
     views = [
         (find_board(_grey(left), what), find_board(_grey(right), what))
-        for left, right in told(zip(left_images, right_images, strict=True), n_left, monitor, every=1)
+        for left, right in with_progress(zip(left_images, right_images, strict=True), n_left, monitor, every=1)
     ]
     names = [_name(picture, index) for index, picture in enumerate(left_images)]
     if not any(view is not None for pair in views for view in pair):

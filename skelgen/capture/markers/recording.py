@@ -18,7 +18,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera, CaptureSettings, StereoRig
-from skelgen.progress import SILENT, Monitor, told
+from skelgen.progress import SILENT, Monitor, with_progress
 
 N_BLOBS = 2
 """Balls that a marker of two cameras rests on."""
@@ -70,7 +70,7 @@ def markers_of(
     PointFinder(settings).load()
     with ThreadPoolExecutor(N_BLOBS, "images") as threads, source as pairs:
         recording = _Recording(settings, source.size, threads if (os.cpu_count() or 1) > 1 else None)
-        for pair in told(islice(pairs, n_frames), total, monitor):
+        for pair in with_progress(islice(pairs, n_frames), total, monitor):
             recording.add(pair)
     return recording.cloud(name or source.name, source.rate)
 

@@ -26,62 +26,62 @@ class DescentParameters(StageParameters):
     """The nonlinear conjugate gradient method (seed, table 4.16)."""
 
     stage: ClassVar[str] = "descent"
-    seed_section: ClassVar[str] = _NLCG
+    config_section: ClassVar[str] = _NLCG
 
     method: str = declare(
         "polak-ribiere",
         "how the next search direction is made conjugate",
         choices=("fletcher-reeves", "polak-ribiere"),
-        seed_name="METHOD",
-        seed_section=_NLCG,
-        seed_codes=("fletcher-reeves", "polak-ribiere"),
+        config_name="METHOD",
+        config_section=_NLCG,
+        config_codes=("fletcher-reeves", "polak-ribiere"),
     )
     tolerance: float = declare(
         1e-6,
         "stop when a step lowers the cost by less than this part",
         low=0.0,
         high=0.1,
-        seed_name="FTOL",
-        seed_section=_NLCG,
+        config_name="FTOL",
+        config_section=_NLCG,
     )
     absolute_tolerance: float = declare(
         1e-10,
         "stop when a step lowers the cost by less than this",
         unit="mm^2",
         low=0.0,
-        seed_name="EPSBREAK",
-        seed_section=_NLCG,
+        config_name="EPSBREAK",
+        config_section=_NLCG,
     )
     max_iterations: int = declare(
-        200, "stop after so many iterations", low=1, high=100000, seed_name="ITMAX", seed_section=_NLCG
+        200, "stop after so many iterations", low=1, high=100000, config_name="ITMAX", config_section=_NLCG
     )
     step_limit: float = declare(
         100.0,
         "a bracket grows at most by this factor at once",
         low=1.1,
         high=1e6,
-        seed_name="GLIMIT",
-        seed_section=_NLCG,
+        config_name="GLIMIT",
+        config_section=_NLCG,
     )
     line_iterations: int = declare(
-        100, "iterations of a line search", low=1, high=100000, seed_name="ITMAXDBRENT", seed_section=_NLCG
+        100, "iterations of a line search", low=1, high=100000, config_name="ITMAXDBRENT", config_section=_NLCG
     )
     line_tolerance: float = declare(
         1e-3,
         "relative width at which a line search stops",
         low=1e-15,
         high=0.5,
-        seed_name="TOLBRENT",
-        seed_section=_NLCG,
+        config_name="TOLBRENT",
+        config_section=_NLCG,
     )
     line_zero: float = declare(
-        1e-12, "absolute width at which a line search stops", low=0.0, seed_name="ZEPS", seed_section=_NLCG
+        1e-12, "absolute width at which a line search stops", low=0.0, config_name="ZEPS", config_section=_NLCG
     )
     smallest: float = declare(
-        1e-20, "a denominator below this counts as zero", low=0.0, high=1e-3, seed_name="EPS", seed_section=_NLCG
+        1e-20, "a denominator below this counts as zero", low=0.0, high=1e-3, config_name="EPS", config_section=_NLCG
     )
     anneal: bool = declare(
-        False, "shake the joint while it is optimised, less and less", seed_name="ADDRANDOM", seed_section=_NLCG
+        False, "shake the joint while it is optimised, less and less", config_name="ADDRANDOM", config_section=_NLCG
     )
     max_jitter: float = declare(
         1.0,
@@ -89,8 +89,8 @@ class DescentParameters(StageParameters):
         unit="mm",
         low=0.0,
         high=1e3,
-        seed_name="MAXJITTER",
-        seed_section=_NLCG,
+        config_name="MAXJITTER",
+        config_section=_NLCG,
     )
 
 

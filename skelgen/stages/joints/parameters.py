@@ -14,7 +14,7 @@ class JointParameters(DescentParameters):
     """How joints and the tree of limbs are found (seed, tables 4.15 and 4.16)."""
 
     stage: ClassVar[str] = "joints"
-    seed_section: ClassVar[str] = "JointFinder/JC"
+    config_section: ClassVar[str] = "JointFinder/JC"
 
     solver: str = declare(
         "closed-form",
@@ -28,7 +28,7 @@ class JointParameters(DescentParameters):
         unit="mm",
         low=0.0,
         high=1e3,
-        seed_name="ALPHA",
+        config_name="ALPHA",
         basic=True,
     )
     alpha_final: float = declare(
@@ -37,7 +37,7 @@ class JointParameters(DescentParameters):
         unit="mm",
         low=0.0,
         high=1e3,
-        seed_name="ALPHAWEIGHT",
+        config_name="ALPHAWEIGHT",
     )
     sampling: int = declare(
         0,
@@ -45,7 +45,7 @@ class JointParameters(DescentParameters):
         unit="frames",
         low=0,
         high=1e6,
-        seed_name="SAMPLING",
+        config_name="SAMPLING",
     )
     samples: int = declare(300, "sampled frames when `sampling` is 0", unit="frames", low=5, high=1e6)
     max_residual: float = declare(
@@ -53,10 +53,10 @@ class JointParameters(DescentParameters):
         "local optimisation that ends above this cost is tried again from earlier frames",
         unit="mm^2",
         low=0.0,
-        seed_name="MAXFRET",
+        config_name="MAXFRET",
     )
     max_fallback: int = declare(
-        5, "how many frames back such a start may come from", unit="frames", low=0, high=1000, seed_name="MAXFALLBACK"
+        5, "how many frames back such a start may come from", unit="frames", low=0, high=1000, config_name="MAXFALLBACK"
     )
     joined: str = declare(
         "",

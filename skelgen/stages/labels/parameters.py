@@ -29,7 +29,7 @@ class LabelParameters(StageParameters):
     """
 
     stage: ClassVar[str] = "labels"
-    seed_section: ClassVar[str] = "TemporalCorrespondence"
+    config_section: ClassVar[str] = "TemporalCorrespondence"
 
     assignment: str = declare(
         "optimal",
@@ -75,14 +75,14 @@ class LabelParameters(StageParameters):
         "Marker Sets with fewer frames are removed; 0 = half a second, at most a quarter of the take.",
         unit="frames",
         low=0,
-        seed_name="MINRANGE",
+        config_name="MINRANGE",
     )
     trim_range: int = declare(
         2,
         "Frames cut off at both ends of every Marker Set, except where the take itself begins or ends.",
         unit="frames",
         low=0,
-        seed_name="TRIMRANGE",
+        config_name="TRIMRANGE",
     )
     remove_distance: float = declare(
         0.0,
@@ -111,7 +111,7 @@ class LabelParameters(StageParameters):
         "Interval of the frames that are picked to compare Marker Sets.",
         unit="frames",
         low=1,
-        seed_name="SAMPLINGMSTC",
+        config_name="SAMPLINGMSTC",
     )
     method: str = declare(
         "rigidity",
@@ -156,14 +156,14 @@ class LabelParameters(StageParameters):
         low=3.0,
         high=1000.0,
     )
-    add_random: bool = declare(False, "Add jitter to the points, to test with clean data.", seed_name="ADDRANDOMTC")
+    add_random: bool = declare(False, "Add jitter to the points, to test with clean data.", config_name="ADDRANDOMTC")
     max_jitter: float = declare(
-        0.5, "Largest jitter added to each coordinate.", unit="mm", low=0.0, seed_name="MAXJITTERTC"
+        0.5, "Largest jitter added to each coordinate.", unit="mm", low=0.0, config_name="MAXJITTERTC"
     )
     time_one_frame: int = declare(
         5,
         "Time between two frames where the take's time stamps do not rise.",
         unit="ms",
         low=1,
-        seed_name="TIMEONEFRAME",
+        config_name="TIMEONEFRAME",
     )

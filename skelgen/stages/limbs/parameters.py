@@ -13,7 +13,7 @@ class LimbParameters(StageParameters):
     """How markers are grouped into limbs."""
 
     stage: ClassVar[str] = "limbs"
-    seed_section: ClassVar[str] = "SpectralClustering"
+    config_section: ClassVar[str] = "SpectralClustering"
 
     method: str = declare(
         "rigidity",
@@ -44,8 +44,8 @@ class LimbParameters(StageParameters):
         unit="frames",
         low=0,
         high=1e6,
-        seed_name="SAMPLING",
-        seed_section="TemporalCorrespondence",
+        config_name="SAMPLING",
+        config_section="TemporalCorrespondence",
     )
     samples: int = declare(600, "sampled frames when `sampling` is 0", unit="frames", low=3, high=1e6)
     jitter: float = declare(0.5, "each sample is displaced by up to this part of a sampling interval", low=0, high=1)
@@ -70,15 +70,15 @@ class LimbParameters(StageParameters):
         basic=True,
     )
     local_scaling: bool = declare(
-        True, "spectral: scale each marker by its M-th neighbour instead of one sigma", seed_name="LOCALSIGMA"
+        True, "spectral: scale each marker by its M-th neighbour instead of one sigma", config_name="LOCALSIGMA"
     )
-    neighbour: int = declare(3, "spectral: neighbour that sets the local scale", low=1, high=100, seed_name="M")
+    neighbour: int = declare(3, "spectral: neighbour that sets the local scale", low=1, high=100, config_name="M")
     sigma_squared: float = declare(
         0.0,
         "spectral: square of the global sigma; 0 scans for the best one",
         unit="mm^2",
         low=0.0,
-        seed_name="SIGMAQUAD",
+        config_name="SIGMAQUAD",
     )
     measure: str = declare(
         "deviation",
@@ -89,11 +89,11 @@ class LimbParameters(StageParameters):
         "k-means++",
         "spectral: k-means by Lloyd from k-means++ starts, or from random starts",
         choices=("random", "k-means++"),
-        seed_name="ALG",
-        seed_codes=("random", "k-means++", "k-means++", "k-means++"),
+        config_name="ALG",
+        config_codes=("random", "k-means++", "k-means++", "k-means++"),
     )
     zero: float = declare(
-        1e-12, "spectral: an affinity sum below this counts as zero", low=0.0, high=1.0, seed_name="SPECCLUEPS"
+        1e-12, "spectral: an affinity sum below this counts as zero", low=0.0, high=1.0, config_name="SPECCLUEPS"
     )
     rigid_limit: float = declare(
         0.0,

@@ -16,14 +16,14 @@ class SkeletonParameters(StageParameters):
     """How a rigid skeleton is assembled and fitted back to the take."""
 
     stage: ClassVar[str] = "skeleton"
-    seed_section: ClassVar[str] = "SkeletonFitter"
+    config_section: ClassVar[str] = "SkeletonFitter"
 
     rotation: str = declare(
         "horn",
         "closed form of absolute orientation: Horn's unit quaternion or Umeyama's singular value decomposition",
         choices=("horn", "umeyama"),
-        seed_name="RUNTESTSVAR",
-        seed_codes=("horn", "umeyama"),
+        config_name="RUNTESTSVAR",
+        config_codes=("horn", "umeyama"),
     )
     fit: str = declare(
         "whole-chain",
@@ -55,7 +55,7 @@ class SkeletonParameters(StageParameters):
     joints_for_poses: bool = declare(
         False,
         "line limbs up by their joints as well, not only where they have too few markers",
-        seed_name="USE_JOINTS_FOR_CENTROID",
+        config_name="USE_JOINTS_FOR_CENTROID",
     )
     samples: int = declare(
         300, "frames from which limbs and joints are first estimated, and their kinds", unit="frames", low=10, high=1e6
@@ -78,8 +78,8 @@ class SkeletonParameters(StageParameters):
         "points whose second extent is below this part of their first are on one line and fix no pose",
         low=0.0,
         high=0.5,
-        seed_name="SOLVEPS",
-        seed_section="JointFinder",
+        config_name="SOLVEPS",
+        config_section="JointFinder",
     )
     least_turn: float = declare(
         1e-4,
@@ -87,24 +87,24 @@ class SkeletonParameters(StageParameters):
         unit="rad",
         low=0.0,
         high=1.0,
-        seed_name="TINYEPS",
-        seed_section="JointFinder",
+        config_name="TINYEPS",
+        config_section="JointFinder",
     )
     rank_tolerance: float = declare(
         1e-8,
         "directions of the skeleton's constants whose information is below this part of the largest are not determined",
         low=1e-15,
         high=1e-2,
-        seed_name="POLYEPS",
-        seed_section="JointFinder",
+        config_name="POLYEPS",
+        config_section="JointFinder",
     )
     pi: float = declare(
         3.141592653589793,
         "the mathematical constant, kept so that the seed's files can be read; it changes nothing",
         low=3.14159,
         high=3.1416,
-        seed_name="PI",
-        seed_section="JointFinder",
+        config_name="PI",
+        config_section="JointFinder",
     )
     kind_doubt: float = declare(
         0.001,

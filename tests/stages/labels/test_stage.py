@@ -181,7 +181,7 @@ def test_any_cloud_is_labelled_or_refused(counts, scale, options, seed):
 
 
 def test_the_seeds_names_are_declared():
-    names = {declaration.seed_name for declaration in LabelParameters.declarations()} - {""}
+    names = {declaration.config_name for declaration in LabelParameters.declarations()} - {""}
     assert names == {"MINRANGE", "TRIMRANGE", "TIMEONEFRAME", "ADDRANDOMTC", "MAXJITTERTC", "SAMPLINGMSTC"}
 
 
