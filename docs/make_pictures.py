@@ -17,9 +17,9 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication, QDockWidget
 from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.capture.page import CapturePage
-from skelgen_gui.preferences import Preferences
-from skelgen_gui.session import Selection
-from skelgen_gui.theme import Theme, prepare_high_dpi
+from skelgen_gui.project.session import Selection
+from skelgen_gui.widgets.preferences import Preferences
+from skelgen_gui.widgets.theme import Theme, prepare_high_dpi
 from skelgen_gui.window import Window
 
 import skelgen

@@ -1,12 +1,23 @@
-"""The pages beside their list; each is built when it is first shown, because stages take long to load."""
+"""The list of pages, the pages, and the views in the middle of the window.
+
+A page is built when it is first shown, because stages take long to load.
+"""
 
 from __future__ import annotations
 
-from PySide6.QtCore import QCoreApplication, QEvent, QSize, Qt, Signal
-from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtCore import QByteArray, QCoreApplication, QEvent, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPen, QPixmap, QPolygonF
+from PySide6.QtWidgets import (
+    QDockWidget,
+    QListWidget,
+    QListWidgetItem,
+    QMainWindow,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
 
 from skelgen_gui.pages import HOME, Context, PageEntry
-from skelgen_gui.step_icon import step_icon
 
 WIDTH = 400  # px
 _LINE = 22  # px, the least height of a line of the list
@@ -111,3 +122,91 @@ class PageStack(QWidget):
     def _make(self, entry: PageEntry) -> None:
         self._pages[entry.key] = entry.make(self._context)
         self._stack.addWidget(self._pages[entry.key])
+
+
+SIZE = 16.0
+"""px, of the sign with what is free about it."""
+
+_RATIO = 3.0  # pixels per point: sharp on any screen
+_RING = QRectF(2.5, 2.5, 11.0, 11.0)
+_TICK = ((5.0, 8.2), (7.2, 10.4), (11.2, 5.8))
+_DONE = "#2b8a3e"  # green, with a white tick: the same on both grounds
+_THIN, _THICK = 1.2, 1.8
+_Role = QPalette.ColorRole
+
+
+def step_icon(*, is_step: bool, is_done: bool, palette: QPalette) -> QIcon:
+    """Return the sign of a page; nothing but room for pages that no step belongs to.
+
+    Parameters
+    ----------
+    is_step : bool
+        Whether the page shows the result of a step.
+    is_done : bool
+        Whether that result is there.
+    palette : QPalette
+        Of the list.
+    """
+    pixmap = QPixmap(round(SIZE * _RATIO), round(SIZE * _RATIO))
+    pixmap.setDevicePixelRatio(_RATIO)
+    pixmap.fill(Qt.GlobalColor.transparent)
+    if is_step:
+        with QPainter(pixmap) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            _paint(painter, is_done, palette)
+    icon = QIcon()
+    for mode in (QIcon.Mode.Normal, QIcon.Mode.Selected):  # Qt would tint it where the line is chosen
+        icon.addPixmap(pixmap, mode)
+    return icon
+
+
+def _paint(painter: QPainter, is_done: bool, palette: QPalette) -> None:
+    if is_done:
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(_DONE))
+        painter.drawEllipse(_RING)
+        painter.setPen(QPen(Qt.GlobalColor.white, _THICK, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap))
+        painter.drawPolyline(QPolygonF([QPointF(*place) for place in _TICK]))
+    else:
+        painter.setPen(QPen(palette.color(_Role.PlaceholderText), _THIN))
+        painter.drawEllipse(_RING)
+
+
+class Middle(QStackedWidget):
+    """Shows the views of the take until a page brings another one, which also gets the room of the take's docks.
+
+    Parameters
+    ----------
+    usual : QWidget
+        The views of the take.
+    window : QMainWindow
+        Whose docks make room; that of the pages stays.
+    """
+
+    def __init__(self, usual: QWidget, window: QMainWindow) -> None:
+        super().__init__(window)
+        self._usual, self._window = usual, window
+        self._layout: QByteArray | None = None
+        self.addWidget(usual)
+
+    def show_view(self, view: QWidget | None) -> None:
+        """Show the view of a page; None shows those of the take."""
+        if view is not None and self.indexOf(view) < 0:
+            self.addWidget(view)
+        self.setCurrentWidget(view or self._usual)
+        if view is not None and self._layout is None:
+            self._make_room()
+        elif view is None and self._layout is not None:
+            layout, self._layout = self._layout, None
+            self._window.restoreState(layout)
+
+    def layout_of_window(self) -> QByteArray:
+        """Return the arrangement of the window's docks as it is while the views of the take are shown."""
+        return self._window.saveState() if self._layout is None else self._layout
+
+    def _make_room(self) -> None:
+        """Hide the docks that have to do with a take only."""
+        self._layout = self._window.saveState()
+        for dock in self._window.findChildren(QDockWidget):
+            if dock.objectName() != "steps":
+                dock.hide()

@@ -15,31 +15,29 @@ from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QTabWidget, QWidget
 
 from skelgen.model import Project
-from skelgen_gui.cameras import VIEW, Cameras
-from skelgen_gui.care import FileCare
-from skelgen_gui.commanding import Commanding
-from skelgen_gui.correct.actions import CorrectionActions
-from skelgen_gui.correct.listed import CorrectionList
-from skelgen_gui.document import Document
-from skelgen_gui.errors import ErrorReporter
-from skelgen_gui.graph import GraphView
-from skelgen_gui.jobs import Jobs
-from skelgen_gui.matrix import MatrixView
-from skelgen_gui.middle import Middle
-from skelgen_gui.page_stack import PageStack
+from skelgen_gui.diagrams.graph_view import GraphView
+from skelgen_gui.diagrams.matrix_view import MatrixView
+from skelgen_gui.model.scene import Scene
+from skelgen_gui.page_stack import Middle, PageStack
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
-from skelgen_gui.preferences import AXES, Preferences
-from skelgen_gui.recovery import Autosave, Remains
-from skelgen_gui.runner import Runner
-from skelgen_gui.session import Selection, Session
-from skelgen_gui.shortcuts import add_view_actions, make_actions
-from skelgen_gui.status import StatusLine
-from skelgen_gui.timeline.curves import Curves
-from skelgen_gui.timeline.widget import Timeline
-from skelgen_gui.tips import rich
-from skelgen_gui.view3d.scene import Scene
-from skelgen_gui.view3d.widget import View3D
-from skelgen_gui.warming import Warming
+from skelgen_gui.preloading import Warming
+from skelgen_gui.project.cameras import VIEW, Cameras
+from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
+from skelgen_gui.project.document import Document
+from skelgen_gui.project.file_actions import FileCare
+from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.project.recovery import Autosave, Remains
+from skelgen_gui.project.runner import Runner
+from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.status_line import StatusLine
+from skelgen_gui.timeline.plot_view import Curves
+from skelgen_gui.timeline.timeline import Timeline
+from skelgen_gui.view3d.view import View3D
+from skelgen_gui.widgets.errors import ErrorReporter
+from skelgen_gui.widgets.painting import rich
+from skelgen_gui.widgets.preferences import AXES, Preferences
+from skelgen_gui.widgets.shortcuts import add_view_actions, make_actions
+from skelgen_gui.window_commands import Commanding
 
 SIZE = (1440, 900)  # px, before the user has chosen one
 

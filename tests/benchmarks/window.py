@@ -18,9 +18,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from shown import show, show_machine, verdict
-from skelgen_gui.session import Session
-from skelgen_gui.view3d import Shown, View3D
-from skelgen_gui.view3d.scene import Scene
+from skelgen_gui.model.scene import Scene, Shown
+from skelgen_gui.project.session import Session
+from skelgen_gui.view3d.view import View3D
 from window_pauses import pause_rows
 from window_timeline import timeline_rows
 

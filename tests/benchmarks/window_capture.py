@@ -15,8 +15,8 @@ from pathlib import Path
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from shown import show, show_machine, verdict
-from skelgen_gui.interpreter import Collector, give_way_soon
-from skelgen_gui.preferences import Preferences
+from skelgen_gui.main import Collector, give_way_soon
+from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 from window import FLAT, memory
 from window_pauses import WANTED, Heart, Row, after, until

@@ -16,9 +16,9 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication, QDockWidget
 from shown import show, show_machine, verdict
-from skelgen_gui.interpreter import Collector
-from skelgen_gui.preferences import Preferences
-from skelgen_gui.session import Selection
+from skelgen_gui.main import Collector
+from skelgen_gui.project.session import Selection
+from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 from window import FLAT, memory
 from window_pauses import is_idle, until

@@ -17,9 +17,9 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QSettings, Qt, QTimer
 from PySide6.QtWidgets import QApplication
 from shown import verdict
-from skelgen_gui.derived import Deriver
-from skelgen_gui.interpreter import Collector, give_way_soon
-from skelgen_gui.preferences import Preferences
+from skelgen_gui.main import Collector, give_way_soon
+from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 
 import skelgen

@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from PySide6.QtWidgets import QApplication
 from shown import verdict
-from skelgen_gui.derived import Deriver
-from skelgen_gui.session import Selection, Session
-from skelgen_gui.timeline import Curves, Timeline
+from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.timeline.plot_view import Curves
+from skelgen_gui.timeline.timeline import Timeline
 
 import skelgen
 from skelgen.model import Labelling, Motion, Project, StageReport, Topology, Trajectories

@@ -15,7 +15,7 @@ if not os.environ.get("DISPLAY"):
 
 from PySide6.QtCore import QCoreApplication, QEvent
 from PySide6.QtGui import QImage
-from skelgen_gui.session import Session
+from skelgen_gui.project.session import Session
 
 import skelgen
 
@@ -52,7 +52,7 @@ def shown(qtbot):
     """Show a widget in a size, and wait until what it derives in the background is there."""
 
     def show(widget, width=900, height=400):
-        from skelgen_gui.derived import Deriver
+        from skelgen_gui.project.deriving import Deriver
 
         qtbot.addWidget(widget)
         widget.resize(width, height)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QLineF, QPointF
 from PySide6.QtGui import QColor, QImage, QPainter, QPen
-from skelgen_gui.batch import draw_lines, draw_points
+from skelgen_gui.widgets.painting import draw_lines, draw_points
 
 
 def painted(paint):

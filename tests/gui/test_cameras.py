@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PySide6.QtWidgets import QFileDialog, QWidget
 from skelgen_formats.capture_settings import write_settings
-from skelgen_gui.cameras import VIEW, Cameras, cameras_from_view
-from skelgen_gui.derived import Deriver
-from skelgen_gui.view3d.viewpoint import DOWN
+from skelgen_gui.model.viewpoint import DOWN
+from skelgen_gui.project.cameras import VIEW, Cameras, cameras_from_view
+from skelgen_gui.project.deriving import Deriver
 
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.model import Project

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PySide6.QtCore import QPointF, Qt
-from skelgen_gui.palette import colour_of_limb, component_colour
-from skelgen_gui.session import Selection, Session
-from skelgen_gui.timeline import Curves
-from skelgen_gui.timeline.angles import joint_curve
-from skelgen_gui.timeline.curve import Curve, Extremes, Panel
+from skelgen_gui.model.curves import Curve, Extremes, Panel, joint_curve
+from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.timeline.plot_view import Curves
+from skelgen_gui.widgets.theme import colour_of_limb, component_colour
 
 from skelgen.model import Project
 

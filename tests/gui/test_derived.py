@@ -7,7 +7,7 @@ import time
 
 from PySide6.QtWidgets import QWidget
 from shiboken6 import Shiboken
-from skelgen_gui.derived import Deriver
+from skelgen_gui.project.deriving import Deriver
 
 
 def test_the_result_is_handed_over_in_the_window_s_thread(qtbot):

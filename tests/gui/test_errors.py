@@ -8,8 +8,7 @@ import threading
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QWidget
-from skelgen_gui.error_text import details_of, sentence_of
-from skelgen_gui.errors import ErrorDialog, ErrorReporter, show_error
+from skelgen_gui.widgets.errors import ErrorDialog, ErrorReporter, details_of, sentence_of, show_error
 
 from skelgen.errors import WriteError
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
-from skelgen_gui.errors import ErrorDialog
-from skelgen_gui.export_page import ExportPage
-from skelgen_gui.jobs import Jobs
-from skelgen_gui.session import Session
+from skelgen_gui.pages.export import ExportPage
+from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.errors import ErrorDialog
 
 import skelgen
 from skelgen.errors import Cancelled
@@ -189,7 +189,7 @@ def test_a_full_disk_is_one_sentence_and_nothing_is_left(page, click, tmp_path, 
 
 
 def test_a_fault_of_the_program_opens_the_dialog_of_errors(open_page, click, monkeypatch):
-    monkeypatch.setattr("skelgen_gui.export_page.export_project", lambda *args: 1 / 0)
+    monkeypatch.setattr("skelgen_gui.pages.export.export_project", lambda *args: 1 / 0)
     page = open_page()
     click(page.export)
     assert "ZeroDivisionError" in page.findChild(ErrorDialog).sentence.text()

@@ -9,9 +9,8 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QAbstractSpinBox, QApplication, QCheckBox, QComboBox, QLineEdit
-from skelgen_gui.fields import stepped
-from skelgen_gui.forms import ParameterForm, stage_form
-from skelgen_gui.found_or_given import FoundOrGiven
+from skelgen_gui.widgets.fields import FoundOrGiven, stepped
+from skelgen_gui.widgets.forms import ParameterForm, stage_form
 
 from skelgen.app.configuration import all_parameter_classes, parameters_class
 from skelgen.errors import ParameterError

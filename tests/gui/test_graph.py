@@ -7,15 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, Qt
-from skelgen_gui.graph import GraphView
-from skelgen_gui.graph.facts import find_graph, tree_path
-from skelgen_gui.graph.labels import place_words
-from skelgen_gui.graph.layout import body_places, tree_places
-from skelgen_gui.graph.nearest import nearest_line, nearest_point
-from skelgen_gui.graph.painting import NODE
-from skelgen_gui.palette import colour_of_limb, doubt_colour
-from skelgen_gui.session import Selection, Session
-from skelgen_gui.theme import theme_palette
+from skelgen_gui.diagrams.graph_painting import NODE
+from skelgen_gui.diagrams.graph_view import GraphView
+from skelgen_gui.model.graph import (
+    body_places,
+    find_graph,
+    nearest_line,
+    nearest_point,
+    place_words,
+    tree_path,
+    tree_places,
+)
+from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour, theme_palette
 
 from skelgen.model import Project, Topology
 

@@ -18,13 +18,14 @@ SHARP = """
     from PySide6.QtGui import QImage
     from PySide6.QtTest import QTest
     from PySide6.QtWidgets import QApplication
-    from skelgen_gui.derived import Deriver
-    from skelgen_gui.graph import GraphView
-    from skelgen_gui.matrix import MatrixView
-    from skelgen_gui.session import Session
-    from skelgen_gui.theme import prepare_high_dpi
-    from skelgen_gui.timeline import Curves, Timeline
-    from skelgen_gui.view3d import View3D
+    from skelgen_gui.project.deriving import Deriver
+    from skelgen_gui.diagrams.graph_view import GraphView
+    from skelgen_gui.diagrams.matrix_view import MatrixView
+    from skelgen_gui.project.session import Session
+    from skelgen_gui.widgets.theme import prepare_high_dpi
+    from skelgen_gui.timeline.plot_view import Curves
+    from skelgen_gui.timeline.timeline import Timeline
+    from skelgen_gui.view3d.view import View3D
     import skelgen
     from skelgen.simulation import simulate
 

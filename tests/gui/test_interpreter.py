@@ -7,7 +7,7 @@ import threading
 import weakref
 
 import pytest
-from skelgen_gui.interpreter import Collector, collect_what_is_due
+from skelgen_gui.main import Collector, collect_what_is_due
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import time
 
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent
-from skelgen_gui.jobs import Jobs
+from skelgen_gui.project.jobs import Jobs
 
 from skelgen.errors import InputError
 

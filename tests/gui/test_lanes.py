@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_gui.timeline.lane_picture import lane_picture
-from skelgen_gui.timeline.lanes import State, doubt_at, find_lanes, next_doubt, point_counts
+from skelgen_gui.model.lanes import State, doubt_at, find_lanes, lane_picture, next_doubt, point_counts
 
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.labelling import Doubt

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from skelgen_gui import main as start
-from skelgen_gui.recovery import find_remains
+from skelgen_gui.project.recovery import find_remains
 
 import skelgen
 from skelgen.simulation import simulate
@@ -26,7 +26,7 @@ WATCHED = """
     from PySide6.QtCore import QTimer
     from PySide6.QtWidgets import QApplication, QMessageBox
     from skelgen_gui import main
-    from skelgen_gui.errors import ErrorDialog
+    from skelgen_gui.widgets.errors import ErrorDialog
     from skelgen_gui.window import Window
 
     COMMAND = sys.argv.pop(1)

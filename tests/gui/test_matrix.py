@@ -7,12 +7,10 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QApplication
-from skelgen_gui.matrix import MatrixView
-from skelgen_gui.matrix.facts import find_matrix
-from skelgen_gui.matrix.region import Region
-from skelgen_gui.palette import colour_of_limb
-from skelgen_gui.session import Session
-from skelgen_gui.theme import theme_palette
+from skelgen_gui.diagrams.matrix_view import MatrixView
+from skelgen_gui.model.matrix import Region, find_matrix
+from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.theme import colour_of_limb, theme_palette
 
 from skelgen.model import Project
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 import pytest
-from skelgen_gui.timeline import Player
+from skelgen_gui.timeline.player import Player
 
 RATE = 100.0  # Hz, of `walked`
 LATE = 5.0  # frames that may pass on a busy machine between the player's look at the clock and the test's
@@ -133,7 +133,7 @@ def test_another_result_of_the_same_take_keeps_the_range(player, session, walked
 
 
 def test_nothing_is_played_without_a_take(qtbot):
-    from skelgen_gui.session import Session
+    from skelgen_gui.project.session import Session
 
     player = Player(Session())
     player.play()

@@ -6,10 +6,10 @@ import pytest
 from PySide6.QtCore import QByteArray, QSettings, Qt
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QApplication, QDialogButtonBox, QLabel
-from skelgen_gui.preferences import MOST_RECENT, Preferences, Wanted
-from skelgen_gui.preferences_dialog import PreferencesDialog
-from skelgen_gui.recent import RecentMenu
-from skelgen_gui.theme import CHANGED_ROLE, PROBLEM_ROLE, Theme, is_dark, theme_palette
+from skelgen_gui.project.file_actions import RecentMenu
+from skelgen_gui.widgets.dialogs import PreferencesDialog
+from skelgen_gui.widgets.preferences import MOST_RECENT, Preferences, Wanted
+from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE, Theme, is_dark, theme_palette
 
 READABLE = 4.0
 """Contrast of text on its ground; WCAG 2.1 asks for 4.5, and for 3 where it is large."""

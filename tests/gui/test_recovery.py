@@ -12,8 +12,8 @@ from datetime import datetime
 
 import pytest
 from PySide6.QtCore import QSettings
-from skelgen_gui.preferences import Preferences
-from skelgen_gui.recovery import Autosave, Remains, find_remains
+from skelgen_gui.project.recovery import Autosave, Remains, find_remains
+from skelgen_gui.widgets.preferences import Preferences
 
 CHILD = """
     import sys, time
@@ -21,9 +21,9 @@ CHILD = """
     from PySide6.QtCore import QCoreApplication, QSettings
     from skelgen.simulation import simulate
     from skelgen.model import Project
-    from skelgen_gui.preferences import Preferences
-    from skelgen_gui.recovery import Autosave
-    from skelgen_gui.session import Session
+    from skelgen_gui.widgets.preferences import Preferences
+    from skelgen_gui.project.recovery import Autosave
+    from skelgen_gui.project.session import Session
 
     app = QCoreApplication([])
     session = Session()

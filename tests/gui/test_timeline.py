@@ -9,11 +9,10 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QApplication
-from skelgen_gui.palette import colour_of_limb, doubt_colour
-from skelgen_gui.session import Selection, Session
-from skelgen_gui.theme import theme_palette
-from skelgen_gui.timeline import Timeline
-from skelgen_gui.timeline.scale import GUTTER, clock
+from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.timeline.span import GUTTER, clock
+from skelgen_gui.timeline.timeline import Timeline
+from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour, theme_palette
 
 from skelgen.model import Labelling, PointCloud, Project, Trajectories
 from skelgen.model.labelling import Doubt

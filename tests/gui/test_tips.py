@@ -5,7 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import QPoint, QPointF
 from PySide6.QtGui import QHelpEvent
 from PySide6.QtWidgets import QToolTip, QWidget
-from skelgen_gui.tips import rich, tell
+from skelgen_gui.widgets.painting import rich, tell
 
 
 def test_names_that_look_like_tags_are_shown(qtbot):

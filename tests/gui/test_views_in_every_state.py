@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PySide6.QtCore import QPointF
-from skelgen_gui.derived import Deriver
-from skelgen_gui.graph import GraphView
-from skelgen_gui.matrix import MatrixView
-from skelgen_gui.session import Selection, Session
-from skelgen_gui.timeline import Curves, Timeline
+from skelgen_gui.diagrams.graph_view import GraphView
+from skelgen_gui.diagrams.matrix_view import MatrixView
+from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.timeline.plot_view import Curves
+from skelgen_gui.timeline.timeline import Timeline
 
 from skelgen.model import Limbs, PointCloud, Project, StageReport, Trajectories
 

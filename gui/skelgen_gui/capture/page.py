@@ -1,4 +1,4 @@
-"""The Capture page: live on one tab, the steps that calibrate cameras, targets and joints on the others."""
+"""The Capture page: live on one tab, calibration steps on the others; pictures and space in the middle."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtWidgets import QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QSplitter, QTabWidget, QVBoxLayout, QWidget
 
-from skelgen_gui.capture.assistant import Assistant
-from skelgen_gui.capture.choice import FileField
+from skelgen_gui.capture.camera_step import Assistant
+from skelgen_gui.capture.forms import FileField
 from skelgen_gui.capture.joint_step import JointStep
-from skelgen_gui.capture.live_panel import LivePanel
+from skelgen_gui.capture.live import LivePanel
+from skelgen_gui.capture.messages import Shot
+from skelgen_gui.capture.pictures import PicturePair
+from skelgen_gui.capture.space import Found, Space
 from skelgen_gui.capture.target_step import TargetStep
-from skelgen_gui.capture.view import CaptureView
-from skelgen_gui.pages.context import Context
+from skelgen_gui.project.context import Context
 
 if TYPE_CHECKING:
     from skelgen.model.rig import StereoRig
@@ -101,3 +104,28 @@ class CapturePage(QWidget):
         if field.path:
             for other in self._fields:
                 other.show_path(field.path)
+
+
+class CaptureView(QSplitter):
+    """Pictures above, space below.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(Qt.Orientation.Vertical, parent)
+        self.pictures, self.space = PicturePair(self), Space(self)
+        self.addWidget(self.pictures)
+        self.addWidget(self.space)
+        self.setStretchFactor(0, 1)
+        self.setStretchFactor(1, 1)
+        self.setAccessibleName(self.tr("Capture"))
+
+    def show_shot(self, shot: Shot) -> None:
+        """Show a pair of images and what was found in it."""
+        self.pictures.show_pair(shot.left, shot.right)
+        self.space.show_rig(shot.settings.rig)
+        self.space.show_found(Found(shot.points, shot.groups, shot.bodies))

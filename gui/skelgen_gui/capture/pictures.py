@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QWidget
 from skelgen.app.report.colours import limb_colour
 from skelgen.capture.values import Image
 from skelgen.model.arrays import Floats
-from skelgen_gui.batch import draw_lines
 from skelgen_gui.capture.overlay import NO_BODY, Eye
+from skelgen_gui.widgets.painting import draw_lines
 
 LOOSE = QColor("#f2c94c")
 """Of balls that belong to no body; pictures are dark on light desktops too."""

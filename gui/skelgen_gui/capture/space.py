@@ -14,16 +14,16 @@ from PySide6.QtWidgets import QWidget
 
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import StereoRig
-from skelgen_gui.batch import draw_lines
-from skelgen_gui.cameras import DEPTH, cameras_of
 from skelgen_gui.capture.overlay import NO_BODY
-from skelgen_gui.palette import colour_of_limb, doubt_colour
-from skelgen_gui.view3d import backdrop
+from skelgen_gui.model.picture import Canvas
+from skelgen_gui.model.viewpoint import Viewpoint
+from skelgen_gui.project.cameras import DEPTH, cameras_of
 from skelgen_gui.view3d.colours import Colours
-from skelgen_gui.view3d.drag import Drag, DragKind
-from skelgen_gui.view3d.picture import Canvas
+from skelgen_gui.view3d.painting import paint_background
 from skelgen_gui.view3d.sprites import Sprites, Style
-from skelgen_gui.view3d.viewpoint import Viewpoint
+from skelgen_gui.view3d.view import Drag, DragKind
+from skelgen_gui.widgets.painting import draw_lines
+from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour
 
 if TYPE_CHECKING:
     from skelgen.capture.values import FoundBody
@@ -125,7 +125,7 @@ class Space(QWidget):
             self._sprites = Sprites(self.devicePixelRatioF())
         with QPainter(self) as painter:
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            backdrop.paint_background(painter, canvas, colours)
+            paint_background(painter, canvas, colours)
             painter.setPen(QPen(colours.mixed(colours.ink, 0.45), 1.2))
             if self._rig is None:
                 painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, self.tr("Cameras and points in space"))

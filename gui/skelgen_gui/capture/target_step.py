@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from PySide6.QtWidgets import QWidget
 
-from skelgen_gui.capture.adding import AddingStep, Plan
+from skelgen_gui.capture.forms import TargetForm
 from skelgen_gui.capture.measured import BallTable
-from skelgen_gui.capture.source_form import TargetForm
-from skelgen_gui.capture.step import row_of
-from skelgen_gui.jobs import Jobs
+from skelgen_gui.capture.steps import AddingStep, Plan, row_of
+from skelgen_gui.project.jobs import Jobs
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.body import BodyCalibration

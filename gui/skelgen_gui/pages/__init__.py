@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from functools import partial
 
+from PySide6.QtWidgets import QWidget
+
 from skelgen.app.stages import PIPELINE
-from skelgen_gui.pages.capture import make_capture_page
-from skelgen_gui.pages.context import HOME, Context, PageEntry, view_of
 from skelgen_gui.pages.export import make_export_page
 from skelgen_gui.pages.open import OpenPage
 from skelgen_gui.pages.stage import StagePage
+from skelgen_gui.project.context import HOME, Context, PageEntry, view_of
 
-__all__ = ["HOME", "PAGES", "Context", "PageEntry", "view_of"]
+__all__ = [
+    "HOME",
+    "PAGES",
+    "Context",
+    "PageEntry",
+    "view_of",
+]
 
 _TITLES = {
     "labels": "Labels",
@@ -20,12 +27,20 @@ _TITLES = {
     "skeleton": "Skeleton",
 }
 
+
+def _make_capture_page(context: Context) -> QWidget:
+    """Build the Capture page from what pages are given."""
+    from skelgen_gui.capture.page import CapturePage  # noqa: PLC0415 - the window is shown before
+
+    return CapturePage(context)
+
+
 PAGES: tuple[PageEntry, ...] = (
     PageEntry(
         "capture",
         "Capture",
         "Record with two cameras, and calibrate them.",
-        make_capture_page,
+        _make_capture_page,
     ),
     PageEntry(
         HOME,

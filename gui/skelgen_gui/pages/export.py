@@ -1,11 +1,348 @@
-"""The page that writes the result for other programs."""
+"""The page that writes results for other programs: format, options, place, what will be written, and the writing."""
 
 from __future__ import annotations
 
-from PySide6.QtWidgets import QWidget
+import html
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
 
-from skelgen_gui.export_page import ExportPage
-from skelgen_gui.pages.context import Context
+from PySide6.QtCore import QCoreApplication, QStandardPaths, Qt, QUrl, Signal
+from PySide6.QtGui import QDesktopServices, QShowEvent, QStandardItemModel
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFileDialog,
+    QGridLayout,
+    QGroupBox,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QProgressBar,
+    QPushButton,
+    QScrollArea,
+    QVBoxLayout,
+    QWidget,
+)
+
+from skelgen.app.export import (
+    Preview,
+    export_formats,
+    export_path,
+    export_project,
+    obstacle_to,
+    preview_export,
+)
+from skelgen.app.outputs import stem_of
+from skelgen.errors import Cancelled, ParameterError, SkelgenError, WriteError
+from skelgen.progress import Monitor
+from skelgen_gui.project.context import Context
+from skelgen_gui.project.jobs import Watched
+from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.errors import show_error
+from skelgen_gui.widgets.forms import ParameterForm
+from skelgen_gui.widgets.theme import PROBLEM_ROLE
+
+_PER_MILLE = 1000  # steps of the progress bar
+_BESIDE_BAR = 6  # px, between the form and the bar that scrolls it
+_NAME_WITHOUT_TAKE = "result"
+
+
+class StartJob(Protocol):
+    """How the page has long work done: as `skelgen_gui.project.jobs.Jobs.start` does it."""
+
+    def __call__(
+        self,
+        title: str,
+        work: Callable[[Monitor], Any],
+        done: Callable[[Any], None],
+        failed: Callable[[Exception], None] | None = None,
+    ) -> bool:
+        """Start `work` away from the window's thread, and call back on it; False if something else is running."""
+
+
+class ExportPage(QWidget):
+    """Writes the open project in a format of the user's choice.
+
+    Parameters
+    ----------
+    session : Session
+        Whose project is written.
+    start : callable
+        Has the writing done; see `StartJob`.
+    parent : QWidget, optional
+        Qt's parent.
+    """
+
+    def __init__(self, session: Session, start: StartJob, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._session, self._start = session, start
+        self._take: object = None
+        self._watched: Watched | None = None
+        self._written: Path | None = None
+        self.formats = export_formats()
+        self.choice = QComboBox(self)
+        self.note, self.preview, self.status = QLabel(self), QLabel(self), QLabel(self)
+        self.form = ParameterForm((), self)
+        self.options_box = QGroupBox(self.tr("Options"), self)
+        self._options = QVBoxLayout(self.options_box)
+        self.target = ExportTarget(self)
+        self.export, self.cancel = QPushButton(self.tr("Export"), self), QPushButton(self.tr("Cancel"), self)
+        self.progress = QProgressBar(self)
+        self.show_folder = QPushButton(self.tr("Show folder"), self)
+        self._describe()
+        self._lay_out()
+        self._connect()
+        self._follow_choice()
+        self._follow_project()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Look again which files there are."""
+        super().showEvent(event)
+        self._follow()
+
+    def _describe(self) -> None:
+        for entry in self.formats:
+            self.choice.addItem(QCoreApplication.translate("Formats", entry.title))
+        self.choice.setAccessibleName(self.tr("Format"))
+        self.choice.setToolTip(self.tr("What is written; formats that need more results are grey"))
+        for label, name in (
+            (self.note, self.tr("What the format is")),
+            (self.preview, self.tr("What will be written")),
+            (self.status, self.tr("What has been written")),
+        ):
+            label.setWordWrap(True)
+            label.setAccessibleName(name)
+        self.preview.setTextFormat(Qt.TextFormat.RichText)
+        self.preview.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.status.setTextFormat(Qt.TextFormat.PlainText)
+        self.export.setToolTip(self.tr("Write the files"))
+        self.cancel.setToolTip(self.tr("Stop; what was there stays as it was"))
+        self.show_folder.setToolTip(self.tr("Open the folder with the written files"))
+        self.progress.setRange(0, _PER_MILLE)
+        self.progress.setAccessibleName(self.tr("Progress of the export"))
+        self.progress.setToolTip(self.tr("How much of the export is written"))
+        for widget in (self.cancel, self.progress, self.show_folder):
+            widget.hide()
+
+    def _lay_out(self) -> None:
+        inside = QWidget(self)
+        parts: tuple[QWidget, ...] = (self.choice, self.note, self.options_box, self.target, self.preview)
+        buttons = QHBoxLayout()
+        for widget in (self.export, self.cancel, self.show_folder):
+            buttons.addWidget(widget)
+        buttons.addStretch(1)
+        layout = QVBoxLayout(inside)
+        layout.setContentsMargins(0, 0, _BESIDE_BAR, 0)
+        for part in parts:
+            layout.addWidget(part)
+        layout.addStretch(1)
+        area = QScrollArea(self)
+        area.setWidgetResizable(True)
+        area.setFrameShape(QScrollArea.Shape.NoFrame)
+        area.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # what is in it is reached by Tab, and scrolled to
+        area.setWidget(inside)
+        outer = QVBoxLayout(self)
+        outer.setContentsMargins(0, 0, 0, 0)
+        outer.addWidget(area)
+        outer.addLayout(buttons)  # where they are seen however long the preview is
+        outer.addWidget(self.progress)
+        outer.addWidget(self.status)
+
+    def _connect(self) -> None:
+        self._session.project_changed.connect(self._follow_project)
+        self.choice.currentIndexChanged.connect(self._follow_choice)
+        self.target.changed.connect(self._follow)
+        self.export.clicked.connect(self._begin)
+        self.cancel.clicked.connect(self._cancel)
+        self.show_folder.clicked.connect(self._open_folder)
+
+    def _follow_project(self) -> None:
+        """Offer the formats that the project can be written in; suggest a place when it is another recording's."""
+        project = self._session.project
+        if project is not None and project.take is not self._take:
+            self._take = project.take
+            path = self._session.path
+            self.target.suggest(path.parent if path else None, stem_of(project.name) or _NAME_WITHOUT_TAKE)
+        self._enable_formats()
+        self._follow()
+
+    def _enable_formats(self) -> None:
+        project, model = self._session.project, self.choice.model()
+        if not isinstance(model, QStandardItemModel):  # the one that a combo box has by itself
+            return
+        obstacles = [obstacle_to(project, entry, {}) if project is not None else "" for entry in self.formats]
+        for row, obstacle in enumerate(obstacles):
+            model.item(row).setEnabled(not obstacle)
+            model.item(row).setToolTip(obstacle or QCoreApplication.translate("Formats", self.formats[row].note))
+        if obstacles[self.choice.currentIndex()] and not all(obstacles):
+            self.choice.setCurrentIndex(obstacles.index(""))
+
+    def _follow_choice(self) -> None:
+        """Show the options of another format."""
+        entry = self.formats[self.choice.currentIndex()]
+        self.note.setText(QCoreApplication.translate("Formats", entry.note))
+        self.form.hide()
+        self.form.deleteLater()
+        self.form = ParameterForm([option.declaration for option in entry.options], self)
+        self.form.changed.connect(self._follow)
+        self._options.addWidget(self.form)
+        self.options_box.setVisible(bool(entry.options))
+        self._follow()
+
+    def _follow(self) -> None:
+        """Show what would be written now."""
+        preview = self._preview()
+        replaced = [file for file in preview.files if file.exists]
+        self.preview.setText(self._preview_text(preview))
+        self.preview.setForegroundRole(PROBLEM_ROLE if preview.obstacle else self.foregroundRole())
+        self.export.setText(self.tr("Export and replace") if replaced else self.tr("Export"))
+        self.export.setEnabled(not preview.obstacle and self._watched is None)
+
+    def _preview(self) -> Preview:
+        project, entry = self._session.project, self.formats[self.choice.currentIndex()]
+        if project is None:
+            return Preview(obstacle=self.tr("Open a recording first."))
+        try:
+            path = export_path(self.target.folder, self.target.name, entry)
+            return preview_export(project, entry, path, self.form.values())
+        except (WriteError, ParameterError) as error:
+            return Preview(obstacle=str(error))
+
+    def _preview_text(self, preview: Preview) -> str:
+        """Return the preview as rich text; names may hold any character."""
+        if preview.obstacle:
+            return html.escape(preview.obstacle)
+        replaces = self.tr(" (replaces the file that is there)")
+        lines = [f"<b>{html.escape(file.path.name)}</b>{replaces if file.exists else ''}" for file in preview.files]
+        lines += [html.escape(preview.contents)] if preview.contents else []
+        return "<br>".join(lines) + "".join(f"<p>{html.escape(remark)}</p>" for remark in preview.remarks)
+
+    def _begin(self) -> None:
+        """Have the files written."""
+        project, entry = self._session.project, self.formats[self.choice.currentIndex()]
+        if project is None:
+            return
+        path, options = export_path(self.target.folder, self.target.name, entry), self.form.values()
+        watched = Watched(self)
+        watched.progressed.connect(self._show_progress)
+
+        def work(monitor: Monitor) -> list[Path] | None:
+            try:
+                return export_project(project, entry, path, options, watched.watching(monitor))
+            except Cancelled:
+                return None
+
+        self._show_running(watched)
+        if not self._start(self.tr("Exporting {0}").format(path.name), work, self._done, self._failed):
+            self._show_running(None)
+            self.status.setText(self.tr("Something else is still running; export when that is done."))
+
+    def _cancel(self) -> None:
+        if self._watched is not None:
+            self._watched.cancel()
+            self.cancel.setEnabled(False)
+
+    def _show_progress(self, share: float) -> None:
+        self.progress.setValue(round(share * _PER_MILLE))
+
+    def _show_running(self, watched: Watched | None) -> None:
+        running = watched is not None
+        self._watched = watched
+        self.status.clear()
+        self.status.setForegroundRole(self.foregroundRole())
+        self.progress.setValue(0)
+        self.cancel.setEnabled(running)
+        for widget in (self.cancel, self.progress):
+            widget.setVisible(running)
+        self.show_folder.hide()
+        choices: tuple[QWidget, ...] = (self.choice, self.form, self.target)
+        for choice in choices:
+            choice.setEnabled(not running)
+        self._follow()
+
+    def _done(self, files: list[Path] | None) -> None:
+        self._show_running(None)
+        if files is None:
+            self.status.setText(self.tr("Cancelled; nothing was written."))
+            return
+        self._written = files[0].parent
+        names = ", ".join(file.name for file in files)
+        self.status.setText(self.tr("Written to {0}: {1}").format(self._written, names))
+        self.show_folder.show()
+
+    def _failed(self, error: Exception) -> None:
+        self._show_running(None)
+        if isinstance(error, SkelgenError):
+            self.status.setForegroundRole(PROBLEM_ROLE)
+            self.status.setText(str(error))
+        else:
+            show_error(self, error)
+
+    def _open_folder(self) -> None:
+        if self._written is not None:
+            QDesktopServices.openUrl(QUrl.fromLocalFile(str(self._written)))
+
+
+class ExportTarget(QWidget):
+    """A folder and a name.
+
+    Signals
+    -------
+    changed()
+        Another folder or name.
+    """
+
+    changed = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        documents = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.DocumentsLocation)
+        self.folder_line = QLineEdit(documents, self)
+        self.name_line = QLineEdit(self)
+        self.browse = QPushButton(self.tr("Browse…"), self)
+        self._lay_out()
+        self.folder_line.textChanged.connect(self.changed)
+        self.name_line.textChanged.connect(self.changed)
+        self.browse.clicked.connect(self._browse)
+
+    @property
+    def folder(self) -> Path:
+        """The folder."""
+        return Path(self.folder_line.text()).expanduser()
+
+    @property
+    def name(self) -> str:
+        """The beginning of the files' names."""
+        return self.name_line.text()
+
+    def suggest(self, folder: Path | None, name: str) -> None:
+        """Show the place of another project; None keeps the folder that is shown."""
+        if folder is not None:
+            self.folder_line.setText(str(folder))
+        self.name_line.setText(name)
+
+    def _lay_out(self) -> None:
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        for row, (text, line, tip) in enumerate(
+            (
+                (self.tr("Folder"), self.folder_line, self.tr("Where the files go; it is made if it is not there")),
+                (self.tr("Name"), self.name_line, self.tr("Beginning of the files' names")),
+            )
+        ):
+            label = QLabel(text, self)
+            label.setBuddy(line)
+            line.setAccessibleName(text)
+            line.setToolTip(tip)
+            grid.addWidget(label, row, 0)
+            grid.addWidget(line, row, 1, 1, 1 if line is self.folder_line else 2)
+        self.browse.setToolTip(self.tr("Choose the folder"))
+        grid.addWidget(self.browse, 0, 2)
+
+    def _browse(self) -> None:
+        chosen = QFileDialog.getExistingDirectory(self, self.tr("Folder of the export"), self.folder_line.text())
+        if chosen:
+            self.folder_line.setText(chosen)
 
 
 def make_export_page(context: Context) -> QWidget:

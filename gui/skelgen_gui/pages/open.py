@@ -21,8 +21,8 @@ from PySide6.QtWidgets import (
 from skelgen.app.files import given_identities
 from skelgen.app.stage_summary import take_sentences
 from skelgen.model import Project
-from skelgen_gui.pages.context import Context
-from skelgen_gui.tips import rich
+from skelgen_gui.project.context import Context
+from skelgen_gui.widgets.painting import rich
 
 _PATH = Qt.ItemDataRole.UserRole
 

@@ -30,11 +30,11 @@ from skelgen.app.project_file.checks import with_saved
 from skelgen.app.stage_summary import Pointer, stage_pointers, stage_sentences
 from skelgen.app.stages import find_stage
 from skelgen.model import Project
-from skelgen_gui.derived import Deriver
-from skelgen_gui.forms import stage_form
-from skelgen_gui.found_or_given import FoundOrGiven
-from skelgen_gui.pages.context import Context
-from skelgen_gui.session import Selection
+from skelgen_gui.project.context import Context
+from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.project.session import Selection
+from skelgen_gui.widgets.fields import FoundOrGiven
+from skelgen_gui.widgets.forms import stage_form
 
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
 """Stages whose number the user may know, and the correction that says so."""

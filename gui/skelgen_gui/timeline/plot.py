@@ -9,11 +9,10 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPalette, QPen
 from skelgen.app.report.svg import ticks
 from skelgen.app.report.wording import digits, plain
 from skelgen.model.arrays import Floats
-from skelgen_gui.batch import draw_lines
-from skelgen_gui.palette import blended, colour_of_limb, component_colour
-from skelgen_gui.theme import is_dark
-from skelgen_gui.timeline.curve import Curve, Panel
+from skelgen_gui.model.curves import Curve, Panel
 from skelgen_gui.timeline.span import VisibleSpan
+from skelgen_gui.widgets.painting import draw_lines
+from skelgen_gui.widgets.theme import blended, colour_of_limb, component_colour, is_dark
 
 _TICK_ROOM = 24.0  # px between lines of the grid
 _BAND = 0.25  # opacity

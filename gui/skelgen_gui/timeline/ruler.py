@@ -8,12 +8,10 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QFontMetricsF, QMouseEvent, QPainter, QPaintEvent, QPalette, QPolygonF, QWheelEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from skelgen_gui.palette import blended, cursor_colour
-from skelgen_gui.session import Session
-from skelgen_gui.timeline.gestures import zoom_or_pan
+from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.player import Player
-from skelgen_gui.timeline.scale import GUTTER, clock, plot_width, ruler_step
-from skelgen_gui.timeline.span import VisibleSpan
+from skelgen_gui.timeline.span import GUTTER, VisibleSpan, clock, plot_width, ruler_step, zoom_or_pan
+from skelgen_gui.widgets.theme import blended, cursor_colour
 
 _HEIGHT = 30
 _GRIP = 6.0  # px, half the width in which a handle of the range can be caught

@@ -1,13 +1,15 @@
-"""The stretch of the take that lanes and curves show, which they share."""
+"""The stretch of the take that ruler, lanes and curves show: its scale, and how wheel and keys change it."""
 
 from __future__ import annotations
 
 import math
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtGui import QKeyEvent, QWheelEvent
 
 from skelgen.model import Take
-from skelgen_gui.session import Session
+from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.painting import ZOOM, notches
 
 FEWEST_FRAMES = 8.0
 """Frames that are shown at the largest zoom."""
@@ -95,3 +97,87 @@ class VisibleSpan(QObject):
         if not self._first <= frame < self._end:
             length = self._end - self._first
             self.show(frame - _LEAD * length, frame + (1 - _LEAD) * length)
+
+
+GUTTER = 140
+"""px, at the left, for names and scales."""
+
+MARGIN = 16
+"""px, at the right, for a scroll bar."""
+
+_ROUND_SECONDS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0)
+_TICK_ROOM = 88.0  # px, between labels of the ruler
+
+
+def plot_width(width: float) -> float:
+    """Return how wide the part that shows frames is in a widget of some width [px]."""
+    return max(width - GUTTER - MARGIN, 1.0)
+
+
+def ruler_step(span: VisibleSpan, rate: float, width: float) -> float:
+    """Return the time [s] between labels of a ruler over `width` pixels."""
+    least = (span.end - span.first) / rate * _TICK_ROOM / width
+    if least <= _ROUND_SECONDS[0]:
+        power = 10.0 ** math.floor(math.log10(least))
+        return next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= least * (1 - 1e-9))
+    return next((step for step in _ROUND_SECONDS if step >= least), _ROUND_SECONDS[-1] * math.ceil(least / 3600.0))
+
+
+def clock(seconds: float, step: float) -> str:
+    """Return a time as a ruler shows it whose labels are `step` seconds apart.
+
+    Examples
+    --------
+    >>> clock(75.0, 5.0), clock(3.25, 0.05), clock(3725.0, 60.0)
+    ('1:15', '0:03.25', '1:02:05')
+    """
+    decimals = min(max(0, math.ceil(-math.log10(step) - 1e-9)), 4)
+    units = 10**decimals
+    whole, rest = divmod(round(seconds * units), units)
+    minutes, second = divmod(whole, 60)
+    hours, minute = divmod(minutes, 60)
+    shown = f"{hours}:{minute:02d}:{second:02d}" if hours else f"{minute}:{second:02d}"
+    return shown + (f".{rest:0{decimals}d}" if decimals else "")
+
+
+_PAN = 0.1  # of what is in sight, per notch
+
+
+def zoom_or_pan(event: QWheelEvent, span: VisibleSpan, width: float) -> None:
+    """Zoom about the pointer; pan with Shift, Alt or a sideways wheel.
+
+    Parameters
+    ----------
+    event : QWheelEvent
+        Is accepted.
+    span : VisibleSpan
+        What is in sight.
+    width : float, px
+        Of the part of the picture that shows frames.
+    """
+    across, away = notches(event)
+    length = span.end - span.first
+    if across:
+        span.pan(-across * _PAN * length)
+    elif event.modifiers() & Qt.KeyboardModifier.ShiftModifier:
+        span.pan(-away * _PAN * length)
+    else:
+        about = span.first + (event.position().x() - GUTTER) * length / width
+        span.zoom(ZOOM**away, min(max(about, span.first), span.end))
+    event.accept()
+
+
+def zoomed_by_key(event: QKeyEvent, span: VisibleSpan, frame: int) -> bool:
+    """Zoom about the shown frame with Ctrl and plus or minus, show all with Ctrl+0; say whether it was one of these."""
+    if not event.modifiers() & Qt.KeyboardModifier.ControlModifier:
+        return False
+    key = event.key()
+    if key in {Qt.Key.Key_Plus, Qt.Key.Key_Equal}:
+        span.zoom(ZOOM**2, frame + 0.5)
+    elif key == Qt.Key.Key_Minus:
+        span.zoom(ZOOM**-2, frame + 0.5)
+    elif key == Qt.Key.Key_0:
+        span.show_all()
+    else:
+        return False
+    return True

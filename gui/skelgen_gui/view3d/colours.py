@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from PySide6.QtGui import QColor, QPalette
 
-from skelgen_gui.palette import blended, colour_of_limb, component_colour, doubt_colour
-from skelgen_gui.theme import is_dark
+from skelgen_gui.widgets.theme import blended, colour_of_limb, component_colour, doubt_colour, is_dark
 
 N_FOGS = 5
 """Steps in which what is deeper fades into the background."""

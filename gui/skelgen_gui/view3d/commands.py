@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
-from PySide6.QtWidgets import QMenu
+from PySide6.QtWidgets import QHBoxLayout, QMenu, QToolButton, QWidget
 
-from skelgen_gui.view3d.shown import MAGNIFICATIONS, TRAIL_SECONDS, Shown
-from skelgen_gui.view3d.viewpoint import DOWN
+from skelgen_gui.model.scene import MAGNIFICATIONS, TRAIL_SECONDS, Shown
+from skelgen_gui.model.viewpoint import DOWN
 
 if TYPE_CHECKING:
-    from skelgen_gui.view3d.widget import View3D
+    from skelgen_gui.view3d.view import View3D
 
 _KEYS = {"trails": "T", "names": "N"}  # of switches
 
@@ -144,3 +144,41 @@ class Commands(QObject):
         for name, actions in self.choices.items():
             for action in actions:
                 action.setChecked(action.data() == getattr(shown, name))
+
+
+class ViewButtons(QWidget):
+    """A row of buttons: fit, front, side, top, select, and a menu of what is shown.
+
+    Parameters
+    ----------
+    commands : Commands
+        What they do.
+    parent : QWidget
+        The view.
+    """
+
+    def __init__(self, commands: Commands, parent: QWidget) -> None:
+        super().__init__(parent)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.setSpacing(2)
+        for action in (commands.fit, commands.front, commands.side, commands.top, commands.rectangle):
+            button = self._button(action.toolTip())
+            button.setDefaultAction(action)
+            button.setAccessibleName(action.text())
+            row.addWidget(button)
+        self.menu = QMenu(self)
+        self.menu.setToolTipsVisible(True)
+        commands.fill(self.menu)
+        show = self._button(self.tr("What is shown"))
+        show.setText(self.tr("Show"))
+        show.setAccessibleName(self.tr("Show"))
+        show.setMenu(self.menu)
+        show.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        row.addWidget(show)
+
+    def _button(self, explanation: str) -> QToolButton:
+        button = QToolButton(self)
+        button.setAutoRaise(True)
+        button.setToolTip(explanation)
+        return button

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from skelgen_gui.capture.coverage_view import COVERED
-from skelgen_gui.capture.measured import MotionTable
-from skelgen_gui.capture.turn_view import TurnView
-from skelgen_gui.capture.wish_list import Wished, WishList
-from skelgen_gui.theme import is_dark, theme_palette
+from skelgen_gui.capture.camera_views import COVERED
+from skelgen_gui.capture.joint_step import Wished, WishList
+from skelgen_gui.capture.measured import MotionTable, TurnView
+from skelgen_gui.widgets.theme import is_dark, theme_palette
 
 from skelgen.capture.calibration.joints import JointMotion
 

@@ -7,13 +7,13 @@ import threading
 import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
-from skelgen_gui.cameras import cameras_of
 from skelgen_gui.capture.feed import Feed
+from skelgen_gui.capture.live import free_path
 from skelgen_gui.capture.overlay import Eye, eye_with_balls, eye_with_board
 from skelgen_gui.capture.pictures import BOARD, LOOSE, PicturePair, group_colour
-from skelgen_gui.capture.recorder import free_path
 from skelgen_gui.capture.results import MOST_SENTENCES, Sentences
 from skelgen_gui.capture.space import Found, Space
+from skelgen_gui.project.cameras import cameras_of
 
 from skelgen.capture.calibration.board import BoardView
 from skelgen.capture.optics.projection import project

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from PySide6.QtGui import QColor
-from skelgen_gui.capture.coverage_view import COVERED, CoverageView
+from skelgen_gui.capture.camera_views import COVERED, CoverageView
 from skelgen_gui.capture.views import View, ViewBook, gaps, is_new, is_steady
-from skelgen_gui.theme import theme_palette
+from skelgen_gui.widgets.theme import theme_palette
 
 from skelgen.capture.calibration.board import BoardView
 

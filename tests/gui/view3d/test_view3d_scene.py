@@ -6,15 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_gui.view3d.bones import find_bones
-from skelgen_gui.view3d.floor import find_floor, round_step
-from skelgen_gui.view3d.picking import BONE, JOINT, MARKER, Pick, distances_to_lines, markers_within, pick
-from skelgen_gui.view3d.picture import Canvas, take_picture
-from skelgen_gui.view3d.scene import Scene, State
-from skelgen_gui.view3d.shown import Shown
-from skelgen_gui.view3d.trails import N_AGES, trail_lines
-from skelgen_gui.view3d.uncertainty import JointCovariances, joint_covariances
-from skelgen_gui.view3d.viewpoint import DOWN, Viewpoint
+from skelgen_gui.model.floor import find_floor, round_step
+from skelgen_gui.model.lines import N_AGES, find_bones, trail_lines
+from skelgen_gui.model.picking import BONE, JOINT, MARKER, Pick, distances_to_lines, markers_within, pick
+from skelgen_gui.model.picture import Canvas, take_picture
+from skelgen_gui.model.scene import JointCovariances, Scene, Shown, State, joint_covariances
+from skelgen_gui.model.viewpoint import DOWN, Viewpoint
 
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 

@@ -9,12 +9,12 @@ import pytest
 from PySide6.QtCore import QEvent, QObject, QPointF
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
-from skelgen_gui.palette import doubt_colour
-from skelgen_gui.session import Selection
-from skelgen_gui.theme import theme_palette
-from skelgen_gui.view3d import Shown, frustum
+from skelgen_gui.model.lines import frustum
+from skelgen_gui.model.scene import Shown
+from skelgen_gui.model.viewpoint import DOWN
+from skelgen_gui.project.session import Selection
 from skelgen_gui.view3d.colours import Colours
-from skelgen_gui.view3d.viewpoint import DOWN
+from skelgen_gui.widgets.theme import doubt_colour, theme_palette
 
 from skelgen.app.report.colours import limb_colour
 from skelgen.model import Project

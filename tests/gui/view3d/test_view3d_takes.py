@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF
 from PySide6.QtGui import QColor
-from skelgen_gui.session import Session
-from skelgen_gui.view3d import Shown
+from skelgen_gui.model.scene import Shown
+from skelgen_gui.project.session import Session
 from skelgen_gui.view3d.sprites import Sprites
 
 from skelgen.model import PointCloud, Poses, Project, Trajectories

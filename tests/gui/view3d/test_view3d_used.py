@@ -9,8 +9,8 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QContextMenuEvent, QWheelEvent
 from PySide6.QtWidgets import QApplication, QToolButton
-from skelgen_gui.session import Selection
-from skelgen_gui.shortcuts import COMMANDS
+from skelgen_gui.project.session import Selection
+from skelgen_gui.widgets.shortcuts import COMMANDS
 
 
 def test_a_click_selects_and_control_adds_and_takes_away(view, session, eye, hand):

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from skelgen_gui.view3d.frustum import frustum
-from skelgen_gui.view3d.viewpoint import BORDER, DOWN, FIT_MARGIN, Viewpoint, sign_of
+from skelgen_gui.model.lines import frustum
+from skelgen_gui.model.viewpoint import BORDER, DOWN, FIT_MARGIN, Viewpoint, sign_of
 
 SIZE = (900, 700)
 PIXEL = 1e-6  # px: rounding of doubles

@@ -7,9 +7,9 @@ import threading
 import pytest
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QFileDialog, QMessageBox
-from skelgen_gui.derived import Deriver
-from skelgen_gui.errors import ErrorDialog
-from skelgen_gui.preferences import Preferences
+from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.widgets.errors import ErrorDialog
+from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 
 import skelgen

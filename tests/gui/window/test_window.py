@@ -12,7 +12,7 @@ from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
 from PySide6.QtWidgets import QFileDialog, QMessageBox
 from skelgen_gui.pages import open as open_page
-from skelgen_gui.session import Selection
+from skelgen_gui.project.session import Selection
 
 import skelgen
 from skelgen.app.files import given_identities as read

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication, QInputDialog
-from skelgen_gui.correct.frames import FramesDialog
-from skelgen_gui.session import Selection
+from skelgen_gui.project.corrections import FramesDialog
+from skelgen_gui.project.session import Selection
 
 import skelgen
 from skelgen.app.project_file.archive import find_result, open_project

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QScrollArea
+from skelgen_gui.page_stack import SIZE
 from skelgen_gui.pages.stage import StagePage
-from skelgen_gui.step_icon import SIZE
 
 from skelgen.model.corrections import Correction
 

@@ -19,11 +19,11 @@ from PySide6.QtWidgets import (
     QToolBar,
     QWidget,
 )
-from skelgen_gui.graph import GraphView
-from skelgen_gui.matrix import MatrixView
+from skelgen_gui.diagrams.graph_view import GraphView
+from skelgen_gui.diagrams.matrix_view import MatrixView
 from skelgen_gui.pages import PAGES, PageEntry
-from skelgen_gui.preferences import Preferences
 from skelgen_gui.timeline.lane_view import LaneView
+from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 
 CONTROLS = (QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit, QAbstractItemView, QProgressBar)

@@ -17,11 +17,11 @@ from PySide6.QtWidgets import (
     QTabWidget,
     QWidget,
 )
-from skelgen_gui.error_text import sentence_of
-from skelgen_gui.graph.facts import find_graph
-from skelgen_gui.matrix.facts import find_matrix
-from skelgen_gui.recent import RecentMenu
-from skelgen_gui.timeline.panels import joint_panels
+from skelgen_gui.model.curves import joint_panels
+from skelgen_gui.model.graph import find_graph
+from skelgen_gui.model.matrix import find_matrix
+from skelgen_gui.project.file_actions import RecentMenu
+from skelgen_gui.widgets.errors import sentence_of
 
 from skelgen.app.configuration import parameters_class
 from skelgen.model.project import STAGES

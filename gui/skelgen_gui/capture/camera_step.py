@@ -1,0 +1,269 @@
+"""The step that calibrates both cameras from views of a chessboard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFileDialog, QPushButton, QWidget
+
+from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, ViewList
+from skelgen_gui.capture.forms import BoardForm
+from skelgen_gui.capture.messages import GatheringOrders
+from skelgen_gui.capture.space import Found
+from skelgen_gui.capture.steps import Step, row_of
+from skelgen_gui.capture.views import ENOUGH, View, ViewBook, gaps
+from skelgen_gui.project.jobs import Jobs
+
+if TYPE_CHECKING:
+    from skelgen.capture.calibration.stereo import StereoCalibration
+
+
+_CAMERAS = ("firewire:", "gige:", "gentl:")
+"""Sources that are cameras: the next capture comes from them too."""
+
+
+class Assistant(Step):
+    """Gathers views, calibrates, says what it is worth, and saves settings.
+
+    Signals
+    -------
+    calibrated(object, object)
+        The rig that was found, and the boards in space, a `Found`.
+
+    Parameters
+    ----------
+    jobs, tell_error
+        As of `Step`.
+    settings : callable () -> str
+        The settings file that is in use, whose bodies and joints are kept; empty if there is none.
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    calibrated = Signal(object, object)
+
+    def __init__(
+        self,
+        jobs: Jobs,
+        tell_error: Callable[[Exception], None],
+        settings: Callable[[], str],
+        parent: QWidget | None = None,
+    ) -> None:
+        super().__init__(jobs, tell_error, parent)
+        self._settings = settings
+        self._orders: GatheringOrders | None = None
+        self._fits: dict[str, Fit] = {}
+        self.found: StereoCalibration | None = None
+        self.book = ViewBook()
+        self.form, self.take = BoardForm(self), QPushButton(self)
+        self.coverage, self.views = CoverageView(self), ViewList(self)
+        self.remove, self.clear = QPushButton(self.tr("Remove"), self), QPushButton(self.tr("Clear"), self)
+        self.calibrate, self.save = QPushButton(self.tr("Calibrate"), self), QPushButton(self)
+        self.cameras = CameraTable(self)
+        self._describe()
+        self.lay_out(
+            (
+                self.form,
+                row_of(self.go, self.take),
+                self.state,
+                self.coverage,
+                row_of(self.calibrate, self.save),
+                self.verdict,
+                self.views,
+                row_of(self.remove, self.clear),
+                self.cameras,
+            )
+        )
+        self._connect()
+        self.follow()
+
+    def start(self) -> None:
+        """Look for the board in the images of the source."""
+        if self._jobs.is_busy:
+            return
+        board, text, book, feed = self.form.board, self.form.source.source, self.book, self.feed
+        title = self.tr("Looking for the board")
+        if not text:
+            self.verdict.show_problem(self.tr("Choose where the images come from, or the simulated board."))
+            return
+        self._forget_result()
+        orders = self._orders = GatheringOrders()
+
+        def work(monitor: Any) -> None:
+            from skelgen_gui.capture.gathering import Gathering  # noqa: PLC0415 - loads what captures need
+
+            Gathering(text, board, book, orders, feed).run(title, monitor)
+
+        self.gather(title, orders.stop, work, lambda _: None)
+
+    def run_calibration(self) -> None:
+        """Calibrate with the views that are there."""
+        views, board = self.book.views, self.form.board
+        if self._jobs.is_busy or not views:
+            return
+
+        title = self.tr("Calibrating")
+
+        def work(monitor: Any) -> tuple[StereoCalibration, Found]:
+            monitor.begin(title)
+            from skelgen.capture.calibration.stereo import calibrate_views  # noqa: PLC0415
+            from skelgen_gui.capture.boards import boards_in_space  # noqa: PLC0415
+
+            seen = [(view.left, view.right) for view in views]
+            found = calibrate_views([view.name for view in views], seen, board, views[0].size)
+            return found, boards_in_space(found.rig, found.pairs, board)
+
+        self._forget_result()
+        self.run(title, work, self._show_found)
+
+    def save_settings(self) -> None:
+        """Ask for a file, and write the settings of the cameras."""
+        proposed = self._settings() or "rig.xml"
+        title, kinds = self.tr("Save the settings of the capture"), self.tr("Settings (*.xml)")
+        name, _ = QFileDialog.getSaveFileName(self, title, proposed, kinds)
+        if name:
+            path = Path(name)
+            self._save(path if path.suffix else path.with_suffix(".xml"))
+
+    def _save(self, path: Path) -> None:
+        found, before, source = self.found, self._settings(), self.form.source.source
+        if found is None:
+            return
+
+        def work(_: Any) -> int:
+            return _write(found, before, source, path)
+
+        def done(n_kept: int) -> None:
+            told = self.tr("Saved: {0}.").format(path)
+            if n_kept:
+                told += " " + self.tr("Its {0} bodies and joints are those of the settings before.").format(n_kept)
+            self.state.setText(told)
+            self.saved.emit(path)
+
+        self.run(self.tr("Saving"), work, done)
+
+    def _describe(self) -> None:
+        self.take.setText(self.tr("Take this view"))
+        self.save.setText(self.tr("Save settings…"))
+        self.state.setAccessibleName(self.tr("How many views there are, and what is missing"))
+        for button, tip in (
+            (self.take, self.tr("Keep the next pair that shows the whole board, even if it moves or is like others")),
+            (self.remove, self.tr("Take the chosen views away")),
+            (self.clear, self.tr("Take all views away")),
+            (self.calibrate, self.tr("Compute both cameras from these views")),
+            (
+                self.save,
+                self.tr("Write the cameras into a settings file; bodies and joints of the one in use stay"),
+            ),
+        ):
+            button.setToolTip(tip)
+            button.setAccessibleName(button.text())
+
+    def _connect(self) -> None:
+        self.take.clicked.connect(self._take_this)
+        self.form.start_wanted.connect(self._start_anew)
+        self.form.changed.connect(self._start_over)
+        self.form.size_changed.connect(self._forget_result)
+        self.remove.clicked.connect(lambda: self._remove(self.views.selected_views))
+        self.clear.clicked.connect(self._start_over)
+        self.views.removal_wanted.connect(self._remove)
+        self.views.itemSelectionChanged.connect(self._mark)
+        self.calibrate.clicked.connect(self.run_calibration)
+        self.save.clicked.connect(self.save_settings)
+
+    def _start_anew(self) -> None:
+        """Another source was chosen: its views belong to other cameras."""
+        if not self._jobs.is_busy:
+            self._start_over()
+            self.start()
+
+    def _start_over(self) -> None:
+        self.book.clear()
+        self._forget_result()
+        self._show_views()
+
+    def _take_this(self) -> None:
+        if self._orders is not None:
+            self._orders.take.set()
+
+    def _remove(self, views: list[View]) -> None:
+        self.book.remove(views)
+        self._forget_result()
+        self._show_views()
+
+    def _mark(self) -> None:
+        """Show which corners are those of the chosen views."""
+        self.coverage.mark_views(self.views.selected_views)
+        self.follow()
+
+    def hear(self) -> None:
+        """Show the newest pair, and the views that there are by now."""
+        newest, _ = self.feed.take()
+        if newest is not None:
+            self.shot.emit(newest)
+        self._show_views()
+
+    def _show_found(self, result: tuple[StereoCalibration, Found]) -> None:
+        self.found, boards = result
+        found = self.found
+        self._fits = {pair.name: (pair.left_rms, pair.right_rms, pair.is_used) for pair in found.pairs}
+        self.verdict.show_verdict(found.verdict)
+        self.cameras.show_calibration(found)
+        self._show_views()
+        self.show_end()
+        self.calibrated.emit(found.rig, boards)
+
+    def _forget_result(self) -> None:
+        self.found, self._fits = None, {}
+        self.views.show_views(self.book.views, self._fits)
+        self.verdict.clear()
+        self.cameras.hide()
+
+    def _show_views(self) -> None:
+        views = self.book.views
+        self.views.show_views(views, self._fits)
+        self.coverage.show_views(views)
+        self.state.setText(self._told(views))
+        self.follow()
+
+    def _told(self, views: tuple[View, ...]) -> str:
+        """How many views there are, and what is missing."""
+        n_whole = sum(view.is_whole for view in views)
+        if not n_whole:
+            return self.tr("Hold the board so that both cameras see it whole, and still for a moment.")
+        told = [self.tr("{0} good views; {1} to {2} are needed.").format(n_whole, ENOUGH, 2 * ENOUGH)]
+        for side, missing in zip((self.tr("left"), self.tr("right")), gaps(views), strict=True):
+            if missing:
+                told.append(self.tr("Still empty in the {0} image: {1}.").format(side, ", ".join(missing)))
+        return " ".join(told)
+
+    def follow(self) -> None:
+        """What can be done depends on what runs and what is there."""
+        super().follow()
+        is_busy, has_views = self._jobs.is_busy, bool(self.book.views)
+        self.go.setAccessibleName(self.tr("Stop looking") if self.is_gathering else self.tr("Look for the board"))
+        self.go.setToolTip(self.go.accessibleName())
+        self.take.setEnabled(self.is_gathering)
+        self.form.setEnabled(not is_busy)
+        self.clear.setEnabled(has_views)
+        self.remove.setEnabled(bool(self.views.selected_views))
+        self.calibrate.setEnabled(has_views and not is_busy)
+        self.save.setEnabled(self.found is not None and not is_busy)
+
+
+def _write(found: StereoCalibration, before: str, source: str, path: Path) -> int:
+    """Write settings, with the source if that is cameras; bodies and joints of those before stay: returns how many."""
+    from skelgen_formats.capture_settings import write_settings  # noqa: PLC0415 - lxml costs 50 ms
+
+    from skelgen.app.capture import read_capture_settings  # noqa: PLC0415
+    from skelgen.model.rig import CaptureSettings  # noqa: PLC0415
+
+    settings = CaptureSettings(found.rig, source=source if source.startswith(_CAMERAS) else "")
+    if before and Path(before).exists():
+        settings = replace(read_capture_settings(Path(before)), rig=found.rig)
+    write_settings(settings, path)
+    return len(settings.bodies) + len(settings.joints)

@@ -1,0 +1,420 @@
+"""Forms of the Capture page: settings, source of images, board, name of a target."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from PySide6.QtCore import QCoreApplication, Qt, Signal
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QDoubleSpinBox,
+    QFileDialog,
+    QFormLayout,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QMenu,
+    QPushButton,
+    QSizePolicy,
+    QSpinBox,
+    QWidget,
+)
+
+from skelgen.capture.calibration.board import Board
+from skelgen.capture.sources import SOURCES
+from skelgen_gui.capture.messages import SIMULATED, LiveWish
+
+
+class FileField(QWidget):
+    """A path, to be typed or chosen.
+
+    Signals
+    -------
+    changed()
+        Another path.
+
+    Parameters
+    ----------
+    title : str
+        What it is, for readers of the screen and for the dialog.
+    tip : str
+        What it is for.
+    kinds : str
+        Filter of the dialog.
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    changed = Signal()
+
+    def __init__(self, title: str, tip: str, kinds: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._title, self._kinds = title, kinds
+        self.line, self.browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
+        self.line.setAccessibleName(title)
+        self.line.setToolTip(tip)
+        self.browse.setAccessibleName(self.tr("Choose: {0}").format(title))
+        self.browse.setToolTip(tip)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.line, 1)
+        layout.addWidget(self.browse)
+        self.setFocusProxy(self.line)
+        self.line.textChanged.connect(self.changed)
+        self.browse.clicked.connect(self._choose)
+
+    @property
+    def path(self) -> str:
+        """What stands there."""
+        return self.line.text().strip()
+
+    def show_path(self, path: str) -> None:
+        """Show another path."""
+        self.line.setText(path)
+
+    def _choose(self) -> None:
+        name, _ = QFileDialog.getOpenFileName(self, self._title, self.path, self._kinds)
+        if name:
+            self.show_path(name)
+
+
+class SourceField(QComboBox):
+    """Where images come from: a text, with an example of each kind to choose.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setEditable(True)
+        self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.setMinimumContentsLength(12)
+        for kind in SOURCES:
+            self.addItem(kind.example)
+            self.setItemData(self.count() - 1, kind.help, Qt.ItemDataRole.ToolTipRole)
+        self.setCurrentIndex(-1)
+        self.setEditText("")
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self.setAccessibleName(self.tr("Source of images"))
+        self.setToolTip(self.tr("Where images come from; the list shows an example of each kind"))
+
+    @property
+    def source(self) -> str:
+        """What stands there."""
+        return self.currentText().strip()
+
+    def show_source(self, text: str) -> None:
+        """Show a text, from its beginning."""
+        self.setEditText(text)
+        edit = self.lineEdit()
+        if edit is not None:
+            edit.setCursorPosition(0)
+
+    def show_hint(self, text: str) -> None:
+        """Say what an empty field means."""
+        edit = self.lineEdit()
+        if edit is not None:
+            edit.setPlaceholderText(text)
+
+
+class SettingsField(FileField):
+    """The settings file of the capture.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(
+            QCoreApplication.translate("SettingsField", "Settings of the capture"),
+            QCoreApplication.translate(
+                "SettingsField", "The XML file with cameras, bodies and joints, written by the calibrations"
+            ),
+            QCoreApplication.translate("SettingsField", "Settings (*.xml)"),
+            parent,
+        )
+
+
+class FolderButton(QPushButton):
+    """Asks for a folder with images, as a source.
+
+    Signals
+    -------
+    chosen(str)
+        The source that was chosen.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    chosen = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setText(self.tr("Image folder…"))
+        self.setAccessibleName(self.tr("Take the images of a folder"))
+        self.setToolTip(self.tr("A folder with pairs of images such as left01.jpg and right01.jpg"))
+        self.clicked.connect(self._choose)
+
+    def _choose(self) -> None:
+        name = QFileDialog.getExistingDirectory(self, self.tr("Folder with images"))
+        if name:
+            self.chosen.emit(f"folder:{name}")
+
+
+class LiveChoice(QWidget):
+    """The form above a live capture.
+
+    Signals
+    -------
+    simulation_wanted()
+        The simulated rig shall be started.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    simulation_wanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.settings = SettingsField(self)
+        self.source = SourceField(self)
+        self.source.show_hint(self.tr("that of the settings"))
+        self.simulated = QPushButton(self.tr("Simulated rig"), self)
+        self.simulated.setAccessibleName(self.tr("Start the simulated rig"))
+        self.simulated.setToolTip(self.tr("Try everything without cameras: two simulated ones look at a moving arm"))
+        self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
+        self.predicts.setToolTip(self.tr("A Kalman filter: steadier poses and a shorter search, a little later"))
+        layout = QFormLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
+        layout.addRow(self.tr("Settings"), self.settings)
+        layout.addRow(self.tr("Source"), self.source)
+        row = QHBoxLayout()
+        row.addWidget(self.simulated)
+        row.addWidget(self.predicts, 1)
+        layout.addRow("", row)
+        self.simulated.clicked.connect(self.choose_simulation)
+
+    @property
+    def wish(self) -> LiveWish:
+        """What the form says."""
+        return LiveWish(self.settings.path, self.source.source, self.predicts.isChecked())
+
+    def choose_simulation(self) -> None:
+        """Fill in the simulated rig, and wish for its start."""
+        self.settings.show_path("")
+        self.source.show_source(SIMULATED)
+        self.simulation_wanted.emit()
+
+
+SIMULATED_TARGET = "simulated:target?paced=yes&rate=30&frames=600&show={0}"
+"""A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it."""
+
+SIMULATED_JOINTS = "simulated:arm?paced=yes&rate=30&frames=900"
+"""The simulated arm as it moves for half a minute."""
+
+_MOST_BALLS = 40
+
+
+class SourceForm(QWidget):
+    """Settings and source.
+
+    Signals
+    -------
+    start_wanted()
+        What the form says shall be taken.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    start_wanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.settings, self.source = SettingsField(self), SourceField(self)
+        self.folder, self.simulated = FolderButton(self), QPushButton(self)
+        self.source.show_hint(self.tr("that of the settings"))
+        sources = QHBoxLayout()
+        for button in (self.folder, self.simulated):
+            sources.addWidget(button)
+        sources.addStretch(1)
+        self.rows = QFormLayout(self)
+        self.rows.setContentsMargins(0, 0, 0, 0)
+        self.rows.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
+        self.rows.addRow(self.tr("Settings"), self.settings)
+        self.rows.addRow(self.tr("Source"), self.source)
+        self.rows.addRow("", sources)
+        self.folder.chosen.connect(self.take_source)
+
+    @property
+    def wish(self) -> LiveWish:
+        """What the form says."""
+        return LiveWish(self.settings.path, self.source.source)
+
+    def take_source(self, source: str) -> None:
+        """Fill in a source, and wish for its start."""
+        self.source.show_source(source)
+        self.start_wanted.emit()
+
+
+class TargetForm(SourceForm):
+    """Name and number of balls of a target, settings and source."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.name, self.balls = QLineEdit(self), QSpinBox(self)
+        self.name.setPlaceholderText(self.tr("such as upper arm"))
+        self.name.setAccessibleName(self.tr("Name of the target"))
+        self.name.setToolTip(self.tr("What the rigid body is called; one of the same name is replaced"))
+        self.balls.setRange(3, _MOST_BALLS)
+        self.balls.setSpecialValueText(self.tr("found"))
+        self.balls.setAccessibleName(self.tr("Number of balls"))
+        self.balls.setToolTip(self.tr("Found from the images; state it if other things shine as well"))
+        self.simulated.setText(self.tr("Simulated target…"))
+        self.simulated.setAccessibleName(self.tr("Look at a simulated target"))
+        self.simulated.setToolTip(self.tr("Try it without cameras: a target of the simulated arm is turned"))
+        self.targets = QMenu(self)
+        for title, name in (
+            (self.tr("Torso"), "torso"),
+            (self.tr("Upper arm"), "upper arm"),
+            (self.tr("Lower arm"), "lower arm"),
+        ):
+            self.targets.addAction(title).triggered.connect(partial(self.choose_simulation, name))
+        self.simulated.setMenu(self.targets)
+        self.rows.insertRow(1, self.tr("Name"), self.name)
+        self.rows.insertRow(2, self.tr("Balls"), self.balls)
+
+    @property
+    def n_balls(self) -> int | None:
+        """The number of balls; None if it is to be found."""
+        return self.balls.value() if self.balls.value() > self.balls.minimum() else None
+
+    def choose_simulation(self, name: str) -> None:
+        """Fill in a target of the simulated arm, and wish for its start."""
+        self.name.setText(name)
+        self.balls.setValue(self.balls.minimum())
+        self.take_source(SIMULATED_TARGET.format(name))
+
+
+class JointForm(SourceForm):
+    """Settings and source of joints."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.simulated.setText(self.tr("Simulated arm"))
+        self.simulated.setAccessibleName(self.tr("Look at the simulated arm"))
+        self.simulated.setToolTip(self.tr("Try it without cameras: an arm with three targets moves"))
+        self.simulated.clicked.connect(self._choose_simulation)
+
+    def _choose_simulation(self) -> None:
+        self.take_source(SIMULATED_JOINTS)
+
+
+SIMULATED_BOARD = "simulated:board?paced=yes&rate=30&frames=1800"
+"""A simulated chessboard as cameras would deliver it, for a minute."""
+
+_MOST_CORNERS, _LARGEST_SQUARE = 40, 1000.0
+
+
+class BoardForm(QWidget):
+    """Board, size of a square, and source.
+
+    Signals
+    -------
+    changed()
+        Another board: views of the one before say nothing of it.
+    size_changed()
+        Another size of its squares.
+    start_wanted()
+        What the form says shall be looked at.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    changed = Signal()
+    size_changed = Signal()
+    start_wanted = Signal()
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.columns, self.rows, self.square = QSpinBox(self), QSpinBox(self), QDoubleSpinBox(self)
+        self.source = SourceField(self)
+        self.folder, self.simulated = FolderButton(self), QPushButton(self)
+        self._describe()
+        self._lay_out()
+        for box in (self.columns, self.rows):
+            box.valueChanged.connect(self.changed)
+        self.square.valueChanged.connect(self.size_changed)
+        self.folder.chosen.connect(self._take_folder)
+        self.simulated.clicked.connect(self._choose_simulation)
+
+    @property
+    def board(self) -> Board:
+        """The board."""
+        return Board(self.columns.value(), self.rows.value(), self.square.value())
+
+    def _describe(self) -> None:
+        tip = self.tr("Corners where four squares meet, not squares: a chessboard of 10 x 7 squares has 9 x 6")
+        for box, value, name in (
+            (self.columns, 9, self.tr("Corners along the longer side")),
+            (self.rows, 6, self.tr("Corners along the shorter side")),
+        ):
+            box.setRange(3, _MOST_CORNERS)
+            box.setValue(value)
+            box.setAccessibleName(name)
+            box.setToolTip(tip)
+        self.square.setRange(0.1, _LARGEST_SQUARE)
+        self.square.setDecimals(3)
+        self.square.setValue(25.0)
+        self.square.setSuffix(self.tr(" mm"))
+        self.square.setAccessibleName(self.tr("Side of a square"))
+        self.square.setToolTip(self.tr("Measure over several squares: all lengths in later captures rest on it"))
+        self.source.show_hint(self.tr("cameras, a folder, a list or videos"))
+        self.simulated.setText(self.tr("Simulated board"))
+        self.simulated.setAccessibleName(self.tr("Look at a simulated board"))
+        self.simulated.setToolTip(self.tr("Try the assistant without cameras: a board moves before the simulated rig"))
+
+    def _lay_out(self) -> None:
+        corners, sources = QHBoxLayout(), QHBoxLayout()
+        for widget in (self.columns, QLabel("×", self), self.rows, QLabel(self.tr("corners"), self)):
+            corners.addWidget(widget)
+        corners.addStretch(1)
+        for button in (self.folder, self.simulated):
+            sources.addWidget(button)
+        sources.addStretch(1)
+        layout = QFormLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addRow(self.tr("Board"), corners)
+        layout.addRow(self.tr("Square"), self.square)
+        layout.addRow(self.tr("Source"), self.source)
+        layout.addRow("", sources)
+
+    def _take_folder(self, source: str) -> None:
+        self.source.show_source(source)
+        self.start_wanted.emit()
+
+    def _choose_simulation(self) -> None:
+        self.columns.setValue(9)
+        self.rows.setValue(6)
+        self.square.setValue(25.0)
+        self.source.show_source(SIMULATED_BOARD)
+        self.start_wanted.emit()

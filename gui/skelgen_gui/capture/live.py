@@ -1,0 +1,271 @@
+"""The live half of the Capture page: start and stop, numbers, angles, recording."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFileDialog, QGridLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+
+from skelgen_gui.capture.feed import Feed
+from skelgen_gui.capture.forms import LiveChoice
+from skelgen_gui.capture.messages import Ended, Orders, Shot
+from skelgen_gui.capture.results import AngleTable, BodyTable, Numbers, Sentences
+from skelgen_gui.project.jobs import Jobs
+
+_LEAST_HEIGHT = 48  # px, of the sentences: two lines
+
+
+class LivePanel(QWidget):
+    """Runs a capture as a job, and shows its numbers.
+
+    Signals
+    -------
+    shot(Shot)
+        The newest pair and what was found in it.
+    ended(Ended)
+        A capture ended.
+    open_wanted(Path)
+        A recording shall be opened.
+
+    Parameters
+    ----------
+    jobs : Jobs
+        Where captures run.
+    tell_error : callable (error)
+        Shows faults that nobody foresaw.
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    shot = Signal(object)
+    ended = Signal(object)
+    open_wanted = Signal(object)
+
+    def __init__(self, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._jobs, self._tell_error = jobs, tell_error
+        self._orders: Orders | None = None
+        self.feed: Feed[Shot] = Feed(self)
+        self.choice, self.go = LiveChoice(self), QPushButton(self)
+        self.recorder = RecordRow(self)
+        self.numbers, self.angles, self.bodies = Numbers(self), AngleTable(self), BodyTable(self)
+        self.sentences = Sentences(self)
+        self._lay_out()
+        self.feed.arrived.connect(self._take)
+        self.go.clicked.connect(self._start_or_stop)
+        self.choice.simulation_wanted.connect(self.start)
+        self.recorder.changed.connect(self._order_recording)
+        self.recorder.open_wanted.connect(self.open_wanted)
+        jobs.begun.connect(self._follow)
+        jobs.ended.connect(self._follow)
+        self._follow()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether a capture runs."""
+        return self._orders is not None
+
+    def start(self) -> None:
+        """Start what the form says, unless something runs."""
+        if self._jobs.is_busy:
+            return
+        wish, orders, feed = self.choice.wish, Orders(), self.feed
+        loading = self.tr("Loading; the first time this takes a minute")
+        running = self.tr("Capturing")
+
+        def work(monitor: Any) -> Ended:
+            monitor.begin(loading)
+            from skelgen_gui.capture.running import LiveRun  # noqa: PLC0415 - a second; not on the window's thread
+
+            return LiveRun(wish, orders, feed, running).run(monitor)
+
+        self._orders = orders
+        self.sentences.clear()
+        self.numbers.setText(loading)
+        if not self._jobs.start(running, work, self._finish, self._break):
+            self._orders = None
+        self._follow()
+
+    def stop(self) -> None:
+        """Let the capture end after this pair."""
+        if self._orders is not None:
+            self._orders.stop.set()
+            self.go.setEnabled(False)
+            self.go.setText(self.tr("Stopping…"))
+
+    def _lay_out(self) -> None:
+        self.sentences.setMinimumHeight(_LEAST_HEIGHT)
+        layout = QVBoxLayout(self)
+        for widget, share in (
+            (self.choice, 0),
+            (self.go, 0),
+            (self.recorder, 0),
+            (self.numbers, 0),
+            (self.angles, 4),
+            (self.bodies, 3),
+            (QLabel(self.tr("What to know"), self), 0),
+            (self.sentences, 1),
+        ):
+            layout.addWidget(widget, share)
+
+    def _start_or_stop(self) -> None:
+        if self.is_running:
+            self.stop()
+        else:
+            self.start()
+
+    def _order_recording(self, target: Path | None) -> None:
+        if self._orders is not None:
+            self._orders.record = target
+
+    def _take(self) -> None:
+        newest, said = self.feed.take()
+        for sentence in said:
+            self.sentences.say(sentence)
+        if newest is not None:
+            self.numbers.show_shot(newest)
+            self.angles.show_shot(newest)
+            self.bodies.show_shot(newest)
+            self.shot.emit(newest)
+
+    def _finish(self, ended: Ended) -> None:
+        self._orders = None
+        self._take()
+        self.recorder.stop()
+        if ended.recorded:
+            self.recorder.keep(ended.recorded[-1].path)
+        for recorded in ended.recorded:
+            self.sentences.say(self.tr("Recorded: {0}, {1} frames.").format(recorded.path, recorded.n_frames))
+        if ended.error is not None:
+            self.sentences.say(str(ended.error))
+        told = self.tr("{0} frames captured, {1} dropped.").format(ended.n_frames, ended.n_dropped)
+        self.numbers.setText(self.tr("The capture broke off. {0}").format(told) if ended.error else told)
+        self._follow()
+        self.ended.emit(ended)
+
+    def _break(self, error: Exception) -> None:
+        """An error that nobody foresaw: what was recorded is whole all the same."""
+        self._orders = None
+        self.recorder.stop()
+        self.numbers.clear()
+        self._follow()
+        self._tell_error(error)
+
+    def _follow(self) -> None:
+        """What can be done depends on what runs."""
+        if not self._jobs.is_busy:
+            self._orders = None  # one that was cancelled before it began says nothing
+        is_running = self.is_running
+        self.go.setText(self.tr("Stop") if is_running else self.tr("Start"))
+        self.go.setAccessibleName(self.tr("Stop the capture") if is_running else self.tr("Start the capture"))
+        self.go.setToolTip(self.go.accessibleName())
+        self.go.setEnabled(is_running or not self._jobs.is_busy)
+        self.choice.setEnabled(not self._jobs.is_busy)
+        self.recorder.set_running(is_running)
+
+
+_NUMBERED = re.compile(r"(.*)-(\d+)")
+_SUFFIX = ".mfml"
+
+
+class RecordRow(QWidget):
+    """Says into which file is recorded.
+
+    Signals
+    -------
+    changed(object)
+        Another file shall be recorded, a path; or none, None.
+    open_wanted(object)
+        The recording at this path shall be opened.
+
+    Parameters
+    ----------
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    changed = Signal(object)
+    open_wanted = Signal(object)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.line, self.browse = QLineEdit(str(Path.home() / f"capture{_SUFFIX}"), self), QPushButton(self)
+        self.record, self.open = QPushButton(self.tr("● Record"), self), QPushButton(self)
+        self.recorded: Path | None = None
+        self._describe()
+        layout = QGridLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.line, 0, 0)
+        layout.addWidget(self.browse, 0, 1)
+        layout.addWidget(self.open, 1, 0)
+        layout.addWidget(self.record, 1, 1)
+        self.browse.clicked.connect(self._choose)
+        self.record.toggled.connect(self._switch)
+        self.open.clicked.connect(self._open)
+
+    @property
+    def target(self) -> Path | None:
+        """The file that shall be recorded; None if nothing shall."""
+        return Path(self.line.text()) if self.record.isChecked() else None
+
+    def stop(self) -> None:
+        """Record no more."""
+        self.record.setChecked(False)
+
+    def keep(self, recorded: Path | None) -> None:
+        """Note what was recorded last, so that it can be opened."""
+        self.recorded = recorded
+        self.open.setEnabled(recorded is not None)
+
+    def set_running(self, is_running: bool) -> None:
+        """Follow whether something is captured, which alone can be recorded; what is recorded opens when it ended."""
+        self.record.setEnabled(is_running)
+        self.open.setEnabled(not is_running and self.recorded is not None)
+
+    def _describe(self) -> None:
+        tip = self.tr(".mfml keeps all points without names, .c3d the balls of the bodies with theirs")
+        self.line.setAccessibleName(self.tr("File to record"))
+        self.line.setToolTip(tip)
+        self.browse.setText(self.tr("Choose…"))
+        self.browse.setAccessibleName(self.tr("Choose the file to record"))
+        self.browse.setToolTip(tip)
+        self.record.setCheckable(True)
+        self.record.setEnabled(False)
+        self.record.setAccessibleName(self.tr("Record"))
+        self.record.setToolTip(self.tr("Record while capturing; a file that is there is never overwritten"))
+        self.open.setText(self.tr("Open this recording"))
+        self.open.setEnabled(False)
+        self.open.setAccessibleName(self.open.text())
+        self.open.setToolTip(self.tr("Go on to markers, limbs, joints and skeleton with what was recorded"))
+
+    def _choose(self) -> None:
+        title, kinds = self.tr("Record into"), self.tr("Recordings (*.mfml *.c3d)")
+        name, _ = QFileDialog.getSaveFileName(self, title, self.line.text(), kinds)
+        if name:
+            path = Path(name)
+            self.line.setText(str(path if path.suffix else path.with_suffix(_SUFFIX)))
+
+    def _switch(self, is_on: bool) -> None:
+        if is_on:
+            self.line.setText(str(free_path(Path(self.line.text()))))
+        self.line.setEnabled(not is_on)
+        self.browse.setEnabled(not is_on)
+        self.record.setText(self.tr("■ End recording") if is_on else self.tr("● Record"))
+        self.changed.emit(self.target)
+
+    def _open(self) -> None:
+        if self.recorded is not None:
+            self.open_wanted.emit(self.recorded)
+
+
+def free_path(path: Path) -> Path:
+    """Return a path, or the next one with a number behind its name that is not there yet."""
+    while path.exists():
+        match = _NUMBERED.fullmatch(path.stem)
+        stem, number = (match[1], int(match[2])) if match is not None else (path.stem, 1)
+        path = path.with_stem(f"{stem}-{number + 1}")
+    return path

@@ -1,0 +1,194 @@
+"""Paints the graph: every joint that was tried as a faint line, the tree as strong ones, limbs as discs."""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPalette, QPen
+
+from skelgen.model.arrays import Floats
+from skelgen_gui.model.graph import GraphFacts, JointFact, place_words
+from skelgen_gui.widgets.painting import draw_lines
+from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour, is_dark
+
+NODE = 14.0
+"""px, radius of a limb."""
+
+_FAINTEST, _STRONGEST = 0.03, 0.5  # opacity of the dearest and of the cheapest joint that was not taken
+_SHADES = 12  # opacities that are drawn: lines of one opacity take one call
+_TREE, _THIN = 4.0, 1.2
+_SIGN = 6.0
+_HALO = 5.0
+_WORDS_PAD = 4.0
+_Role = QPalette.ColorRole
+
+
+class GraphPainting:
+    """One painting of a graph.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    facts : GraphFacts
+        What is painted.
+    places : ndarray, shape (n_limbs, 2), px
+        Middle of each limb.
+    palette : QPalette
+        Colours of texts and ground.
+    """
+
+    def __init__(self, painter: QPainter, facts: GraphFacts, places: Floats, palette: QPalette) -> None:
+        self._painter, self._facts, self._places, self._palette = painter, facts, places, palette
+        self._metrics = QFontMetricsF(painter.font())
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+
+    def pairs(self) -> None:
+        """Paint joints that were tried and not taken: the cheaper, the stronger; rings dotted."""
+        colour = QColor(self._palette.color(_Role.Text))
+        shades = np.round(self._facts.strengths**2 * (_SHADES - 1)).astype(int)
+        for shade in range(_SHADES):
+            chosen = self._facts.pairs[shades == shade]
+            colour.setAlphaF(_FAINTEST + (_STRONGEST - _FAINTEST) * shade / (_SHADES - 1))
+            self._painter.setPen(QPen(colour, _THIN))
+            draw_lines(self._painter, self._places[chosen])
+        for pair in self._facts.topology.loops:
+            self.line(pair, self._palette.color(_Role.Link), Qt.PenStyle.DotLine)
+
+    def tree(self, selected: int | None) -> None:
+        """Paint the joints of the tree, doubtful ones dashed, the selected one on a halo."""
+        for number, joint in enumerate(self._facts.joints):
+            if number == selected:
+                pen = QPen(self._palette.color(_Role.Highlight), _TREE + 2 * _HALO)
+                pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+                self._painter.setPen(pen)
+                self._painter.drawLine(*self._ends((joint.parent, joint.child)))
+            colour = doubt_colour(self._palette) if joint.is_doubtful else self._palette.color(_Role.Text)
+            style = Qt.PenStyle.DashLine if joint.is_doubtful else Qt.PenStyle.SolidLine
+            self._painter.setPen(QPen(colour, _TREE, style, Qt.PenCapStyle.FlatCap))
+            self._painter.drawLine(*self._ends((joint.parent, joint.child)))
+
+    def rival(self, joint: JointFact | None) -> None:
+        """Paint the joint that would be used without this one."""
+        if joint is not None and joint.rival is not None:
+            self.line(joint.rival, doubt_colour(self._palette), Qt.PenStyle.DashDotLine)
+
+    def line(self, pair: tuple[int, int], colour: QColor, style: Qt.PenStyle) -> None:
+        """Paint a line between two limbs that stands out."""
+        self._painter.setPen(QPen(colour, 2.0, style))
+        self._painter.drawLine(*self._ends(pair))
+
+    def signs(self) -> None:
+        """Paint the kind of each joint in its middle."""
+        ground, text = self._palette.color(_Role.Window), self._palette.color(_Role.Text)
+        for joint in self._facts.joints:
+            start, end = self._ends((joint.parent, joint.child))
+            middle = (start + end) / 2
+            self._painter.setPen(QPen(ground, 3.0))
+            self._painter.setBrush(text)
+            self._painter.drawPath(joint_sign(joint.kind, middle, _SIGN))
+            self._painter.setPen(Qt.PenStyle.NoPen)
+            self._painter.drawPath(joint_sign(joint.kind, middle, _SIGN))
+
+    def margins(self) -> None:
+        """Write beside each joint how much dearer the next best would be."""
+        joints = self._facts.joints
+        edges = np.array([(joint.parent, joint.child) for joint in joints], dtype=np.intp).reshape(-1, 2)
+        lines, height = self._places[edges], self._metrics.height()
+        sizes = np.array([(self._width(joint.label), height if joint.label else 0.0) for joint in joints])
+        placed = place_words(lines.mean(axis=1), sizes.reshape(-1, 2), self._places, NODE, lines)
+        ground = QColor(self._palette.color(_Role.Window))
+        ground.setAlphaF(0.8)
+        for joint, (x, y), (width, _) in zip(joints, placed.tolist(), sizes.tolist(), strict=True):
+            room = QRectF(x - width / 2, y - height / 2, width, height)
+            self._painter.fillRect(room, ground)
+            self._painter.setPen(doubt_colour(self._palette) if joint.is_doubtful else self._palette.color(_Role.Text))
+            self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, joint.label)
+
+    def _width(self, label: str) -> float:
+        return self._metrics.horizontalAdvance(label) + _WORDS_PAD if label else 0.0
+
+    def limbs(self, selected: set[int], pointed: int | None) -> None:
+        """Paint the limbs with their numbers."""
+        on_limb = QColor("#101214" if is_dark(self._palette) else "#ffffff")
+        for limb, (x, y) in enumerate(self._places.tolist()):
+            at = QPointF(x, y)
+            if limb in selected or limb == pointed:
+                colour = QColor(self._palette.color(_Role.Highlight))
+                colour.setAlphaF(1.0 if limb in selected else 0.4)
+                self._painter.setPen(Qt.PenStyle.NoPen)
+                self._painter.setBrush(colour)
+                self._painter.drawEllipse(at, NODE + _HALO, NODE + _HALO)
+            is_root = self._facts.topology.parents[limb] < 0
+            self._painter.setPen(QPen(self._palette.color(_Role.Text if is_root else _Role.Window), 2.0))
+            self._painter.setBrush(colour_of_limb(limb, self._palette))
+            self._painter.drawEllipse(at, NODE, NODE)
+            self._painter.setPen(on_limb)
+            room = QRectF(x - NODE, y - NODE, 2 * NODE, 2 * NODE)
+            self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, str(limb))
+
+    def legend(self, kinds: list[tuple[str, str]], words: str, place: QRectF) -> None:
+        """Say at the foot of a place what the signs mean.
+
+        Parameters
+        ----------
+        kinds : list of (str, str)
+            Kind of a joint, and its name.
+        words : str
+            What else is to be said.
+        place : QRectF, px
+            Above its lower edge.
+        """
+        text = self._palette.color(_Role.PlaceholderText)
+        x, y = place.left() + 12, place.bottom() - 12
+        for kind, name in kinds:
+            self._painter.setPen(Qt.PenStyle.NoPen)
+            self._painter.setBrush(text)
+            self._painter.drawPath(joint_sign(kind, QPointF(x, y), _SIGN - 1))
+            self._painter.setPen(text)
+            self._painter.drawText(QPointF(x + _SIGN + 5, y + self._metrics.ascent() / 2 - 1), name)
+            x += _SIGN + 5 + self._metrics.horizontalAdvance(name) + 18
+        if x + self._metrics.horizontalAdvance(words) > place.right():  # then in a line of its own
+            x, y = place.left() + 12 - _SIGN, y - 1.3 * self._metrics.height()
+        self._painter.drawText(QPointF(x, y + self._metrics.ascent() / 2 - 1), words)
+
+    def _ends(self, pair: tuple[int, int]) -> tuple[QPointF, QPointF]:
+        first, second = pair
+        return QPointF(*self._places[first].tolist()), QPointF(*self._places[second].tolist())
+
+
+_ROUND = 2.0
+
+
+def joint_sign(kind: str, at: QPointF, size: float) -> QPainterPath:
+    """Return the sign of a kind: ball a disc, hinge a bar, universal a cross, rigid a square, others a ring.
+
+    Parameters
+    ----------
+    kind : str
+        Of the joint; empty where it is not known yet.
+    at : QPointF, px
+        Middle of the sign.
+    size : float, px
+        Half its height.
+    """
+    path = QPainterPath()
+    if kind == "ball":
+        path.addEllipse(at, size, size)
+    elif kind == "hinge":
+        path.addRoundedRect(_box(at, 0.45 * size, 1.2 * size), _ROUND, _ROUND)
+    elif kind == "universal":
+        path.addRoundedRect(_box(at, 0.4 * size, 1.2 * size), _ROUND, _ROUND)
+        across = QPainterPath()
+        across.addRoundedRect(_box(at, 1.2 * size, 0.4 * size), _ROUND, _ROUND)
+        path = path.united(across)
+    elif kind == "rigid":
+        path.addRect(_box(at, 0.9 * size, 0.9 * size))
+    else:
+        path.addEllipse(at, size, size)
+        path.addEllipse(at, 0.5 * size, 0.5 * size)
+    return path
+
+
+def _box(at: QPointF, half_width: float, half_height: float) -> QRectF:
+    return QRectF(at.x() - half_width, at.y() - half_height, 2 * half_width, 2 * half_height)

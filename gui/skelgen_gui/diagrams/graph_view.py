@@ -1,0 +1,262 @@
+"""The graph of joint costs, so that it can be seen why the tree is as it is."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
+from PySide6.QtWidgets import QComboBox, QWidget
+
+from skelgen.app.report.wording import counted, shortened
+from skelgen.model import Project
+from skelgen.model.arrays import Floats
+from skelgen_gui.diagrams.graph_painting import NODE, GraphPainting
+from skelgen_gui.model.graph import (
+    GraphFacts,
+    JointFact,
+    body_places,
+    find_graph,
+    nearest_line,
+    nearest_point,
+    tree_places,
+)
+from skelgen_gui.project.deriving import Deriver
+from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, tell
+
+_MARGIN = 28.0  # px about the graph
+_FOOT = 36.0  # px below it, for what the signs mean
+_NEAR_JOINT, _NEAR_PAIR = 9.0, 4.0  # px within which a line is caught
+_ZOOMS = (0.5, 20.0)
+_NAMES_ROOM = 60  # characters of markers' names
+_STEPS = {Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1), Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0)}
+"""Directions of the arrow keys: right, down."""
+
+
+class GraphView(QWidget):
+    """Shows limbs, every joint that was tried between them, and the tree that was found.
+
+    Hover tells cost, margin, best rival, kind and range of motion; click or arrow keys select a limb, a click on a line
+    or J the joint; the wheel zooms, dragging pans, a double click or 0 shows all.
+
+    Parameters
+    ----------
+    session : Session
+        What is shown.
+    """
+
+    def __init__(self, session: Session, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._session = session
+        self._facts: GraphFacts | None = None
+        self._facts_of: Project | None = None
+        self._layouts: tuple[Floats, Floats] = (np.zeros((0, 2)), np.zeros((0, 2)))
+        self._zoom, self._shift = 1.0, QPointF(0, 0)
+        self._pressed: QPointF | None = None
+        self._pointed_limb: int | None = None
+        self._pointed_joint: int | None = None
+        self._kinds = [
+            ("ball", self.tr("ball")),
+            ("hinge", self.tr("hinge")),
+            ("universal", self.tr("universal")),
+            ("rigid", self.tr("rigid")),
+            ("undetermined", self.tr("undetermined")),
+        ]
+        self.deriver = Deriver(self)
+        self.layout_box = QComboBox(self)
+        self.layout_box.addItems([self.tr("As in the take"), self.tr("As a tree")])
+        self.layout_box.setAccessibleName(self.tr("Places of the limbs"))
+        self.layout_box.setToolTip(self.tr("Where limbs are drawn: as they are in the take, or as a tree"))
+        self.layout_box.move(6, 6)
+        self.layout_box.currentIndexChanged.connect(self.show_all)
+        self.setAccessibleName(self.tr("Graph of joints"))
+        self.setAccessibleDescription(self.tr("Limbs, all joints that were tried, and the tree that was found"))
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMouseTracking(True)
+        session.project_changed.connect(self._follow_project)
+        session.selection_changed.connect(self.update)
+        self._follow_project()
+
+    @property
+    def facts(self) -> GraphFacts | None:
+        """What is shown; None while it is derived, or before there are joints."""
+        return self._facts
+
+    @property
+    def places(self) -> Floats:
+        """Middle of each limb in this widget [px], shape (n_limbs, 2)."""
+        unit = self._layouts[self.layout_box.currentIndex()]
+        room = np.array([self.width() - 2 * _MARGIN, self.height() - _FOOT - 2 * _MARGIN])
+        size = np.maximum(room if self.layout_box.currentIndex() else np.full(2, room.min()), 1.0)
+        middle = np.array([self.width() / 2 + self._shift.x(), (self.height() - _FOOT) / 2 + self._shift.y()])
+        return np.asarray(middle + (unit - 0.5) * size * self._zoom)
+
+    def sizeHint(self) -> QSize:
+        """Return room for some limbs."""
+        return QSize(560, 480)
+
+    def show_all(self) -> None:
+        """Show the whole graph."""
+        self._zoom, self._shift = 1.0, QPointF(0, 0)
+        self.update()
+
+    def told_at(self, place: QPointF) -> str:
+        """Return what is told of a limb, a joint or a pair of limbs at a place."""
+        limb, joint, pair = self._found_at(place)
+        project = self._facts_of
+        if limb is not None and project is not None:
+            markers = project.limbs.markers_of(limb).tolist()
+            names = shortened([project.trajectories.names[marker] for marker in markers], _NAMES_ROOM)
+            return f"limb {limb}: {counted(len(markers), 'marker')}\n{names}"
+        if joint is not None and self._facts is not None:
+            return self._facts.joints[joint].sentences
+        if pair is not None and self._facts is not None:
+            return self._facts.sentence_of_pair(*pair)
+        return self.tr("Strong lines: the tree · faint lines: joints that were tried · × : cost of the next best joint")
+
+    def event(self, event: QEvent) -> bool:
+        """Say what lies under the pointer."""
+        return tell(self, event, self.told_at) or super().event(event)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Select a limb or a joint, or begin to pan."""
+        if event.button() != Qt.MouseButton.LeftButton:
+            return
+        limb, joint, _ = self._found_at(event.position())
+        self._pressed = event.position()
+        if limb is not None or joint is not None:
+            self._pressed = None
+            self._session.select(Selection(limb=limb, joint=joint))
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Pan, or mark what lies under the pointer."""
+        if self._pressed is not None and event.buttons() & Qt.MouseButton.LeftButton:
+            self._shift += event.position() - self._pressed
+            self._pressed = event.position()
+            self.update()
+            return
+        limb, joint, _ = self._found_at(event.position())
+        if (limb, joint) != (self._pointed_limb, self._pointed_joint):
+            self._pointed_limb, self._pointed_joint = limb, joint
+            self.update()
+
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
+        """Show all."""
+        self.show_all()
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Zoom about the pointer."""
+        before = self._zoom
+        self._zoom = min(max(before * ZOOM ** notches(event)[1], _ZOOMS[0]), _ZOOMS[1])
+        from_middle = event.position() - QPointF(self.width() / 2, (self.height() - _FOOT) / 2)
+        self._shift = from_middle - (from_middle - self._shift) * (self._zoom / before)
+        self.update()
+        event.accept()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Go from limb to limb, or to the joint above one."""
+        key = Qt.Key(event.key())
+        if key in _STEPS and self._facts is not None:
+            self._step(np.array(_STEPS[key], dtype=np.float64))
+        elif key == Qt.Key.Key_J and self._facts is not None:
+            self._select_joint_above(self._facts)
+        elif key == Qt.Key.Key_0:
+            self.show_all()
+        elif key == Qt.Key.Key_Escape:
+            self._session.select(Selection())
+        else:
+            super().keyPressEvent(event)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint the graph, and what is selected."""
+        painter = QPainter(self)
+        if self._facts is None:
+            words = self.tr("Run the step Joints to see what the tree was chosen from")
+            paint_words(painter, QRectF(self.rect()), words, self.palette())
+        else:
+            painting = GraphPainting(painter, self._facts, self.places, self.palette())
+            painting.pairs()
+            painting.tree(self._session.selection.joint)
+            painting.rival(self._marked_joint(self._facts))
+            painting.signs()
+            painting.limbs(self._selected_limbs(), self._pointed_limb)
+            painting.margins()
+            painting.legend(self._kinds, self.tr("2× : the next best joint costs twice as much"), QRectF(self.rect()))
+        painter.end()
+
+    def _follow_project(self) -> None:
+        """Derive the graph; until it is there, that of an earlier result stays."""
+        project = self._session.project
+        self.deriver.forget()
+        if project is None or not project.has("joints"):
+            self._facts = self._facts_of = None
+            self.update()
+        else:
+            self.deriver.derive(partial(_derive, project), partial(self._take, project))
+
+    def _take(self, project: Project, found: tuple[GraphFacts, tuple[Floats, Floats]]) -> None:
+        is_same_take = self._facts_of is not None and self._facts_of.take is project.take
+        self._facts_of, (self._facts, self._layouts) = project, found
+        self._pointed_limb = self._pointed_joint = None
+        if is_same_take:
+            self.update()
+        else:
+            self.show_all()
+
+    def _found_at(self, place: QPointF) -> tuple[int | None, int | None, tuple[int, int] | None]:
+        """The limb, the joint, or the pair of limbs at a place."""
+        if self._facts is None:
+            return None, None, None
+        places, at = self.places, np.array([place.x(), place.y()])
+        limb = nearest_point(places, at, NODE)
+        if limb is not None:
+            return limb, None, None
+        joint = nearest_line(places[self._facts.topology.edges], at, _NEAR_JOINT)
+        if joint is not None:
+            return None, joint, None
+        pair = nearest_line(places[self._facts.pairs], at, _NEAR_PAIR)
+        if pair is None:
+            return None, None, None
+        first, second = self._facts.pairs[pair].tolist()
+        return None, None, (first, second)
+
+    def _marked_joint(self, facts: GraphFacts) -> JointFact | None:
+        """The joint under the pointer, otherwise the selected one."""
+        number = self._session.selection.joint if self._pointed_joint is None else self._pointed_joint
+        return None if number is None or number >= len(facts.joints) else facts.joints[number]
+
+    def _selected_limbs(self) -> set[int]:
+        """The selected limb, and those of selected markers."""
+        selection, project = self._session.selection, self._facts_of
+        limbs = set() if selection.limb is None else {selection.limb}
+        if project is not None:
+            markers = [marker for marker in selection.markers if marker < project.limbs.n_markers]
+            limbs |= set(project.limbs.limb_of_marker[markers].tolist())
+        return limbs
+
+    def _step(self, direction: Floats) -> None:
+        """Select the nearest limb in a direction, at first the first root."""
+        if self._facts is None or not self._facts.topology.n_limbs:
+            return
+        limb = self._session.selection.limb
+        if limb is None or limb >= self._facts.topology.n_limbs:
+            self._session.select(Selection(limb=int(self._facts.topology.roots[0])))
+            return
+        between = self.places - self.places[limb]
+        along = between @ direction
+        aside = np.linalg.norm(between - along[:, np.newaxis] * direction, axis=1)
+        effort = np.where(along > aside / 2, along + 2 * aside, np.inf)
+        effort[limb] = np.inf
+        if np.isfinite(effort).any():
+            self._session.select(Selection(limb=int(effort.argmin())))
+
+    def _select_joint_above(self, facts: GraphFacts) -> None:
+        above = np.flatnonzero(facts.topology.children == self._session.selection.limb)
+        if len(above):
+            self._session.select(Selection(joint=int(above[0])))
+
+
+def _derive(project: Project) -> tuple[GraphFacts, tuple[Floats, Floats]]:
+    return find_graph(project), (body_places(project), tree_places(project.topology.parents))

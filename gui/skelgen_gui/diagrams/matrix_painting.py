@@ -1,0 +1,163 @@
+"""Paints a matrix of distance deviations with its limbs, names, and bar of colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QImage, QPainter, QPalette, QPen
+
+from skelgen.app.report.colours import ramp_rgba
+from skelgen.app.report.wording import plain
+from skelgen_gui.model.matrix import Matrix, Placed, Region
+from skelgen_gui.widgets.painting import image_of
+from skelgen_gui.widgets.theme import blended, colour_of_limb
+
+_NAMES, _STRIP, _SPACE = 104.0, 10.0, 3.0  # px: names, strips in the limbs' colours, gap beside these
+_NUMBERS, _BAR, _FOOT = 16.0, 14.0, 24.0
+_TOP, _RIGHT = _NUMBERS + _STRIP + _SPACE, 76.0  # px, free above and at the right of the cells
+_LEAST_NAMED = 11.0  # px, height of a cell beside which a name can be read
+_MOST_MARKED = 12  # selected markers whose rows are marked; more would hide the matrix
+_TINT = 0.25  # opacity of the row and column under the pointer
+_SHADES = 128  # of the bar of colours
+_Role = QPalette.ColorRole
+_Align = Qt.AlignmentFlag
+
+
+def place_matrix(region: Region, n: int, width: float, height: float) -> Placed:
+    """Return where a part of a matrix with n rows lies in a widget of some size [px]; names have room if readable."""
+    placed = []
+    for left in (_NAMES + _STRIP + _SPACE, _STRIP + 2 * _SPACE):
+        side = max(min(width - left - _RIGHT, height - _TOP - _FOOT), 1.0)
+        placed.append(Placed(region, QRectF(left, _TOP, side, side), n))
+    return placed[0] if placed[0].cell >= _LEAST_NAMED else placed[1]
+
+
+class MatrixPainting:
+    """One painting of a matrix.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    matrix : Matrix
+        What is painted.
+    placed : Placed
+        Which part of it, and where.
+    palette : QPalette
+        Colours of texts and ground.
+    """
+
+    def __init__(self, painter: QPainter, matrix: Matrix, placed: Placed, palette: QPalette) -> None:
+        self._painter, self._matrix, self._placed, self._palette = painter, matrix, placed, palette
+        self._metrics = QFontMetricsF(painter.font())
+
+    def cells(self, image: QImage) -> None:
+        """Paint the cells, a pixel of the image each, with sharp borders."""
+        square, region = self._placed.square, self._placed.region
+        self._painter.fillRect(square, self._palette.color(_Role.Base))
+        self._painter.drawImage(square, image, QRectF(region.column, region.row, region.size, region.size))
+
+    def limbs(self) -> None:
+        """Paint strips in the limbs' colours, their numbers, borders, and a frame about each block."""
+        square, borders = self._placed.square, self._matrix.borders
+        pairs = list(pairwise(borders))
+        self._painter.setPen(blended(self._palette.color(_Role.Text), self._palette.color(_Role.Base), 0.35))
+        for _, end in pairs[:-1]:
+            x, y = self._placed.x(end), self._placed.y(end)
+            self._painter.drawLine(QPointF(x, square.top()), QPointF(x, square.bottom()))
+            self._painter.drawLine(QPointF(square.left(), y), QPointF(square.right(), y))
+        for first, end in pairs:
+            self._limb(int(self._matrix.limbs[first]), self._placed.block(first, end, first, end))
+
+    def _limb(self, limb: int, block: QRectF) -> None:
+        square, colour = self._placed.square, colour_of_limb(limb, self._palette)
+        above = QRectF(block.left(), square.top() - _STRIP - _SPACE, block.width() - 1, _STRIP)
+        beside = QRectF(square.left() - _STRIP - _SPACE, block.top(), _STRIP, block.height() - 1)
+        for strip in (above, beside):
+            if strip.width() > 0 and strip.height() > 0:
+                self._painter.fillRect(strip, colour)
+        if block.width() > 0 and block.height() > 0:
+            self._painter.setPen(QPen(colour, 2.0))
+            self._painter.setBrush(Qt.BrushStyle.NoBrush)
+            self._painter.drawRect(block)
+        name = str(limb) if limb >= 0 else "–"
+        if self._metrics.horizontalAdvance(name) < block.width():
+            self._painter.setPen(self._palette.color(_Role.WindowText))
+            self._painter.drawText(QRectF(block.left(), 0, block.width(), _NUMBERS), _Align.AlignCenter, name)
+
+    def names(self) -> None:
+        """Paint the markers' names beside the rows, where these are high enough."""
+        if self._placed.square.left() < _NAMES:
+            return
+        self._painter.setPen(self._palette.color(_Role.WindowText))
+        first, size = self._placed.region.row, self._placed.region.size
+        for row in range(int(first), min(int(np.ceil(first + size)), self._matrix.n)):
+            line = self._placed.block(row, row + 1, 0, self._matrix.n)
+            room = QRectF(4, line.top(), _NAMES - 8, line.height())
+            name = self._metrics.elidedText(self._matrix.names[row], Qt.TextElideMode.ElideMiddle, room.width())
+            self._painter.drawText(room, _Align.AlignRight | _Align.AlignVCenter, name)
+
+    def selected(self, markers: Iterable[int]) -> None:
+        """Mark rows and columns of selected markers."""
+        chosen = np.flatnonzero(np.isin(self._matrix.markers, list(markers))).tolist()
+        self._painter.setPen(QPen(self._palette.color(_Role.Highlight), 1.5))
+        self._painter.setBrush(Qt.BrushStyle.NoBrush)
+        for row in chosen if len(chosen) <= _MOST_MARKED else []:
+            self._outline(self._placed.block(row, row + 1, 0, self._matrix.n))
+            self._outline(self._placed.block(0, self._matrix.n, row, row + 1))
+
+    def _outline(self, block: QRectF) -> None:
+        if block.width() > 0 and block.height() > 0:
+            self._painter.drawRect(block)
+
+    def pointed(self, cell: tuple[int, int] | None) -> None:
+        """Mark the cell under the pointer with its row and column, and say below what it means."""
+        if cell is None:
+            return
+        row, column = cell
+        colour = QColor(self._palette.color(_Role.Highlight))
+        self._painter.setPen(QPen(colour, 2.0))
+        self._outline(self._placed.block(row, row + 1, column, column + 1))
+        colour.setAlphaF(_TINT)
+        self._painter.fillRect(self._placed.block(row, row + 1, 0, self._matrix.n), colour)
+        self._painter.fillRect(self._placed.block(0, self._matrix.n, column, column + 1), colour)
+        square = self._placed.square
+        room = QRectF(4, square.bottom() + 2, self._painter.viewport().width() - 8, _FOOT - 2)
+        self._painter.setPen(self._palette.color(_Role.WindowText))
+        self._painter.drawText(room, _Align.AlignLeft | _Align.AlignVCenter, self._matrix.sentence(row, column))
+
+    def rubber_band(self, first: QPointF, second: QPointF) -> None:
+        """Paint the square that is being drawn."""
+        colour = QColor(self._palette.color(_Role.Highlight))
+        self._painter.setPen(QPen(colour, 1.5))
+        colour.setAlphaF(_TINT)
+        self._painter.setBrush(colour)
+        self._painter.drawRect(QRectF(first, second).normalized().intersected(self._placed.square))
+
+    def colour_bar(self) -> None:
+        """Paint what the colours mean [mm]."""
+        square, scale = self._placed.square, self._matrix.scale
+        bar = QRectF(square.right() + 14, square.top(), _BAR, square.height())
+        shades = ramp_rgba(np.linspace(1.0, 0.0, _SHADES)[:, np.newaxis])
+        self._painter.fillRect(bar, self._palette.color(_Role.Base))
+        self._painter.drawImage(bar, image_of(shades))
+        self._painter.setPen(self._palette.color(_Role.WindowText))
+        self._painter.setBrush(Qt.BrushStyle.NoBrush)
+        self._painter.drawRect(bar)
+        self._painter.drawText(QRectF(bar.left(), 0, 60, square.top() - 2), _Align.AlignLeft | _Align.AlignBottom, "mm")
+        for value in _round_values(scale.low, scale.high):
+            y = bar.bottom() - float(scale.fractions(np.array([value]))[0]) * bar.height()
+            self._painter.drawLine(QPointF(bar.right(), y), QPointF(bar.right() + 4, y))
+            room = QRectF(bar.right() + 6, y - 8, 54, 16)
+            self._painter.drawText(room, _Align.AlignLeft | _Align.AlignVCenter, plain(value))
+
+
+def _round_values(low: float, high: float) -> list[float]:
+    """1, 2, 5, 10 and so on within a scale; only powers of ten where that is wide."""
+    parts = (1.0,) if high > 1000 * low else (1.0, 2.0, 5.0)
+    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    values = [part * 10.0**power for power in powers for part in parts]
+    return [value for value in values if low <= value <= high]

@@ -1,0 +1,133 @@
+"""What the 3-D view looks at, and from where. No Qt."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from skelgen.model import Project
+from skelgen.model.arrays import Floats
+from skelgen_gui.model.floor import Floor, find_floor
+from skelgen_gui.model.picture import Canvas
+from skelgen_gui.model.scene import Scene
+from skelgen_gui.model.viewpoint import Viewpoint
+
+HOME = (math.radians(32), math.radians(14))
+"""Azimuth from the front, and elevation, of the first look at a take."""
+
+
+class Outlook:
+    """A scene, the floor beneath it, and the viewer before it.
+
+    Attributes
+    ----------
+    scene : Scene or None
+        What is open.
+    floor : Floor or None
+        Its floor; None if nothing is ever seen.
+    canvas : Canvas
+        The viewer, and the size of the picture.
+    is_home : bool
+        Whether the viewer stands where the first look put him: then a picture of another size is fitted again.
+    """
+
+    def __init__(self) -> None:
+        self.scene: Scene | None = None
+        self.floor: Floor | None = None
+        self.canvas = Canvas(Viewpoint(), 1, 1)
+        self.is_home = True
+        self._cameras = np.zeros((0, 3))
+        self._up_of_cameras: int | None = None
+        self._stated_up: int | None = None
+        self._anchor: Floats | None = None
+
+    @property
+    def up(self) -> int:
+        """The coordinate axis that points up, or with `DOWN` added down."""
+        if self._stated_up is not None:
+            return self._stated_up
+        if self._up_of_cameras is not None:
+            return self._up_of_cameras
+        return self.scene.up if self.scene is not None else 2
+
+    def open(self, project: Project | None) -> None:
+        """Look at another project; the viewer stays if it is another result of the same take."""
+        is_same = self.scene is not None and project is not None and self.scene.project.take is project.take
+        self.scene = None if project is None else Scene(project)
+        if not is_same:
+            self.follow(None if self._anchor is None else 0)
+            self.look_home()
+
+    def point_up(self, axis: int | None) -> None:
+        """State which coordinate axis points up; None leaves it to the data."""
+        self._stated_up = axis
+        self.look_home()
+
+    def show_cameras(self, points: Floats, up: int | None) -> None:
+        """Let cameras, points [mm] of shape (n, 3), belong to the take; they may say which axis points up."""
+        is_without = not len(points) and not len(self._cameras) and up == self._up_of_cameras
+        self._cameras, self._up_of_cameras = points, up
+        if not is_without:
+            self.look_home()
+
+    def resize(self, width: int, height: int) -> None:
+        """Use a picture of another size [px]."""
+        self.canvas = replace(self.canvas, width=width, height=height)
+        if self.is_home:
+            self.look_home()
+
+    def move(self, viewpoint: Viewpoint) -> None:
+        """Put the viewer elsewhere."""
+        self.canvas = replace(self.canvas, viewpoint=viewpoint)
+        self.is_home = False
+
+    def follow(self, frame: int | None) -> None:
+        """Go along with what moves, from a frame on; None stays."""
+        self._anchor = None
+        if frame is not None and self.scene is not None and frame < self.scene.n_frames:
+            self._anchor = self.scene.middle(frame)
+
+    def canvas_at(self, frame: int) -> Canvas:
+        """Return the viewer in a frame, and the size of the picture; he follows on the level."""
+        if self._anchor is None or self.scene is None or frame >= self.scene.n_frames:
+            return self.canvas
+        step = np.nan_to_num(self.scene.middle(frame) - self._anchor)
+        step[self.up % 3] = 0.0
+        viewpoint = self.canvas.viewpoint
+        return replace(self.canvas, viewpoint=viewpoint.looking_at(np.array(viewpoint.target) + step))
+
+    def look_home(self) -> None:
+        """Lay the floor, and look at all of the take from obliquely before it."""
+        scene = self.scene
+        is_seen = scene is not None and len(scene.usual) > 0
+        self.floor = find_floor(scene.sample, scene.usual, scene.size, self.up) if scene and is_seen else None
+        self.move(Viewpoint(azimuth=self._front + HOME[0], elevation=HOME[1], up=self.up))
+        self.fit_take()
+        self.is_home = True
+
+    def look(self, right_of_front: float, elevation: float) -> None:
+        """Look from a direction [rad]: so far to the right of the front, so far from above."""
+        self.move(replace(self.canvas.viewpoint, azimuth=self._front + right_of_front, elevation=elevation))
+
+    def fit_take(self) -> None:
+        """Fit where all of the take happens, with the cameras that see it."""
+        if self.scene is not None:
+            self._fit(np.concatenate([self.scene.usual, self._cameras]))
+
+    def fit_frame(self, frame: int, markers: set[int]) -> None:
+        """Fit some markers in a frame, or all that is there."""
+        if self.scene is None or frame >= self.scene.n_frames:
+            return
+        self.follow(None if self._anchor is None else frame)
+        snapshot = self.scene.at(frame)
+        everything = np.concatenate([snapshot.markers, snapshot.loose, snapshot.joints])
+        self._fit(snapshot.markers[sorted(markers)] if markers else everything)
+
+    @property
+    def _front(self) -> float:
+        return 0.0 if self.scene is None else self.scene.front(self.up)
+
+    def _fit(self, points: Floats) -> None:
+        self.move(self.canvas.viewpoint.fitted(points, self.canvas.width, self.canvas.height))

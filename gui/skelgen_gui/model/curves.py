@@ -1,0 +1,283 @@
+"""Curves over the frames of a take: residuals, joint angles, points; any stretch of them is drawn at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from PySide6.QtCore import QCoreApplication
+
+from skelgen.app.report.measures import residual_per_frame
+from skelgen.kinematics.angles import angle_names, joint_angles
+from skelgen.kinematics.inverse import posture_of
+from skelgen.model import Project
+from skelgen.model.arrays import Floats
+from skelgen_gui.model.lanes import point_counts
+
+_BLOCK = 64  # frames whose extremes are kept: an hour at 100 Hz is 6000 blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """The lowest and highest value of every stretch of a curve, quickly.
+
+    Attributes
+    ----------
+    low, high : ndarray, shape (n_frames,)
+        Lower and upper edge of what is drawn; the same array for a line, NaN where unknown.
+    block_low, block_high : ndarray, shape (n_blocks,)
+        Extremes of every 64 frames.
+    """
+
+    low: Floats
+    high: Floats
+    block_low: Floats
+    block_high: Floats
+
+    @classmethod
+    def of(cls, low: Floats, high: Floats | None = None) -> Extremes:
+        """Prepare a line, or a band between two lines."""
+        low = np.ascontiguousarray(low)
+        high = low if high is None else np.ascontiguousarray(high)
+        starts = np.arange(0, len(low), _BLOCK)
+        if not len(low):
+            return cls(low, high, low, high)
+        return cls(low, high, np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts))
+
+    def columns(self, first: float, end: float, n_columns: int) -> tuple[Floats, Floats]:
+        """Return the extremes in each column of a picture.
+
+        Where columns are narrower than frames, values between frames are interpolated.
+
+        Parameters
+        ----------
+        first, end : float
+            The stretch [frames] that the picture shows; frame f lies from f to f + 1.
+        n_columns : int
+            Columns of the picture.
+
+        Returns
+        -------
+        low, high : ndarray, shape (n_columns,)
+            NaN where nothing is known.
+        """
+        edges = np.linspace(first, end, n_columns + 1)
+        per_column = (end - first) / n_columns
+        if per_column <= 1:
+            places = (edges[1:] + edges[:-1]) / 2 - 0.5
+            return _between(self.low, places), _between(self.high, places)
+        if per_column >= 2 * _BLOCK:
+            return _reduced(self.block_low, self.block_high, edges / _BLOCK)
+        return _reduced(self.low, self.high, edges)
+
+
+def _between(values: Floats, places: Floats) -> Floats:
+    """Interpolate; unknown beside an unknown frame."""
+    return np.asarray(np.interp(places, np.arange(len(values)), values))
+
+
+def _reduced(low: Floats, high: Floats, edges: Floats) -> tuple[Floats, Floats]:
+    """Extremes between edges that are more than one value apart."""
+    starts = np.clip(edges.astype(np.intp), 0, len(low) - 1)
+    last = min(int(np.ceil(edges[-1])), len(low))
+    return np.fmin.reduceat(low[:last], starts[:-1]), np.fmax.reduceat(high[:last], starts[:-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One curve of a panel.
+
+    Attributes
+    ----------
+    name : str
+        For the legend.
+    line : Extremes
+        The values.
+    band : Extremes or None
+        Between which values the truth lies.
+    limb : int or None
+        Drawn in the colour of this limb.
+    shade : int
+        How many curves before it have the same limb.
+    component : int or None
+        Drawn in the colour of this component; without limb and component, in that of texts.
+    """
+
+    name: str
+    line: Extremes
+    band: Extremes | None = None
+    limb: int | None = None
+    shade: int = 0
+    component: int | None = None
+
+
+class Columns(NamedTuple):
+    """Lowest and highest values of a curve, and of its band, in each column of a picture."""
+
+    line: tuple[Floats, Floats]
+    band: tuple[Floats, Floats] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Curves with one scale.
+
+    Attributes
+    ----------
+    title, unit : str
+        What is shown.
+    curves : tuple of Curve
+        At least one.
+    note : str
+        A few words below the legend.
+    about : str
+        What the curves and bands mean, for who asks.
+    from_zero : bool
+        Whether the scale begins at 0.
+    """
+
+    title: str
+    unit: str
+    curves: tuple[Curve, ...]
+    note: str = ""
+    about: str = ""
+    from_zero: bool = True
+
+    def columns(self, first: float, end: float, n_columns: int) -> list[Columns]:
+        """Return what each curve has in the columns of a picture of a stretch [frames]."""
+        return [
+            Columns(
+                curve.line.columns(first, end, n_columns),
+                None if curve.band is None else curve.band.columns(first, end, n_columns),
+            )
+            for curve in self.curves
+        ]
+
+    def scale(self, columns: list[Columns]) -> tuple[float, float]:
+        """Return the lowest and highest value of columns; 0 and 1 where nothing is known."""
+        parts = [part for one in columns for part in (one.line, one.band) if part is not None]
+        values = np.concatenate([extreme for part in parts for extreme in part])
+        values = values[~np.isnan(values)]
+        low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+        low = min(low, 0.0) if self.from_zero else low
+        return (low, high) if high > low else (low, low + 1.0)
+
+
+MOST_POSTURES = 20_000
+"""Frames of which deviations are computed, which takes about 20 µs each; of longer takes, evenly spaced ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointCurve:
+    """How a joint turns.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the angles, as `skelgen.kinematics.angles` has them.
+    angles : ndarray, shape (n_frames, n_angles), rad
+        Those about axes without jumps of a full turn.
+    std : ndarray, shape (n_frames, n_angles), rad
+        Their standard deviations.
+    step : int
+        Deviations were computed for every how manieth frame, and hold until the next one.
+    """
+
+    names: tuple[str, ...]
+    angles: Floats
+    std: Floats
+    step: int
+
+
+def joint_curve(project: Project, joint: int) -> JointCurve:
+    """Return the angles of a joint of a project with a skeleton."""
+    one, motion = project.skeleton.joints[joint], project.motion
+    relative = motion.rotations[:, one.parent].swapaxes(1, 2) @ motion.rotations[:, one.child]
+    angles = joint_angles(one, relative)
+    if one.axis is not None:
+        angles = np.unwrap(angles, axis=0)
+    step = -(-motion.n_frames // MOST_POSTURES) if motion.n_frames else 1
+    frames = np.arange(0, motion.n_frames, step)
+    posture = posture_of(project.skeleton, motion, project.trajectories.positions, frames)
+    std = np.repeat(posture.angle_std[joint], step, axis=0)[: motion.n_frames]
+    return JointCurve(angle_names(one), angles, std, step)
+
+
+translate = QCoreApplication.translate
+
+MOST_CURVES = 6
+"""Markers whose residuals are drawn at once: the legend has room for no more."""
+
+_SURE = 1.96  # standard deviations of 95 %
+
+
+def residual_curve(project: Project) -> Curve:
+    """Return the mean residual of the markers of each frame."""
+    return Curve(translate("Curves", "mean"), Extremes.of(residual_per_frame(project.motion)[0]))
+
+
+def residual_panel(project: Project, mean: Curve, markers: Iterable[int]) -> Panel:
+    """Return the residuals: their mean, and those of some markers."""
+    markers = list(markers)
+    limbs = project.limbs.limb_of_marker[markers].tolist()
+    shown = tuple(
+        Curve(
+            project.trajectories.names[marker],
+            Extremes.of(project.motion.residuals[:, marker]),
+            limb=limb,
+            shade=limbs[:number].count(limb),
+        )
+        for number, (marker, limb) in enumerate(zip(markers[:MOST_CURVES], limbs, strict=False))
+    )
+    more = len(markers) - MOST_CURVES
+    note = translate("Curves", "{0} more are not drawn").format(more) if more > 0 else ""
+    about = translate(
+        "Curves", "How far markers were measured from where the skeleton has them: the mean, and selected markers."
+    )
+    return Panel(translate("Curves", "Residual"), "mm", (mean, *shown), note, about)
+
+
+def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
+    """Return the angles of a joint, and how sure its place is."""
+    one = project.skeleton.joints[joint]
+    found = joint_curve(project, joint)
+    curves = []
+    for number, name in enumerate(found.names):
+        angles = np.degrees(found.angles[:, number])
+        wide = _SURE * np.degrees(found.std[:, number])
+        band = Extremes.of(angles - wide, angles + wide)
+        curves.append(Curve(name, Extremes.of(angles), band, component=number))
+    panels = []
+    if curves:
+        title = translate("Curves", "Joint {0}–{1}").format(one.parent, one.child)
+        kind = translate("Graph", one.kind)
+        panels.append(Panel(title, "°", tuple(curves), kind, _about_angles(found.step), from_zero=False))
+    if project.motion.joint_std is not None:
+        size = np.linalg.norm(project.motion.joint_std[:, joint], axis=1)
+        deviation = Curve(translate("Curves", "of the place"), Extremes.of(size), limb=one.child)
+        about = translate(
+            "Curves", "Standard deviation of the joint's place, the root of the sum of squares over three axes."
+        )
+        panels.append(Panel(translate("Curves", "Deviation"), "mm", (deviation,), about=about))
+    return tuple(panels)
+
+
+def _about_angles(step: int) -> str:
+    about = translate(
+        "Curves", "Angles of the joint, 0 in the reference pose; within the bands with a probability of 95 %."
+    )
+    every = translate("Curves", "Bands are those of every {0}th frame.").format(step)
+    return f"{about} {every}" if step > 1 else about
+
+
+def count_panel(project: Project) -> Panel | None:
+    """Return how many points of each frame belong to no marker; None for takes that came with labels."""
+    counts = point_counts(project)
+    if counts is None:
+        return None
+    title = translate("Curves", "Points left out") if project.has("labels") else translate("Curves", "Points")
+    about = translate("Curves", "Points of each frame that belong to no marker.")
+    curve = Curve(translate("Curves", "points"), Extremes.of(counts.astype(np.float64)))
+    return Panel(title, "", (curve,), about=about)

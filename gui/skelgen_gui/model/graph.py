@@ -1,0 +1,345 @@
+"""What the graph of joint costs shows: places of limbs, joints with margins, and where words go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from PySide6.QtCore import QCoreApplication
+
+from skelgen.app.report.figure_pose import find_views
+from skelgen.app.report.measures import reference_markers, tidy_places
+from skelgen.app.report.wording import digits, fixed, listed
+from skelgen.kinematics.joint_motion import AngleRange, angle_ranges
+from skelgen.model import Project, Topology
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.joints.tree import SMALL_MARGIN
+
+translate = QCoreApplication.translate
+
+
+@dataclass(frozen=True, eq=False)
+class JointFact:
+    """What is told of a joint of the tree.
+
+    Attributes
+    ----------
+    parent, child : int
+        Limbs.
+    cost, margin : float, mm^2
+        Its cost, and how much worse the best tree without it is; NaN where there is no other.
+    rival : tuple of int or None
+        The limbs that the cheapest other joint would connect.
+    kind : str
+        Empty before the skeleton.
+    ranges : tuple of AngleRange
+        Of each angle; none before the skeleton.
+    """
+
+    parent: int
+    child: int
+    cost: float
+    margin: float
+    rival: tuple[int, int] | None
+    kind: str
+    ranges: tuple[AngleRange, ...]
+
+    @property
+    def ratio(self) -> float:
+        """Cost of the best other joint over its own; infinite where there is no other or nothing is lost here."""
+        if self.rival is None or self.cost <= 0:
+            return np.inf
+        return (self.cost + self.margin) / self.cost
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another joint would do nearly as well."""
+        return self.ratio < SMALL_MARGIN
+
+    @property
+    def label(self) -> str:
+        """How many times dearer the best other joint is; empty where there is none."""
+        if not np.isfinite(self.ratio):
+            return ""
+        return f"{digits(self.ratio, 2)}×"
+
+    @property
+    def sentences(self) -> str:
+        """All that is told, a line each."""
+        lines = [_pair(self.parent, self.child) + (": " + translate("Graph", self.kind) if self.kind else "")]
+        lines.append(translate("Graph", "cost {0} mm²").format(digits(self.cost)))
+        if self.rival is None:
+            lines.append(translate("Graph", "no other joint could connect the two sides"))
+        else:
+            best = translate("Graph", "best other joint: {0}, {1} mm²")
+            lines.append(best.format(_pair(*self.rival), digits(self.cost + self.margin)))
+            doubtful, sure = translate("Graph", "margin {0} mm²: hardly any"), translate("Graph", "margin {0} mm²")
+            lines.append((doubtful if self.is_doubtful else sure).format(digits(self.margin)))
+        for angle in self.ranges:
+            low, high = (fixed(float(np.degrees(end)), 0) for end in (angle.low, angle.high))
+            lines.append(f"{angle.name}: {low}° … {high}°")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class GraphFacts:
+    """What the graph shows.
+
+    Attributes
+    ----------
+    topology : Topology
+        Of the project.
+    joints : tuple of JointFact
+        In the order of the topology's children.
+    pairs : ndarray of intp, shape (n_pairs, 2)
+        Limbs between which a joint was tried and not taken, the cheapest first.
+    strengths : ndarray, shape (n_pairs,)
+        1 for the cheapest pair, 0 for the dearest.
+    """
+
+    topology: Topology
+    joints: tuple[JointFact, ...]
+    pairs: Ints
+    strengths: Floats
+
+    def sentence_of_pair(self, first: int, second: int) -> str:
+        """Say why the tree does not join two limbs."""
+        costs = self.topology.joint_costs
+        lines = [translate("Graph", "{0}: not in the tree").format(_pair(first, second))]
+        lines.append(translate("Graph", "cost {0} mm²").format(digits(float(costs[first, second]))))
+        if (first, second) in self.topology.loops or (second, first) in self.topology.loops:
+            lines.append(translate("Graph", "seems to be a joint as well: it closes a ring"))
+        return "\n".join([*lines, self._way(first, second)])
+
+    def _way(self, first: int, second: int) -> str:
+        """How the tree joins two limbs."""
+        costs, path = self.topology.joint_costs, tree_path(self.topology.parents, first, second)
+        if not path:
+            return translate("Graph", "the two limbs belong to separate bodies")
+        dearest = max(float(costs[one, other]) for one, other in pairwise(path))
+        way = listed([str(limb) for limb in path[1:-1]])
+        told = translate("Graph", "the tree joins them by way of {0}, at no joint for more than {1} mm²")
+        return told.format(way, digits(dearest))
+
+
+def _pair(first: int, second: int) -> str:
+    return translate("Graph", "limb {0} – limb {1}").format(first, second)
+
+
+def find_graph(project: Project) -> GraphFacts:
+    """Return what the graph of a project with joints shows."""
+    topology = project.topology
+    margins, rivals = topology.margins, topology.rivals
+    ranges: tuple[tuple[AngleRange, ...], ...] = ((),) * topology.n_joints
+    if project.has("skeleton"):
+        ranges = angle_ranges(project.skeleton, project.motion, project.trajectories.positions)
+    joints = tuple(
+        JointFact(
+            parent,
+            child,
+            float(topology.joint_costs[parent, child]),
+            float(margins[joint]),
+            None if rivals[joint, 0] < 0 else (int(rivals[joint, 0]), int(rivals[joint, 1])),
+            project.skeleton.joints[joint].kind if project.has("skeleton") else "",
+            ranges[joint],
+        )
+        for joint, (parent, child) in enumerate(topology.edges.tolist())
+    )
+    pairs = _other_pairs(topology)
+    return GraphFacts(topology, joints, pairs, _strengths(topology.joint_costs[pairs[:, 0], pairs[:, 1]]))
+
+
+def tree_path(parents: Ints, first: int, second: int) -> list[int]:
+    """Return the limbs from one to another along the tree, both included; none between separate bodies."""
+    to_root = [_upward(parents, limb) for limb in (first, second)]
+    shared = next((limb for limb in to_root[0] if limb in to_root[1]), None)
+    if shared is None:
+        return []
+    there, back = (way[: way.index(shared)] for way in to_root)
+    return [*there, shared, *reversed(back)]
+
+
+def _upward(parents: Ints, limb: int) -> list[int]:
+    way = [limb]
+    while parents[way[-1]] >= 0:
+        way.append(int(parents[way[-1]]))
+    return way
+
+
+def _other_pairs(topology: Topology) -> Ints:
+    """Pairs with a known cost that are no joints of the tree, the cheapest first."""
+    known = np.triu(~np.isnan(topology.joint_costs), 1)
+    for parent, child in topology.edges.tolist():
+        known[min(parent, child), max(parent, child)] = False
+    pairs = np.argwhere(known)
+    costs = topology.joint_costs[pairs[:, 0], pairs[:, 1]]
+    return pairs[np.argsort(costs, kind="stable")]
+
+
+def _strengths(costs: Floats) -> Floats:
+    """1 for the smallest cost, 0 for the largest, by their logarithms."""
+    positive = np.maximum(costs, np.finfo(np.float64).tiny)
+    if not len(costs) or positive.max() <= positive.min():
+        return np.ones(len(costs))
+    logs = np.log(positive)
+    return np.asarray((logs.max() - logs) / (logs.max() - logs.min()))
+
+
+_SAMPLES = 200  # frames that tell which way is up
+_ROUNDS = 60  # of pushing limbs apart; more than enough for 100 limbs
+_WIDEST = 1.6  # factor
+_APART = 1.1  # of the mean distance that limbs on a grid would have
+
+
+def body_places(project: Project) -> Floats:
+    """Place limbs as they are seen from the front in the reference pose, or in the frame that shows most markers.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs.
+
+    Returns
+    -------
+    ndarray, shape (n_limbs, 2)
+        In a box of 0 .. 1, right and down, slender bodies a little wider, no two limbs upon each other.
+    """
+    markers = _typical_markers(project)
+    limb_of_marker, n_limbs = project.limbs.limb_of_marker, project.limbs.n_limbs
+    known = (limb_of_marker >= 0) & ~np.isnan(markers[:, 0])
+    if not known.any():
+        return np.full((n_limbs, 2), 0.5)
+    counts = np.bincount(limb_of_marker[known], minlength=n_limbs)
+    sums = np.zeros((n_limbs, 3))
+    np.add.at(sums, limb_of_marker[known], markers[known])
+    middle = markers[known].mean(axis=0)
+    centres = np.where(counts[:, np.newaxis] > 0, sums / np.maximum(counts, 1)[:, np.newaxis], middle)
+    positions = project.trajectories.positions
+    sample = positions[:: max(len(positions) // _SAMPLES, 1)]
+    view = find_views(markers[known], sample)[0]
+    return _apart(_widened(_boxed(centres @ np.stack([view.across, -view.up], axis=1))))
+
+
+def tree_places(parents: Ints) -> Floats:
+    """Place limbs as a tree with its roots above, in a box of 0 .. 1, shape (n_limbs, 2)."""
+    depths, rows = tidy_places(parents)
+    places = np.stack([rows, depths.astype(np.float64)], axis=1)
+    return np.asarray((places + 0.5) / (places.max(axis=0) + 1.0))
+
+
+def _typical_markers(project: Project) -> Floats:
+    if project.has("skeleton"):
+        return reference_markers(project.skeleton)
+    trajectories = project.trajectories
+    return np.asarray(trajectories.positions[int(trajectories.seen.sum(axis=1).argmax())])
+
+
+def _boxed(places: Floats) -> Floats:
+    """Places in a box of 0 .. 1, with their proportions."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    size = max(float((high - low).max()), np.finfo(np.float64).tiny)
+    return np.asarray(0.5 + (places - (low + high) / 2) / size)
+
+
+def _widened(places: Floats) -> Floats:
+    """Draw slender bodies wider, as far as there is room: their limbs would hide each other."""
+    width = max(float(np.ptp(places[:, 0])), np.finfo(np.float64).tiny)
+    return np.asarray(0.5 + (places - 0.5) * [min(_WIDEST, max(1.0 / width, 1.0)), 1.0])
+
+
+def _apart(places: Floats) -> Floats:
+    """Push limbs apart that lie too near to be told."""
+    n_limbs = len(places)
+    least = _APART / np.sqrt(n_limbs) / 2
+    turn = np.arange(n_limbs) * 2.4  # different directions for limbs on the same place
+    places = places + 1e-6 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    for _ in range(_ROUNDS):
+        between = places[:, np.newaxis] - places
+        distance = np.linalg.norm(between, axis=2)
+        np.fill_diagonal(distance, np.inf)
+        push = np.maximum(least - distance, 0.0) / 2
+        places = places + (between / distance[..., np.newaxis] * push[..., np.newaxis]).sum(axis=1)
+    return _boxed(places)
+
+
+GAP = 10.0
+"""px, from the middle of a joint to the nearest corner or side of its words."""
+
+_SIDES = np.array([[1, 0], [-1, 0], [0, -1], [0, 1], [1, -1], [1, 1], [-1, -1], [-1, 1]], dtype=np.float64)
+"""Directions that are tried, the first of equally good ones is taken."""
+
+_ALONG = np.linspace(0.0, 1.0, 24)
+"""Parts of a line that are looked at."""
+
+_ON_DISC, _ON_WORDS, _ON_LINE = 10.0, 10.0, 1.0
+"""What it costs to touch a disc, the words of another joint, or a point of a line."""
+
+
+def place_words(middles: Floats, sizes: Floats, discs: Floats, radius: float, lines: Floats) -> Floats:
+    """Place words beside joints, one after the other.
+
+    Parameters
+    ----------
+    middles : ndarray, shape (n, 2), px
+        Joints.
+    sizes : ndarray, shape (n, 2), px
+        Width and height of their words; 0 without any.
+    discs : ndarray, shape (n_discs, 2), px
+        What must not be covered.
+    radius : float, px
+        Of the discs.
+    lines : ndarray, shape (n_lines, 2, 2), px
+        What had better not be covered.
+
+    Returns
+    -------
+    ndarray, shape (n, 2), px
+        Middle of the words of each.
+    """
+    dots = (lines[:, :1] + (lines[:, 1:] - lines[:, :1]) * _ALONG[:, np.newaxis]).reshape(-1, 2)
+    placed = np.array(middles, dtype=np.float64)
+    for index in np.flatnonzero(sizes[:, 0] > 0):
+        half = sizes[index] / 2
+        tried = middles[index] + _SIDES * (GAP + half)
+        costs = _ON_DISC * _touched(tried, half + radius, discs) + _ON_LINE * _touched(tried, half, dots)
+        earlier = np.flatnonzero(sizes[:index, 0] > 0)
+        for other in earlier:
+            costs += _ON_WORDS * _touched(tried, half + sizes[other] / 2, placed[other][np.newaxis])
+        placed[index] = tried[int(np.argmin(costs))]
+    return placed
+
+
+def _touched(boxes: Floats, half: Floats, places: Floats) -> Floats:
+    """How many places lie in each box, given by middles and half sizes."""
+    inside = np.abs(places - boxes[:, np.newaxis]) < half
+    return np.asarray(inside.all(axis=2).sum(axis=1), dtype=np.float64)
+
+
+def nearest_point(points: Floats, at: Floats, most: float) -> int | None:
+    """Return the index of the nearest point within a distance, or None.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2), px
+        Places.
+    at : ndarray, shape (2,), px
+        From where.
+    most : float, px
+        How far it may be.
+    """
+    return _nearest(np.linalg.norm(points - at, axis=1), most)
+
+
+def nearest_line(ends: Floats, at: Floats, most: float) -> int | None:
+    """Return the index of the nearest line within a distance, or None; ends of shape (n, 2, 2) [px]."""
+    along = ends[:, 1] - ends[:, 0]
+    squares = np.maximum((along**2).sum(axis=1), np.finfo(np.float64).tiny)
+    parts = np.clip(((at - ends[:, 0]) * along).sum(axis=1) / squares, 0.0, 1.0)
+    return _nearest(np.linalg.norm(ends[:, 0] + parts[:, np.newaxis] * along - at, axis=1), most)
+
+
+def _nearest(distances: Floats, most: float) -> int | None:
+    if not len(distances) or distances.min() > most:
+        return None
+    return int(distances.argmin())

@@ -1,0 +1,107 @@
+"""What can be corrected of what is selected: pure, without widgets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skelgen.kinematics.kind import KNOWN_KINDS
+from skelgen.model import Project
+from skelgen.model.corrections import Correction
+from skelgen_gui.project.session import Selection
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A correction that the selection allows.
+
+    Attributes
+    ----------
+    kind : str
+        Of the correction.
+    names : tuple of str
+        Markers that it names.
+    value : str
+        Its value where that is known already; empty where the user is asked.
+    """
+
+    kind: str
+    names: tuple[str, ...] = ()
+    value: str = ""
+
+    def correction(self, value: str = "", first: int | None = None, last: int | None = None) -> Correction:
+        """Return the correction with what the user was asked."""
+        return Correction(self.kind, self.names, first, last, self.value or value)
+
+
+def offers(project: Project | None, selection: Selection) -> tuple[Offer, ...]:
+    """Return what can be corrected, in the order of the stages.
+
+    Parameters
+    ----------
+    project : Project or None
+        The open project.
+    selection : Selection
+        What is selected.
+    """
+    if project is None or not project.has("labels"):
+        return ()
+    names = tuple(project.trajectories.names[marker] for marker in sorted(selection.markers))
+    found = [*_of_labels(names)]
+    if project.has("limbs"):
+        found += _of_limbs(project, selection, names)
+        found += _of_joints(project, selection, names)
+    return tuple(found)
+
+
+def new_name(project: Project, name: str) -> str:
+    """Propose a name that no marker has yet for a part of a marker."""
+    number = 2
+    while f"{name}_{number}" in project.trajectories.names:
+        number += 1
+    return f"{name}_{number}"
+
+
+def _of_labels(names: tuple[str, ...]) -> list[Offer]:
+    found = []
+    if len(names) >= 2:
+        found.append(Offer("merge", names))
+    if len(names) == 2:
+        found.append(Offer("swap", names))
+    if len(names) == 1:
+        found += [Offer("split", names), Offer("rename", names)]
+    if names:
+        found.append(Offer("delete", names))
+    return found
+
+
+def _of_limbs(project: Project, selection: Selection, names: tuple[str, ...]) -> list[Offer]:
+    found = [Offer(kind, names) for kind in ("together", "apart") if len(names) >= 2]
+    if len(names) == 1:
+        marker = next(iter(selection.markers))
+        own = int(project.limbs.limb_of_marker[marker])
+        mates = [other for other in project.limbs.markers_of(own).tolist() if other != marker] if own >= 0 else []
+        left = (project.trajectories.names[mates[0]],) if mates else ()
+        for limb in range(project.limbs.n_limbs):
+            if limb != own:
+                found.append(Offer("move", (*names, name_of_limb(project, limb), *left)))
+    return found
+
+
+def _of_joints(project: Project, selection: Selection, names: tuple[str, ...]) -> list[Offer]:
+    found = []
+    limb_of_marker = project.limbs.limb_of_marker
+    limbs = {int(limb_of_marker[marker]) for marker in selection.markers}
+    if len(names) == 2 and len(limbs) == 2 and -1 not in limbs:
+        found += [Offer("join", names), Offer("part", names)]
+    if selection.joint is not None and project.has("skeleton"):
+        joint = project.skeleton.joints[selection.joint]
+        ends = (name_of_limb(project, joint.parent), name_of_limb(project, joint.child))
+        found += [Offer("part", ends), *(Offer("kind", ends, kind) for kind in KNOWN_KINDS)]
+    if selection.limb is not None:
+        found.append(Offer("root", (name_of_limb(project, selection.limb),)))
+    return found
+
+
+def name_of_limb(project: Project, limb: int) -> str:
+    """Return the marker by which a limb is named: its first."""
+    return project.trajectories.names[int(project.limbs.markers_of(limb)[0])]

@@ -1,0 +1,147 @@
+"""A frame as it lies in the picture: which parts are shown, their places and depths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.model.arrays import Floats
+from skelgen_gui.model.scene import Shown, Snapshot, State
+from skelgen_gui.model.viewpoint import Viewpoint
+
+_OUTLINE = np.linspace(0.0, 2 * np.pi, 33)[:-1]
+_BEHIND = 1 + 1e-6  # bones lie behind the joints and markers at their ends
+_LARGEST = 2000.0  # px, half an ellipse's axis: one that is larger is cut off rather than painted for seconds
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """Places [px] and depths [mm]; NaN for what is hidden, unknown or behind the viewer.
+
+    Attributes
+    ----------
+    markers, loose, joints : ndarray, shape (n, 2), px
+        As in the snapshot.
+    marker_depths, loose_depths, joint_depths, bone_depths : ndarray, shape (n,), mm
+        Distance along the line of sight; of bones, their farther ends', and a little more.
+    bones, axes : ndarray, shape (n, 2, 2), px
+        Both ends of each line.
+    ellipses : ndarray, shape (n_joints, 4, 32, 2), px
+        The joints' uncertainty: the outline of each ellipsoid, and its three main sections.
+    bodies : ndarray, shape (n_bodies, 3, 2, 2), px
+        The axes of bodies.
+    """
+
+    markers: Floats
+    marker_depths: Floats
+    loose: Floats
+    loose_depths: Floats
+    joints: Floats
+    joint_depths: Floats
+    bones: Floats
+    bone_depths: Floats
+    axes: Floats
+    ellipses: Floats
+    bodies: Floats
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """A viewpoint and the size of its picture.
+
+    Attributes
+    ----------
+    viewpoint : Viewpoint
+        Where the viewer stands.
+    width, height : int, px
+        Size of the picture.
+    """
+
+    viewpoint: Viewpoint
+    width: int
+    height: int
+
+    def project(self, points: Floats) -> tuple[Floats, Floats]:
+        """Project points of any shape (..., 3) [mm]: places (..., 2) [px] and depths (...) [mm]."""
+        places, depths = self.viewpoint.project(points.reshape(-1, 3), self.width, self.height)
+        return places.reshape(*points.shape[:-1], 2), depths.reshape(points.shape[:-1])
+
+
+def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: float, magnification: float) -> Picture:
+    """Project what is shown of a snapshot.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        One frame.
+    canvas : Canvas
+        From where, and how large.
+    shown : Shown
+        What is hidden gets no place.
+    axis_length : float, mm
+        Half the length of drawn axes.
+    magnification : float
+        Half axes of ellipsoids in standard deviations.
+    """
+    markers, marker_depths = canvas.project(snapshot.markers)
+    markers[~np.where(snapshot.state == State.FILLED, shown.filled, shown.markers)] = np.nan
+    loose, loose_depths = canvas.project(_only(snapshot.loose, shown.markers))
+    joints, joint_depths = canvas.project(snapshot.joints)
+    ellipses = _ellipses(snapshot, canvas, joints, joint_depths, magnification)
+    if not shown.uncertainty:
+        ellipses[:] = np.nan
+    bones, bone_depths = canvas.project(_only(snapshot.bones, shown.bones))
+    if not shown.joints:
+        joints[:] = np.nan
+    return Picture(
+        markers,
+        marker_depths,
+        loose,
+        loose_depths,
+        joints,
+        joint_depths,
+        bones,
+        bone_depths.max(axis=1) * _BEHIND,
+        canvas.project(_axis_ends(_only(snapshot.axes, shown.axes), axis_length))[0],
+        ellipses,
+        canvas.project(_body_axes(_only(snapshot.bodies, shown.axes), axis_length))[0],
+    )
+
+
+def _only(values: Floats, is_shown: bool) -> Floats:
+    """The values, or none of them."""
+    return values if is_shown else np.full_like(values, np.nan)
+
+
+def _axis_ends(axes: Floats, length: float) -> Floats:
+    middle, along = axes[:, :1], axes[:, 1:]
+    return np.concatenate([middle - length * along, middle + length * along], axis=1)
+
+
+def _body_axes(bodies: Floats, length: float) -> Floats:
+    origins = np.repeat(bodies[:, None, :3, 3], 3, axis=1)
+    return np.stack([origins, origins + length * bodies[:, :3, :3].swapaxes(1, 2)], axis=2)
+
+
+def _ellipses(snapshot: Snapshot, canvas: Canvas, joints: Floats, depths: Floats, magnification: float) -> Floats:
+    """Outlines of the covariances, projected as if the line of sight were the same all over each ellipsoid."""
+    n_joints = len(snapshot.covariances)
+    if not n_joints:
+        return np.full((n_joints, 4, len(_OUTLINE), 2), np.nan)
+    right, up, _ = canvas.viewpoint.basis
+    plane = np.stack([right, -up])
+    scales = magnification * canvas.viewpoint.focal(canvas.height) / depths
+    axes = _half_axes(snapshot.covariances)
+    outline = _half_axes(plane @ snapshot.covariances @ plane.T)
+    sections = plane @ np.stack([axes[..., pair] for pair in ((0, 1), (1, 2), (2, 0))], axis=1)
+    half = np.concatenate([outline[:, np.newaxis], sections], axis=1) * scales[:, np.newaxis, np.newaxis, np.newaxis]
+    circle = np.stack([np.cos(_OUTLINE), np.sin(_OUTLINE)])
+    curves = (np.clip(half, -_LARGEST, _LARGEST) @ circle).swapaxes(2, 3)
+    return np.asarray(joints[:, np.newaxis, np.newaxis] + curves)
+
+
+def _half_axes(covariances: Floats) -> Floats:
+    """Main axes, one a column, as long as their standard deviations."""
+    values, vectors = np.linalg.eigh(covariances)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[:, np.newaxis, :])

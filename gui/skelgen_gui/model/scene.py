@@ -1,0 +1,416 @@
+"""What a project holds in one frame, as arrays to draw, and which parts of it are shown.
+
+Rows are taken when a frame is shown: opening a project costs nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+
+from skelgen.app.report.figure_pose import find_views
+from skelgen.kinematics.inverse import posture_of
+from skelgen.model import PointCloud, Poses, Project, Trajectories
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.skeleton import Joint
+from skelgen_gui.model.lines import Bones, find_bones
+from skelgen_gui.model.viewpoint import level_axes
+
+TRAIL_SECONDS = (0.25, 0.5, 1.0, 2.0)
+"""Lengths of trails to choose from [s]."""
+
+MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100)
+"""How many times larger than one standard deviation ellipsoids can be drawn: of good takes these are below 1 mm."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is drawn; every part is a switch.
+
+    Attributes
+    ----------
+    markers, filled, names, trails : bool
+        Measured markers; markers that are unseen, where the skeleton places them; names beside markers; ways that
+        markers came.
+    bones, joints, uncertainty, axes : bool
+        Bones; joints; ellipsoids of the joints' uncertainty; axes of hinges and of universal joints.
+    floor, cameras, other : bool
+        Floor grid and shadows; frustums of cameras; the second project.
+    follow : bool
+        Whether the viewer goes along with what moves.
+    trail_seconds : float, s
+        Length of trails.
+    magnification : int or None
+        Half axes of the ellipsoids in standard deviations; None chooses what can be seen and does not hide the rest.
+    up : int or None
+        Coordinate axis that points up, 0 .. 2, or down, 3 .. 5; None leaves it to the data.
+    """
+
+    markers: bool = True
+    filled: bool = True
+    names: bool = False
+    trails: bool = True
+    bones: bool = True
+    joints: bool = True
+    uncertainty: bool = True
+    axes: bool = True
+    floor: bool = True
+    cameras: bool = True
+    other: bool = True
+    follow: bool = False
+    trail_seconds: float = TRAIL_SECONDS[0]
+    magnification: int | None = None
+    up: int | None = None
+
+
+SURE = 0.9
+"""Confidence below which a marker counts as doubtful."""
+
+SAMPLES = 300
+"""Frames that tell where a take lies and how large it is."""
+
+TRAIL_SAMPLES = 90
+"""Points of a trail at most: more would lie within the same pixels."""
+
+_STRAYS = 1.0  # percent of positions on each side that may lie outside the box: ghost points lie anywhere
+_PAD = 0.05  # of the box, so that what strays are not is inside
+
+
+_UNCERTAIN_SAMPLES = 20
+_ELLIPSOID = 0.04  # of the size of what is seen: half an axis of a typical ellipsoid
+_NO_POINTS = np.zeros((0, 3))
+_NO_BODIES = np.zeros((0, 4, 4))
+_NO_INTS = np.zeros(0, dtype=np.intp)
+
+
+class State(IntEnum):
+    """What a marker's position in a frame rests on."""
+
+    SEEN = 0
+    DOUBTFUL = 1
+    """Seen, but perhaps another marker."""
+    FILLED = 2
+    """Unseen; the skeleton places it."""
+    ABSENT = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """One frame. Lengths in mm; NaN where something is not to be told.
+
+    Attributes
+    ----------
+    frame : int
+        Its number.
+    markers : ndarray, shape (n_markers, 3)
+        Measured positions, or those on the skeleton.
+    state : ndarray of intp, shape (n_markers,)
+        A `State` for each.
+    loose : ndarray, shape (n_points, 3)
+        All points of an unlabelled take, those of markers included; bodies before the first stage.
+    joints : ndarray, shape (n_joints, 3)
+        Joints.
+    covariances : ndarray, shape (n_joints, 3, 3), mm^2
+        Of the joints' places along the world's axes.
+    bones : ndarray, shape (n_bones, 2, 3)
+        Both ends of each bone.
+    axes : ndarray, shape (n_axes, 2, 3)
+        Joint and unit direction of each axis of hinges and universal joints.
+    bodies : ndarray, shape (n_bodies, 4, 4)
+        Poses of a take of bodies.
+    """
+
+    frame: int
+    markers: Floats
+    state: Ints
+    loose: Floats
+    joints: Floats
+    covariances: Floats
+    bones: Floats
+    axes: Floats
+    bodies: Floats
+
+
+class Scene:
+    """A project, frame by frame.
+
+    Parameters
+    ----------
+    project : Project
+        Whatever stages have run.
+    """
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self.trajectories = _labelled(project)
+        self.n_frames = project.take.n_frames
+        self.names = self.trajectories.names if self.trajectories is not None else ()
+        self.n_markers = len(self.names)
+        self._covariances = JointCovariances(project)
+
+    @cached_property
+    def limb_of_marker(self) -> Ints:
+        """Limb of each marker, -1 where it has none, or none yet; shape (n_markers,)."""
+        if not self.project.has("limbs"):
+            return np.full(self.n_markers, -1, dtype=np.intp)
+        return np.asarray(self.project.limbs.limb_of_marker)
+
+    @cached_property
+    def bones(self) -> Bones:
+        """Which lines make the bones; before the joints stage each limb is a star about its middle."""
+        edges = self.project.topology.edges if self.project.has("joints") else np.zeros((0, 2), dtype=np.intp)
+        return find_bones(edges, self.limb_of_marker)
+
+    @cached_property
+    def sample(self) -> Floats:
+        """Positions in some frames spread over the take, shape (n_samples, n, 3); NaN where there are none."""
+        frames = np.unique(np.linspace(0, self.n_frames - 1, min(SAMPLES, self.n_frames)).astype(np.intp))
+        take = self.project.take
+        if isinstance(take, Trajectories):
+            return np.asarray(take.positions[frames])
+        rows = [self._points(int(frame)) for frame in frames]
+        sample = np.full((len(rows), max((len(row) for row in rows), default=0), 3), np.nan)
+        for index, row in enumerate(rows):
+            sample[index, : len(row)] = row
+        return sample
+
+    @cached_property
+    def usual(self) -> Floats:
+        """Positions of the sample without strays, shape (n, 3)."""
+        points = self.sample.reshape(-1, 3)
+        points = points[~np.isnan(points[:, 0])]
+        if not len(points):
+            return points
+        low, high = np.percentile(points, [_STRAYS, 100 - _STRAYS], axis=0)
+        pad = _PAD * (high - low)
+        return np.asarray(points[((points >= low - pad) & (points <= high + pad)).all(axis=1)])
+
+    @cached_property
+    def spans(self) -> Floats:
+        """Extent along each axis [mm] of what is seen in a typical frame, shape (3,)."""
+        known = self.sample[(~np.isnan(self.sample[..., 0])).any(axis=1)]
+        if not len(known):
+            return np.zeros(3)
+        spans = np.fmax.reduce(known, axis=1) - np.fmin.reduce(known, axis=1)
+        return np.asarray(np.median(spans, axis=0))
+
+    @property
+    def size(self) -> float:
+        """Diagonal [mm] of what is seen in a typical frame."""
+        return float(np.linalg.norm(self.spans))
+
+    @cached_property
+    def up(self) -> int:
+        """The axis that points up: what is lowest moves least along it; 2 if nothing is seen."""
+        points = self.sample.reshape(-1, 3)
+        points = points[~np.isnan(points[:, 0])][: self.sample.shape[1]]
+        return int(np.argmax(find_views(points, self.sample)[0].up)) if len(points) else 2
+
+    def front(self, up: int) -> float:
+        """Azimuth [rad] of a viewer before the wider side, along an axis, where an axis points up."""
+        first, second = level_axes(up)
+        return -math.pi / 2 if self.spans[first] > self.spans[second] else 0.0
+
+    @cached_property
+    def magnification(self) -> int:
+        """How many standard deviations the half axes of ellipsoids should be, for most of them to be of a good size."""
+        frames = np.unique(np.linspace(0, self.n_frames - 1, min(_UNCERTAIN_SAMPLES, self.n_frames)).astype(np.intp))
+        variances = np.linalg.eigvalsh(joint_covariances(self.project, frames))[..., -1].ravel()
+        if not len(variances):
+            return MAGNIFICATIONS[0]
+        most = _ELLIPSOID * self.size / max(float(np.sqrt(np.median(variances))), 1e-9)
+        return max((step for step in MAGNIFICATIONS if step <= most), default=MAGNIFICATIONS[0])
+
+    @property
+    def limb_seen(self) -> Bools | None:
+        """Whether each limb's pose rests on markers, shape (n_frames, n_limbs); None before the skeleton is fitted."""
+        return self.project.motion.limb_seen if self.project.has("skeleton") else None
+
+    def at(self, frame: int) -> Snapshot:
+        """Return what is there in a frame.
+
+        Parameters
+        ----------
+        frame : int
+            From 0, within the take.
+        """
+        markers, state = self._markers(frame)
+        joints = self._joints(frame)
+        take = self.project.take
+        is_labelled = self.trajectories is not None and not isinstance(take, PointCloud)
+        return Snapshot(
+            frame,
+            markers,
+            state,
+            _NO_POINTS if is_labelled else self._points(frame),
+            joints,
+            self._covariances.at(frame),
+            self.bones.place(joints, markers),
+            self._axes(frame),
+            take.world_from_body[frame] if isinstance(take, Poses) else _NO_BODIES,
+        )
+
+    def middle(self, frame: int) -> Floats:
+        """Return the middle of a frame: of its joints, or else of what is seen; NaN if that is nothing.
+
+        Parameters
+        ----------
+        frame : int
+            From 0, within the take.
+        """
+        joints = self._joints(frame) if self.project.has("skeleton") else _NO_POINTS
+        points = joints if len(joints) else self._points(frame)
+        known = points[~np.isnan(points[:, 0])]
+        return np.asarray(known.mean(axis=0)) if len(known) else np.full(3, np.nan)
+
+    def trail(self, frame: int, seconds: float) -> Floats:
+        """Return where the markers were until a frame, at frames that stay the same while it moves on.
+
+        Parameters
+        ----------
+        frame : int
+            From 0.
+        seconds : float, s
+            Length of the trail.
+
+        Returns
+        -------
+        ndarray, shape (n_steps, n_markers, 3), mm
+            The frame itself last; NaN where unseen.
+        """
+        if self.trajectories is None:
+            return np.zeros((0, self.n_markers, 3))
+        return np.asarray(self.trajectories.positions[[*self._frames_before(frame, seconds), frame]])
+
+    def past_points(self, frame: int, seconds: float) -> Floats:
+        """Return all points of a take that has no markers yet, from some time [s] before a frame on, shape (n, 3)."""
+        if self.trajectories is not None:
+            return _NO_POINTS
+        return np.concatenate([_NO_POINTS, *(self._points(earlier) for earlier in self._frames_before(frame, seconds))])
+
+    def _frames_before(self, frame: int, seconds: float) -> range:
+        """Frames before one, at most `TRAIL_SAMPLES`, that stay the same while it moves on."""
+        length = max(round(seconds * self.project.take.rate), 1)
+        stride = -(-length // TRAIL_SAMPLES)
+        first = max(frame - length, 0)
+        return range(-(-first // stride) * stride, frame, stride)
+
+    def _points(self, frame: int) -> Floats:
+        take = self.project.take
+        if isinstance(take, PointCloud):
+            return take.frame(frame)
+        return take.world_from_body[frame, :, :3, 3] if isinstance(take, Poses) else take.positions[frame]
+
+    def _markers(self, frame: int) -> tuple[Floats, Ints]:
+        """Measured markers, where unseen those on the skeleton, and the state of each."""
+        if self.trajectories is None:
+            return _NO_POINTS, _NO_INTS
+        measured = self.trajectories.positions[frame]
+        unseen = np.isnan(measured[:, 0])
+        state = np.where(unseen, State.ABSENT, State.SEEN)
+        if self.project.has("labels") and self.project.has_labelling:
+            state[self.project.labelling.confidence[frame] < SURE] = State.DOUBTFUL
+        if not self.project.has("skeleton"):
+            return measured, state
+        placed = self.project.motion.marker_positions[frame]
+        state[unseen & ~np.isnan(placed[:, 0])] = State.FILLED
+        return np.where(unseen[:, np.newaxis], placed, measured), state
+
+    def _joints(self, frame: int) -> Floats:
+        if self.project.has("skeleton"):
+            return np.asarray(self.project.motion.joint_positions[frame])
+        if self.project.has("joints"):
+            return np.asarray(self.project.topology.raw_joint_positions[frame])
+        return _NO_POINTS
+
+    @cached_property
+    def axis_joints(self) -> Ints:
+        """The joint of each axis of `Snapshot.axes`."""
+        return np.array([joint for joint, _, _ in self._limb_axes], dtype=np.intp)
+
+    @cached_property
+    def _limb_axes(self) -> list[tuple[int, int, Floats]]:
+        """Joint, limb, and direction in the limb's frame, of each axis."""
+        joints = self.project.skeleton.joints if self.project.has("skeleton") else ()
+        held = [(index, joint.parent, joint.axis) for index, joint in enumerate(joints)]
+        held += [(index, joint.child, joint.second_axis) for index, joint in enumerate(joints)]
+        return [(index, limb, axis) for index, limb, axis in held if axis is not None]
+
+    def _axes(self, frame: int) -> Floats:
+        if not self._limb_axes:
+            return np.zeros((0, 2, 3))
+        motion = self.project.motion
+        directions = [motion.world_from_limb[frame, limb, :3, :3] @ axis for _, limb, axis in self._limb_axes]
+        return np.stack([motion.joint_positions[frame, self.axis_joints], directions], axis=1)
+
+
+def _labelled(project: Project) -> Trajectories | None:
+    """The markers of a project, or of its take before the first stage."""
+    if project.has("labels"):
+        return project.trajectories
+    return project.take if isinstance(project.take, Trajectories) else None
+
+
+BLOCK = 64
+"""Frames whose covariances are derived at once: takes hardly longer than one, some ms."""
+
+_MOST_BLOCKS = 4  # that are kept: what is shown, and what is played into
+
+
+class JointCovariances:
+    """The covariances of a project's joints in the frames that are shown.
+
+    Parameters
+    ----------
+    project : Project
+        A project with a skeleton, or without: then there are none.
+    """
+
+    def __init__(self, project: Project) -> None:
+        self._project = project
+        self._blocks: dict[int, Floats] = {}
+
+    def at(self, frame: int) -> Floats:
+        """Return those of a frame, shape (n_joints, 3, 3), mm^2."""
+        number = frame // BLOCK
+        if number not in self._blocks:
+            if len(self._blocks) >= _MOST_BLOCKS:
+                del self._blocks[next(iter(self._blocks))]
+            frames = np.arange(number * BLOCK, min((number + 1) * BLOCK, self._project.take.n_frames))
+            self._blocks[number] = joint_covariances(self._project, frames)
+        return np.asarray(self._blocks[number][frame % BLOCK])
+
+
+def joint_covariances(project: Project, frames: Ints) -> Floats:
+    """Return the covariances of the joints' places along the world's axes.
+
+    Parameters
+    ----------
+    project : Project
+        A project with a skeleton, or without: then there are none.
+    frames : ndarray of intp, shape (n,)
+        From 0.
+
+    Returns
+    -------
+    ndarray, shape (n, n_joints, 3, 3), mm^2
+        With the variances of the motion where it has them, otherwise from the skeleton, turned with the parents.
+    """
+    if not project.has("skeleton"):
+        return np.zeros((len(frames), 0, 3, 3))
+    motion = project.motion
+    if motion.joint_std is None:
+        turns = motion.world_from_limb[frames][:, [joint.parent for joint in project.skeleton.joints], :3, :3]
+        own = np.reshape([_own_covariance(joint) for joint in project.skeleton.joints], (-1, 3, 3))
+        return np.asarray(turns @ own @ turns.swapaxes(2, 3))
+    posture = posture_of(project.skeleton, motion, project.trajectories.positions, frames)
+    std = motion.joint_std[frames] / np.maximum(posture.joint_std, np.finfo(float).tiny)
+    return np.asarray(std[..., np.newaxis] * posture.joint_covariances * std[..., np.newaxis, :])
+
+
+def _own_covariance(joint: Joint) -> Floats:
+    return np.diag(joint.std**2) if joint.covariance is None else joint.covariance

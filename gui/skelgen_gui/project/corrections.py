@@ -1,0 +1,265 @@
+"""Corrections by hand: the menu that offers them for a selection, their questions, and the list to take them back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from PySide6.QtCore import QCoreApplication, QObject
+from PySide6.QtGui import QAction
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QDialog,
+    QDialogButtonBox,
+    QFormLayout,
+    QInputDialog,
+    QLabel,
+    QListWidget,
+    QMenu,
+    QPushButton,
+    QSpinBox,
+    QVBoxLayout,
+    QWidget,
+)
+
+from skelgen.errors import SkelgenError
+from skelgen.model.corrections import Correction
+from skelgen_gui.model.offers import Offer, new_name, offers
+from skelgen_gui.project.document import Document
+from skelgen_gui.project.runner import Runner
+from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.widgets.painting import rich
+
+_MENUS = ("move", "kind")
+"""Kinds of which there are many: each has a menu of its own."""
+
+
+class CorrectionActions(QObject):
+    """Fills menus with what can be corrected, and does it.
+
+    Parameters
+    ----------
+    document : Document
+        What is corrected.
+    runner : Runner
+        Computes again what a correction made invalid.
+    tell_error : callable (error)
+        Shows what went wrong.
+    window : QWidget
+        Parent of questions.
+    """
+
+    def __init__(
+        self, document: Document, runner: Runner, tell_error: Callable[[Exception], None], window: QWidget
+    ) -> None:
+        super().__init__(window)
+        self._document, self._runner, self._tell_error, self._window = document, runner, tell_error, window
+
+    def fill(self, menu: QMenu, selection: Selection | None = None) -> None:
+        """Fill a menu with what the selection allows."""
+        menu.clear()
+        session = self._document.session
+        submenus: dict[str, QMenu] = {}
+        for offer in offers(session.project, selection or session.selection):
+            target = menu
+            if offer.kind in _MENUS:
+                if offer.kind not in submenus:
+                    submenus[offer.kind] = menu.addMenu(_title(offer.kind))
+                    submenus[offer.kind].setToolTipsVisible(True)
+                target = submenus[offer.kind]
+            target.addAction(self._action(offer, target))
+        if menu.isEmpty():
+            nothing = menu.addAction(self.tr("Select markers, a joint or a limb first"))
+            nothing.setEnabled(False)
+
+    def apply(self, correction: Correction) -> None:
+        """Correct, and compute again what was there."""
+        before = self._document.session.project
+        if before is None:
+            return
+        try:
+            self._document.correct(correction)
+        except SkelgenError as error:
+            self._tell_error(error)
+            return
+        self._runner.run_again(before)
+
+    def take_back(self, index: int) -> None:
+        """Take one correction back, and compute again what was there."""
+        before = self._document.session.project
+        if before is not None:
+            self._document.take_back(index)
+            self._runner.run_again(before)
+
+    def _action(self, offer: Offer, parent: QObject) -> QAction:
+        action = QAction(_text(offer).replace("&", "&&"), parent)  # a single one would mark a key
+        action.setToolTip(rich(_text(offer)))
+        action.triggered.connect(lambda _=False, offer=offer: self._ask_and_apply(offer))
+        return action
+
+    def _ask_and_apply(self, offer: Offer) -> None:
+        correction = self._asked(offer)
+        if correction is not None:
+            self.apply(correction)
+
+    def _asked(self, offer: Offer) -> Correction | None:
+        session = self._document.session
+        if offer.kind in {"swap", "split", "delete"}:
+            proposed = (session.frame, session.n_frames - 1) if offer.kind != "delete" else (0, session.n_frames - 1)
+            frames = ask_frames(self._window, _text(offer), proposed, session.n_frames)
+            if frames is None:
+                return None
+            value = self._asked_name(offer) if offer.kind == "split" else ""
+            return None if value is None else offer.correction(value, *frames)
+        if offer.kind == "rename":
+            value = self._asked_name(offer)
+            return offer.correction(value) if value else None
+        return offer.correction()
+
+    def _asked_name(self, offer: Offer) -> str | None:
+        project = self._document.session.project
+        old = offer.names[0]
+        proposed = new_name(project, old) if project is not None and offer.kind == "split" else old
+        name, is_said = QInputDialog.getText(self._window, _text(offer), self.tr("Name:"), text=proposed)
+        return name.strip() if is_said and name.strip() else None
+
+
+def _title(kind: str) -> str:
+    return {"move": _tr("Move to the limb of"), "kind": _tr("Kind of the joint")}[kind]
+
+
+def _text(offer: Offer) -> str:
+    if offer.kind == "move":
+        return offer.names[1]
+    if offer.kind == "kind":
+        return offer.value
+    names = ", ".join(offer.names)
+    return {
+        "merge": _tr("Merge {0}"),
+        "swap": _tr("Exchange {0}…"),
+        "split": _tr("Split {0}…"),
+        "rename": _tr("Rename {0}…"),
+        "delete": _tr("Delete {0}…"),
+        "together": _tr("On one limb: {0}"),
+        "apart": _tr("On different limbs: {0}"),
+        "join": _tr("Joint between the limbs of {0}"),
+        "part": _tr("No joint between the limbs of {0}"),
+        "root": _tr("Root: the limb of {0}"),
+    }[offer.kind].format(names)
+
+
+def _tr(text: str) -> str:
+    return QCoreApplication.translate("CorrectionActions", text)
+
+
+class FramesDialog(QDialog):
+    """First and last frame, both included.
+
+    Parameters
+    ----------
+    parent : QWidget
+        The window.
+    title : str
+        What the frames are for.
+    proposed : tuple of int
+        First and last frame to begin with.
+    n_frames : int
+        Of the take.
+    """
+
+    def __init__(self, parent: QWidget, title: str, proposed: tuple[int, int], n_frames: int) -> None:
+        super().__init__(parent)
+        self.setWindowTitle(title)
+        self.first, self.last = (self._box(value, n_frames) for value in proposed)
+        self.first.setAccessibleName(self.tr("First frame"))
+        self.last.setAccessibleName(self.tr("Last frame"))
+        self.first.setToolTip(self.tr("The first frame in which it holds; at first the one that is shown"))
+        self.last.setToolTip(self.tr("The last frame in which it holds, itself included"))
+        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel, self)
+        buttons.accepted.connect(self.accept)
+        buttons.rejected.connect(self.reject)
+        self.first.valueChanged.connect(self.last.setMinimum)
+        self.last.setMinimum(proposed[0])
+        layout = QFormLayout(self)
+        layout.addRow(self.tr("From frame"), self.first)
+        layout.addRow(self.tr("to frame"), self.last)
+        layout.addRow(buttons)
+
+    def frames(self) -> tuple[int, int]:
+        """Return what was chosen."""
+        return self.first.value(), self.last.value()
+
+    def _box(self, value: int, n_frames: int) -> QSpinBox:
+        box = QSpinBox(self)
+        box.setRange(0, n_frames - 1)
+        box.setValue(value)
+        return box
+
+
+def ask_frames(
+    parent: QWidget, title: str, proposed: tuple[int, int], n_frames: int
+) -> tuple[int | None, int | None] | None:
+    """Ask for frames; None if the user cancels, and None for an end that is the take's own."""
+    dialog = FramesDialog(parent, title, proposed, n_frames)
+    is_said = dialog.exec() == QDialog.DialogCode.Accepted
+    first, last = dialog.frames()
+    dialog.deleteLater()
+    if not is_said:
+        return None
+    return first or None, None if last == n_frames - 1 else last
+
+
+class CorrectionList(QWidget):
+    """What was corrected by hand.
+
+    Parameters
+    ----------
+    session : Session
+        Whose project is shown.
+    actions : CorrectionActions
+        Takes corrections back.
+    runner : Runner
+        Is told whether to compute at once.
+    """
+
+    def __init__(self, session: Session, actions: CorrectionActions, runner: Runner) -> None:
+        super().__init__()
+        self._session, self._actions, self._runner = session, actions, runner
+        self.entries = QListWidget(self)
+        self.entries.setWordWrap(True)
+        self.hint = QLabel(self)
+        self.hint.setWordWrap(True)
+        self.hint.setText(self.tr("Select markers, a joint or a limb, then right click or choose Edit, Correct."))
+        self.entries.setAccessibleName(self.tr("Corrections by hand"))
+        self.entries.setToolTip(self.tr("What later runs obey"))
+        self.take_back = QPushButton(self.tr("Take back"), self)
+        self.take_back.setAccessibleName(self.tr("Take the chosen correction back"))
+        self.take_back.setToolTip(self.take_back.accessibleName())
+        self.at_once = QCheckBox(self.tr("Compute again at once"), self)
+        self.at_once.setToolTip(self.tr("After a correction, run again the steps that had run before"))
+        self.at_once.setAccessibleName(self.at_once.text())
+        self.at_once.setChecked(runner.computes_at_once)
+        layout = QVBoxLayout(self)
+        for widget in (self.hint, self.entries, self.take_back, self.at_once):
+            layout.addWidget(widget)
+        session.project_changed.connect(self._follow)
+        self.entries.currentRowChanged.connect(self._follow_row)
+        self.take_back.clicked.connect(self._take_back)
+        self.at_once.toggled.connect(self._set_at_once)
+        self._follow()
+
+    def _follow(self) -> None:
+        project = self._session.project
+        self.entries.clear()
+        self.entries.addItems([] if project is None else [one.sentence for one in project.corrections])
+        self.hint.setVisible(not self.entries.count())
+        self._follow_row(self.entries.currentRow())
+
+    def _follow_row(self, row: int) -> None:
+        self.take_back.setEnabled(row >= 0)
+
+    def _take_back(self) -> None:
+        if self.entries.currentRow() >= 0:
+            self._actions.take_back(self.entries.currentRow())
+
+    def _set_at_once(self, is_wanted: bool) -> None:
+        self._runner.computes_at_once = is_wanted

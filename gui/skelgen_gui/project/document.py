@@ -1,0 +1,109 @@
+"""The open project as something that is corrected, undone and redone: every change is a step between two projects.
+
+Projects are immutable, so that a step only has to remember the one before it and the one after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from PySide6.QtCore import QObject
+from PySide6.QtGui import QUndoCommand, QUndoStack
+
+from skelgen.app.corrections import place_of, with_correction, without_correction
+from skelgen.model import Project
+from skelgen.model.corrections import Correction
+from skelgen_gui.project.session import Session
+
+
+class _Step(QUndoCommand):
+    """From one project to another."""
+
+    def __init__(self, text: str, show: Callable[[Project], None], before: Project, after: Project) -> None:
+        super().__init__(text)
+        self._show, self._before = show, before
+        self.after = after
+
+    def undo(self) -> None:
+        """Show the project before."""
+        self._show(self._before)
+
+    def redo(self) -> None:
+        """Show the project after, with what was computed from it since."""
+        self._show(self.after)
+
+
+class Document(QObject):
+    """Changes the session's project.
+
+    Parameters
+    ----------
+    session : Session
+        Holds the project.
+    parent : QObject, optional
+        Owner.
+    """
+
+    def __init__(self, session: Session, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.session = session
+        self.undo_stack = QUndoStack(self)
+
+    def open(self, project: Project, path: Path | None = None) -> None:
+        """Begin with another project; nothing of the last one can be undone."""
+        self.undo_stack.clear()
+        self.session.open(project, path)
+
+    def computed(self, project: Project) -> None:
+        """Show new results of the same project; undoing goes back to before the last correction, redoing to these."""
+        stack = self.undo_stack
+        if stack.index() > 0:
+            step = stack.command(stack.index() - 1)
+            if isinstance(step, _Step):
+                step.after = project
+        self.session.change(project)
+
+    def correct(self, correction: Correction) -> None:
+        """Add a correction.
+
+        Raises
+        ------
+        InputError
+            If it names what is not there; nothing has changed then.
+        """
+        before = self._project()
+        located = self._with_places(before, correction)
+        self._push(located.sentence, before, with_correction(before, located))
+
+    def take_back(self, index: int) -> None:
+        """Drop one of the project's corrections."""
+        before = self._project()
+        text = self.tr("take back: {0}").format(before.corrections[index].sentence)
+        self._push(text, before, without_correction(before, index))
+
+    def change(self, text: str, project: Project) -> None:
+        """Make any other change that can be undone."""
+        self._push(text, self._project(), project)
+
+    def _push(self, text: str, before: Project, after: Project) -> None:
+        self.undo_stack.push(_Step(text, self.session.change, before, after))
+
+    def _project(self) -> Project:
+        if self.session.project is None:
+            raise RuntimeError("no project is open")
+        return self.session.project
+
+    def _with_places(self, project: Project, correction: Correction) -> Correction:
+        """The correction with a place of each marker, by which later runs find it."""
+        if correction.places or not correction.names or not project.has("labels"):
+            return correction
+        names = project.trajectories.names
+        if not all(
+            name in names and project.trajectories.seen[:, names.index(name)].any() for name in correction.names
+        ):
+            return correction
+        frame = self.session.frame
+        places = tuple(place_of(project.trajectories, names.index(name), frame) for name in correction.names)
+        return replace(correction, places=places)

@@ -1,0 +1,235 @@
+"""Long work off the window's thread: one job at a time, with progress and cancelling, its result back on that thread.
+
+The work is a plain function of a `Monitor`. What it returns or raises reaches the window's thread through a queued
+signal, so that callbacks may touch widgets.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from PySide6.QtCore import QCoreApplication, QObject, QThread, Signal, Slot
+
+from skelgen.errors import Cancelled, SkelgenError
+from skelgen.progress import Monitor
+
+T = TypeVar("T")
+
+TOLD_SECONDS = 0.05
+"""Progress is told no more often than that: the window has better things to do than to hear of every block."""
+
+WAIT_SECONDS = 30.0
+"""How long closing waits for work that was cancelled; stages look at their monitor many times a second."""
+
+
+@dataclass(frozen=True)
+class _Ending:
+    """Who hears how a job ended."""
+
+    done: Callable[[Any], None]
+    failed: Callable[[Exception], None] | None
+
+
+class _Watcher:
+    """The monitor of a job: tells of progress through signals, and raises `Cancelled` when it is asked to stop."""
+
+    def __init__(self, jobs: Jobs) -> None:
+        self._jobs = jobs
+        self._name = ""
+        self._told = 0.0
+        self.stop = threading.Event()
+
+    def begin(self, name: str) -> None:
+        """Tell that a part of the work starts."""
+        self._look()
+        self._name = name
+        self._jobs.progressed.emit(name, 0.0)
+
+    def advance(self, done: float, total: float) -> None:
+        """Tell how much of the part is done."""
+        self._look()
+        now = time.monotonic()
+        if now - self._told >= TOLD_SECONDS or done >= total:
+            self._told = now
+            self._jobs.progressed.emit(self._name, done / total if total else 1.0)
+
+    def notice(self, sentence: str) -> None:
+        """Pass a sentence on."""
+        self._jobs.noticed.emit(sentence)
+
+    def _look(self) -> None:
+        if self.stop.is_set():
+            raise Cancelled
+
+
+class _Thread(QThread):
+    """A thread that does one job and keeps how it ended."""
+
+    def __init__(self, work: Callable[[Any], Any], watcher: _Watcher, parent: QObject) -> None:
+        super().__init__(parent)
+        self._work, self._watcher = work, watcher
+        self.result: Any = None
+        self.error: Exception | None = None
+
+    def run(self) -> None:
+        """Do the job; whatever it raises is kept for the window's thread."""
+        try:
+            self.result = self._work(self._watcher)
+        except Exception as error:  # all: a bug must reach the window's error dialog, and not end the thread unheard
+            self.error = error
+
+    def let_go(self) -> None:
+        """Forget the work: it may hold the last reference to the `Jobs` that own this thread, and so end both twice."""
+        del self._work, self._watcher
+
+
+class Jobs(QObject):
+    """Runs one job after the other.
+
+    Signals
+    -------
+    begun(str)
+        A job has begun; its title.
+    progressed(str, float)
+        What is being done, and the share of it that is done.
+    noticed(str)
+        Something the user should know.
+    ended()
+        No job is running any more.
+    """
+
+    begun = Signal(str)
+    progressed = Signal(str, float)
+    noticed = Signal(str)
+    ended = Signal()
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._thread: _Thread | None = None
+        self._watcher: _Watcher | None = None
+        self._ending: _Ending | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a job is running."""
+        return self._thread is not None
+
+    def start(
+        self,
+        title: str,
+        work: Callable[[Any], T],
+        done: Callable[[T], None],
+        failed: Callable[[Exception], None] | None = None,
+    ) -> bool:
+        """Start a job, unless one is running.
+
+        Parameters
+        ----------
+        title : str
+            What the user is told.
+        work : callable (monitor) -> result
+            Runs on another thread; must not touch widgets.
+        done : callable (result)
+            Called on the window's thread.
+        failed : callable (error), optional
+            Called on the window's thread; not when the job was cancelled.
+
+        Returns
+        -------
+        bool
+            Whether it was started.
+        """
+        if self.is_busy:
+            return False
+        self._watcher = _Watcher(self)
+        self._ending = _Ending(done, failed)
+        self._thread = _Thread(work, self._watcher, self)
+        self._thread.finished.connect(self._finish)
+        self.begun.emit(title)
+        self._thread.start()
+        return True
+
+    def cancel(self) -> None:
+        """Ask the job to stop at the next chance."""
+        if self._watcher is not None:
+            self._watcher.stop.set()
+
+    def stop(self) -> bool:
+        """Cancel, and wait until nothing runs; whether that was reached."""
+        self.cancel()
+        end = time.monotonic() + WAIT_SECONDS
+        while self.is_busy and time.monotonic() < end:
+            QCoreApplication.processEvents()
+            if self._thread is not None:
+                self._thread.wait(10)
+        return not self.is_busy
+
+    @Slot()
+    def _finish(self) -> None:
+        thread, ending = self._thread, self._ending
+        self._thread = self._watcher = self._ending = None
+        self.ended.emit()
+        if thread is None or ending is None:
+            return
+        thread.wait()
+        error, result = thread.error, thread.result
+        thread.let_go()
+        thread.deleteLater()
+        if error is None:
+            ending.done(result)
+        elif not isinstance(error, Cancelled) and ending.failed is not None:
+            ending.failed(error)
+        elif not isinstance(error, Cancelled | SkelgenError):
+            raise error
+
+
+class Watched(QObject):
+    """Stands between a job and the monitor that it is given; may be called from any thread.
+
+    Signals
+    -------
+    progressed(float)
+        Share of the current work that is done.
+    """
+
+    progressed = Signal(float)
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self._stop = threading.Event()
+        self._monitor: Monitor | None = None
+
+    def watching(self, monitor: Monitor) -> Monitor:
+        """Return itself as the monitor of a job, which passes everything on."""
+        self._monitor = monitor
+        return self
+
+    def cancel(self) -> None:
+        """Ask the job to stop at the next chance."""
+        self._stop.set()
+
+    def begin(self, name: str) -> None:
+        """Tell that a part of the work starts."""
+        self._look()
+        if self._monitor is not None:
+            self._monitor.begin(name)
+
+    def advance(self, done: float, total: float) -> None:
+        """Tell how much of the part is done."""
+        self._look()
+        self.progressed.emit(min(done / total, 1.0) if total else 1.0)
+        if self._monitor is not None:
+            self._monitor.advance(done, total)
+
+    def notice(self, sentence: str) -> None:
+        """Pass a sentence on."""
+        if self._monitor is not None:
+            self._monitor.notice(sentence)
+
+    def _look(self) -> None:
+        if self._stop.is_set():
+            raise Cancelled

@@ -1,0 +1,222 @@
+"""Autosave, and what a crash left behind: the open project is kept beside the user's files while it has changes.
+
+Each window writes into a folder of its own below the application's data folder: the project, and a note of whose it is.
+A clean end removes it; what a later window finds without a living process belongs to a window that died.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import threading
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from PySide6.QtCore import QObject, QStandardPaths, QTimer, Signal
+
+from skelgen.app.project_file.archive import open_project, save_project
+from skelgen.errors import SkelgenError
+from skelgen.files import replacing
+from skelgen.model import Project
+from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.preferences import Preferences
+
+_PROJECT, _NOTE = "project.skelgen", "note.json"
+
+
+@dataclass(frozen=True)
+class Remains:
+    """What a window that died left behind.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it is.
+    name : str
+        Of the take.
+    path : Path or None
+        The project file that it was opened from, if any.
+    when : datetime
+        When it was kept.
+    """
+
+    folder: Path
+    name: str
+    path: Path | None
+    when: datetime
+
+    def project(self) -> Project:
+        """Read the project; raises `FormatError` if it is damaged."""
+        return open_project(self.folder / _PROJECT)
+
+    def forget(self) -> None:
+        """Remove it."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def recovery_folder() -> Path:
+    """Return the folder in which windows keep their projects."""
+    base = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.AppLocalDataLocation)
+    return Path(base) / "recovery"
+
+
+def find_remains(folder: Path | None = None) -> tuple[Remains, ...]:
+    """Return what windows that are no longer alive left behind, the newest first."""
+    folder = folder or recovery_folder()
+    found = []
+    for each in sorted(folder.glob("*/")) if folder.is_dir() else ():
+        try:
+            note = json.loads((each / _NOTE).read_text(encoding="utf-8"))
+            path = Path(note["path"]) if note["path"] else None
+            remains = Remains(each, str(note["name"]), path, datetime.fromisoformat(note["time"]))
+            is_alive = _is_alive(int(note["process"]))
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # being written just now, or not ours
+        if not is_alive and (each / _PROJECT).is_file():
+            found.append(remains)
+    return tuple(sorted(found, key=lambda remains: remains.when, reverse=True))
+
+
+class Autosave(QObject):
+    """Keeps the session's project while it has unsaved changes.
+
+    Parameters
+    ----------
+    session : Session
+        Holds the project.
+    preferences : Preferences
+        Say how often.
+    folder : Path, optional
+        Where all windows keep theirs.
+    parent : QObject, optional
+        Owner.
+
+    Signals
+    -------
+    failed(str)
+        The project cannot be kept, and why; told once, until it can be kept again.
+    """
+
+    failed = Signal(str)
+    _tried = Signal(object, str)
+
+    def __init__(
+        self,
+        session: Session,
+        preferences: Preferences,
+        folder: Path | None = None,
+        parent: QObject | None = None,
+    ) -> None:
+        super().__init__(parent)
+        self._session = session
+        self._folder = (folder or recovery_folder()) / f"{os.getpid()}-{id(self):x}"
+        self._kept: Project | None = None
+        self._inherited: list[Remains] = []
+        self._problem = ""
+        self._thread: threading.Thread | None = None
+        self._preferences = preferences
+        self._timer = QTimer(self)
+        self._timer.timeout.connect(self.save)
+        self._tried.connect(self._note)
+        preferences.changed.connect(self._follow)
+        session.state_changed.connect(self._drop_what_is_saved)
+        self._follow()
+
+    def save(self) -> None:
+        """Keep the project now, on a thread of its own, if it has changes that are not kept yet."""
+        project = self._session.project
+        self._drop_what_is_saved()
+        if self._thread is not None and self._thread.is_alive():
+            return
+        if project is None or not self._session.is_dirty or project is self._kept:
+            return
+        self._thread = threading.Thread(target=self._keep, args=(project, self._session.path))
+        self._thread.start()
+
+    def take_over(self, remains: Remains) -> None:
+        """Keep what was restored, which is open now, and only then remove what it was restored from."""
+        self._inherited.append(remains)
+        self.save()
+
+    def _drop_what_is_saved(self) -> None:
+        """Remove what was kept once the user has saved: nobody wants to be offered an older state."""
+        is_writing = self._thread is not None and self._thread.is_alive()  # that is not waited for: the next look does
+        if self._kept is not None and not self._session.is_dirty and not is_writing:
+            self._kept = None
+            self._remove()
+
+    def _follow(self) -> None:
+        seconds = self._preferences.values.autosave
+        if seconds:
+            self._timer.start(1000 * seconds)
+        else:
+            self._timer.stop()
+
+    def _keep(self, project: Project, path: Path | None) -> None:
+        try:
+            _write(project, path, self._folder)
+        except (OSError, SkelgenError) as error:
+            self._tried.emit(project, str(error))
+        else:
+            self._tried.emit(project, "")
+
+    def _note(self, project: Project, problem: str) -> None:
+        """Note whether a project is kept; a full disk does not stop the work, and is tried again."""
+        if problem and not self._problem:
+            self.failed.emit(self.tr("Unsaved work cannot be kept: {0}").format(problem))
+        self._problem = problem
+        if not problem:
+            self._kept = project
+            self._forget_inherited()
+
+    def wait(self) -> None:
+        """Wait for what is being written."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def leave(self) -> None:
+        """Wait for what is being written, and leave what was kept to the next window."""
+        self._timer.stop()
+        self.wait()
+        if (self._folder / _NOTE).is_file():
+            self._forget_inherited()
+
+    def end(self) -> None:
+        """Wait for what is being written, and remove what was kept: nothing is lost any more."""
+        self._timer.stop()
+        self._remove()
+        self._forget_inherited()
+
+    def _remove(self) -> None:
+        self.wait()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _forget_inherited(self) -> None:
+        for remains in self._inherited:
+            remains.forget()
+        self._inherited.clear()
+
+
+def _write(project: Project, path: Path | None, folder: Path) -> None:
+    note = {
+        "name": project.name,
+        "path": str(path) if path else "",
+        "time": datetime.now().isoformat(),
+        "process": os.getpid(),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    save_project(project, folder / _PROJECT)
+    with replacing(folder / _NOTE) as temporary:
+        temporary.write_text(json.dumps(note), encoding="utf-8")
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -1,0 +1,115 @@
+"""Runs stages for the pages: with the parameters that the forms hold, off the window's thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from skelgen.app.configuration import Settings
+from skelgen.app.pipeline import first_missing_stage, run_stages
+from skelgen.errors import SkelgenError
+from skelgen.model import Project
+from skelgen.model.project import STAGES
+from skelgen_gui.project.document import Document
+from skelgen_gui.project.jobs import Jobs
+
+
+class Runner(QObject):
+    """Knows what the forms hold, and runs the stages with it.
+
+    Parameters
+    ----------
+    document : Document
+        Whose project is computed.
+    jobs : Jobs
+        Where.
+    tell_error : callable (error)
+        Shows what went wrong.
+    parent : QObject, optional
+        Owner.
+
+    Signals
+    -------
+    finished(str)
+        The last stage that was asked for has run.
+    values_changed()
+        Forms have to show other values: another project is open.
+    """
+
+    finished = Signal(str)
+    values_changed = Signal()
+
+    def __init__(
+        self, document: Document, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QObject | None = None
+    ) -> None:
+        super().__init__(parent)
+        self._document, self._jobs, self._tell_error = document, jobs, tell_error
+        self._values: dict[str, Mapping[str, Any]] = {}
+        self.computes_at_once = True
+
+    def set_values(self, stage: str, values: Mapping[str, Any]) -> None:
+        """Note the parameters of a stage for its next run."""
+        self._values[stage] = dict(values)
+
+    def holds(self, stage: str) -> bool:
+        """Return whether parameters of a stage were entered, other than those that it ran with."""
+        return stage in self._values
+
+    def values(self, stage: str) -> Mapping[str, Any]:
+        """Return the parameters of a stage's next run: those of its form, or those that it ran with."""
+        project = self._document.session.project
+        if stage not in self._values and project is not None and stage in project.reports:
+            return project.reports[stage].parameters
+        return self._values.get(stage, {})
+
+    def begin_with(self, view: Mapping[str, Mapping[str, Any]]) -> None:
+        """Forget what the forms held, and take over what another project keeps of its own, as `as_view` gave it."""
+        self._values = {stage: dict(values) for stage, values in view.items()}
+        self.values_changed.emit()
+
+    def as_view(self) -> dict[str, Any]:
+        """Return what the forms hold, for the project file."""
+        return {stage: dict(values) for stage, values in self._values.items()}
+
+    def run(self, stage: str) -> None:
+        """Run one stage, and those before it that are missing."""
+        project = self._document.session.project
+        if project is not None:
+            missing = first_missing_stage(project)
+            is_missing = not project.has(missing)
+            first = missing if is_missing and STAGES.index(missing) < STAGES.index(stage) else stage
+            self._start(project, first, stage)
+
+    def run_all(self) -> None:
+        """Run what is missing; all stages anew if nothing is."""
+        project = self._document.session.project
+        if project is not None:
+            self._start(project, first_missing_stage(project), STAGES[-1])
+
+    def run_again(self, before: Project) -> None:
+        """After a correction, run again what the project had before it, if the user wants that at once."""
+        project = self._document.session.project
+        had = [stage for stage in STAGES if before.has(stage)]
+        if self.computes_at_once and project is not None and had and not project.has(had[-1]):
+            self._start(project, first_missing_stage(project), had[-1])
+
+    def _start(self, project: Project, first: str, last: str) -> None:
+        try:
+            settings = Settings({stage: self.values(stage) for stage in STAGES if self.values(stage)})
+        except SkelgenError as error:
+            self._tell_error(error)
+            return
+
+        def work(monitor: Any) -> Project:
+            return run_stages(project, first, last, settings=settings, monitor=monitor)
+
+        def done(result: Project) -> None:
+            self._document.computed(result)
+            self.finished.emit(last)
+
+        title = (
+            self.tr("Running {0}").format(last) if first == last else self.tr("Running {0} to {1}").format(first, last)
+        )
+        self._jobs.start(title, work, done, self._tell_error)

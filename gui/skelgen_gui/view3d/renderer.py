@@ -1,0 +1,222 @@
+"""Puts a whole picture together, and keeps what stays the same while a take plays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QColor, QPainter, QPalette, QPen, QPixmap, QStaticText
+
+from skelgen.model.arrays import Bools, Floats
+from skelgen_gui.model.floor import Floor
+from skelgen_gui.model.picking import Marked
+from skelgen_gui.model.picture import Canvas, Picture, take_picture
+from skelgen_gui.model.scene import Scene, Shown, Snapshot
+from skelgen_gui.project.session import Selection
+from skelgen_gui.view3d import painting
+from skelgen_gui.view3d.colours import Colours, Inks
+from skelgen_gui.view3d.painting import Brushes
+from skelgen_gui.view3d.sprites import Sprites
+from skelgen_gui.widgets.painting import draw_lines
+
+NO_FRUSTUMS = np.zeros((0, 2, 3))
+"""What to paint of cameras if there are none."""
+
+_AXIS_SHARE = 0.05  # of the size of what is seen: half the length of axes
+_OTHER_OPACITY = 0.5
+_NOTE_GAP = 14.0  # px, from what a note is about
+_NOTE_PAD = 7.0
+_NAME_PLACE = QPointF(8, -16)  # px, of its upper left corner from the marker
+_NAME_MARGIN = (QPointF(-1, 0), QPointF(1, 0), QPointF(0, -1), QPointF(0, 1))
+_MOST_NAMES = 12  # of selected markers, beside them
+
+
+class Easel:
+    """Paints scenes in the colours of a palette.
+
+    Parameters
+    ----------
+    palette : QPalette
+        Light or dark.
+    ratio : float
+        Pixels of the screen per pixel of the window.
+    """
+
+    def __init__(self, palette: QPalette, ratio: float) -> None:
+        self.colours = Colours(palette)
+        self._inks, self._other_inks = Inks(self.colours), Inks(Colours(palette, is_other=True))
+        self.ratio = ratio
+        self._sprites = Sprites(ratio)
+        self._backdrop = QPixmap()
+        self._backdrop_key: object = None
+        self._backdrop_frustums = NO_FRUSTUMS
+        self._names: dict[str, QStaticText] = {}
+
+    def paint_backdrop(
+        self, painter: QPainter, canvas: Canvas, floor: Floor | None, frustums: Floats, legend: str
+    ) -> None:
+        """Paint what lies behind everything, from a kept picture where nothing of it has changed.
+
+        Parameters
+        ----------
+        painter : QPainter
+            An active painter.
+        canvas : Canvas
+            From where, and how large.
+        floor : Floor or None
+            The floor, if it is shown.
+        frustums : ndarray, shape (n_lines, 2, 3), mm
+            Lines of cameras.
+        legend : str
+            Scales, in the lower right corner.
+        """
+        key = (canvas, floor, legend)
+        if key != self._backdrop_key or frustums is not self._backdrop_frustums:
+            self._backdrop_key, self._backdrop_frustums = key, frustums
+            self._backdrop = self._new_backdrop(canvas, floor, frustums, legend)
+        painter.drawPixmap(0, 0, self._backdrop)
+
+    def paint_scene(
+        self,
+        painter: QPainter,
+        scene: Scene,
+        frame: int,
+        canvas: Canvas,
+        shown: Shown,
+        marked: Marked,
+        floor: Floor | None,
+    ) -> tuple[Snapshot, Picture]:
+        """Paint one frame of a project.
+
+        Returns
+        -------
+        tuple of Snapshot and Picture
+            What was painted, and where.
+        """
+        snapshot, picture, brushes = self._prepared(scene, frame, canvas, shown, self._inks)
+        if floor is not None:
+            painting.paint_shadows(painter, snapshot, floor, canvas, brushes)
+        if shown.trails and shown.markers:
+            places, _ = canvas.project(scene.trail(frame, shown.trail_seconds))
+            painting.paint_trails(painter, scene, places, self._inks)
+            past, _ = canvas.project(scene.past_points(frame, shown.trail_seconds))
+            painting.paint_past(painter, past, self._inks)
+        self._paint_figure(painter, scene, frame, snapshot, picture, brushes, marked)
+        named = range(scene.n_markers) if shown.names else _few(marked.selection.markers)
+        self._paint_names(painter, scene.names, picture, named)
+        return snapshot, picture
+
+    def paint_other(self, painter: QPainter, scene: Scene, frame: int, canvas: Canvas, shown: Shown) -> None:
+        """Paint one frame of a second project: translucent, and in one hue."""
+        snapshot, picture, brushes = self._prepared(scene, frame, canvas, shown, self._other_inks)
+        painter.setOpacity(_OTHER_OPACITY)
+        self._paint_figure(painter, scene, frame, snapshot, picture, brushes, Marked(Selection()))
+        painter.setOpacity(1.0)
+
+    def paint_note(self, painter: QPainter, text: str, x: float, y: float, canvas: Canvas) -> None:
+        """Paint a text in a box beside a place [px], wherever there is room."""
+        metrics = painter.fontMetrics()
+        size = metrics.boundingRect(0, 0, canvas.width, canvas.height, Qt.AlignmentFlag.AlignLeft, text)
+        width, height = size.width() + 2 * _NOTE_PAD, size.height() + 2 * _NOTE_PAD
+        left = x + _NOTE_GAP if x + _NOTE_GAP + width < canvas.width else x - _NOTE_GAP - width
+        top = min(max(y - height / 2, 2.0), canvas.height - height - 2.0)
+        box = QRectF(left, top, width, height)
+        paper, edge = QColor(self.colours.above), QColor(self.colours.ink)
+        paper.setAlpha(235)
+        edge.setAlpha(70)
+        painter.setPen(QPen(edge, 1.0))
+        painter.setBrush(paper)
+        painter.drawRoundedRect(box, 5.0, 5.0)
+        painter.setPen(self.colours.ink)
+        painter.drawText(box.adjusted(_NOTE_PAD, _NOTE_PAD, 0, 0), Qt.AlignmentFlag.AlignLeft, text)
+
+    def paint_band(self, painter: QPainter, band: QRectF) -> None:
+        """Paint the rectangle that selects."""
+        inside = QColor(self.colours.highlight)
+        inside.setAlpha(40)
+        painter.setPen(QPen(self.colours.highlight, 1.0))
+        painter.setBrush(inside)
+        painter.drawRect(band)
+
+    def _prepared(
+        self, scene: Scene, frame: int, canvas: Canvas, shown: Shown, inks: Inks
+    ) -> tuple[Snapshot, Picture, Brushes]:
+        snapshot = scene.at(frame)
+        magnification = shown.magnification or scene.magnification
+        picture = take_picture(snapshot, canvas, shown, _AXIS_SHARE * scene.size, magnification)
+        radius = painting.marker_radius(canvas, scene.size)
+        return snapshot, picture, Brushes(inks, self._sprites, radius, canvas.viewpoint.distance)
+
+    def _paint_figure(
+        self,
+        painter: QPainter,
+        scene: Scene,
+        frame: int,
+        snapshot: Snapshot,
+        picture: Picture,
+        brushes: Brushes,
+        marked: Marked,
+    ) -> None:
+        colours = brushes.inks.colours
+        if scene.trajectories is None:
+            painting.paint_points(painter, scene, picture, brushes)
+        else:
+            painting.paint_left_out(painter, picture, brushes)
+        painting.paint_axes(painter, picture, colours)
+        limb = marked.limb(scene)
+        painting.paint_items(painter, scene, snapshot, picture, brushes, _faint(scene, frame), limb)
+        painting.paint_ellipses(painter, picture, brushes)
+        for places, depths, selected in (
+            (picture.markers, picture.marker_depths, marked.markers(scene)),
+            (picture.joints, picture.joint_depths, marked.joints),
+        ):
+            chosen = [index for index in sorted(selected) if index < len(places)]
+            painting.paint_rings(painter, places[chosen], depths[chosen], brushes, colours.highlight)
+
+    def _paint_names(self, painter: QPainter, names: tuple[str, ...], picture: Picture, markers: Iterable[int]) -> None:
+        """Paint names beside markers, with a margin that parts them from what lies behind."""
+        drawn = [marker for marker in markers if not math.isnan(picture.markers[marker, 0])]
+        texts = [(self._name(names[marker]), QPointF(*picture.markers[marker]) + _NAME_PLACE) for marker in drawn]
+        painter.setPen(self.colours.ground)
+        for text, place in texts:
+            for shift in _NAME_MARGIN:
+                painter.drawStaticText(place + shift, text)
+        painter.setPen(self.colours.mixed(self.colours.ink, 0.2))
+        for text, place in texts:
+            painter.drawStaticText(place, text)
+
+    def _name(self, name: str) -> QStaticText:
+        if name not in self._names:
+            self._names[name] = QStaticText(name)
+            self._names[name].setTextFormat(Qt.TextFormat.PlainText)
+        return self._names[name]
+
+    def _new_backdrop(self, canvas: Canvas, floor: Floor | None, frustums: Floats, legend: str) -> QPixmap:
+        pixmap = QPixmap(round(canvas.width * self.ratio), round(canvas.height * self.ratio))
+        pixmap.setDevicePixelRatio(self.ratio)
+        with QPainter(pixmap) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            painting.paint_background(painter, canvas, self.colours)
+            if floor is not None:
+                painting.paint_floor(painter, floor, canvas, self.colours)
+            places, _ = canvas.project(frustums)
+            painter.setPen(QPen(self.colours.mixed(self.colours.ink, 0.45), 1.2))
+            draw_lines(painter, places[~np.isnan(places).any(axis=(1, 2))])
+            painting.paint_triad(painter, canvas, self.colours)
+            painter.setPen(self.colours.mixed(self.colours.ink, 0.4))
+            corner = QRectF(0, 0, canvas.width - 12, canvas.height - 10)
+            painter.drawText(corner, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom, legend)
+        return pixmap
+
+
+def _few(markers: frozenset[int]) -> list[int]:
+    """The markers, or none if their names would cover the picture."""
+    return sorted(markers) if len(markers) <= _MOST_NAMES else []
+
+
+def _faint(scene: Scene, frame: int) -> Bools:
+    """Bones of limbs whose pose is interpolated in a frame."""
+    seen = scene.limb_seen
+    return np.zeros(len(scene.bones.limb), dtype=np.bool_) if seen is None else ~seen[frame][scene.bones.limb]

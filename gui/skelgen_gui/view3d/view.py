@@ -1,0 +1,429 @@
+"""The 3-D view: orbit, pan, zoom; hover, click and rubber band. It paints what the session shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from enum import Enum
+
+import numpy as np
+from PySide6.QtCore import QEvent, QPoint, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import (
+    QContextMenuEvent,
+    QKeyEvent,
+    QKeySequence,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QResizeEvent,
+    QWheelEvent,
+)
+from PySide6.QtWidgets import QApplication, QWidget
+
+from skelgen.model.arrays import Floats
+from skelgen_gui.model.camera import Outlook
+from skelgen_gui.model.floor import Floor
+from skelgen_gui.model.picking import Marked, Pick, is_drawn, is_selected, markers_within, pick, with_pick
+from skelgen_gui.model.picture import Canvas, Picture
+from skelgen_gui.model.scene import Scene, Shown, Snapshot
+from skelgen_gui.model.viewpoint import Viewpoint
+from skelgen_gui.model.wording import Wording
+from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.view3d.commands import Commands, ViewButtons
+from skelgen_gui.view3d.renderer import NO_FRUSTUMS, Easel
+from skelgen_gui.widgets.painting import paint_words
+
+_TURN = math.radians(0.4)  # per pixel dragged
+_KEY_TURN = math.radians(6)
+_KEY_SHIFT = 40.0  # px
+_WHEEL = 1.0012  # per eighth of a degree: a notch, 120, is 15 %
+_MARGIN = 8  # px, of the buttons from the border
+_ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
+_ZOOMS = {Qt.Key.Key_Plus: 1.2, Qt.Key.Key_Equal: 1.2, Qt.Key.Key_Minus: 1 / 1.2}
+_SHIFT, _ALT, _CONTROL = (
+    Qt.KeyboardModifier.ShiftModifier,
+    Qt.KeyboardModifier.AltModifier,
+    Qt.KeyboardModifier.ControlModifier,
+)
+
+
+class View3D(QWidget):
+    """What a session shows, in space.
+
+    Dragging turns the view (right or middle button: shifts it), the wheel zooms at the pointer. A click selects what is
+    under it, with control it is added or taken away; shift and drag selects the markers in a rectangle.
+
+    Signals
+    -------
+    shown_changed(Shown)
+        Other things are shown.
+    context_requested(QPoint, Selection)
+        A menu is wished at a place on the screen for what is selected.
+
+    Parameters
+    ----------
+    session : Session
+        What is open, which frame, and what is selected.
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    shown_changed = Signal(object)
+    context_requested = Signal(QPoint, object)
+
+    def __init__(self, session: Session, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._session = session
+        self._shown = Shown()
+        self._outlook = Outlook()
+        self._other: Scene | None = None
+        self._frustums = NO_FRUSTUMS
+        self._easel: Easel | None = None
+        self._painted: tuple[Snapshot, Picture] | None = None
+        self._hovered: Pick | None = None
+        self._drag: Drag | None = None
+        self._pointer = QPointF()
+        self._wording = Wording(self)
+        self._set_up_widget()
+        self.commands = Commands(self)
+        self.addActions(self.commands.with_keys)
+        self._buttons = ViewButtons(self.commands, self)
+        session.project_changed.connect(self._take_project)
+        session.other_changed.connect(self._take_other)
+        session.frame_changed.connect(self.update)
+        session.selection_changed.connect(self.update)
+        self._take_project()
+        self._take_other()
+
+    @property
+    def shown(self) -> Shown:
+        """What is shown."""
+        return self._shown
+
+    @property
+    def viewpoint(self) -> Viewpoint:
+        """Where the viewer stands."""
+        return self._outlook.canvas.viewpoint
+
+    @property
+    def up(self) -> int:
+        """The coordinate axis that points up."""
+        return self._outlook.up
+
+    def show_only(self, shown: Shown) -> None:
+        """Show other things."""
+        if shown == self._shown:
+            return
+        if shown.up != self._shown.up:
+            self._outlook.point_up(shown.up)
+        if shown.follow != self._shown.follow:
+            self._outlook.follow(self._session.frame if shown.follow else None)
+        self._shown = shown
+        self.shown_changed.emit(shown)
+        self.update()
+
+    def show_cameras(self, frustums: Sequence[Floats], up: int | None = None) -> None:
+        """Show cameras, and look at them and the take anew.
+
+        Parameters
+        ----------
+        frustums : sequence of ndarray, shape (n, 2, 3), mm
+            Each camera as lines, as `frustum` gives them.
+        up : int, optional
+            The coordinate axis that points up, or with `DOWN` added down, if the cameras tell.
+        """
+        self._frustums = np.concatenate([NO_FRUSTUMS, *frustums])
+        self._outlook.show_cameras(self._frustums.reshape(-1, 3), up)
+        self.update()
+
+    def fit(self) -> None:
+        """Fit the markers that are selected or on the selected limb, otherwise all of this frame."""
+        scene = self._outlook.scene
+        chosen = set() if scene is None else Marked(self._session.selection).markers(scene)
+        self._outlook.fit_frame(self._session.frame, chosen)
+        self.update()
+
+    def fit_take(self) -> None:
+        """Fit where all of the take happens."""
+        self._outlook.fit_take()
+        self.update()
+
+    def look_from_front(self) -> None:
+        """Look at the wider side."""
+        self._look(0.0, 0.0)
+
+    def look_from_side(self) -> None:
+        """Look at the narrower side."""
+        self._look(math.pi / 2, 0.0)
+
+    def look_from_top(self) -> None:
+        """Look down."""
+        self._look(0.0, math.pi / 2)
+
+    def place_of_marker(self, marker: int) -> QPointF | None:
+        """Where a marker was last painted [px]; None if it is hidden or unknown."""
+        if self._painted is None or marker >= len(self._painted[1].markers):
+            return None
+        x, y = self._painted[1].markers[marker].tolist()
+        return None if math.isnan(x) else QPointF(x, y)
+
+    def note(self) -> str:
+        """What is said of the thing under the pointer; empty if there is none."""
+        hovered, painted, scene = self._hovered, self._painted, self._outlook.scene
+        if hovered is None or painted is None or scene is None or not is_drawn(painted[1], hovered):
+            return ""
+        return self._wording.about(hovered, scene, painted[0])
+
+    def sizeHint(self) -> QSize:
+        """Return a comfortable size."""
+        return QSize(900, 700)
+
+    def minimumSizeHint(self) -> QSize:
+        """Return the least useful size."""
+        return QSize(240, 180)
+
+    def event(self, event: QEvent) -> bool:
+        """Hold back the tool tip where something is explained already."""
+        return (event.type() == QEvent.Type.ToolTip and bool(self.note())) or super().event(event)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Paint the frame."""
+        canvas = self._outlook.canvas_at(self._session.frame)
+        floor = self._outlook.floor if self._shown.floor else None
+        frustums = self._frustums if self._shown.cameras else NO_FRUSTUMS
+        with QPainter(self) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            easel = self._present_easel()
+            easel.paint_backdrop(painter, canvas, floor, frustums, self._legend())
+            self._painted = self._paint_scenes(painter, easel, canvas, floor)
+            if self._drag is not None and self._drag.kind is DragKind.BAND:
+                easel.paint_band(painter, self._drag.band)
+            elif self._session.project is None:
+                words = self.tr("Drop a recording or a project here, or choose File, Open")
+                paint_words(painter, QRectF(self.rect()), words, self.palette())
+            elif self._drag is None and (text := self.note()):
+                easel.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Keep the buttons in their corner, and an untouched view fitted."""
+        self._buttons.adjustSize()
+        self._buttons.move(self.width() - self._buttons.width() - _MARGIN, _MARGIN)
+        self._outlook.resize(self.width(), self.height())
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Follow the colours of the desktop."""
+        if event.type() in (QEvent.Type.PaletteChange, QEvent.Type.StyleChange):
+            self._easel = None
+            self.update()
+        super().changeEvent(event)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Begin a click or a drag."""
+        self._drag = Drag(event.position(), event.button())
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Drag, or see what is under the pointer."""
+        self._pointer = event.position()
+        if self._drag is None:
+            self._hover(event.position())
+            return
+        step = self._drag.moved_to(event.position(), self._wants_band(event))
+        if self._drag.kind is DragKind.TURN:
+            self._move(self.viewpoint.orbited(-_TURN * step.x(), _TURN * step.y()))
+        elif self._drag.kind is DragKind.SHIFT:
+            self._move(self.viewpoint.panned(step.x(), step.y(), self.height()))
+        self.update()
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """Select what was clicked or is in the rectangle, or ask for a menu."""
+        drag, self._drag = self._drag, None
+        if drag is None:
+            return
+        adds = bool(event.modifiers() & _CONTROL)
+        if drag.kind is DragKind.BAND:
+            self._select_within(drag.band, adds)
+        elif drag.kind is DragKind.CLICK and drag.button == Qt.MouseButton.LeftButton:
+            self._select(self._pick(event.position()), adds)
+        elif drag.kind is DragKind.CLICK and drag.button == Qt.MouseButton.RightButton:
+            self._ask_for_menu(event)
+        self.update()
+
+    def leaveEvent(self, event: QEvent) -> None:
+        """Nothing is under the pointer any more."""
+        self._hovered = None
+        self.update()
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        """Zoom at the pointer."""
+        place = event.position()
+        right, down = place.x() - self.width() / 2, place.y() - self.height() / 2
+        self._move(self.viewpoint.zoomed(_WHEEL ** event.angleDelta().y(), right, down, self.height()))
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """Ask for a menu from the keyboard; that of the mouse follows its release, since dragging shifts the view."""
+        if event.reason() is QContextMenuEvent.Reason.Keyboard:
+            self.context_requested.emit(self.mapToGlobal(self.rect().center()), self._session.selection)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), select all or (esc) nothing."""
+        modifiers = event.modifiers() & ~Qt.KeyboardModifier.KeypadModifier
+        if event.key() in _ARROWS and modifiers in (_CONTROL, _ALT):
+            right, down = _ARROWS[Qt.Key(event.key())]
+            if modifiers == _CONTROL:
+                self._move(self.viewpoint.orbited(_KEY_TURN * right, -_KEY_TURN * down))
+            else:
+                self._move(self.viewpoint.panned(-_KEY_SHIFT * right, -_KEY_SHIFT * down, self.height()))
+        elif event.key() in _ZOOMS and modifiers & _CONTROL:
+            self._move(self.viewpoint.zoomed(_ZOOMS[Qt.Key(event.key())]))
+        elif event.matches(QKeySequence.StandardKey.SelectAll) and self._outlook.scene is not None:
+            self._session.select(Selection(frozenset(range(self._outlook.scene.n_markers))))
+        elif event.key() == Qt.Key.Key_Escape:
+            self._session.select(Selection())
+        else:
+            super().keyPressEvent(event)
+
+    def _set_up_widget(self) -> None:
+        self.setAccessibleName(self.tr("3-D view"))
+        usage = self.tr(
+            "Drag to turn, drag with the right button to shift, turn the wheel to zoom. Click to select, with Ctrl to "
+            "add; Shift and drag selects the markers in a rectangle."
+        )
+        self.setToolTip(usage)
+        self.setAccessibleDescription(usage)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMouseTracking(True)
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+
+    def _take_project(self) -> None:
+        self._outlook.open(self._session.project)
+        self._hovered, self._painted = None, None
+        self.update()
+
+    def _take_other(self) -> None:
+        self._other = None if self._session.other is None else Scene(self._session.other)
+        self.update()
+
+    def _look(self, right_of_front: float, elevation: float) -> None:
+        self._outlook.look(right_of_front, elevation)
+        self.update()
+
+    def _move(self, viewpoint: Viewpoint) -> None:
+        self._outlook.move(viewpoint)
+        self.update()
+
+    def _present_easel(self) -> Easel:
+        ratio = self.devicePixelRatioF()
+        if self._easel is None or self._easel.ratio != ratio:
+            self._easel = Easel(self.palette(), ratio)
+        return self._easel
+
+    def _paint_scenes(
+        self, painter: QPainter, easel: Easel, canvas: Canvas, floor: Floor | None
+    ) -> tuple[Snapshot, Picture] | None:
+        frame, scene, other = self._session.frame, self._outlook.scene, self._other
+        if other is not None and self._shown.other and frame < other.n_frames:
+            easel.paint_other(painter, other, frame, canvas, self._shown)
+        if scene is None or frame >= scene.n_frames:
+            return None
+        marked = Marked(self._session.selection, self._hovered)
+        return easel.paint_scene(painter, scene, frame, canvas, self._shown, marked, floor)
+
+    def _legend(self) -> str:
+        """Say how large the grid's cells and the ellipsoids are."""
+        scene, floor, parts = self._outlook.scene, self._outlook.floor, []
+        if floor is not None and self._shown.floor:
+            parts.append(self.tr("grid {spacing:g} mm").format(spacing=floor.spacing))
+        if self._shown.uncertainty and scene is not None and scene.project.has("skeleton"):
+            times = self._shown.magnification or scene.magnification
+            parts.append(self.tr("ellipsoids {times} × std").format(times=times))
+        return "   ".join(parts)
+
+    def _wants_band(self, event: QMouseEvent) -> bool:
+        return self.commands.rectangle.isChecked() != bool(event.modifiers() & _SHIFT)
+
+    def _pick(self, place: QPointF) -> Pick | None:
+        return None if self._painted is None else pick(self._painted[1], place.x(), place.y())
+
+    def _hover(self, place: QPointF) -> None:
+        hovered = self._pick(place)
+        if hovered is not None or self._hovered is not None:
+            self._hovered = hovered
+            self.update()
+
+    def _select(self, picked: Pick | None, adds: bool) -> None:
+        """Select one thing, or nothing, besides what is selected or instead of it."""
+        before, scene = self._session.selection if adds else Selection(), self._outlook.scene
+        self._session.select(before if picked is None or scene is None else with_pick(before, picked, scene))
+
+    def _select_within(self, band: QRectF, adds: bool) -> None:
+        if self._painted is None:
+            return
+        markers = markers_within(self._painted[1], band.left(), band.top(), band.right(), band.bottom())
+        before = self._session.selection if adds else Selection()
+        self._session.select(replace(before, markers=before.markers | markers))
+
+    def _ask_for_menu(self, event: QMouseEvent) -> None:
+        """Ask for a menu for what is selected; what is clicked and not selected is selected first."""
+        picked, scene = self._pick(event.position()), self._outlook.scene
+        if picked is not None and scene is not None and not is_selected(picked, self._session.selection, scene):
+            self._select(picked, adds=False)
+        self.context_requested.emit(event.globalPosition().toPoint(), self._session.selection)
+
+
+class DragKind(Enum):
+    """What is going on while a button is down."""
+
+    CLICK = "click"
+    """The pointer has not moved yet, or only trembled."""
+    TURN = "turn"
+    SHIFT = "shift"
+    BAND = "band"
+
+
+class Drag:
+    """A button that is down.
+
+    Attributes
+    ----------
+    button : Qt.MouseButton
+        Which.
+    kind : DragKind
+        What it has become.
+
+    Parameters
+    ----------
+    place : QPointF
+        Where it was pressed.
+    button : Qt.MouseButton
+        Which.
+    """
+
+    def __init__(self, place: QPointF, button: Qt.MouseButton) -> None:
+        self.button = button
+        self.kind = DragKind.CLICK
+        self._start = self._last = place
+
+    @property
+    def band(self) -> QRectF:
+        """The rectangle between where it was pressed and where it is."""
+        return QRectF(self._start, self._last).normalized()
+
+    def moved_to(self, place: QPointF, wants_band: bool) -> QPointF:
+        """Follow the pointer and return the step that it made.
+
+        Parameters
+        ----------
+        place : QPointF
+            Where it is.
+        wants_band : bool
+            Whether the left button draws a rectangle, should this become a drag now.
+        """
+        if self.kind is DragKind.CLICK:
+            if (place - self._start).manhattanLength() < QApplication.startDragDistance():
+                return QPointF()
+            left = DragKind.BAND if wants_band else DragKind.TURN
+            self.kind = left if self.button == Qt.MouseButton.LeftButton else DragKind.SHIFT
+        step = place - self._last
+        self._last = place
+        return step

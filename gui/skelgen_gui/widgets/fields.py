@@ -1,0 +1,264 @@
+"""One editor per kind of declared value; each shows whatever it is given and judges nothing.
+
+What stands in an editor is asked for with `entered` and judged by the declaration, so that a value that is not
+allowed can be typed, is said to be wrong, and is not silently replaced.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtGui import QValidator
+from PySide6.QtWidgets import (
+    QAbstractSpinBox,
+    QButtonGroup,
+    QCheckBox,
+    QComboBox,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QRadioButton,
+    QSpinBox,
+    QWidget,
+)
+
+from skelgen.parameters import Declaration
+
+_DIGITS = 12  # of a number that was stepped to: hides that 0.1 + 0.2 is not 0.3
+_EXACT = 1e15  # whole numbers below are shown with all their digits
+_FINENESS = 1  # a step changes the second digit of a number: 0.8 -> 0.81, 100 -> 110
+_STEP_FROM_ZERO = 0.1
+
+
+class NumberBox(QAbstractSpinBox):
+    """A number with arrows; unlike Qt's own it shows 1e-12 as such and lets a value out of bounds stand."""
+
+    edited = Signal()
+
+    def __init__(self, declaration: Declaration, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._declaration = declaration
+        self.lineEdit().textChanged.connect(self.edited)
+
+    def entered(self) -> Any:
+        """Return what stands in the box, as text."""
+        return self.text()
+
+    def show_value(self, value: Any) -> None:
+        """Show a number, or whatever else is given as its text."""
+        self.lineEdit().setText(_as_text(value))
+
+    def stepBy(self, steps: int) -> None:
+        """Go up or down, within the bounds; from what is no number, go nowhere."""
+        try:
+            value = float(self.text())
+        except ValueError:
+            return
+        self.show_value(stepped(self._declaration, value, steps))
+        self.selectAll()
+
+    def stepEnabled(self) -> QAbstractSpinBox.StepEnabledFlag:
+        """Tell Qt that both arrows work."""
+        return QAbstractSpinBox.StepEnabledFlag.StepUpEnabled | QAbstractSpinBox.StepEnabledFlag.StepDownEnabled
+
+    def validate(self, text: str, position: int) -> tuple[QValidator.State, str, int]:
+        """Tell Qt that every text may be typed; the form says what is wrong with it."""
+        return QValidator.State.Acceptable, text, position
+
+
+class ChoiceBox(QComboBox):
+    """One of several texts."""
+
+    edited = Signal()
+
+    def __init__(self, declaration: Declaration, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.addItems(declaration.choices)
+        self.currentTextChanged.connect(self.edited)
+
+    def entered(self) -> Any:
+        """Return the chosen text."""
+        return self.currentText()
+
+    def show_value(self, value: Any) -> None:
+        """Choose a text; one that is unknown is added, and the form says that it is not allowed."""
+        if self.findText(str(value)) < 0:
+            self.addItem(str(value))
+        self.setCurrentText(str(value))
+
+
+class SwitchBox(QCheckBox):
+    """Yes or no."""
+
+    edited = Signal()
+
+    def __init__(self, declaration: Declaration, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.toggled.connect(self.edited)
+
+    def entered(self) -> Any:
+        """Return whether it is checked."""
+        return self.isChecked()
+
+    def show_value(self, value: Any) -> None:
+        """Check or uncheck."""
+        self.setChecked(bool(value))
+
+
+class TextLine(QLineEdit):
+    """A free text."""
+
+    edited = Signal()
+
+    def __init__(self, declaration: Declaration, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.textChanged.connect(self.edited)
+
+    def entered(self) -> Any:
+        """Return the text."""
+        return self.text()
+
+    def show_value(self, value: Any) -> None:
+        """Show a text."""
+        self.setText(str(value))
+
+
+Editor = NumberBox | ChoiceBox | SwitchBox | TextLine
+
+
+def editor_for(declaration: Declaration, parent: QWidget) -> Editor:
+    """Return the editor of a declared value, with its default; the wheel only turns it while it has the focus."""
+    kinds: dict[type, type[Editor]] = {bool: SwitchBox, str: TextLine}
+    kind = ChoiceBox if declaration.choices else kinds.get(declaration.kind, NumberBox)
+    editor = kind(declaration, parent)
+    editor.show_value(declaration.default)
+    editor.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+    editor.installEventFilter(_WheelGuard(editor))
+    return editor
+
+
+def stepped(declaration: Declaration, value: float, steps: int) -> float:
+    """Return a number some steps up or down, within the declared bounds.
+
+    Parameters
+    ----------
+    declaration : Declaration
+        Whole numbers go by 1, others by one of their second digit.
+    value : float
+        Where to start.
+    steps : int
+        How many, negative for down.
+    """
+    step = 1.0 if declaration.kind is int else _step_of(value, down=steps < 0)
+    result = float(f"{value + steps * step:.{_DIGITS}g}")
+    low = -math.inf if declaration.low is None else declaration.low
+    high = math.inf if declaration.high is None else declaration.high
+    return min(max(result, low), high)
+
+
+def _step_of(value: float, *, down: bool) -> float:
+    if value == 0 or not math.isfinite(value):
+        return _STEP_FROM_ZERO
+    size = math.log10(abs(value))
+    decade = math.floor(size)
+    if size == decade and down == (value > 0):
+        decade -= 1  # from 1 down to 0.99, as from 0.99 up to 1
+    return float(10.0 ** (decade - _FINENESS))
+
+
+def _as_text(value: Any) -> str:
+    if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
+        return f"{value:.0f}"
+    return str(value)
+
+
+class _WheelGuard(QObject):
+    """Leaves the wheel to the page that is scrolled, unless the editor under the mouse has the focus."""
+
+    def __init__(self, editor: QWidget) -> None:
+        super().__init__(editor)
+        self._editor = editor
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Hold back wheel events."""
+        if event.type() == QEvent.Type.Wheel and not self._editor.hasFocus():
+            event.ignore()
+            return True
+        return False
+
+
+MOST = 100_000
+"""The largest number that can be given."""
+
+
+class FoundOrGiven(QWidget):
+    """Found, or given: two buttons and a number.
+
+    Signals
+    -------
+    changed()
+        Another wish.
+
+    Parameters
+    ----------
+    what : str
+        What is counted, e.g. ``Number of limbs``.
+    parent : QWidget, optional
+        Qt's parent.
+    """
+
+    changed = Signal()
+
+    def __init__(self, what: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._found = QRadioButton(self)
+        self._given = QRadioButton(self.tr("given:"), self)
+        self._number = QSpinBox(self)
+        self._number.setRange(1, MOST)
+        self._group = QButtonGroup(self)
+        self._lay_out(QLabel(what, self))
+        self._describe(what)
+        self._found.setChecked(True)
+        self.show_found(None)
+        self._follow()
+        self._given.toggled.connect(self._follow)
+        self._number.valueChanged.connect(self.changed)
+
+    def value(self) -> int | None:
+        """Return the number that is given, or None if it is to be found."""
+        return self._number.value() if self._given.isChecked() else None
+
+    def set_value(self, value: int | None) -> None:
+        """Give a number, or leave it to be found."""
+        if value is not None:
+            self._number.setValue(value)
+        (self._found if value is None else self._given).setChecked(True)
+
+    def show_found(self, number: int | None) -> None:
+        """Say which number was found, and offer it as the one to give; None before the stage has run."""
+        self._found.setText(self.tr("found") if number is None else self.tr("found: {0}").format(number))
+        if number is not None and self.value() is None:
+            self._number.setValue(number)
+
+    def _lay_out(self, title: QLabel) -> None:
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        for widget in (title, self._found, self._given, self._number):
+            layout.addWidget(widget)
+        layout.addStretch(1)
+        self._group.addButton(self._found)
+        self._group.addButton(self._given)
+
+    def _describe(self, what: str) -> None:
+        self._found.setAccessibleName(self.tr("{0}: found").format(what))
+        self._found.setToolTip(self.tr("The number is found from the recording"))
+        self._given.setAccessibleName(self.tr("{0}: given").format(what))
+        self._given.setToolTip(self.tr("You know the number: the stage obeys it"))
+        self._number.setAccessibleName(what)
+        self._number.setToolTip(self.tr("The number that you know"))
+
+    def _follow(self) -> None:
+        self._number.setEnabled(self._given.isChecked())
+        self.changed.emit()

@@ -1,0 +1,320 @@
+"""Forms that are generated from declared parameters: the basic ones at once, the others behind 'Advanced'."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, Signal
+from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QVBoxLayout, QWidget
+
+from skelgen.errors import ParameterError
+from skelgen.parameters import Declaration, StageParameters
+from skelgen_gui.widgets.fields import editor_for
+from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE
+
+Check = Callable[[Declaration, Any], Any]
+"""Returns the clean value of what was entered for a declaration, or raises `ParameterError`."""
+
+NAME_COLUMN, EDITOR_COLUMN, UNIT_COLUMN, RESET_COLUMN = range(4)
+"""Columns of the grid that a row fills."""
+
+CHANGED_MARK = "• "
+"""Stands before the name of a value that is not the default."""
+
+
+def title_of(declaration: Declaration) -> str:
+    """Return the name as a person reads it."""
+    return QCoreApplication.translate("Parameters", declaration.name.replace("_", " ").capitalize())
+
+
+class FormRow(QObject):
+    """One declared value in a form.
+
+    Signals
+    -------
+    edited()
+        The user, or the form, entered something.
+    looked_at()
+        The user came to the editor, with the keyboard or the mouse.
+
+    Parameters
+    ----------
+    declaration : Declaration
+        What is asked for.
+    check : callable (declaration, entered) -> value
+        Judges what is entered.
+    grid : QGridLayout
+        Gets the row's widgets.
+    line : int
+        First of the two lines of the grid that are filled.
+    parent : QWidget
+        The form.
+    """
+
+    edited = Signal()
+    looked_at = Signal()
+
+    def __init__(self, declaration: Declaration, check: Check, grid: QGridLayout, line: int, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.declaration = declaration
+        self._title = title_of(declaration)
+        self._check = check
+        self._is_changed = False
+        self.editor = editor_for(declaration, parent)
+        self.label = QLabel(parent)
+        self.reset_button = QToolButton(parent)
+        self._unit = QLabel(declaration.unit, parent)
+        self._problem = QLabel(parent)
+        self._place(grid, line)
+        self._describe()
+        self.editor.edited.connect(self._follow)
+        self.editor.installEventFilter(self)
+        self.reset_button.clicked.connect(self.reset)
+        self._follow()
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with what is entered; empty if nothing is."""
+        return self._problem.text()
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether it differs from the default, or is wrong."""
+        return self._is_changed
+
+    def value(self) -> Any:
+        """Return the value, or raise `ParameterError`."""
+        return self._check(self.declaration, self.editor.entered())
+
+    def show_value(self, value: Any) -> None:
+        """Show a value, allowed or not."""
+        self.editor.show_value(value)
+
+    def reset(self) -> None:
+        """Return to the default."""
+        self.show_value(self.declaration.default)
+
+    def help_text(self) -> str:
+        """Return what the value means, what is allowed, and its default."""
+        declaration = self.declaration
+        help_ = QCoreApplication.translate("Parameters", declaration.help)
+        sentences = [help_[:1].upper() + help_[1:].rstrip(".") + "."]
+        if declaration.bounds and not declaration.choices:
+            bounds = declaration.bounds.replace(" .. inf", self.tr(" or more"))
+            sentences.append(self.tr("Allowed: {0}.").format(f"{bounds} {declaration.unit}".rstrip()))
+        if declaration.default != "":
+            sentences.append(self.tr("Default: {0}.").format(self._default_text()))
+        return " ".join(sentences)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Tell the form which editor is looked at."""
+        if event.type() in {QEvent.Type.FocusIn, QEvent.Type.Enter}:
+            self.looked_at.emit()
+        return False
+
+    def _place(self, grid: QGridLayout, line: int) -> None:
+        for column, widget in enumerate((self.label, self.editor, self._unit, self.reset_button)):
+            grid.addWidget(widget, line, column)
+        grid.addWidget(self._problem, line + 1, EDITOR_COLUMN, 1, RESET_COLUMN - EDITOR_COLUMN + 1)
+        policy = self.reset_button.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)
+        self.reset_button.setSizePolicy(policy)
+
+    def _describe(self) -> None:
+        help_ = self.help_text()
+        for widget in (self.editor, self.label):
+            widget.setToolTip(f"<qt>{html.escape(help_)}</qt>")  # as rich text, so that Qt wraps it
+            widget.setWhatsThis(help_)
+        self.editor.setAccessibleName(self._title)
+        self.editor.setObjectName(self.declaration.name)
+        self.label.setBuddy(self.editor)
+        self.reset_button.setText("↺")
+        self.reset_button.setAutoRaise(True)
+        self.reset_button.setAccessibleName(self.tr("Reset {0}").format(self._title))
+        self.reset_button.setToolTip(self.tr("Back to the default, {0}").format(self._default_text()))
+        self._problem.setWordWrap(True)
+        self._problem.setForegroundRole(PROBLEM_ROLE)
+        self._problem.setTextFormat(Qt.TextFormat.PlainText)
+
+    def _default_text(self) -> str:
+        default = self.declaration.default
+        if isinstance(default, bool):
+            return self.tr("yes") if default else self.tr("no")
+        if default == "":
+            return self.tr("empty")
+        number = f"{default:g}" if isinstance(default, float) else str(default)
+        return f"{number} {self.declaration.unit}".rstrip()
+
+    def _follow(self) -> None:
+        """Say what is wrong, and mark what is changed."""
+        try:
+            self._is_changed = bool(self.value() != self.declaration.default)
+            self._problem.clear()
+        except ParameterError as error:
+            self._is_changed = True
+            self._problem.setText(str(error))
+        changed = self._is_changed
+        self._problem.setVisible(bool(self.problem))
+        self.label.setText((CHANGED_MARK if changed else "") + self._title)
+        self.label.setForegroundRole(CHANGED_ROLE if changed else self.editor.foregroundRole())
+        self.editor.setAccessibleDescription(self.problem or (self.tr("changed") if changed else ""))
+        self.reset_button.setVisible(changed)
+        self.edited.emit()
+
+
+_LINES_PER_ROW = 2  # the editor, and what is wrong with it
+_HELP_LINES = 4
+
+
+def stage_form(declared: type[StageParameters], parent: QWidget | None = None) -> ParameterForm:
+    """Return the form of a stage's parameters; it judges as the stage does, beyond single bounds."""
+
+    def check(declaration: Declaration, entered: Any) -> Any:
+        return getattr(declared.from_mapping({declaration.name: entered}), declaration.name)
+
+    return ParameterForm(declared.declarations(), parent, check)
+
+
+class ParameterForm(QWidget):
+    """One line per declared value, with what is wrong said beside it.
+
+    Signals
+    -------
+    changed()
+        Something is entered, allowed or not; ask `problem`.
+
+    Parameters
+    ----------
+    declarations : iterable of Declaration
+        What is asked for; if none is basic, all are shown at once.
+    parent : QWidget, optional
+        Qt's parent.
+    check : callable (declaration, entered) -> value, optional
+        Judges what is entered; by default the declaration does.
+    """
+
+    changed = Signal()
+
+    def __init__(
+        self, declarations: Iterable[Declaration], parent: QWidget | None = None, check: Check = Declaration.check
+    ) -> None:
+        super().__init__(parent)
+        declarations = tuple(declarations)
+        basic = [entry for entry in declarations if entry.basic] or list(declarations)
+        self._is_filling = False
+        self._measure(declarations)
+        self._expander = self._made_expander()
+        self._boxes = QWidget(self), QWidget(self)
+        self._basic = self._filled(self._boxes[0], basic, check)
+        self._advanced = self._filled(self._boxes[1], [entry for entry in declarations if entry not in basic], check)
+        self._help = self._made_help()
+        self._reset_all = QPushButton(self.tr("Reset all"), self)
+        self._lay_out()
+        self._help.setText(self._basic[0].help_text() if self._basic else "")
+        self._follow()
+
+    @property
+    def rows(self) -> dict[str, FormRow]:
+        """The lines of the form by name."""
+        return {row.declaration.name: row for row in (*self._basic, *self._advanced)}
+
+    def values(self) -> dict[str, Any]:
+        """Return the value of every name, or raise the first `ParameterError`."""
+        return {name: row.value() for name, row in self.rows.items()}
+
+    def set_values(self, values: Mapping[str, Any]) -> None:
+        """Show some values, allowed or not; names that the form does not have, as older files hold, are passed over."""
+        rows = self.rows
+        self._is_filling = True
+        for name in values.keys() & rows.keys():
+            rows[name].show_value(values[name])
+        self._is_filling = False
+        self._follow()
+
+    def problem(self) -> str:
+        """Return the first sentence on what is wrong, empty if all is well."""
+        return next((row.problem for row in self.rows.values() if row.problem), "")
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """The default of every name."""
+        return {name: row.declaration.default for name, row in self.rows.items()}
+
+    def reset(self) -> None:
+        """Return to all defaults."""
+        self.set_values(self.defaults)
+
+    def _measure(self, declarations: Iterable[Declaration]) -> None:
+        """Find the widths that names and units have in both parts of the form."""
+        wide = self.fontMetrics().horizontalAdvance
+        self._name_width = max((wide(CHANGED_MARK + title_of(entry)) for entry in declarations), default=0)
+        self._unit_width = max((wide(entry.unit) for entry in declarations), default=0)
+
+    def _filled(self, widget: QWidget, declarations: Iterable[Declaration], check: Check) -> list[FormRow]:
+        grid = QGridLayout(widget)
+        grid.setColumnStretch(1, 1)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setColumnMinimumWidth(NAME_COLUMN, self._name_width)
+        grid.setColumnMinimumWidth(UNIT_COLUMN, self._unit_width)
+        rows = [FormRow(entry, check, grid, _LINES_PER_ROW * index, widget) for index, entry in enumerate(declarations)]
+        for row in rows:
+            row.edited.connect(self._follow_edit)
+            row.looked_at.connect(self._explain)
+        return rows
+
+    def _made_expander(self) -> QToolButton:
+        expander = QToolButton(self)
+        expander.setCheckable(True)
+        expander.setAutoRaise(True)
+        expander.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        expander.setToolTip(self.tr("Show or hide the parameters that most takes do not need"))
+        return expander
+
+    def _made_help(self) -> QLabel:
+        label = QLabel(self)
+        label.setWordWrap(True)
+        label.setAlignment(Qt.AlignmentFlag.AlignTop)
+        label.setTextFormat(Qt.TextFormat.PlainText)
+        label.setMinimumHeight(_HELP_LINES * label.fontMetrics().lineSpacing())  # the form does not jump
+        label.setAccessibleName(self.tr("What the chosen parameter means"))
+        return label
+
+    def _lay_out(self) -> None:
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        for widget in (self._boxes[0], self._expander, self._boxes[1], self._help):
+            layout.addWidget(widget)
+        layout.addWidget(self._reset_all, alignment=Qt.AlignmentFlag.AlignRight)
+        layout.addStretch(1)
+        self._reset_all.setToolTip(self.tr("Return all parameters to their defaults"))
+        self._reset_all.setAccessibleName(self.tr("Reset all parameters"))
+        self._reset_all.clicked.connect(self.reset)
+        self._expander.setVisible(bool(self._advanced))
+        self._expander.toggled.connect(self._show_advanced)
+        self._show_advanced(False)
+
+    def _show_advanced(self, shown: bool) -> None:
+        self._expander.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
+        self._boxes[1].setVisible(shown)
+
+    def _explain(self) -> None:
+        row = self.sender()
+        if isinstance(row, FormRow):
+            self._help.setText(row.help_text())
+
+    def _follow_edit(self) -> None:
+        if not self._is_filling:
+            self._follow()
+
+    def _follow(self) -> None:
+        self._reset_all.setEnabled(any(row.is_changed for row in self.rows.values()))
+        n_changed = sum(row.is_changed for row in self._advanced)
+        counts = self.tr("{0}, {1} changed") if n_changed else "{0}"
+        counts = counts.format(len(self._advanced), n_changed)
+        self._expander.setText(self.tr("Advanced ({0})").format(counts))
+        self._expander.setAccessibleName(self._expander.text())
+        if any(row.problem for row in self._advanced):
+            self._expander.setChecked(True)
+        self.changed.emit()

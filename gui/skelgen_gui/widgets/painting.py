@@ -1,0 +1,120 @@
+"""Helpers of widgets that paint: lines and points from arrays, pictures from pixels, the wheel, tool tips."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QEvent, QLineF, QPointF, QRectF, Qt
+from PySide6.QtGui import QHelpEvent, QImage, QPainter, QPalette, QPixmap, QWheelEvent
+from PySide6.QtWidgets import QToolTip, QWidget
+from shiboken6 import Shiboken
+
+from skelgen.model.arrays import Floats
+
+ZOOM = 1.25
+"""By how much a notch of the wheel enlarges."""
+
+_NOTCH = 120.0  # eighths of a degree that most wheels turn by
+
+
+def notches(event: QWheelEvent) -> tuple[float, float]:
+    """Return by how many notches a wheel was turned: sideways, and away from the user."""
+    turned = event.angleDelta()
+    return turned.x() / _NOTCH, turned.y() / _NOTCH
+
+
+def paint_words(painter: QPainter, room: QRectF, words: str, palette: QPalette) -> None:
+    """Write words that say why there is nothing to see, and what to do.
+
+    Parameters
+    ----------
+    painter : QPainter
+        Whose pen is changed.
+    room : QRectF
+        In whose middle they stand.
+    words : str
+        Are wrapped where they are too long.
+    palette : QPalette
+        Of the widget.
+    """
+    painter.setPen(palette.color(QPalette.ColorRole.PlaceholderText))
+    painter.drawText(room, Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap, words)
+
+
+def draw_lines(painter: QPainter, ends: Floats) -> None:
+    """Draw lines with the painter's pen.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    ends : ndarray, shape (n_lines, 2, 2), px
+        Both ends of each line as x and y; finite.
+    """
+    if len(ends):
+        ends = np.ascontiguousarray(ends, dtype=np.float64)
+        # A QLineF is four doubles. The wrapper owns nothing, and lives no longer than this call.
+        first = cast(QLineF, Shiboken.wrapInstance(ends.ctypes.data, QLineF))
+        painter.drawLines(first, len(ends))
+
+
+def draw_points(painter: QPainter, points: Floats) -> None:
+    """Draw points with the painter's pen: discs of its width, if its caps are round.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    points : ndarray, shape (n_points, 2), px
+        Places as x and y; finite.
+    """
+    if len(points):
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        first = cast(QPointF, Shiboken.wrapInstance(points.ctypes.data, QPointF))
+        painter.drawPoints(first, len(points))
+
+
+def image_of(pixels: NDArray[np.uint8]) -> QImage:
+    """Return the picture of an array (height, width, 4) of red, green, blue and opacity; it holds a copy."""
+    height, width, _ = pixels.shape
+    pixels = np.ascontiguousarray(pixels)
+    return QImage(pixels.data, width, height, 4 * width, QImage.Format.Format_RGBA8888).copy()
+
+
+def pixmap_of(pixels: NDArray[np.uint8], ratio: float) -> QPixmap:
+    """Return the same as a pixmap for a screen with `ratio` pixels per point."""
+    pixmap = QPixmap.fromImage(image_of(pixels))
+    pixmap.setDevicePixelRatio(ratio)
+    return pixmap
+
+
+def tell(widget: QWidget, event: QEvent, told_at: Callable[[QPointF], str]) -> bool:
+    """Show what is told of the place under the pointer, if that is what an event asks for.
+
+    Parameters
+    ----------
+    widget : QWidget
+        Whose event it is.
+    event : QEvent
+        Any.
+    told_at : callable
+        Gives lines of plain text for a place in the widget.
+
+    Returns
+    -------
+    bool
+        Whether the event asked for it.
+    """
+    if event.type() != QEvent.Type.ToolTip or not isinstance(event, QHelpEvent):
+        return False
+    QToolTip.showText(event.globalPos(), rich(told_at(QPointF(event.pos()))), widget)
+    return True
+
+
+def rich(text: str) -> str:
+    """Return plain text as rich text, which Qt wraps, and in which names of markers cannot be taken for tags."""
+    return "<qt>" + "<br>".join(html.escape(line) for line in text.split("\n")) + "</qt>"
