@@ -9,11 +9,11 @@ import tempfile
 from pathlib import Path
 
 from matplotlib import pyplot
-from skelgen_formats.bvh_reader import read_bvh
+from skelgen_formats.bvh import read_bvh
 from skelgen_formats.registry import write_file
 
 import skelgen
-from skelgen.app.report.figure_pose import small_figure
+from skelgen.app.report.pose import small_figure
 from skelgen.model import PointCloud, Project
 from skelgen.simulation import simulate
 

@@ -1,22 +1,20 @@
 """File formats: one module each, and the table of all of them."""
 
 from skelgen_formats.acclaim import FORMAT as ACCLAIM
-from skelgen_formats.angles_csv import FORMAT as ANGLES_CSV
 from skelgen_formats.bvh import FORMAT as BVH
-from skelgen_formats.c3d import FORMAT as C3D
-from skelgen_formats.c3d_joints import FORMAT as C3D_JOINTS
+from skelgen_formats.c3d.reader import C3D, C3D_JOINTS
 from skelgen_formats.cal3d import FORMAT as CAL3D
+from skelgen_formats.classic_xml import FORMAT as CLASSIC_XML
 from skelgen_formats.csm import FORMAT as CSM
 from skelgen_formats.gltf import FORMAT as GLTF
-from skelgen_formats.joints_csv import FORMAT as JOINTS_CSV
 from skelgen_formats.mfml import FORMAT as MFML
 from skelgen_formats.mjcf import FORMAT as MJCF
+from skelgen_formats.motion_csv import ANGLES_CSV, JOINTS_CSV
 from skelgen_formats.motive import FORMAT as MOTIVE
 from skelgen_formats.opensim import FORMAT as OPENSIM
 from skelgen_formats.poses_csv import FORMAT as POSES_CSV
 from skelgen_formats.qualisys import FORMAT as QUALISYS
 from skelgen_formats.registry import Format
-from skelgen_formats.seed_xml import FORMAT as SEED_XML
 from skelgen_formats.summary_json import FORMAT as SUMMARY_JSON
 from skelgen_formats.tables import CSV as TABLE_CSV
 from skelgen_formats.tables import PARQUET as TABLE_PARQUET
@@ -36,7 +34,7 @@ FORMATS: tuple[Format, ...] = (
     TABLE_PARQUET,
     C3D_JOINTS,
     POSES_CSV,
-    SEED_XML,
+    CLASSIC_XML,
     CAL3D,
     OPENSIM,
     URDF,

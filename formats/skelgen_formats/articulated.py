@@ -22,9 +22,9 @@ from skelgen.model import Joint, Motion, Project, Take
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled
 from skelgen_formats.bones import parent_from_child
-from skelgen_formats.finished import finished_project
-from skelgen_formats.joints_csv import joint_names
-from skelgen_formats.registry import Option
+from skelgen_formats.motion_csv import joint_names
+from skelgen_formats.options import Option
+from skelgen_formats.parts import finished_project
 
 AS_MOVED, AS_FOUND = "as-moved", "as-found"
 JOINTS = Option(

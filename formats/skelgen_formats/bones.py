@@ -1,14 +1,24 @@
-"""Poses of bones relative to their parents, and the quaternions x y z w that files store them with.
+"""What formats of bones share: poses relative to the parent, names, tips, units, and what they cannot hold.
 
-The usual active rotation v' = q v q*, Hamilton's product; q and -q are the same rotation, and either may be in a file.
+Quaternions are x y z w, as most files store them; they rotate actively, v' = q v q*, Hamilton's product; q and -q are
+the same rotation, and either may be in a file.
 """
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 
+from skelgen.errors import FormatError, ParameterError, WriteError
 from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
-from skelgen.model.arrays import Floats
+from skelgen.model import Project, Skeleton, Take
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.filled import Filled
+from skelgen_formats.options import AUTO, MM_PER_UNIT
+from skelgen_formats.parts import finished_project
 
 
 def xyzw_from_matrix(rotations: Floats) -> Floats:
@@ -54,3 +64,133 @@ def bone_transforms(poses: Floats, parent: int, limb: int) -> tuple[Floats, Floa
     if parent < 0:
         return poses[..., limb, :3, 3], poses[..., limb, :3, :3]
     return parent_from_child(poses[..., parent, :, :], poses[..., limb, :, :])
+
+
+LARGEST_MM = 1e9
+"""No place of a motion lies farther from the origin: a thousand kilometres; what does is a damaged number."""
+
+_USUAL_MM = 1000.0  # from the root of a body to its farthest tip: a human's hands and feet, within a factor of three
+_CANDIDATES = ("mm", "cm", "m")
+
+
+def bone_unit(
+    path: Path, unit: str, parents: Ints, offsets: Floats, tips: Sequence[Floats]
+) -> tuple[float, tuple[str, ...]]:
+    """Return the mm per unit of a file, and what the user should know of it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    unit : str
+        A unit's name, a number of mm, or `AUTO`: that of mm, cm, m which brings the longest way along the bones from
+        the root nearest to a metre, in proportion.
+    parents : ndarray of intp, shape (n_bones,)
+        Parents, -1 for roots.
+    offsets : ndarray, shape (n_bones, 3)
+        Each bone in its parent, in the file's unit.
+    tips : sequence of ndarray, shape (n_tips, 3)
+        Ends of each bone.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such unit.
+    FormatError
+        If the unit is to be told from a body without size.
+    """
+    if unit != AUTO:
+        return _stated(unit), ()
+    reach = np.zeros(len(parents))
+    for bone, parent in enumerate(parents.tolist()):
+        if parent >= 0:
+            reach[bone] = reach[parent] + np.linalg.norm(offsets[bone])
+    longest = max(reach[bone] + np.linalg.norm(ends, axis=1).max(initial=0.0) for bone, ends in enumerate(tips))
+    if not 0 < longest < LARGEST_MM:
+        raise FormatError(path, "", "no bone has a length, so that the unit cannot be told; give --motion-unit")
+    best = min(_CANDIDATES, key=lambda name: abs(np.log(longest * MM_PER_UNIT[name] / _USUAL_MM)))
+    size = longest * MM_PER_UNIT[best]
+    said = f"the file states no unit; taken as {best}, which makes its longest row of bones {size:.0f} mm"
+    return MM_PER_UNIT[best], (f"{said}; --motion-unit says otherwise",)
+
+
+def _stated(unit: str) -> float:
+    try:
+        scale = MM_PER_UNIT[unit.lower()] if unit.lower() in MM_PER_UNIT else float(unit)
+    except ValueError:
+        scale = np.nan
+    if not 0 < scale < LARGEST_MM:
+        raise ParameterError(f"motion-unit is {unit!r}; it must be auto, mm, cm, m, in, or a number of mm")
+    return scale
+
+
+def distinct_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names that differ: the second of a name gets `` 2`` behind it, and so on."""
+    taken, count, distinct = set(names), Counter[str](), []
+    for name in names:
+        count[name] += 1
+        candidate = name
+        while count[name] > 1 and candidate in taken:
+            candidate = f"{name} {count[name]}"
+            count[name] += candidate in taken
+        taken.add(candidate)
+        distinct.append(candidate)
+    return tuple(distinct)
+
+
+_LARGEST = float(np.finfo(np.float32).max)
+_SHORTEST_TIP = 1.0  # mm: importers turn a bone of no length into none, or into one of a metre
+
+
+def animated_project(value: Project | Take | Filled, title: str) -> Project:
+    """Return a project whose skeleton moves.
+
+    Raises
+    ------
+    WriteError
+        If it is no project, or there is no limb or no frame.
+    MissingResultError
+        If a stage has not run.
+    """
+    project = finished_project(value, title)
+    if project.motion.n_frames == 0 or project.skeleton.n_limbs == 0:
+        raise WriteError(f"{title} needs at least one bone and one frame")
+    return project
+
+
+def check_single_precision(project: Project, title: str) -> None:
+    """Raise `WriteError` if a coordinate of a project is beyond the numbers of a format with single precision."""
+    poses = (project.motion.world_from_limb, project.skeleton.reference_pose)
+    if not all(float(np.abs(pose).max()) < _LARGEST for pose in poses):
+        raise WriteError(f"a coordinate is beyond what {title}'s single precision can hold")
+
+
+def bone_name(limb: int) -> str:
+    """Return the name of a limb's bone, as all formats of animations have it."""
+    return f"limb{limb}"
+
+
+def bone_tip(skeleton: Skeleton, limb: int) -> Floats:
+    """Return where a limb that carries no other ends, in its frame [mm], shape (3,): as far as its markers reach.
+
+    The direction is that of the markers' centroid; a limb without markers ends a millimetre from its joint.
+    """
+    markers = skeleton.marker_offsets[skeleton.markers_of(limb)]
+    centre = markers.mean(axis=0) if len(markers) else np.zeros(3)
+    distance = float(np.linalg.norm(centre))
+    if distance < _SHORTEST_TIP:
+        return np.array([0.0, 0.0, _SHORTEST_TIP])
+    return np.asarray(centre / distance * float((markers @ centre).max()) / distance)
+
+
+def lost_in_animations(project: Project, title: str) -> tuple[str, ...]:
+    """Say what of this project's skeleton no tree of bones holds: rings, and which frames are interpolated."""
+    said = []
+    if project.skeleton.loops:
+        rings = len(project.skeleton.loops)
+        said.append(f"{title} knows trees only: {rings} joint{'s' if rings > 1 else ''} closing rings are left out.")
+    interpolated = int((~project.motion.limb_seen).any(axis=1).sum())
+    if interpolated:
+        frames = f"{interpolated} of {project.motion.n_frames} frames"
+        said.append(f"{title} cannot tell that in {frames} some limb is not seen but interpolated.")
+    return tuple(said)

@@ -19,10 +19,9 @@ from skelgen.files import replacing
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.animations import animated_project, bone_name, check_single_precision
-from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
+from skelgen_formats.bones import animated_project, bone_name, bone_transforms, check_single_precision, xyzw_from_matrix
+from skelgen_formats.options import AXES, RATE, UNIT, per_mm
 from skelgen_formats.registry import Format
-from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _TITLE = "Cal3D"
 SKELETON_SUFFIX, ANIMATION_SUFFIX = ".xsf", ".xaf"

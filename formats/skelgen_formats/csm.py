@@ -35,25 +35,22 @@ from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.filled_markers import (
-    FILLED,
+from skelgen_formats.markers import (
+    check_frames,
     check_markers,
+    check_writable_names,
     marker_files,
     markers_to_write,
     positions_of,
-    write_table,
-)
-from skelgen_formats.markers import (
-    check_frames,
-    check_writable_names,
     scaled,
     take_from_markers,
     trajectories_of,
+    write_table,
     zeros_unseen,
 )
-from skelgen_formats.registry import Format, Option
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Option, per_mm
+from skelgen_formats.registry import Format
 from skelgen_formats.text import count_in, decoded_head, number_in, rate_in, read_lines
-from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _TITLE = "CSM"
 _DROPOUT = "DROPOUT"

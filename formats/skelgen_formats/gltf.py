@@ -26,10 +26,16 @@ from skelgen.geometry.rotations import transform_from
 from skelgen.model import Joint, Project, Skeleton, Take
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.animations import animated_project, bone_name, check_single_precision, lost_in_animations
-from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
-from skelgen_formats.registry import Format, Option
-from skelgen_formats.world import AXES, RATE, UNIT, per_mm
+from skelgen_formats.bones import (
+    animated_project,
+    bone_name,
+    bone_transforms,
+    check_single_precision,
+    lost_in_animations,
+    xyzw_from_matrix,
+)
+from skelgen_formats.options import AXES, RATE, UNIT, Option, per_mm
+from skelgen_formats.registry import Format
 
 _TITLE = "glTF"
 _METRES = Option(UNIT.name, "m", "Unit of the lengths in the file.", UNIT.choices, reading=False)

@@ -1,42 +1,23 @@
-"""What all marker formats share: units, names, unseen markers, and which value a writer can take."""
+"""What all marker formats share: units, names, unseen markers, filled positions, and which value a writer can take."""
 
 from __future__ import annotations
 
+import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from skelgen.errors import FormatError, WriteError
+from skelgen.errors import FormatError, MissingResultError, WriteError
+from skelgen.files import replacing
 from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
 from skelgen.model.arrays import Bools, Floats
-
-MM_PER_UNIT = {
-    "mm": 1.0,
-    "millimeter": 1.0,
-    "millimeters": 1.0,
-    "millimetre": 1.0,
-    "millimetres": 1.0,
-    "cm": 10.0,
-    "centimeter": 10.0,
-    "centimeters": 10.0,
-    "centimetre": 10.0,
-    "centimetres": 10.0,
-    "dm": 100.0,
-    "m": 1000.0,
-    "meter": 1000.0,
-    "meters": 1000.0,
-    "metre": 1000.0,
-    "metres": 1000.0,
-    "in": 25.4,
-    "inch": 25.4,
-    "inches": 25.4,
-    "ft": 304.8,
-    "feet": 304.8,
-}
-"""Length units that files name, in mm."""
+from skelgen.model.filled import Filled, Source
+from skelgen.progress import SILENT, Monitor
+from skelgen_formats.options import FILLED, MM_PER_UNIT
 
 FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
@@ -224,3 +205,86 @@ def _listed(names: Sequence[str]) -> str:
     shown = ", ".join(names[:_NAMED_IN_NOTICE])
     more = len(names) - _NAMED_IN_NOTICE
     return f"{shown} and {more} more" if more > 0 else shown
+
+
+TABLE_SUFFIX = ".filled.csv"
+"""What follows the stem in the name of the table."""
+
+
+def check_markers(value: Project | Take | Filled, title: str, filled: bool) -> None:
+    """Raise if a writer of markers cannot take a value; see `markers_to_write`."""
+    if isinstance(value, Filled):
+        return
+    if not filled:
+        trajectories_of(value, title)
+    elif not isinstance(value, Project):
+        raise WriteError(
+            f"{title}: gaps are filled from a skeleton, and a take has none: give a project that is fitted"
+        )
+    elif not value.has("skeleton"):
+        raise MissingResultError(f"{title}: gaps are filled from a skeleton: run the stage 'skeleton' first")
+
+
+def markers_to_write(
+    value: Project | Take | Filled, title: str, filled: bool, monitor: Monitor = SILENT
+) -> Trajectories | Filled:
+    """Return what a writer is to write: measured markers, or `Filled` if filled positions are wanted.
+
+    Parameters
+    ----------
+    value : Project, Trajectories or Filled
+        Of `Filled` without the wish, the measured markers; of a project with it, its gaps are filled.
+    title : str
+        Of the format, for errors.
+    filled : bool
+        Whether filled positions are wanted.
+    monitor : Monitor
+        Told of the filling; may cancel.
+
+    Raises
+    ------
+    WriteError
+        If the value has no labelled markers, or nothing to fill them from.
+    MissingResultError
+        If filling is wanted and the project has no skeleton yet.
+    """
+    check_markers(value, title, filled)
+    if isinstance(value, Filled):
+        return value if filled else value.measured
+    if filled and isinstance(value, Project):
+        from skelgen.kinematics.filling import fill_gaps  # noqa: PLC0415 - numeric code that only this wish needs
+
+        return fill_gaps(value.trajectories, value.skeleton, value.motion, monitor)
+    return trajectories_of(value, title)
+
+
+def positions_of(markers: Trajectories | Filled) -> Trajectories:
+    """Return the markers with all positions that are to be written."""
+    return markers.trajectories if isinstance(markers, Filled) else markers
+
+
+def write_table(markers: Trajectories | Filled, path: Path) -> list[Path]:
+    """Write the table of filled positions beside a file of markers; nothing if these are measured.
+
+    The table has a row per filled position: frame (from 0), marker, source and standard deviation [mm].
+    """
+    if not isinstance(markers, Filled):
+        return []
+    table = table_of(path)
+    with replacing(table) as temporary, temporary.open("w", newline="", encoding="utf-8", errors="replace") as stream:
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(("frame", "marker", "source", "std_mm"))
+        for frame, marker in np.argwhere(markers.filled).tolist():
+            source = Source(int(markers.source[frame, marker]))
+            rows.writerow((frame, markers.measured.names[marker], source.word, f"{markers.std[frame, marker]:.3f}"))
+    return [table]
+
+
+def marker_files(path: Path, options: Mapping[str, Any]) -> tuple[Path, ...]:
+    """Return the files that a writer of markers will make of a path."""
+    return (path, table_of(path)) if options.get(FILLED.name) else (path,)
+
+
+def table_of(path: Path) -> Path:
+    """Return where the table of filled positions belongs to a file of markers."""
+    return path.with_name(path.stem + TABLE_SUFFIX)

@@ -33,9 +33,9 @@ from skelgen_formats.articulated import (
     plain_names,
     remarks_on_joints,
 )
+from skelgen_formats.options import AXES, RATE
 from skelgen_formats.registry import Format
 from skelgen_formats.trc import write_trc
-from skelgen_formats.world import AXES, RATE
 from skelgen_formats.xml_files import number_text, write_tree
 
 SUFFIXES = (".osim", ".mot", ".trc", ".ik.xml")

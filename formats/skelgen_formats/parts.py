@@ -1,11 +1,13 @@
-"""What a project consists of, so that each format can declare which of it a file keeps."""
+"""What a project consists of, so that each format can declare which of it a file keeps, and may demand a skeleton."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from skelgen.model import PointCloud, Poses, Project, Trajectories
+from skelgen.errors import WriteError
+from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model.filled import Filled
 
 
 @dataclass(frozen=True)
@@ -53,3 +55,29 @@ PARTS: tuple[Part, ...] = (
 def parts_in(project: Project) -> tuple[Part, ...]:
     """Return the parts that a project has."""
     return tuple(part for part in PARTS if part.is_in(project))
+
+
+def finished_project(value: Project | Take | Filled, title: str) -> Project:
+    """Return a project that has its skeleton and its motion.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        What is to be written.
+    title : str
+        Of the format, for errors.
+
+    Raises
+    ------
+    WriteError
+        If it is no project.
+    MissingResultError
+        If a stage has not run.
+    """
+    if not isinstance(value, Project):
+        raise WriteError(
+            f"{title} holds what is found of a skeleton, not a take; run the four stages first, or choose a format for"
+            " takes"
+        )
+    _ = value.motion  # says which stage is missing
+    return value

@@ -30,9 +30,9 @@ from skelgen.model import Poses, Project, Take
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
+from skelgen_formats.options import AXES, RATE, UNIT, per_mm
 from skelgen_formats.registry import Format
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
-from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _MAGIC = "skelgen-poses"
 _VERSION = "1"

@@ -18,7 +18,7 @@ import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.model.arrays import Floats, check_names
-from skelgen_formats.c3d_layout import BLOCK, MAGIC, MOST_HEADER_FRAMES
+from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES
 from skelgen_formats.mfml_stream import MARKER_DTYPES, frame_bytes
 
 SYNC_FRAMES = 60

@@ -7,7 +7,7 @@ generated from `FORMATS`. A file is recognised by its content first and by its s
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,55 +15,18 @@ from skelgen.errors import FormatError, WriteError
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE, with_rate
 from skelgen.geometry.up_axis import AS_RECORDED, with_up_axis
 from skelgen.model import Project, Take
+from skelgen.model.arrays import check_rate
 from skelgen.model.bones import BoneMotion
 from skelgen.model.filled import Filled
-from skelgen.parameters import Declaration
 from skelgen.progress import SILENT, Monitor
-
-AXES_NAME, RATE_NAME = "axes", "rate"
-"""The options that the registry obeys itself, for every format that declares them."""
+from skelgen_formats.markers import table_of
+from skelgen_formats.options import AUTO, AXES, RATE, Option
+from skelgen_formats.parts import PARTS
 
 SNIFF_BYTES = 4096
 """How much of a file's beginning the sniffers are shown."""
 
-
-@dataclass(frozen=True)
-class Option:
-    """A choice that a reader or writer offers; given by name to `read_take` and `write_file`.
-
-    Attributes
-    ----------
-    name : str
-        Keyword, e.g. ``timestamp_unit``.
-    default : object
-        Value when nobody says otherwise.
-    help : str
-        One sentence for the user.
-    choices : tuple of str
-        Allowed values, empty for any.
-    reading : bool
-        Whether the reader takes it too, not only the writer.
-    unit : str
-        Unit of a number.
-    low, high : float or None
-        Bounds of a number.
-    """
-
-    name: str
-    default: Any
-    help: str
-    choices: tuple[str, ...] = ()
-    reading: bool = True
-    unit: str = ""
-    low: float | None = None
-    high: float | None = None
-
-    @property
-    def declaration(self) -> Declaration:
-        """The option as parameters are declared: for forms, and to check values."""
-        kind = str if self.default is None else type(self.default)
-        bounds: dict[str, Any] = {"unit": self.unit, "low": self.low, "high": self.high}
-        return Declaration(self.name, kind, self.default, self.help, choices=self.choices, **bounds)
+_EARLIER_NAMES = {"seed-xml": "classic-xml"}  # of formats in skelgen 0.1, which scripts may still use
 
 
 @dataclass(frozen=True)
@@ -101,7 +64,9 @@ class Format:
     states_axes : bool
         Whether the writer is told the option ``axes``, obeyed already, since the file states which axis is up.
     read_motion : callable (path, skeleton, unit) -> BoneMotion, or None
-        Reader of bones in motion, which are no take; see `skelgen_formats.motions`.
+        Reader of bones in motion, which are no take; see `read_motion`.
+    filled_mark : str
+        How filled positions differ from measured ones in the file; empty where the format cannot mark them.
     """
 
     name: str
@@ -119,6 +84,7 @@ class Format:
     remarks: Callable[[Project, Mapping[str, Any]], tuple[str, ...]] = lambda project, options: ()
     states_axes: bool = False
     read_motion: Callable[..., BoneMotion] | None = None
+    filled_mark: str = ""
 
 
 def known_formats() -> tuple[Format, ...]:
@@ -131,7 +97,7 @@ def known_formats() -> tuple[Format, ...]:
 def find_format(name: str) -> Format:
     """Return the format called `name`, or raise `WriteError` that lists the names."""
     for entry in known_formats():
-        if entry.name == name:
+        if entry.name == _EARLIER_NAMES.get(name, name):
             return entry
     names = ", ".join(entry.name for entry in known_formats())
     raise WriteError(f"there is no format {name!r}; formats are {names}")
@@ -240,11 +206,11 @@ def write_as(
         raise WriteError(f"the format {entry.name} can only be read")
     clean = checked_options(entry, options)
     monitor.begin(f"writing {path.name}")
-    timed = with_rate(value, clean.pop(RATE_NAME, AS_RECORDED_RATE))
-    axes = clean.pop(AXES_NAME, AS_RECORDED)
+    timed = with_rate(value, clean.pop(RATE.name, AS_RECORDED_RATE))
+    axes = clean.pop(AXES.name, AS_RECORDED)
     turned = with_up_axis(timed, axes)
     if entry.states_axes:
-        clean[AXES_NAME] = axes
+        clean[AXES.name] = axes
     return entry.write(turned, path, monitor=monitor, **clean)
 
 
@@ -286,3 +252,106 @@ def _by_suffix_for_writing(path: Path) -> Format:
         return max(fitting, key=lambda pair: pair[0])[1]  # .poses.csv says more than .csv
     suffixes = " ".join(suffix for entry in writable for suffix in entry.suffixes)
     raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}")
+
+
+def read_motion(
+    path: Path | str, skeleton: Path | str | None = None, unit: str = AUTO, rate: float | None = None
+) -> BoneMotion:
+    """Read a motion of bones; the suffix tells the format.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file.
+    skeleton : Path or str, optional
+        File of the bones, for formats that keep them apart; by default looked for in the same folder.
+    unit : str
+        Unit of lengths where the file states none: mm, cm, m, in, a number of mm, or auto.
+    rate : float, Hz, optional
+        Frame rate, where the file states none or a wrong one.
+
+    Raises
+    ------
+    FormatError
+        If the file is not a motion, or damaged; with the line.
+    ParameterError
+        If an option does not belong to the format.
+    """
+    path = Path(path)
+    motions = [entry for entry in known_formats() if entry.read_motion is not None]
+    for entry in motions:
+        if entry.read_motion is not None and path.name.lower().endswith(entry.suffixes):
+            motion = entry.read_motion(path, skeleton=Path(skeleton) if skeleton else None, unit=unit)
+            return motion if rate is None else replace(motion, rate=check_rate(rate, path.name))
+    known = ", ".join(f"{entry.title} ({' '.join(entry.suffixes)})" for entry in motions)
+    raise FormatError(path, "", f"no motion of bones is known by this suffix; there are {known}")
+
+
+def marking_sentence(entry: Format, path: Path) -> str:
+    """Say how filled positions differ from measured ones in a file, for the user who exports it."""
+    table = table_of(path).name
+    if entry.filled_mark:
+        return f"{path.name}: {entry.filled_mark}; {table} says from what they are filled and how surely"
+    return f"{path.name}: {entry.title} cannot mark filled positions; {table} beside it says which they are"
+
+
+COLUMNS = ("name", "title", "suffixes", "holds", "read", "write", "options", "note")
+"""Titles of the table's columns."""
+
+_HEAD = """# File formats
+
+Generated from the formats' declarations by `skelgen_formats.registry.formats_markdown`; do not edit by hand.
+
+A file is recognised by its content first and by its suffix second; `--format NAME` skips that. Inside skelgen
+everything is in mm, s and rad; a reader converts from the unit that the file names. Unseen markers are NaN inside.
+Beside these formats `skelgen` reads its own [project file](project-file.md), and settings of a stereo capture, whose
+images become points ([from images to a skeleton](capture/pipeline.md)).
+What is read "as motion" holds bones without markers: `skelgen simulate --motion` [puts markers on
+them](how-to/motions.md).
+"""
+
+_KEPT_HEAD = """## What a written file keeps
+
+All else that a project holds is lost; the project file `.skelgen` keeps everything.
+"""
+
+
+def formats_table() -> list[tuple[str, ...]]:
+    """Return one row of texts per format, in the order of `COLUMNS`."""
+    return [format_row(entry) for entry in known_formats()]
+
+
+def formats_markdown() -> str:
+    """Return the text of docs/formats.md."""
+    rows = [COLUMNS, tuple("---" for _ in COLUMNS), *formats_table()]
+    table = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
+    options = "\n".join(
+        f"- **{entry.name}** {_described(option)}" for entry in known_formats() for option in entry.options
+    )
+    return f"{_HEAD}\n{table}\n\n## Options\n\n{options}\n\n{_KEPT_HEAD}\n{_kept_table()}\n"
+
+
+def _kept_table() -> str:
+    written = [entry for entry in known_formats() if entry.write is not None]
+    rows = [("", *(entry.name for entry in written)), ("---",) * (len(written) + 1)]
+    rows += [(part.title, *("yes" if part.name in entry.keeps else "" for entry in written)) for part in PARTS]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def format_row(entry: Format) -> tuple[str, ...]:
+    """Return the texts of one format, in the order of `COLUMNS`."""
+    return (
+        entry.name,
+        entry.title,
+        " ".join(entry.suffixes),
+        entry.holds,
+        "yes" if entry.read else "as motion" if entry.read_motion else "",
+        "yes" if entry.write else "",
+        ", ".join(option.name for option in entry.options),
+        entry.note,
+    )
+
+
+def _described(option: Option) -> str:
+    choices = f" ({' | '.join(option.choices)})" if option.choices else ""
+    return f"`{option.name}`, default `{option.default}`{choices}: {option.help}"

@@ -21,7 +21,7 @@ from skelgen.files import replacing
 from skelgen.model import Limbs, PointCloud, Project, Skeleton, Take
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.joints_csv import joint_names
+from skelgen_formats.motion_csv import joint_names
 from skelgen_formats.registry import Format
 
 SCHEMA = "skelgen-summary-1"

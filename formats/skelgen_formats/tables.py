@@ -19,11 +19,10 @@ from skelgen.files import arriving_together, replacing
 from skelgen.model import Project, Take
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.csv_rows import write_csv
-from skelgen_formats.finished import finished_project
-from skelgen_formats.joints_csv import joint_names
+from skelgen_formats.motion_csv import joint_names, write_csv
+from skelgen_formats.options import AXES, RATE, UNIT, per_mm
+from skelgen_formats.parts import finished_project
 from skelgen_formats.registry import Format
-from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 CSV_SUFFIX, PARQUET_SUFFIX = ".table.csv", ".parquet"
 TABLES = ("markers", "joints", "angles")

@@ -27,21 +27,19 @@ from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.filled_markers import (
-    FILLED,
+from skelgen_formats.markers import (
     check_markers,
+    check_writable_names,
     marker_files,
     markers_to_write,
-    positions_of,
-    write_table,
-)
-from skelgen_formats.markers import (
-    check_writable_names,
     mm_per_unit,
+    positions_of,
     scaled,
     take_from_markers,
+    write_table,
     zeros_unseen,
 )
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, per_mm
 from skelgen_formats.registry import Format
 from skelgen_formats.text import (
     count_in,
@@ -51,7 +49,6 @@ from skelgen_formats.text import (
     read_lines,
     without_trailing_empty,
 )
-from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names

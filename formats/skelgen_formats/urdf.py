@@ -31,9 +31,9 @@ from skelgen_formats.articulated import (
     plain_names,
     remarks_on_joints,
 )
-from skelgen_formats.csv_rows import write_motion
+from skelgen_formats.motion_csv import write_motion
+from skelgen_formats.options import AXES, RATE
 from skelgen_formats.registry import Format
-from skelgen_formats.world import AXES, RATE
 from skelgen_formats.xml_files import number_text, write_tree
 
 MODEL_SUFFIX, MOTION_SUFFIX = ".urdf", ".urdf.csv"

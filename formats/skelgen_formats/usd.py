@@ -24,11 +24,16 @@ from skelgen.geometry.up_axis import AS_RECORDED
 from skelgen.model import Project, Skeleton, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.animations import animated_project, bone_name, check_single_precision, lost_in_animations
-from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
-from skelgen_formats.markers import MM_PER_UNIT
+from skelgen_formats.bones import (
+    animated_project,
+    bone_name,
+    bone_transforms,
+    check_single_precision,
+    lost_in_animations,
+    xyzw_from_matrix,
+)
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, per_mm
 from skelgen_formats.registry import Format
-from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _TITLE = "USD"
 _UP = {AS_RECORDED: "Z", "z-to-y": "Y", "y-to-z": "Z"}

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skelgen_formats.filled_markers import FILLED, marking_sentence
 from skelgen_formats.markers import trajectories_of
+from skelgen_formats.options import FILLED, RATE
 from skelgen_formats.parts import PARTS, parts_in
 from skelgen_formats.registry import (
-    RATE_NAME,
     Format,
     checked_options,
     format_for_writing,
     known_formats,
+    marking_sentence,
     write_as,
     write_file,
 )
 
-from skelgen.app.report.wording import counted, listed
+from skelgen.app.drawing.wording import counted, listed
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE, n_frames_at
@@ -131,7 +131,7 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
         return Preview(obstacle=obstacle)
     files = tuple(Planned(file, file.exists()) for file in entry.files(path, options))
     remarks = remarks_on(project, entry, path, options)
-    rate = float(checked_options(entry, options).get(RATE_NAME, AS_RECORDED_RATE))
+    rate = float(checked_options(entry, options).get(RATE.name, AS_RECORDED_RATE))
     return Preview(files, _contents(project, entry, rate), remarks)
 
 

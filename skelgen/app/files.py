@@ -10,19 +10,21 @@ from pathlib import Path
 from typing import Any
 
 from skelgen_formats.identities_csv import read_identities
+from skelgen_formats.options import Option
 from skelgen_formats.registry import (
+    COLUMNS,
     SNIFF_BYTES,
     Format,
-    Option,
     checked_options,
     find_format,
     format_for_writing,
+    format_row,
+    formats_table,
     known_formats,
     read_take,
     recognise,
     write_file,
 )
-from skelgen_formats.table import COLUMNS, format_row, formats_table
 
 from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.app.project_file.references import source_of
@@ -165,7 +167,7 @@ def readable_formats() -> tuple[Format, ...]:
 
 
 def format_rows() -> list[dict[str, str]]:
-    """Return one row per format, with the columns of `skelgen_formats.table` as keys; the project file comes last."""
+    """Return one row per format, keys as in `skelgen_formats.registry.COLUMNS`; the project file comes last."""
     return [dict(zip(COLUMNS, row, strict=True)) for row in (*formats_table(), format_row(STEREO), _PROJECT_ROW)]
 
 

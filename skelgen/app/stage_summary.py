@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.app.advice import REMEDIES, doubtful_share, left_out_share
-from skelgen.app.report.wording import counted
+from skelgen.app.drawing.wording import counted
 from skelgen.model import PointCloud, Poses, Project, Take
 
 MOST_POINTERS = 200

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from skelgen.app.drawing import svg
+from skelgen.app.drawing.wording import counted
 from skelgen.app.files import write_html
-from skelgen.app.report import svg
-from skelgen.app.report.figure_curves import Axes
-from skelgen.app.report.wording import counted
+from skelgen.app.report.curves import Axes
 from skelgen.benchmark.machine import machine_line
 from skelgen.evaluation import Table
 

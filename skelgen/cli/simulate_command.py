@@ -104,7 +104,7 @@ def _refuse(wishes: dict[str, Any]) -> None:
 
 
 def _recorded(motion: Path, stated: dict[str, Any], wishes: dict[str, Any], rate: float | None) -> RecordedBody:
-    from skelgen_formats.motions import read_motion
+    from skelgen_formats.registry import read_motion
 
     from skelgen.simulation import BoneParameters, SimulationParameters, recorded_body
 

@@ -80,7 +80,7 @@ def test_formats_keep_parts_that_there_are(name):
         ("c3d", "10 markers in 12 frames at 100 Hz"),
         ("joints-csv", "2 joints in 12 frames at 100 Hz"),
         ("angles-csv", "2 joints in 12 frames at 100 Hz"),
-        ("seed-xml", "10 markers, 3 limbs and 2 joints in 12 frames at 100 Hz"),
+        ("classic-xml", "10 markers, 3 limbs and 2 joints in 12 frames at 100 Hz"),
         ("summary-json", "10 markers, 3 limbs and 2 joints"),
     ],
 )
@@ -121,7 +121,7 @@ def test_what_is_lost_is_said(small_project, tmp_path):
         "which limb, the angles of the joints with their deviations, kinds and axes of the joints, how sure the joints "
         "are and how the limbs turn.",
     )
-    assert remarks("seed-xml") == (
+    assert remarks("classic-xml") == (
         "Skeleton and motion, XML does not hold the angles of the joints with their deviations.",
     )
     assert remarks("report") == ()
@@ -178,7 +178,7 @@ class CancellingMonitor:
 
 
 @pytest.mark.parametrize("left", [0, 1])
-@pytest.mark.parametrize("name", ["trc", "csm", "mfml", "seed-xml", "cal3d", "joints-csv", "angles-csv"])
+@pytest.mark.parametrize("name", ["trc", "csm", "mfml", "classic-xml", "cal3d", "joints-csv", "angles-csv"])
 def test_cancelling_leaves_what_was_there(make_project, tmp_path, name, left):
     entry, project = entry_of(name), make_project(n_frames=600)
     path = export_path(tmp_path, "walk", entry)

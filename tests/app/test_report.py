@@ -11,12 +11,13 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from skelgen.app.report import measures, report_html, svg, write_report
-from skelgen.app.report.colours import limb_colour, ramp_rgba
+from skelgen.app.drawing import measures, svg
+from skelgen.app.drawing.colours import limb_colour, ramp_rgba
+from skelgen.app.drawing.wording import counted, digits, duration, percent, shortened
+from skelgen.app.report import report_html, write_report
 from skelgen.app.report.contents import report_content
-from skelgen.app.report.figure_pose import find_views
-from skelgen.app.report.png import png_uri
-from skelgen.app.report.wording import counted, digits, duration, percent, shortened
+from skelgen.app.report.matrix import png_uri
+from skelgen.app.report.pose import find_views
 from skelgen.errors import WriteError
 from skelgen.model import (
     Joint,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from skelgen_formats.motions import read_motion
+from skelgen_formats.registry import read_motion
 
 from skelgen.errors import FormatError, InputError, ParameterError
 from skelgen.simulation import recorded_body, simulate

@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from skelgen_formats import angles_csv
+from skelgen_formats import motion_csv as angles_csv
 from skelgen_formats.registry import write_file
 
 from skelgen.errors import WriteError
@@ -36,7 +36,7 @@ def test_every_frame_has_its_angles_and_deviations(rows, small_project):
 
 
 def test_long_takes_are_written_in_parts_that_fit(rows, small_project, tmp_path, monkeypatch):
-    monkeypatch.setattr(angles_csv, "_CHUNK_FRAMES", 5)
+    monkeypatch.setattr(angles_csv, "_ANGLE_CHUNK", 5)
     path = write_file(small_project, tmp_path / "parts.angles.csv")[0]
     assert list(csv.reader(path.read_text().splitlines())) == rows
 

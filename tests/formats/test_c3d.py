@@ -8,7 +8,7 @@ import c3d as independent
 import ezc3d
 import numpy as np
 import pytest
-from skelgen_formats.c3d_layout import BLOCK, dec_floats, read_layout
+from skelgen_formats.c3d.layout import BLOCK, dec_floats, read_layout
 from skelgen_formats.registry import read_take, write_file
 
 from skelgen.errors import WriteError

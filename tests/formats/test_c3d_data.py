@@ -6,8 +6,8 @@ import resource
 
 import numpy as np
 import pytest
-from skelgen_formats.c3d import write_points
-from skelgen_formats.c3d_data import write_frames
+from skelgen_formats.c3d.reader import write_points
+from skelgen_formats.c3d.writer import write_frames
 
 from skelgen.model import Trajectories
 from skelgen.model.filled import Source

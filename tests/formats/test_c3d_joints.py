@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from skelgen_formats.joints_csv import joint_names
+from skelgen_formats.motion_csv import joint_names
 from skelgen_formats.registry import read_take, write_file
 
 from skelgen.errors import WriteError

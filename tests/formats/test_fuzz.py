@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from skelgen_formats.motions import read_motion
-from skelgen_formats.registry import known_formats, read_take
+from skelgen_formats.registry import known_formats, read_motion, read_take
 
 from skelgen.errors import SkelgenError
 from skelgen.simulation import recorded_body

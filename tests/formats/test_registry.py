@@ -4,8 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from skelgen_formats.registry import known_formats, read_take, recognise, write_file
-from skelgen_formats.table import COLUMNS, formats_markdown, formats_table
+from skelgen_formats.registry import (
+    COLUMNS,
+    formats_markdown,
+    formats_table,
+    known_formats,
+    read_take,
+    recognise,
+    write_file,
+)
 
 from skelgen.errors import FormatError, WriteError
 from skelgen.model import PointCloud, Project, Trajectories
@@ -163,7 +170,7 @@ def test_table_has_a_row_for_every_format():
 def test_page_of_formats_is_up_to_date():
     page = Path(__file__).parents[2] / "docs" / "formats.md"
     assert page.read_text(encoding="utf-8") == formats_markdown(), (
-        "write skelgen_formats.table.formats_markdown() to docs/formats.md"
+        "write skelgen_formats.registry.formats_markdown() to docs/formats.md"
     )
 
 

@@ -22,7 +22,10 @@ def offering(name):
 
 
 def test_every_format_with_positions_for_other_programs_offers_axes():
-    markers, skeletons = {"c3d", "trc", "csm"}, {"seed-xml", "cal3d", "bvh", "gltf", "usd", "opensim", "urdf", "mjcf"}
+    markers, skeletons = (
+        {"c3d", "trc", "csm"},
+        {"classic-xml", "cal3d", "bvh", "gltf", "usd", "opensim", "urdf", "mjcf"},
+    )
     tables = {"joints-csv", "poses-csv", "table-csv", "table-parquet", "c3d-joints"}
     assert set(offering("axes")) == markers | skeletons | tables
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from skelgen_formats.bvh import write_bvh
-from skelgen_formats.motions import read_motion
+from skelgen_formats.registry import read_motion
 
 import skelgen
 from skelgen.errors import InputError, ParameterError

@@ -7,7 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QImage, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
-from skelgen.app.report.colours import limb_colour
+from skelgen.app.drawing.colours import limb_colour
 from skelgen.capture.values import Image
 from skelgen.model.arrays import Floats
 from skelgen_gui.capture.overlay import NO_BODY, Eye

@@ -9,8 +9,8 @@ import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QImage, QPainter, QPalette, QPen
 
-from skelgen.app.report.colours import ramp_rgba
-from skelgen.app.report.wording import plain
+from skelgen.app.drawing.colours import ramp_rgba
+from skelgen.app.drawing.wording import plain
 from skelgen_gui.model.matrix import Matrix, Placed, Region
 from skelgen_gui.widgets.painting import image_of
 from skelgen_gui.widgets.theme import blended, colour_of_limb

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
-from skelgen.app.report.measures import residual_per_frame
+from skelgen.app.drawing.measures import residual_per_frame
 from skelgen.kinematics.angles import angle_names, joint_angles
 from skelgen.kinematics.inverse import posture_of
 from skelgen.model import Project

@@ -9,8 +9,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.app.report.measures import subtree_markers
-from skelgen.app.report.wording import percent
+from skelgen.app.drawing.measures import subtree_markers
+from skelgen.app.drawing.wording import percent
 from skelgen.model import PointCloud, Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Doubt

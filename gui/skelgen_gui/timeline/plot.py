@@ -6,8 +6,8 @@ import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPalette, QPen
 
-from skelgen.app.report.svg import ticks
-from skelgen.app.report.wording import digits, plain
+from skelgen.app.drawing.svg import ticks
+from skelgen.app.drawing.wording import digits, plain
 from skelgen.model.arrays import Floats
 from skelgen_gui.model.curves import Curve, Panel
 from skelgen_gui.timeline.span import VisibleSpan

@@ -17,7 +17,7 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QWidget
 
-from skelgen.app.report.wording import digits
+from skelgen.app.drawing.wording import digits
 from skelgen.model import Project, Take
 from skelgen_gui.model.curves import Curve, Panel, joint_panels, residual_curve, residual_panel
 from skelgen_gui.project.deriving import Deriver

@@ -8,7 +8,7 @@ from PySide6.QtCore import QEvent, QPointF, QRectF, Qt
 from PySide6.QtGui import QAction, QColor, QIcon, QPainter, QPainterPath, QPalette, QPixmap, QPolygonF
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QSpinBox, QToolButton, QWidget
 
-from skelgen.app.report.wording import plain
+from skelgen.app.drawing.wording import plain
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.player import SPEEDS, Player
 from skelgen_gui.timeline.span import clock

@@ -8,7 +8,7 @@ from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QColor, QGuiApplication, QPalette
 from PySide6.QtWidgets import QApplication
 
-from skelgen.app.report.colours import limb_colour
+from skelgen.app.drawing.colours import limb_colour
 from skelgen_gui.widgets.preferences import Preferences
 
 PROBLEM_ROLE = QPalette.ColorRole.BrightText

@@ -23,8 +23,8 @@ from skelgen.app.batch.records import (
 from skelgen.app.batch.takes import Entry, find_entries
 from skelgen.app.batch.work import Job, Outcome, blank_record, check_formats
 from skelgen.app.batch.workers import in_processes
+from skelgen.app.drawing.wording import counted, duration, millimetres
 from skelgen.app.files import write_html
-from skelgen.app.report.wording import counted, duration, millimetres
 from skelgen.errors import InputError, WriteError
 from skelgen.progress import SILENT, Monitor
 

@@ -284,7 +284,7 @@ def _output_of(name: str) -> Output:
 
 
 def _write_picture(project: Project, path: Path) -> None:
-    from skelgen.app.report.figure_pose import small_figure  # noqa: PLC0415 - the report's templates take time to load
+    from skelgen.app.report.pose import small_figure  # noqa: PLC0415 - the report's templates take time to load
 
     path.write_text(small_figure(project, _PICTURE_SIDE), encoding="utf-8", errors="replace")
 

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+import platform
 from collections import Counter
+from collections.abc import Mapping
+from importlib import metadata
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
+import skelgen
 from skelgen.app.advice import doubtful_share
+from skelgen.app.drawing import measures, svg
+from skelgen.app.drawing.colours import limb_colour
+from skelgen.app.drawing.wording import counted, digits, duration, listed, millimetres, percent, plain
 from skelgen.app.export import fill_project
-from skelgen.app.report import measures, svg
-from skelgen.app.report.colours import limb_colour
-from skelgen.app.report.figure_costs import cost_graph
-from skelgen.app.report.figure_curves import deviation_bars, points_figure, residual_figure
-from skelgen.app.report.figure_gaps import gaps_figure
-from skelgen.app.report.figure_matrix import cost_figure, deviation_figure
-from skelgen.app.report.figure_pose import pose_figures
-from skelgen.app.report.figure_tree import joint_sign, tree_figure
+from skelgen.app.report.curves import deviation_bars, points_figure, residual_figure
 from skelgen.app.report.joints import joints_content
 from skelgen.app.report.labels import labels_content
-from skelgen.app.report.run_facts import stage_tables, versions
-from skelgen.app.report.wording import counted, digits, duration, listed, millimetres, percent, plain
+from skelgen.app.report.matrix import cost_figure, deviation_figure
+from skelgen.app.report.pose import pose_figures
+from skelgen.app.report.timelines import gaps_figure
+from skelgen.app.report.tree import cost_graph, joint_sign, tree_figure
+from skelgen.app.stages import PIPELINE, Stage
 from skelgen.app.tables import column_rows
-from skelgen.model import PointCloud, Poses, Project
+from skelgen.model import PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import Source
 from skelgen.model.skeleton import JOINT_KINDS
 from skelgen.progress import SILENT, Monitor
@@ -292,3 +295,52 @@ def _interpolated(project: Project) -> str:
         f"{percent(float(unseen.mean()))} of the limb rotations are interpolated in time because too few markers were "
         f"seen; most often limb {worst}, in {counted(int(unseen[:, worst].sum()), 'frame')}."
     )
+
+
+Row = dict[str, Any]
+
+_LIBRARIES = ("numpy", "scipy")
+
+
+def stage_tables(project: Project) -> list[Row]:
+    """Return, for each stage that has run: its name, purpose, time, share of the whole time, and parameters."""
+    whole = sum(report.seconds for report in project.reports.values())
+    ran = [(stage, project.reports[stage.name]) for stage in PIPELINE if stage.name in project.reports]
+    return [
+        {
+            "name": stage.name,
+            "summary": stage.summary,
+            "seconds": duration(report.seconds) if report.seconds else "–",  # a batch keeps times apart
+            "share": report.seconds / whole if whole > 0 else 0.0,
+            "parameters": _parameters(stage, report),
+        }
+        for stage, report in ran
+    ]
+
+
+def versions() -> list[tuple[str, str]]:
+    """Return the versions that the result depends on."""
+    libraries = [(name, metadata.version(name)) for name in _LIBRARIES]
+    return [("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())]
+
+
+def _parameters(stage: Stage, report: StageReport) -> list[Row]:
+    if not report.parameters:
+        return []
+    declared = {each.name: each for each in stage.parameters_class().declarations()}
+    return [_row(name, value, declared) for name, value in report.parameters.items()]
+
+
+def _row(name: str, value: Any, declared: Mapping[str, Any]) -> Row:
+    row: Row = {"name": name, "value": _shown(value), "unit": "", "default": "", "help": "", "changed": False}
+    if name in declared:
+        entry = declared[name]
+        row |= {"unit": entry.unit, "default": _shown(entry.default), "help": entry.help}
+        row["changed"] = value != entry.default
+    return row
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return plain(value) if isinstance(value, float) else str(value)

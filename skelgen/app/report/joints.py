@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from skelgen.app.report import measures
-from skelgen.app.report.figure_angles import angle_figure
-from skelgen.app.report.figure_lengths import common_reach, spread_figure
-from skelgen.app.report.wording import digits, fixed, plain
+from skelgen.app.drawing import measures
+from skelgen.app.drawing.wording import digits, fixed, plain
+from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
 from skelgen.kinematics.angles import angle_names
 from skelgen.kinematics.inverse import Posture, posture_of
 from skelgen.kinematics.joint_motion import AngleRange, angle_ranges, told_frames

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
-from skelgen.app.report.figure_confidence import confidence_figure
-from skelgen.app.report.figure_tracklets import owners_figure, tracks_figure
-from skelgen.app.report.wording import counted, duration, percent
+from skelgen.app.drawing.wording import counted, duration, percent
+from skelgen.app.report.timelines import confidence_figure
+from skelgen.app.report.tracklets import owners_figure, tracks_figure
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.labelling import Doubt, Finding, seen_runs
 

@@ -16,7 +16,7 @@ from skelgen_gui.project.session import Selection
 from skelgen_gui.view3d.colours import Colours
 from skelgen_gui.widgets.theme import doubt_colour, theme_palette
 
-from skelgen.app.report.colours import limb_colour
+from skelgen.app.drawing.colours import limb_colour
 from skelgen.model import Project
 
 SAME_HUE = 16  # degrees: light and fog change a colour, but hardly its hue

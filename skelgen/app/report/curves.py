@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from skelgen.app.report import measures, svg
-from skelgen.app.report.wording import clipped, digits, plain
+from skelgen.app.drawing import measures, svg
+from skelgen.app.drawing.measures import Length
+from skelgen.app.drawing.wording import clipped, digits, plain
 from skelgen.model import Motion, PointCloud
 from skelgen.model.arrays import Floats
 
@@ -146,3 +147,91 @@ def _bar(axes: Axes, row: measures.MarkerDeviation, x: float, step: float) -> Ma
         name,
         cls=f"limb{row.limb}",
     )
+
+
+_ANGLES_HEIGHT, _ANGLES_BOTTOM = 220.0, 36.0
+_ANGLES_MOST_BINS = 300  # three curves and their bands of that many stretches are some 40 kB
+_SURE = 1.96  # standard deviations: 95 % of a normal distribution
+_LEAST_HEIGHT = 1.0  # deg
+
+
+def angle_figure(times: Floats, angles: Floats, stds: Floats, names: tuple[str, ...]) -> Markup:
+    """Draw the angles of one joint.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_frames,), s
+        Rising.
+    angles, stds : ndarray, shape (n_frames, n_angles), deg
+        Angles and their standard deviations.
+    names : tuple of str
+        Of the angles.
+    """
+    low, high = float((angles - _SURE * stds).min()), float((angles + _SURE * stds).max())
+    margin = max(0.04 * (high - low), _LEAST_HEIGHT / 2)
+    axes = Axes(
+        _WIDTH,
+        _ANGLES_HEIGHT,
+        _ANGLES_BOTTOM,
+        max(float(times[-1]), np.finfo(np.float64).eps),
+        high + margin,
+        low - margin,
+    )
+    parts = [axes.frame("angle [deg]", "time [s]")]
+    for number, (angle, std) in enumerate(zip(angles.T, stds.T, strict=True)):
+        parts.append(_band(axes, times, angle, std, f"angle{number}"))
+    for number, name in enumerate(names):
+        x = axes.width - 10 - 215 * (len(names) - number)
+        parts += [svg.line(x, 8, x + 18, 8, f"angle{number} curve thick"), svg.text(x + 24, 12, name, "small")]
+    return svg.drawing(_WIDTH, _ANGLES_HEIGHT, "Joint angles over time", *parts, least=_LEAST_WIDTH)
+
+
+def _band(axes: Axes, times: Floats, angle: Floats, std: Floats, cls: str) -> Markup:
+    """The curve in the middle of each stretch, within the band that holds all of its intervals."""
+    centres, low, _ = measures.envelope(angle - _SURE * std, _ANGLES_MOST_BINS)
+    _, _, high = measures.envelope(angle + _SURE * std, _ANGLES_MOST_BINS)
+    at = times[np.round(centres).astype(np.intp)]
+    middle = angle[np.round(centres).astype(np.intp)]
+    across = np.array([axes.x(value) for value in at.tolist()])
+    tops, floors, line = (np.array([axes.y(value) for value in ends.tolist()]) for ends in (high, low, middle))
+    outline = svg.path_through(np.concatenate([across, across[::-1]]), np.concatenate([tops, floors[::-1]]))
+    return svg.group(
+        svg.tag("path", d=outline, cls=f"{cls} band"),
+        svg.tag("path", d=svg.path_through(across, line), cls=f"{cls} curve"),
+    )
+
+
+_SPREAD_WIDTH, _SPREAD_HEIGHT = 220.0, 20.0
+_PERCENTILES = (5, 25, 50, 75, 95)
+_MARGIN = 6.0
+
+
+def common_reach(lengths: Sequence[Length]) -> float:
+    """Return the deviation [mm] that all rows share as the end of their axis."""
+    tails = [np.abs(np.percentile(each.deviations, _PERCENTILES)).max() for each in lengths if len(each.deviations)]
+    return float(max(tails, default=0.0)) or 1.0
+
+
+def spread_figure(length: Length, reach: float) -> Markup:
+    """Draw one row: whiskers hold 90 % of the frames, the box 50 %, the line in it is the median.
+
+    Parameters
+    ----------
+    length : Length
+        The length with its deviations.
+    reach : float, mm
+        Deviation at both ends of the axis.
+    """
+    middle, half = _SPREAD_WIDTH / 2, _SPREAD_HEIGHT / 2
+    zero = svg.line(middle, 1, middle, _SPREAD_HEIGHT - 1, "zero")
+    if not len(length.deviations):
+        return svg.drawing(_SPREAD_WIDTH, _SPREAD_HEIGHT, "no frame in which both joints are known", zero)
+    quantiles = np.percentile(length.deviations, _PERCENTILES)
+    low, first, median, third, high = (middle + (middle - _MARGIN) * quantiles / reach).tolist()
+    parts = svg.group(
+        svg.line(low, half, high, half, "whisker"),
+        svg.rect(first, half - 5, max(third - first, 1.0), 10, "fill"),
+        svg.line(median, half - 6, median, half + 6, "median"),
+        cls=f"limb{length.limb}",
+    )
+    return svg.drawing(_SPREAD_WIDTH, _SPREAD_HEIGHT, "scatter of the raw distance", zero, parts)

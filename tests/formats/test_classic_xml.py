@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
+from skelgen_formats.classic_xml import read_classic_xml, write_classic_xml
 from skelgen_formats.registry import read_take, write_file
-from skelgen_formats.seed_xml import read_seed_xml, write_seed_xml
 
 from skelgen.errors import FormatError, MissingResultError, SkelgenError, WriteError
 from skelgen.model import Project, StageReport, Trajectories
@@ -22,7 +22,7 @@ KB_PER_MB = 1024  # ru_maxrss counts kilobytes
 
 @pytest.fixture(scope="module")
 def file(small_project, tmp_path_factory):
-    return write_seed_xml(small_project, tmp_path_factory.mktemp("xml") / "walk.xml")[0]
+    return write_classic_xml(small_project, tmp_path_factory.mktemp("xml") / "walk.xml")[0]
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_file_is_well_formed_with_the_parts_of_the_seed_in_order(tree):
 
 
 def test_motion_comes_back(file, small_project):
-    back = read_seed_xml(file).motion
+    back = read_classic_xml(file).motion
     assert_close(back.world_from_limb, small_project.motion.world_from_limb)
     assert_close(back.joint_positions, small_project.motion.joint_positions)
     assert_close(back.marker_positions, small_project.motion.marker_positions)
@@ -57,7 +57,7 @@ def test_motion_comes_back(file, small_project):
 
 
 def test_skeleton_comes_back(file, small_project):
-    back, made = read_seed_xml(file).skeleton, small_project.skeleton
+    back, made = read_classic_xml(file).skeleton, small_project.skeleton
     assert np.array_equal(back.parents, made.parents)
     assert np.array_equal(back.limb_of_marker, made.limb_of_marker)
     assert_close(back.marker_offsets, made.marker_offsets)
@@ -66,7 +66,7 @@ def test_skeleton_comes_back(file, small_project):
 
 
 def test_joints_come_back(file, small_project):
-    for back, made in zip(read_seed_xml(file).skeleton.joints, small_project.skeleton.joints, strict=True):
+    for back, made in zip(read_classic_xml(file).skeleton.joints, small_project.skeleton.joints, strict=True):
         assert (back.parent, back.child, back.kind) == (made.parent, made.child, made.kind)
         assert_close(back.position_in_parent, made.position_in_parent)
         assert_close(back.std, made.std)
@@ -74,7 +74,7 @@ def test_joints_come_back(file, small_project):
 
 
 def test_deviations_come_back(file, small_project):
-    back, made = read_seed_xml(file).skeleton, small_project.skeleton
+    back, made = read_classic_xml(file).skeleton, small_project.skeleton
     assert_close(back.offset_std[:-1], made.offset_std[:-1])
     assert np.array_equal(back.marker_noise[:-1], made.marker_noise[:-1])
     for found, joint in zip(back.joints, made.joints, strict=True):
@@ -89,7 +89,7 @@ def test_deviations_that_were_not_estimated_are_not_there(small_project, tmp_pat
     joints = tuple(replace(joint, **bare) for joint in small_project.skeleton.joints)
     skeleton = replace(small_project.skeleton, joints=joints, offset_std=None, marker_noise=None)
     project = small_project.with_skeleton(skeleton, small_project.motion, StageReport())
-    back = read_seed_xml(write_seed_xml(project, tmp_path / "bare.xml")[0]).skeleton
+    back = read_classic_xml(write_classic_xml(project, tmp_path / "bare.xml")[0]).skeleton
     assert back.offset_std is None
     assert back.joints[0].covariance is None
     assert back.joints[0].std_in_child is None
@@ -101,7 +101,7 @@ def test_both_axes_of_a_universal_joint_come_back(small_project, tmp_path):
     joints = (replace(first, kind="universal", **axes), *others)
     skeleton = replace(small_project.skeleton, joints=joints)
     project = small_project.with_skeleton(skeleton, small_project.motion, StageReport())
-    back = read_seed_xml(write_seed_xml(project, tmp_path / "two.xml")[0]).skeleton.joints
+    back = read_classic_xml(write_classic_xml(project, tmp_path / "two.xml")[0]).skeleton.joints
     assert back[0].kind == "universal"
     assert_close(back[0].axis, axes["axis"])
     assert_close(back[0].second_axis, axes["second_axis"])
@@ -109,24 +109,24 @@ def test_both_axes_of_a_universal_joint_come_back(small_project, tmp_path):
 
 
 def test_tracked_markers_come_back_exactly_with_their_names_and_gaps(file, small_project):
-    back = read_seed_xml(file).trajectories
+    back = read_classic_xml(file).trajectories
     assert np.array_equal(back.positions, small_project.trajectories.positions, equal_nan=True)
     assert back.names == small_project.trajectories.names
     assert back.name == small_project.name
 
 
 def test_raw_joints_come_back_exactly_with_unknown_frames(file, small_project):
-    back = read_seed_xml(file).raw_joint_positions
+    back = read_classic_xml(file).raw_joint_positions
     assert np.array_equal(back, small_project.topology.raw_joint_positions, equal_nan=True)
 
 
 def test_file_is_recognised_and_read_as_a_take(file, small_project):
-    assert isinstance(read_take(file, "seed-xml"), Trajectories)
+    assert isinstance(read_take(file, "classic-xml"), Trajectories)
     assert read_take(file).n_markers == small_project.trajectories.n_markers
 
 
 def test_offsets_are_relative_to_the_center_of_mass_of_the_limb(file, small_project):
-    offsets = read_seed_xml(file).offsets_from_center
+    offsets = read_classic_xml(file).offsets_from_center
     for limb in range(small_project.skeleton.n_limbs):
         markers = small_project.skeleton.markers_of(limb)
         assert_close(offsets[markers].mean(axis=0), 0.0)
@@ -152,7 +152,7 @@ def test_left_out_marker_keeps_its_tracked_positions_only(tree):
 
 
 def test_statistics_are_mean_and_deviation_of_marker_joint_distances(file, small_project):
-    stats = read_seed_xml(file).joint_stats[1]
+    stats = read_classic_xml(file).joint_stats[1]
     tracked, raw = small_project.trajectories.positions, small_project.topology.raw_joint_positions[:, 1]
     for one in (*stats.first, *stats.second):
         distances = np.linalg.norm(tracked[:, one.marker] - raw, axis=1)
@@ -164,13 +164,13 @@ def test_statistics_are_mean_and_deviation_of_marker_joint_distances(file, small
 
 def test_several_roots_and_a_single_frame_come_back(make_project, tmp_path):
     project = make_project(parents=(-1, 0, -1, 2), n_frames=1)
-    back = read_seed_xml(write_seed_xml(project, tmp_path / "two.xml")[0])
+    back = read_classic_xml(write_classic_xml(project, tmp_path / "two.xml")[0])
     assert_close(back.motion.world_from_limb, project.motion.world_from_limb)
     assert_close(back.skeleton.reference_pose, project.skeleton.reference_pose)
 
 
 def test_same_project_gives_the_same_bytes(file, small_project, tmp_path):
-    again = write_file(small_project, tmp_path / "again.xml", "seed-xml")[0]
+    again = write_file(small_project, tmp_path / "again.xml", "classic-xml")[0]
     assert again.read_bytes() == file.read_bytes()
 
 
@@ -178,15 +178,15 @@ def test_name_that_xml_cannot_hold_is_refused_and_leaves_nothing(small_project, 
     take = replace(small_project.trajectories, names=("bad\x00", *small_project.trajectories.names[1:]))
     project = replace(small_project, _trajectories=take)
     with pytest.raises(WriteError, match="XML forbids"):
-        write_seed_xml(project, tmp_path / "x.xml")
+        write_classic_xml(project, tmp_path / "x.xml")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_take_without_skeleton_is_refused(small_project, tmp_path):
     with pytest.raises(WriteError, match="run the four stages"):
-        write_seed_xml(small_project.trajectories, tmp_path / "x.xml")
+        write_classic_xml(small_project.trajectories, tmp_path / "x.xml")
     with pytest.raises(MissingResultError):
-        write_seed_xml(Project(small_project.trajectories), tmp_path / "x.xml")
+        write_classic_xml(Project(small_project.trajectories), tmp_path / "x.xml")
 
 
 BROKEN = {
@@ -214,7 +214,7 @@ def test_broken_file_is_a_format_error_that_says_what(case, file, tmp_path):
     count = -1 if case in {"foreign", "place"} else 1
     bad.write_text(text.replace(old, new, count), encoding="utf-8")
     with pytest.raises(FormatError, match=message):
-        read_seed_xml(bad)
+        read_classic_xml(bad)
 
 
 def test_error_names_the_line(file, tmp_path):
@@ -224,7 +224,7 @@ def test_error_names_the_line(file, tmp_path):
     bad = tmp_path / "bad.xml"
     bad.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(FormatError, match=f"bad.xml:{at + 1}: <BONE> lacks the attribute BONEID"):
-        read_seed_xml(bad)
+        read_classic_xml(bad)
 
 
 def test_document_types_are_refused_so_that_no_entity_is_ever_expanded(file, tmp_path):
@@ -232,7 +232,7 @@ def test_document_types_are_refused_so_that_no_entity_is_ever_expanded(file, tmp
     text = file.read_text(encoding="utf-8")
     bad.write_text(text.replace("<MotionCapture", '<!DOCTYPE MotionCapture [<!ENTITY a "b">]>\n<MotionCapture', 1))
     with pytest.raises(FormatError, match="document type"):
-        read_seed_xml(bad)
+        read_classic_xml(bad)
 
 
 def test_missing_empty_and_truncated_files_are_format_errors(file, tmp_path):
@@ -240,7 +240,7 @@ def test_missing_empty_and_truncated_files_are_format_errors(file, tmp_path):
     (tmp_path / "cut.xml").write_bytes(file.read_bytes()[:-5000])
     for name in ("missing.xml", "empty.xml", "cut.xml"):
         with pytest.raises(FormatError, match=name):
-            read_seed_xml(tmp_path / name)
+            read_classic_xml(tmp_path / name)
 
 
 @settings(max_examples=60, deadline=None)
@@ -251,7 +251,7 @@ def test_mutated_file_is_read_or_a_skelgen_error(file, tmp_path_factory, at, len
     bad = tmp_path_factory.getbasetemp() / "mutated.xml"
     bad.write_bytes(data[:start] + patch + data[start + length :])
     try:
-        read_seed_xml(bad)
+        read_classic_xml(bad)
     except SkelgenError as error:
         assert "mutated.xml" in str(error)
 
@@ -259,18 +259,18 @@ def test_mutated_file_is_read_or_a_skelgen_error(file, tmp_path_factory, at, len
 MEMORY_SCRIPT = """
 import resource, sys
 import lxml.etree
-from skelgen_formats.seed_xml import read_seed_xml
+from skelgen_formats.classic_xml import read_classic_xml
 from pathlib import Path
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 path = Path(sys.argv[1])
 before = peak()
-read = read_seed_xml(path)
+read = read_classic_xml(path)
 print(peak() - before, path.stat().st_size // 1024, "scipy" in sys.modules)
 """
 
 
 def test_reading_takes_a_fraction_of_the_size_of_the_file(make_project, tmp_path):
-    path = write_seed_xml(make_project(n_frames=2000), tmp_path / "long.xml")[0]
+    path = write_classic_xml(make_project(n_frames=2000), tmp_path / "long.xml")[0]
     run = [sys.executable, "-c", MEMORY_SCRIPT, str(path)]
     grown, size, scipy = subprocess.run(run, capture_output=True, text=True, check=True).stdout.split()
     assert int(size) > 10 * KB_PER_MB
@@ -281,7 +281,7 @@ def test_reading_takes_a_fraction_of_the_size_of_the_file(make_project, tmp_path
 def test_writing_takes_a_fraction_of_the_size_of_the_file(make_project, tmp_path):
     project = make_project(n_frames=2000)
     tracemalloc.start()
-    path = write_seed_xml(project, tmp_path / "long.xml")[0]
+    path = write_classic_xml(project, tmp_path / "long.xml")[0]
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < path.stat().st_size / 4

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from skelgen.app.report import measures, svg
-from skelgen.app.report.colours import limb_colour
-from skelgen.app.report.wording import plain
+from skelgen.app.drawing import measures, svg
+from skelgen.app.drawing.colours import limb_colour
+from skelgen.app.drawing.wording import plain
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 

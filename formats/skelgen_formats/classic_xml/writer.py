@@ -23,9 +23,8 @@ from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
-from skelgen_formats.finished import finished_project
-from skelgen_formats.seed_xml.statistics import centers_of_mass, joint_stats
-from skelgen_formats.seed_xml.values import JointStats, MarkerDistance
+from skelgen_formats.classic_xml.contents import JointStats, MarkerDistance
+from skelgen_formats.parts import finished_project
 
 ROOT = "MotionCapture"
 TITLE = "Skeleton and motion, XML"
@@ -46,8 +45,8 @@ _TOLD_EVERY = 1000  # texts, of which some thousands are written per second
 _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
 
 
-def write_seed_xml(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
-    """Write a finished project; the file is described in `skelgen_formats.seed_xml`.
+def write_classic_xml(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
+    """Write a finished project; the file is described in `skelgen_formats.classic_xml`.
 
     Raises
     ------
@@ -280,3 +279,43 @@ def _vector(marks: str, length: int) -> str:
     """Text of a vector element with a place for each number, written with all its digits."""
     elements = "".join(f'<vec_elem val="%r" pos="{pos}"/>' for pos in range(length))
     return f'<vector length="{length}" {marks}>{elements}</vector>\n'
+
+
+def joint_stats(project: Project) -> tuple[JointStats, ...]:
+    """Return the statistics of every joint, in the order of the topology's children."""
+    topology = project.topology
+    return tuple(
+        JointStats(
+            first_bone=int(parent),
+            second_bone=int(child),
+            alpha=topology.alpha,
+            first=_marker_distances(project, int(parent), joint),
+            second=_marker_distances(project, int(child), joint),
+            n_iterations=int(topology.n_iterations[joint]),
+            value=float(topology.values[joint]),
+        )
+        for joint, (parent, child) in enumerate(topology.edges)
+    )
+
+
+def centers_of_mass(skeleton: Skeleton) -> Floats:
+    """Return the mean of each limb's marker offsets [mm] in the limb's frame, NaN without markers, (n_limbs, 3)."""
+    centers = np.full((skeleton.n_limbs, 3), np.nan)
+    for limb in range(skeleton.n_limbs):
+        offsets = skeleton.marker_offsets[skeleton.markers_of(limb)]
+        known = offsets[~np.isnan(offsets).any(axis=1)]
+        if len(known):
+            centers[limb] = known.mean(axis=0)
+    return centers
+
+
+def _marker_distances(project: Project, limb: int, joint: int) -> tuple[MarkerDistance, ...]:
+    """Mean and deviation of the distance to the raw joint [mm] of each marker on a limb, frames with both known."""
+    found = []
+    for marker in project.skeleton.markers_of(limb).tolist():
+        apart = project.trajectories.positions[:, marker] - project.topology.raw_joint_positions[:, joint]
+        distances = np.linalg.norm(apart, axis=1)
+        known = distances[~np.isnan(distances)]
+        if len(known):
+            found.append(MarkerDistance(marker, float(known.mean()), float(known.std())))
+    return tuple(found)

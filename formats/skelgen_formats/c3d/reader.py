@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,26 +25,25 @@ from skelgen.model import PointCloud, Project, Take, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, Source
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.c3d_data import write_frames
-from skelgen_formats.c3d_layout import MAGIC, MOST_HEADER_FRAMES, C3dLayout, dec_floats, read_layout
-from skelgen_formats.filled_markers import (
-    FILLED,
+from skelgen_formats.c3d.layout import MAGIC, MOST_HEADER_FRAMES, C3dLayout, dec_floats, read_layout
+from skelgen_formats.c3d.writer import write_frames
+from skelgen_formats.markers import (
     check_markers,
+    check_writable_names,
     marker_files,
     markers_to_write,
-    positions_of,
-    write_table,
-)
-from skelgen_formats.markers import (
-    check_writable_names,
     mm_per_unit,
+    positions_of,
     scaled,
     take_from_markers,
     trajectories_of,
+    write_table,
     zeros_unseen,
 )
+from skelgen_formats.motion_csv import joint_names
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, per_mm
+from skelgen_formats.parts import finished_project
 from skelgen_formats.registry import Format
-from skelgen_formats.world import AXES, RATE, UNIT, per_mm
 
 _TITLE = "C3D"
 _HUMAN_SIZE_M = 50.0  # all coordinates of a capture in metres lie below this, of one in mm hardly ever
@@ -248,7 +248,7 @@ def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-FORMAT = Format(
+C3D = Format(
     name="c3d",
     title=_TITLE,
     suffixes=(".c3d",),
@@ -260,6 +260,52 @@ FORMAT = Format(
     files=marker_files,
     keeps=("markers", "names"),
     remarks=_remarks,
+    filled_mark="filled positions have residual 0 and no camera, measured ones residual 1 and one camera",
     options=(AXES, UNIT, RATE, FILLED),
     note="Units from the file; residual below 0 and all zeros are unseen; any number of labels and frames; f32 in mm.",
+)
+
+
+_JOINTS_TITLE = "C3D with joints"
+
+
+def write_c3d_joints(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+    """Write measured markers and joints as the points of a C3D file.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project, a marker is called like a joint, or as for C3D.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    project = finished_project(value, _JOINTS_TITLE)
+    markers, joints = project.trajectories, project.motion.joint_positions
+    points = replace(
+        markers,
+        positions=np.concatenate([markers.positions, joints], axis=1),
+        names=(*markers.names, *joint_names(project.skeleton)),
+    )
+    measured = np.where(markers.seen, Source.MEASURED, Source.NONE)
+    computed = np.full(joints.shape[:2], Source.JOINT)
+    write_points(points, path, unit, np.concatenate([measured, computed], axis=1))
+    return [path]
+
+
+def _remarks_on_joints(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+    told_apart = "Joints have residual 0 and no camera, measured markers residual 1 and one camera."
+    return (told_apart, *C3D.remarks(project, options))
+
+
+C3D_JOINTS = Format(
+    name="c3d-joints",
+    title=_JOINTS_TITLE,
+    suffixes=(".joints.c3d",),
+    holds="joints",
+    write=write_c3d_joints,
+    check=lambda value, options: finished_project(value, _JOINTS_TITLE),
+    keeps=("markers", "names", "joints"),
+    remarks=_remarks_on_joints,
+    options=(AXES, RATE, UNIT),
+    note="Markers as measured, and the joints' centres as virtual points named after parent and child limb.",
 )

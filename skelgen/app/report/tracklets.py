@@ -12,10 +12,10 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from skelgen.app.report import measures, svg
-from skelgen.app.report.colours import limb_colour
-from skelgen.app.report.png import png_uri
-from skelgen.app.report.timeline import (
+from skelgen.app.drawing import measures, svg
+from skelgen.app.drawing.colours import limb_colour
+from skelgen.app.report.matrix import png_uri
+from skelgen.app.report.timelines import (
     BOTTOM,
     LEAST_WIDTH,
     LEFT,

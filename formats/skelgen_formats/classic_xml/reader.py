@@ -11,9 +11,16 @@ from typing import Any, NoReturn
 from lxml import etree
 
 from skelgen.errors import FormatError
-from skelgen_formats.seed_xml.contents import Bone, Contents, JointFacts, assemble
-from skelgen_formats.seed_xml.values import JointStats, MarkerDistance, SeedXml
-from skelgen_formats.seed_xml.writer import DEVIATIONS, ROOT, VERSION
+from skelgen_formats.classic_xml.contents import (
+    Bone,
+    ClassicXml,
+    Contents,
+    JointFacts,
+    JointStats,
+    MarkerDistance,
+    assemble,
+)
+from skelgen_formats.classic_xml.writer import DEVIATIONS, ROOT, VERSION
 
 _UNITS = {"unit": "mm", "time_unit": "s", "quaternion": "x y z w"}
 _JOINT_TAG = re.compile(r"joint(\d{1,9})-(\d{1,9})")
@@ -33,8 +40,8 @@ _MARKER_VALUES = etree.XPath("Bone/Marker/vector/vec_elem[@pos]/@val", smart_str
 _MARKER_PLACES = etree.XPath("Bone/Marker/vector/vec_elem/@pos", smart_strings=False)
 
 
-def read(path: Path) -> SeedXml:
-    """Read a seed XML file; see `skelgen_formats.seed_xml.read_seed_xml`."""
+def read(path: Path) -> ClassicXml:
+    """Read a seed XML file; see `skelgen_formats.classic_xml.read_classic_xml`."""
     reader = _Reader(path)
     try:
         for element in _finished_elements(path, tuple(reader.handlers)):

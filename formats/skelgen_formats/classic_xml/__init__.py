@@ -34,14 +34,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from skelgen.model import Take
-from skelgen_formats.finished import finished_project
+from skelgen_formats.classic_xml.contents import ClassicXml, JointStats, MarkerDistance
+from skelgen_formats.classic_xml.writer import ROOT, TITLE, write_classic_xml
+from skelgen_formats.options import AXES, RATE
+from skelgen_formats.parts import finished_project
 from skelgen_formats.registry import Format
-from skelgen_formats.seed_xml.values import JointStats, MarkerDistance, SeedXml
-from skelgen_formats.seed_xml.writer import ROOT, TITLE, write_seed_xml
-from skelgen_formats.world import AXES, RATE
 
 
-def read_seed_xml(path: Path | str) -> SeedXml:
+def read_classic_xml(path: Path | str) -> ClassicXml:
     """Read everything from a seed XML file, as a stream.
 
     Raises
@@ -49,13 +49,13 @@ def read_seed_xml(path: Path | str) -> SeedXml:
     FormatError
         If the file is no such file, is broken, or its parts contradict each other; names the line.
     """
-    from skelgen_formats.seed_xml.reader import read  # noqa: PLC0415 - lxml only when a file is read
+    from skelgen_formats.classic_xml.reader import read  # noqa: PLC0415 - lxml only when a file is read
 
     return read(Path(path))
 
 
 def _read_take(path: Path) -> Take:
-    return read_seed_xml(path).trajectories
+    return read_classic_xml(path).trajectories
 
 
 def _sniff(head: bytes, path: Path) -> bool:
@@ -63,17 +63,17 @@ def _sniff(head: bytes, path: Path) -> bool:
 
 
 FORMAT = Format(
-    name="seed-xml",
+    name="classic-xml",
     title=TITLE,
     suffixes=(".xml",),
     holds="skeleton",
     sniff=_sniff,
     read=_read_take,
-    write=write_seed_xml,
+    write=write_classic_xml,
     check=lambda value, options: finished_project(value, TITLE),
     options=(AXES, RATE),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     note="Everything about a finished project; as a take it gives back the tracked markers.",
 )
 
-__all__ = ["FORMAT", "JointStats", "MarkerDistance", "SeedXml", "read_seed_xml", "write_seed_xml"]
+__all__ = ["FORMAT", "ClassicXml", "JointStats", "MarkerDistance", "read_classic_xml", "write_classic_xml"]

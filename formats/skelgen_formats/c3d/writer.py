@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Source
-from skelgen_formats.c3d_layout import BLOCK, MOST_HEADER_FRAMES
+from skelgen_formats.c3d.layout import BLOCK, MOST_HEADER_FRAMES
 
 _FRAMES_AT_ONCE = 4096
 _MEASURED, _UNSEEN = 257.0, -1.0  # residual 1 by the first camera
