@@ -13,7 +13,7 @@ import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
 
-MIN_FRAMES = 5
+FEWEST_ON_SPHERE = 5
 MAX_STEPS = 20
 STEP_TOLERANCE = 1e-9
 """mm."""
@@ -56,13 +56,13 @@ def fit_sphere(body: Floats, points: Floats, near: Floats) -> SphereFit | None:
     Returns
     -------
     SphereFit or None
-        None if fewer than `MIN_FRAMES` frames show the body and a point.
+        None if fewer than `FEWEST_ON_SPHERE` frames show the body and a point.
     """
     local = np.einsum("fji,fnj->fni", body[:, :3, :3], points - body[:, np.newaxis, :3, 3])
     seen = ~np.isnan(local[:, :, 0])
     which = np.broadcast_to(np.arange(points.shape[1]), seen.shape)[seen]
     data = local[seen]
-    if len(data) < MIN_FRAMES * points.shape[1] or len(np.unique(which)) < points.shape[1]:
+    if len(data) < FEWEST_ON_SPHERE * points.shape[1] or len(np.unique(which)) < points.shape[1]:
         return None
     centre = _linear_centre(data, which, near)
     for _ in range(MAX_STEPS):
