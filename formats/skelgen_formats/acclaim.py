@@ -47,7 +47,7 @@ import numpy as np
 from skelgen.errors import FormatError, InputError, ParameterError
 from skelgen.geometry.euler import matrix_from_turns
 from skelgen.model.arrays import Floats
-from skelgen.model.bones import BoneMotion
+from skelgen.model.takes import BoneMotion
 from skelgen_formats.bones import LARGEST_MM
 from skelgen_formats.options import AUTO
 from skelgen_formats.registry import Format

@@ -215,7 +215,7 @@ def _link(joint: Joint, name: str, motion: Motion, wish: str) -> Link:
 
 
 def _by_kind(joint: Joint, rotations: Floats) -> tuple[str, Floats, Floats]:
-    from skelgen.kinematics.angles import angle_names, joint_angles  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.joints.angles import angle_names, joint_angles  # noqa: PLC0415 - scipy is slow to load
 
     if len(angle_names(joint)) == 3:  # also a kind without its axes
         return "ball", np.eye(3), xyz_angles(rotations)

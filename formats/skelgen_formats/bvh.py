@@ -42,7 +42,7 @@ from skelgen.files import replacing
 from skelgen.geometry.euler import matrix_from_turns, zxy_from_matrix
 from skelgen.model import Project, Skeleton, Take
 from skelgen.model.arrays import Floats
-from skelgen.model.bones import BoneMotion
+from skelgen.model.takes import BoneMotion
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
     LARGEST_MM,

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from skelgen.errors import FormatError, InputError
-from skelgen.model.identities import Identities, Identity
+from skelgen.model.corrections import Identities, Identity
 from skelgen_formats.text import count_in, number_in, read_lines, split_cells
 
 _COLUMNS = ("name", "frame", "last_frame", "x", "y", "z", "point")

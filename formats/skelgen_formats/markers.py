@@ -252,7 +252,7 @@ def markers_to_write(
     if isinstance(value, Filled):
         return value if filled else value.measured
     if filled and isinstance(value, Project):
-        from skelgen.kinematics.filling import fill_gaps  # noqa: PLC0415 - numeric code that only this wish needs
+        from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - numeric code that only this wish needs
 
         return fill_gaps(value.trajectories, value.skeleton, value.motion, monitor)
     return trajectories_of(value, title)

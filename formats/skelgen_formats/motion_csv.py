@@ -91,7 +91,7 @@ def write_angles_csv(value: Project | Take, path: Path, monitor: Monitor = SILEN
         If the project has no skeleton yet.
     """
     project = finished_project(value, _ANGLES_TITLE)
-    from skelgen.kinematics.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.joints.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
 
     header = ["frame", "time_s"]
     for name, joint in zip(joint_names(project.skeleton), project.skeleton.joints, strict=True):
@@ -102,7 +102,7 @@ def write_angles_csv(value: Project | Take, path: Path, monitor: Monitor = SILEN
 
 
 def _angle_rows(project: Project) -> Iterator[str]:
-    from skelgen.kinematics.inverse import posture_of  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.inverse.inverse_kinematics import posture_of  # noqa: PLC0415 - scipy is slow to load
 
     motion, positions = project.motion, project.trajectories.positions
     for first in range(0, motion.n_frames, _ANGLE_CHUNK):

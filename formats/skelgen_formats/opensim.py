@@ -156,7 +156,7 @@ def _add_two_rotations(joint: Element, link: Link) -> None:
 
 def _setup(project: Project, marker_names: Sequence[str], files: Sequence[Path]) -> Element:
     """Return a setup of OpenSim's inverse kinematics, in which markers count by the inverse of their variances."""
-    from skelgen.kinematics.known_tree import noise_of_markers  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.inverse.skeleton_tree import noise_of_markers  # noqa: PLC0415 - scipy is slow to load
 
     model, motion, markers, _ = files
     document = Element("OpenSimDocument", Version=_VERSION)

@@ -16,7 +16,7 @@ from skelgen.geometry.frame_rate import AS_RECORDED_RATE, with_rate
 from skelgen.geometry.up_axis import AS_RECORDED, with_up_axis
 from skelgen.model import Project, Take
 from skelgen.model.arrays import check_rate
-from skelgen.model.bones import BoneMotion
+from skelgen.model.takes import BoneMotion
 from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.markers import table_of

@@ -110,8 +110,8 @@ def _joints(project: Project, frames: Ints, unit: str) -> Columns:
 
 
 def _angles(project: Project, frames: Ints) -> Columns:
-    from skelgen.kinematics.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
-    from skelgen.kinematics.inverse import posture_of  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.inverse.inverse_kinematics import posture_of  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.joints.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
 
     skeleton = project.skeleton
     posture = posture_of(skeleton, project.motion, project.trajectories.positions, frames)

@@ -207,7 +207,7 @@ def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
     MissingResultError
         If the project has no skeleton yet.
     """
-    from skelgen.kinematics.filling import fill_gaps  # noqa: PLC0415 - loads scipy
+    from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - loads scipy
 
     return fill_gaps(project.trajectories, project.skeleton, project.motion, monitor)
 

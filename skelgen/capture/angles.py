@@ -27,7 +27,7 @@ import numpy as np
 from skelgen.capture.error_propagation import block_diagonal, held_slope, turn_slope
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
-from skelgen.kinematics.angles import angle_deviations, joint_angles
+from skelgen.kinematics.joints.angles import angle_deviations, joint_angles
 from skelgen.model import Joint
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import JointModel

@@ -9,7 +9,7 @@ import numpy as np
 from skelgen.capture.angles import angle_names
 from skelgen.capture.live import Captured
 from skelgen.geometry.rotations import vector_from_matrix
-from skelgen.kinematics.angles import angle_deviations
+from skelgen.kinematics.joints.angles import angle_deviations
 from skelgen.model import Joint
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import CaptureSettings, JointModel

@@ -1,10 +1,8 @@
 """Scores against ground truth."""
 
 from skelgen.evaluation.evaluation import Evaluation, evaluate
-from skelgen.evaluation.identity import LabelScore
-from skelgen.evaluation.joints import JointScore, LengthScore
-from skelgen.evaluation.markers import MarkerScore
-from skelgen.evaluation.structure import LimbScore, TopologyScore
+from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore
+from skelgen.evaluation.matching import LabelScore, LimbScore, TopologyScore
 from skelgen.evaluation.tables import Table, evaluation_lines, evaluation_tables
 
 __all__ = [

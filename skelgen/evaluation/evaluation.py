@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.evaluation.identity import LabelScore, find_identity
-from skelgen.evaluation.joints import JointScore, LengthScore, score_joints, score_lengths
-from skelgen.evaluation.limits import with_limits
-from skelgen.evaluation.markers import MarkerScore, score_markers
-from skelgen.evaluation.structure import (
+from skelgen.evaluation.bound import with_limits
+from skelgen.evaluation.joints import JointScore, LengthScore, MarkerScore, score_joints, score_lengths, score_markers
+from skelgen.evaluation.matching import (
+    LabelScore,
     LimbScore,
     TopologyScore,
+    find_identity,
     match_joints,
     match_limbs,
     score_limbs,

@@ -1,14 +1,20 @@
 """Joint models fitted on limb poses; each kind is usable alone on `Poses`."""
 
-from skelgen.kinematics.angles import angle_names, joint_angles
-from skelgen.kinematics.choose import KindChoice, choose_kind
+from skelgen.kinematics.bodies.relative_poses import pose_covariance
+from skelgen.kinematics.bodies.rigid_body import RigidBody, calibrate_rigid_body, limb_bodies
 from skelgen.kinematics.hierarchy import Hierarchy, Length, find_hierarchy, without_residual
-from skelgen.kinematics.inverse import Posture, posture_of, solve
-from skelgen.kinematics.joint_fit import JointFit, fit_ball, fit_hinge, fit_rigid, fit_universal
-from skelgen.kinematics.kind import KindLimits
-from skelgen.kinematics.live import LiveSkeleton
-from skelgen.kinematics.relative import pose_covariance
-from skelgen.kinematics.rigid_body import RigidBody, calibrate_rigid_body, limb_bodies
+from skelgen.kinematics.inverse.inverse_kinematics import LiveSkeleton, Posture, posture_of, solve
+from skelgen.kinematics.joints.angles import angle_names, joint_angles
+from skelgen.kinematics.joints.fit import (
+    JointFit,
+    KindChoice,
+    choose_kind,
+    fit_ball,
+    fit_hinge,
+    fit_rigid,
+    fit_universal,
+)
+from skelgen.kinematics.joints.joint_type import KindLimits
 
 __all__ = [
     "Hierarchy",

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.compiling import compile_function, compile_part, fixed
-from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.chain_table import ChainTable, chain_table, fresh
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.chain_table import ChainTable, chain_table, fresh
 from skelgen.kinematics.compiled_posing import (
     AXIS,
     BY_SHIFT,

@@ -22,10 +22,10 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.compiling import compile_function, compile_part, fixed
-from skelgen.kinematics.articulation import AXIS_CONSTANTS, PARALLEL, Articulation, across
-from skelgen.kinematics.border import POSE_RIDGE
-from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.chain_table import ChainTable, chain_table, fresh
+from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, PARALLEL, Articulation, across
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.chain_table import ChainTable, chain_table, fresh
+from skelgen.kinematics.chain.normal_equations import POSE_RIDGE
 from skelgen.kinematics.compiled_posing import (
     BY_SHIFT,
     BY_TURN,

@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen.compiling import compile_function
 from skelgen.geometry.rotations import SMALL_ANGLE
-from skelgen.kinematics.arrow import OWN_RIDGE, RANK_TOLERANCE, STEP_PARTS
+from skelgen.kinematics.chain.schur_complement import OWN_RIDGE, RANK_TOLERANCE, STEP_PARTS
 from skelgen.kinematics.compiled_small import (
     TINY,
     turn_to_axes,
@@ -19,8 +19,8 @@ from skelgen.kinematics.compiled_small import (
     write_product,
     write_times_transposed,
 )
-from skelgen.kinematics.turning import Parts
-from skelgen.kinematics.universal import UNIVERSAL_RIDGE
+from skelgen.kinematics.joints.closed_form import UNIVERSAL_RIDGE
+from skelgen.kinematics.joints.rotations import Parts
 from skelgen.model.arrays import Floats
 
 Eliminated = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.compiling import compile_function, compile_part
-from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.chain_table import ChainTable, chain_table, fresh
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.chain_table import ChainTable, chain_table, fresh
 from skelgen.kinematics.compiled_information import Columns, columns_of, tilted
 from skelgen.kinematics.compiled_posing import Place, new_place, put
 from skelgen.kinematics.compiled_vectors import (

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.geometry.frames_last import along, cross_matrix, dot, outer, product, transposed_product
-from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.tree import AxisTurn, FreeTurn, Tree, eliminate, frames_last
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.elimination import AxisTurn, FreeTurn, Tree, eliminate, frames_last
 from skelgen.model.arrays import Floats
 
 

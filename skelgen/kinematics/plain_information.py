@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.border import frames_together, linearised, n_constants, reduced_information
-from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.normal_equations import frames_together, linearised, n_constants, reduced_information
 from skelgen.model.arrays import Floats
 
 

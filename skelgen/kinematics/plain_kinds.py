@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.geometry.rotations import vector_from_matrix
-from skelgen.kinematics.arrow import Linear, descend, own_gain
-from skelgen.kinematics.turning import HeldTurning, Parts, held_turning
-from skelgen.kinematics.universal import best_partners
+from skelgen.kinematics.chain.schur_complement import Linear, descend, own_gain
+from skelgen.kinematics.joints.closed_form import best_partners
+from skelgen.kinematics.joints.rotations import HeldTurning, Parts, held_turning
 from skelgen.model.arrays import Floats
 
 

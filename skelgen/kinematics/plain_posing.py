@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.geometry.frames_last import along, cross, dot, orthonormal, product, rotation_by
-from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.tree import AxisTurn, FreeTurn, Tree, View, eliminate, frames_last
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.elimination import AxisTurn, FreeTurn, Tree, View, eliminate, frames_last
 from skelgen.model.arrays import Floats
 
 DAMPING = 1e-6

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.geometry.frames_last import cross
-from skelgen.kinematics.articulation import FREEDOMS, Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.tree import Tree, View, frames_last, torque_of
+from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.elimination import Tree, View, frames_last, torque_of
 from skelgen.model.arrays import Floats
 
 

@@ -3,13 +3,12 @@
 Units inside are mm, s, rad and Hz; coordinates are right-handed; frames come first, xyz last; NaN means unseen.
 """
 
-from skelgen.model.identities import Identities, Identity
+from skelgen.model.corrections import Identities, Identity
 from skelgen.model.labelling import Labelling
-from skelgen.model.limbs import Limbs
 from skelgen.model.project import Project, StageReport
 from skelgen.model.skeleton import Joint, Motion, Skeleton
 from skelgen.model.takes import PointCloud, Poses, Take, Trajectories
-from skelgen.model.topology import Topology
+from skelgen.model.topology import Limbs, Topology
 
 __all__ = [
     "Identities",

@@ -1,4 +1,4 @@
-"""A project: the immutable chain from a take to its skeleton in motion."""
+"""Where a take was read from, so that a project can refer to the recording instead of holding it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,40 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from skelgen.errors import MissingResultError
-from skelgen.model.corrections import Correction
-from skelgen.model.identities import Identities
+from skelgen.model.corrections import Correction, Identities
 from skelgen.model.labelling import Labelling
-from skelgen.model.limbs import Limbs
 from skelgen.model.skeleton import Motion, Skeleton
-from skelgen.model.source import Source
 from skelgen.model.takes import Take, Trajectories
-from skelgen.model.topology import Topology
+from skelgen.model.topology import Limbs, Topology
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording on disk.
+
+    Attributes
+    ----------
+    path : str
+        Absolute path of the file.
+    format : str
+        Name of the format that it was read as.
+    options : mapping of str to value
+        What the reader was told.
+    size : int
+        Bytes of the file when it was read.
+    modified : int
+        When it was last changed before that, in ns since 1970.
+    sha256 : str
+        Hash of its content; empty until a project refers to it.
+    """
+
+    path: str
+    format: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    size: int = 0
+    modified: int = 0
+    sha256: str = ""
+
 
 _T = TypeVar("_T")
 

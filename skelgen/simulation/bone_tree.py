@@ -13,7 +13,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.bones import BoneMotion
+from skelgen.model.takes import BoneMotion
 
 STILL_MM = 0.1
 """What moves its farthest point by less than this does not move: files hold angles to a hundredth of a degree."""

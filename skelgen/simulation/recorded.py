@@ -15,15 +15,13 @@ import numpy as np
 from skelgen.geometry.frame_rate import transforms_at_rate, vectors_at_rate
 from skelgen.geometry.rotations import transform_from, vector_from_matrix
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS, turned_poses
-from skelgen.kinematics.hinge import hinge_turning
-from skelgen.kinematics.turning import AxisTurning, TwoAxisTurning
-from skelgen.kinematics.universal import universal_turning
+from skelgen.kinematics.joints.closed_form import hinge_turning, universal_turning
+from skelgen.kinematics.joints.rotations import AxisTurning, TwoAxisTurning
 from skelgen.model.arrays import Floats
-from skelgen.model.bones import BoneMotion
+from skelgen.model.takes import BoneMotion
 from skelgen.parameters import StageParameters, declare
-from skelgen.simulation.articulated import LimbModel, Structure
+from skelgen.simulation.articulated import MARKER_STANDOFF, LimbModel, Structure, markers_around
 from skelgen.simulation.bone_tree import STILL_MM, BoneTree, bone_tree, world_from_limbs
-from skelgen.simulation.limbs import MARKER_STANDOFF, markers_around
 
 _RADIUS_PER_LENGTH = 0.16  # thighs, shanks and arms of the simulated human have 0.12 to 0.17
 _REFINEMENTS = 8  # Gauss-Newton from a few degrees to rounding takes five

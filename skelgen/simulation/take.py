@@ -12,14 +12,16 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.parameters import StageParameters, declare
 from skelgen.simulation.articulated import Structure
-from skelgen.simulation.cameras import CAMERAS_NEEDED, camera_ring, seen_by_cameras
 from skelgen.simulation.markers import (
+    CAMERAS_NEEDED,
+    camera_ring,
     carried_markers,
     dropouts,
     duplicates,
     edge_jumps,
     ghosts,
     merged_points,
+    seen_by_cameras,
     shuffled_points,
     soft_tissue_motion,
 )

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from shown import show, show_machine, verdict
 
 import skelgen
-from skelgen.kinematics.filling import fill_gaps
+from skelgen.kinematics.gap_filling.filling import fill_gaps
 from skelgen.model import Trajectories
 from skelgen.model.filled import Source
 from skelgen.simulation import simulate

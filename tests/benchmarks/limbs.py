@@ -16,8 +16,7 @@ from shown import show, show_machine, verdict
 
 from skelgen.model import Limbs, Trajectories
 from skelgen.simulation import SimulatedTake, simulate
-from skelgen.simulation.articulated import LimbModel, Structure
-from skelgen.simulation.limbs import markers_around
+from skelgen.simulation.articulated import LimbModel, Structure, markers_around
 from skelgen.simulation.structures import find_structure
 from skelgen.stages.joints import find_joints
 from skelgen.stages.labels import LabelParameters, label_markers

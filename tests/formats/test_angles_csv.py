@@ -8,7 +8,7 @@ from skelgen_formats import motion_csv as angles_csv
 from skelgen_formats.registry import write_file
 
 from skelgen.errors import WriteError
-from skelgen.kinematics.inverse import posture_of
+from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 
 HALF_DIGIT_DEG = 0.6e-6  # six digits behind the point
 

@@ -11,7 +11,7 @@ from skelgen_formats.motion_csv import joint_names
 from skelgen_formats.registry import write_file
 
 from skelgen.errors import WriteError
-from skelgen.kinematics.inverse import posture_of
+from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 
 
 def read_with(library, path):

@@ -15,8 +15,8 @@ from skelgen_gui.project.deriving import Deriver
 
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.model import Project
+from skelgen.model.project import Source
 from skelgen.model.rig import CaptureSettings, StereoRig
-from skelgen.model.source import Source
 
 
 @pytest.fixture

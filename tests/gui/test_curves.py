@@ -61,7 +61,7 @@ def test_a_panel_without_values_has_a_scale():
 
 
 def test_angles_are_those_of_the_motion_up_to_full_turns(walked):
-    from skelgen.kinematics.angles import joint_angles
+    from skelgen.kinematics.joints.angles import joint_angles
 
     project = walked[0]
     for joint, one in enumerate(project.skeleton.joints):

@@ -10,7 +10,7 @@ import pytest
 from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics import pose_covariance
-from skelgen.kinematics.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
 from skelgen.model import Poses
 from skelgen.simulation import find_structure, simulate
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skelgen.evaluation.physical_limit import true_chain
+from skelgen.evaluation.bound import true_chain
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics import plain_covariances, plain_information, plain_posing, plain_pull
-from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses, seen_weights
-from skelgen.kinematics.information import total_information
-from skelgen.kinematics.posing import MAX_STEPS, fit_poses
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, seen_weights
+from skelgen.kinematics.chain.normal_equations import total_information
+from skelgen.kinematics.inverse.poses import MAX_STEPS, fit_poses
 from skelgen.simulation import simulate
 
 compiled_covariances = pytest.importorskip("skelgen.kinematics.compiled_covariances", reason="numba is not installed")

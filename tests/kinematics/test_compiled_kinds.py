@@ -6,10 +6,9 @@ import pytest
 from skelgen.compiling import loops
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics import plain_kinds as plain
-from skelgen.kinematics.hinge import hinge_turning
-from skelgen.kinematics.kind import find_kind
-from skelgen.kinematics.turning import FixedTurning
-from skelgen.kinematics.universal import universal_turning
+from skelgen.kinematics.joints.closed_form import hinge_turning, universal_turning
+from skelgen.kinematics.joints.joint_type import find_kind
+from skelgen.kinematics.joints.rotations import FixedTurning
 
 N_FRAMES = 120
 

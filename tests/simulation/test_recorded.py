@@ -11,7 +11,7 @@ import skelgen
 from skelgen.errors import InputError, ParameterError
 from skelgen.evaluation import evaluate
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.model.bones import BoneMotion
+from skelgen.model.takes import BoneMotion
 from skelgen.simulation import BoneParameters, recorded_body, simulate
 
 N_FRAMES = 60

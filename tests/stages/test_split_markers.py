@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.kinematics.filling import fill_gaps
+from skelgen.kinematics.gap_filling.filling import fill_gaps
 
 FRAME, SIZE = 300, 15.0  # mm
 AS_GOOD = 1.05  # times the mean residual of the undisturbed take

@@ -10,8 +10,8 @@ import numpy as np
 from PySide6.QtCore import QCoreApplication
 
 from skelgen.app.drawing.measures import residual_per_frame
-from skelgen.kinematics.angles import angle_names, joint_angles
-from skelgen.kinematics.inverse import posture_of
+from skelgen.kinematics.joints.angles import angle_names, joint_angles
+from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.model.lanes import point_counts
@@ -176,7 +176,7 @@ class JointCurve:
     Attributes
     ----------
     names : tuple of str
-        Of the angles, as `skelgen.kinematics.angles` has them.
+        Of the angles, as `skelgen.kinematics.joints.angles` has them.
     angles : ndarray, shape (n_frames, n_angles), rad
         Those about axes without jumps of a full turn.
     std : ndarray, shape (n_frames, n_angles), rad

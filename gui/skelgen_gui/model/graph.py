@@ -11,7 +11,7 @@ from PySide6.QtCore import QCoreApplication
 from skelgen.app.drawing.measures import reference_markers, tidy_places
 from skelgen.app.drawing.wording import digits, fixed, listed
 from skelgen.app.report.pose import find_views
-from skelgen.kinematics.joint_motion import AngleRange, angle_ranges
+from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, angle_ranges
 from skelgen.model import Project, Topology
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.joints.tree import SMALL_MARGIN

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skelgen.kinematics.kind import KNOWN_KINDS
+from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
 from skelgen_gui.project.session import Selection

@@ -26,7 +26,7 @@ from skelgen.app.project_file.references import reference_to, take_of
 from skelgen.errors import FormatError, InputError
 from skelgen.files import replacing
 from skelgen.model import Project, StageReport, Take
-from skelgen.model.source import Source
+from skelgen.model.project import Source
 
 SUFFIX = ".skelgen"
 VERSION = 2

@@ -29,7 +29,7 @@ from skelgen.model import (
 )
 from skelgen.model.corrections import Correction, Place
 from skelgen.model.labelling import Agreement, Doubt, Finding, Tracklets
-from skelgen.model.source import Source
+from skelgen.model.project import Source
 
 _TAKES = (PointCloud, Trajectories, Poses, Identities, Identity, Correction, Place, Source)
 _RESULTS = (Labelling, Tracklets, Doubt, Finding, Agreement, Limbs, Topology, Skeleton, Joint, Motion)

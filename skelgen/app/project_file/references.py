@@ -12,7 +12,7 @@ from skelgen_formats.registry import read_take
 from skelgen.errors import FormatError, WriteError
 from skelgen.files import sha256_of
 from skelgen.model import Project, Take
-from skelgen.model.source import Source
+from skelgen.model.project import Source
 
 
 def source_of(path: Path, format_name: str, options: Mapping[str, Any]) -> Source:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
-from skelgen.kinematics.hinge import hinge_angles
+from skelgen.kinematics.joints.closed_form import hinge_angles
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import JointModel
 

@@ -15,7 +15,7 @@ from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, check_names, check_rate
 from skelgen.model.rig import BodyTarget, JointModel, StereoRig
 from skelgen.simulation import Structure, find_structure, simulate
-from skelgen.simulation.cameras import blocked_by_limbs
+from skelgen.simulation.markers import blocked_by_limbs
 from skelgen.simulation.motion import smooth_curves
 from skelgen.simulation.truth import Truth
 

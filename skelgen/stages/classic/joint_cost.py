@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.compiling import in_order
-from skelgen.kinematics.ball import ball_loops
+from skelgen.kinematics.joints.closed_form import ball_loops
 from skelgen.model.arrays import Floats
 from skelgen.stages.classic.conjugate_gradient import Objective
 from skelgen.stages.joints.parameters import JointParameters

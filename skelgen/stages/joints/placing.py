@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from skelgen.kinematics.shape import LimbShape
+from skelgen.kinematics.bodies.shape import LimbShape
 from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order

@@ -13,7 +13,7 @@ import numpy as np
 
 from skelgen.geometry.orientation import Rotator, rotation_by_quaternion
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.shape import LimbShape, distinct_rows, fit_shape
+from skelgen.kinematics.bodies.shape import LimbShape, distinct_rows, fit_shape
 from skelgen.model.arrays import Bools, Floats, Ints
 
 LEAST_FREEDOMS = 30

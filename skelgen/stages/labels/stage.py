@@ -13,7 +13,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.model.arrays import Ints
-from skelgen.model.identities import Identities
+from skelgen.model.corrections import Identities
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.confidence.label_quality import Origin, history_of, labelling_of_cloud
 from skelgen.stages.labels.input_checks import guessed_identities, odd_times, too_few_wanted

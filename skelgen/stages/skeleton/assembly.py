@@ -12,8 +12,8 @@ import numpy as np
 
 from skelgen.geometry.orientation import Rotator
 from skelgen.geometry.rotations import fill_rotations
-from skelgen.kinematics.chain import Chain
-from skelgen.kinematics.shape import LimbShape, fit_shape
+from skelgen.kinematics.bodies.shape import LimbShape, fit_shape
+from skelgen.kinematics.chain.chain import Chain
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order

@@ -8,14 +8,14 @@ import numpy as np
 
 from skelgen.geometry.orientation import Rotator
 from skelgen.geometry.rotations import nearest_rotation
-from skelgen.kinematics.calibration import Calibration, calibrate
-from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
-from skelgen.kinematics.closing import ClosedCalibration
-from skelgen.kinematics.kind import JointKind, KindLimits
-from skelgen.kinematics.limb_errors import LimbErrors
-from skelgen.kinematics.posing import fit_poses
-from skelgen.kinematics.skin import Skin
-from skelgen.kinematics.sliding import fit_sliding, settle_sliding
+from skelgen.kinematics.calibration.calibrate import Calibration, calibrate
+from skelgen.kinematics.calibration.closed_loops import ClosedCalibration
+from skelgen.kinematics.calibration.limb_errors import LimbErrors
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
+from skelgen.kinematics.inverse.poses import fit_poses
+from skelgen.kinematics.joints.joint_type import JointKind, KindLimits
+from skelgen.kinematics.soft_tissue.fit import fit_sliding, settle_sliding
+from skelgen.kinematics.soft_tissue.model import Skin
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assembly import Body, assemble
 from skelgen.stages.skeleton.joints import (

@@ -18,8 +18,8 @@ from skelgen.geometry.rotations import (
     quaternion_from_matrix,
     vector_from_matrix,
 )
-from skelgen.kinematics.chain import ChainPoses
-from skelgen.kinematics.posed_motion import PosedMotion
+from skelgen.kinematics.chain.chain import ChainPoses
+from skelgen.kinematics.inverse.posed_motion import PosedMotion
 from skelgen.model import Limbs, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import Monitor

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.calibration import Calibration
-from skelgen.kinematics.chain import Chain, ChainPoses, residuals
-from skelgen.kinematics.closing import ClosedCalibration, close_rings
-from skelgen.kinematics.kind import JointKind
-from skelgen.kinematics.limb_errors import LimbErrors
-from skelgen.kinematics.posing import fit_poses
-from skelgen.kinematics.rings import Rings, fit_closed_poses
+from skelgen.kinematics.calibration.calibrate import Calibration
+from skelgen.kinematics.calibration.closed_loops import ClosedCalibration, close_rings
+from skelgen.kinematics.calibration.limb_errors import LimbErrors
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals
+from skelgen.kinematics.inverse.loop_closure import Rings, fit_closed_poses
+from skelgen.kinematics.inverse.poses import fit_poses
+from skelgen.kinematics.joints.joint_type import JointKind
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.joints.constraints import limb_pairs

@@ -11,8 +11,8 @@ import numpy as np
 
 from skelgen.geometry.orientation import Rotator, fit_transform, moments_about
 from skelgen.geometry.rotations import fill_rotations, fill_vectors
-from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.shape import determines_pose
+from skelgen.kinematics.bodies.shape import determines_pose
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
 from skelgen.model.arrays import Bools, Floats
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from skelgen.errors import ParameterError
-from skelgen.kinematics.kind import KNOWN_KINDS
+from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
 from skelgen.parameters import StageParameters, declare
 
 

@@ -7,9 +7,9 @@ import numpy as np
 from skelgen.geometry.orientation import Rotator
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.geometry.rotations import fill_rotations
-from skelgen.kinematics.articulation import Articulation
-from skelgen.kinematics.chain import Chain, ChainPoses, residuals, seen_weights
-from skelgen.kinematics.posing import fit_poses
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
+from skelgen.kinematics.inverse.poses import fit_poses
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assembly import Body
 from skelgen.stages.skeleton.loops import BodyRings, all_poses

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.geometry.rotations import transform_from
-from skelgen.kinematics.limb_errors import deviations
+from skelgen.kinematics.calibration.limb_errors import deviations
 from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.fitting import FittedBody

@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import ROTATORS
-from skelgen.kinematics.observability import observed_joints
+from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.progress import SILENT, Monitor

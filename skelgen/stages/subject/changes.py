@@ -23,8 +23,8 @@ from scipy.stats import f as f_distribution
 from scipy.stats import ttest_ind
 
 from skelgen.geometry.rotations import vector_from_matrix
-from skelgen.kinematics.articulation import FREEDOMS
-from skelgen.kinematics.known_tree import KnownTree
+from skelgen.kinematics.chain.articulation import FREEDOMS
+from skelgen.kinematics.inverse.skeleton_tree import KnownTree
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.stages.subject.posing import KnownPoses

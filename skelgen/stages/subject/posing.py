@@ -12,10 +12,10 @@ import numpy as np
 
 from skelgen.geometry.orientation import ROTATORS, fit_transform
 from skelgen.geometry.rotations import transform_from
-from skelgen.kinematics.chain import Chain, ChainPoses
-from skelgen.kinematics.inverse import posture_of
-from skelgen.kinematics.known_tree import KnownTree
-from skelgen.kinematics.shape import determines_pose
+from skelgen.kinematics.bodies.shape import determines_pose
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.inverse.inverse_kinematics import posture_of
+from skelgen.kinematics.inverse.skeleton_tree import KnownTree
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor

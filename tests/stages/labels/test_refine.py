@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from skelgen.evaluation.identity import find_identity
+from skelgen.evaluation.matching import find_identity
 from skelgen.model import Project, StageReport
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters, label_markers

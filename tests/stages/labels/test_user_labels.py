@@ -16,7 +16,7 @@ from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.cli import main
 from skelgen.errors import FormatError, InputError
 from skelgen.model import Identities, Identity, PointCloud, Project, Trajectories
-from skelgen.model.identities import identities_of
+from skelgen.model.corrections import identities_of
 from skelgen.stages.labels import LabelParameters, label_markers
 from skelgen.stages.labels.point_labels import find_points
 from skelgen.stages.labels.user_labels.statements import ANYBODY, NOBODY, fix_points, most_doubtful_link

@@ -9,8 +9,8 @@ import pytest
 
 from skelgen.geometry.orientation import fit_transform
 from skelgen.kinematics import limb_bodies
-from skelgen.kinematics.angles import joint_angles
-from skelgen.kinematics.inverse import posture_of
+from skelgen.kinematics.inverse.inverse_kinematics import posture_of
+from skelgen.kinematics.joints.angles import joint_angles
 
 SEEDS, N_FRAMES, NOISE = range(8), 300, 0.5  # mm
 EXACT = 1e-5  # mm: noise counts as a millionth of a mm at least

@@ -10,8 +10,8 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.inverse import solve
-from skelgen.kinematics.rings import loop_gaps
+from skelgen.kinematics.inverse.inverse_kinematics import solve
+from skelgen.kinematics.inverse.loop_closure import loop_gaps
 from skelgen.model import Limbs, Trajectories
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton

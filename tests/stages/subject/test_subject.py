@@ -9,7 +9,7 @@ import pytest
 
 import skelgen
 from skelgen.errors import InputError
-from skelgen.evaluation.identity import find_identity
+from skelgen.evaluation.matching import find_identity
 from skelgen.model import PointCloud, Project, StageReport, Trajectories
 from skelgen.simulation import Structure, simulate
 from skelgen.simulation.structures import find_structure

@@ -14,8 +14,8 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.geometry.orientation import fit_transform, rotation_by_quaternion
 from skelgen.geometry.rotations import transform_from
-from skelgen.kinematics.chain import Chain
-from skelgen.kinematics.shape import FLATNESS, determines_pose
+from skelgen.kinematics.bodies.shape import FLATNESS, determines_pose
+from skelgen.kinematics.chain.chain import Chain
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints

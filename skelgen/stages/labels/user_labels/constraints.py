@@ -9,7 +9,7 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Ints
-from skelgen.model.identities import Identities, Identity
+from skelgen.model.corrections import Identities, Identity
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import all_positions, find_points, marker_names, renumbered

@@ -14,7 +14,7 @@ import numpy as np
 
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.identities import Identities, Identity
+from skelgen.model.corrections import Identities, Identity
 from skelgen.stages.labels.model_fit.assignment import Scores
 
 NOBODY = -1

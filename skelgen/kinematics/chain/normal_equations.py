@@ -1,0 +1,332 @@
+r"""The border of the arrow: how poses and constants of a chain go together in the normal matrix.
+
+The constants are marker offsets, joints 1 .. n_limbs - 1 in their parents, and tilts of the joints' axes. A marker m
+follows its own offset by the rotation of its limb, and every joint b on the way by the rotation of the joint's parent,
+so that all blocks are sums of rotations and of arms: no Jacobian is ever written down.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.compiling import loops
+from skelgen.geometry.rotations import cross_matrix
+from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.chain.chain import CHUNK_FRAMES, Chain, ChainPoses, residuals, seen_weights, world_arms
+from skelgen.model.arrays import Bools, Floats
+
+CHUNK_FLOATS = 1_000_000
+"""Entries of the largest border held at once: 8 MB."""
+
+POSE_RIDGE = 1e-12
+"""Relative ridge under a frame's normal matrix: for turns that no marker determines."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """A chain in some frames, linearised: blocks of the normal matrix.
+
+    Attributes
+    ----------
+    own : ndarray, shape (n_frames, n_freedoms, n_freedoms)
+        Of the poses, with a ridge that keeps it regular.
+    border : ndarray, shape (n_frames, n_freedoms, n_constants)
+        Between poses and constants.
+    turns : ndarray, shape (n_frames, 3 + 3 n_limbs, n_freedoms)
+        How translation and turns of the limbs follow the freedoms.
+    tilts : ndarray, shape (n_frames, 3 + 3 n_limbs, n_axis_constants)
+        How they follow the constants of the axes.
+    constants : ndarray, shape (n_constants, n_constants)
+        Of the constants, summed over the frames.
+    """
+
+    own: Floats
+    border: Floats
+    turns: Floats
+    tilts: Floats
+    constants: Floats
+
+    def follow(self) -> Floats:
+        """How poses follow the constants, shape (n_frames, n_freedoms, n_constants)."""
+        return np.asarray(np.linalg.solve(self.own, self.border))
+
+
+def n_constants(chain: Chain, articulation: Articulation) -> int:
+    """Number of constants of a chain."""
+    return 3 * (chain.n_markers + chain.n_limbs - 1) + articulation.n_constants
+
+
+def frames_together(chain: Chain, articulation: Articulation) -> int:
+    """Frames whose border may be held at once."""
+    return max(1, CHUNK_FLOATS // (n_constants(chain, articulation) * (3 + 3 * chain.n_limbs)))
+
+
+def linearised(
+    chain: Chain,
+    articulation: Articulation,
+    poses: ChainPoses,
+    positions: Floats,
+    weights: Floats | None = None,
+    *,
+    poses_only: bool = False,
+) -> Frames:
+    """Return the blocks of the normal matrix for some frames.
+
+    Parameters
+    ----------
+    chain, articulation, poses
+        Where to linearise.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    weights : ndarray, shape (n_frames, n_markers), optional
+        Of the squared distances.
+    poses_only : bool
+        Leave the matrix of the constants empty: how poses follow them is told without.
+    """
+    weights = seen_weights(positions, weights)
+    body_arms = chain.arms()
+    hessian, _ = normal_equations(chain, body_arms, poses, positions, weights)
+    border = _border(chain, body_arms, poses, weights)
+    turns, tilts = articulation.bases(chain.parents, poses.rotations)
+    by_tilt = hessian @ tilts
+    constants = np.zeros((0, 0)) if poses_only else _all_constants(chain, poses, weights, border, tilts, by_tilt)
+    if articulation.n_constants:
+        border = np.concatenate([border, by_tilt], axis=2)
+    if not articulation.is_free:
+        hessian = turns.swapaxes(1, 2) @ hessian @ turns
+        border = turns.swapaxes(1, 2) @ border
+    return Frames(with_ridge(hessian), border, turns, tilts, constants)
+
+
+def with_ridge(own: Floats) -> Floats:
+    """Return frames' normal matrices of translation and turns made regular, where no marker determines them."""
+    diagonal = np.einsum("fqq->fq", own)
+    level = np.empty_like(diagonal)
+    level[:, :3] = diagonal[:, :3].mean(axis=1, keepdims=True)
+    level[:, 3:] = diagonal[:, 3:].mean(axis=1, keepdims=True)
+    level = np.where(level > 0, POSE_RIDGE * level, 1.0)  # 1 in frames that show nothing
+    return np.asarray(own + level[:, :, np.newaxis] * np.eye(own.shape[1]))
+
+
+def reduced_information(frames: Frames) -> Floats:
+    """Information of the constants when the poses are eliminated, shape (n_constants, n_constants)."""
+    root = np.linalg.solve(np.linalg.cholesky(frames.own), frames.border)
+    flat = root.reshape(-1, root.shape[2])
+    return np.asarray(frames.constants - flat.T @ flat)
+
+
+def beyond_joints(chain: Chain) -> Bools:
+    """Whether each marker lies beyond the joint above each limb, shape (n_limbs, n_markers); the root's is False."""
+    beyond = chain.ancestry()[:, chain.limb_of_marker]
+    beyond[0] = False
+    return np.asarray(beyond)
+
+
+def _border(chain: Chain, body_arms: Floats, poses: ChainPoses, weights: Floats) -> Floats:
+    """Border of translation and turns, shape (n_frames, 3 + 3 n_limbs, 3 (n_markers + n_limbs - 1))."""
+    n_frames, n_limbs = poses.rotations.shape[:2]
+    beyond = beyond_joints(chain)[1:].astype(np.float64)
+    arms = world_arms(body_arms, poses) * weights[:, :, np.newaxis, np.newaxis]
+    behind = (beyond @ arms.reshape(n_frames, chain.n_markers, -1)).reshape(n_frames, n_limbs - 1, n_limbs, 3)
+    shift = np.concatenate([weights, weights @ beyond.T], axis=1)
+    carrier = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
+    turning = poses.rotations[:, carrier]
+    border = np.zeros((n_frames, 1 + n_limbs, 3, len(carrier), 3))
+    border[:, 0] = (shift[:, :, np.newaxis, np.newaxis] * turning).swapaxes(1, 2)
+    levers = np.concatenate([arms, behind], axis=1)
+    for limb in range(n_limbs):
+        moved = np.flatnonzero(np.abs(levers[:, :, limb]).max(axis=(0, 2), initial=0.0) > 0)
+        border[:, 1 + limb][:, :, moved] = (cross_matrix(levers[:, moved, limb]) @ turning[:, moved]).swapaxes(1, 2)
+    return border.reshape(n_frames, 3 + 3 * n_limbs, -1)
+
+
+def _all_constants(
+    chain: Chain, poses: ChainPoses, weights: Floats, border: Floats, tilts: Floats, by_tilt: Floats
+) -> Floats:
+    """Normal matrix of offsets, joints and axes, summed over frames."""
+    constants = _constants(chain, poses, weights)
+    if not tilts.shape[2]:
+        return constants
+    flat = tilts.reshape(-1, tilts.shape[2])
+    across = border.reshape(len(flat), -1).T @ flat
+    corner = flat.T @ by_tilt.reshape(flat.shape)
+    return np.block([[constants, across], [across.T, corner]])
+
+
+def _constants(chain: Chain, poses: ChainPoses, weights: Floats) -> Floats:
+    """Normal matrix of offsets and joints, summed over frames."""
+    n_markers = chain.n_markers
+    n_points = n_markers + chain.n_limbs - 1
+    beyond = beyond_joints(chain)
+    matrix = np.zeros((n_points, 3, n_points, 3))
+    diagonal = np.arange(n_markers)
+    matrix[diagonal, :, diagonal] = weights.sum(axis=0)[:, np.newaxis, np.newaxis] * np.eye(3)
+    for joint in range(1, chain.n_limbs):
+        parent = poses.rotations[:, chain.parents[joint]].reshape(len(weights), 3, 3)
+        column = n_markers + joint - 1
+        for limb in np.unique(chain.limb_of_marker[beyond[joint]]):
+            markers = np.flatnonzero(chain.limb_of_marker == limb)
+            relative = (poses.rotations[:, limb].swapaxes(1, 2) @ parent).reshape(len(weights), 9)
+            block = (weights[:, markers].T @ relative).reshape(-1, 3, 3)
+            matrix[markers, :, column] = block
+            matrix[column, :, markers] = block.swapaxes(1, 2)
+        for other in range(joint, chain.n_limbs):
+            shared = weights[:, beyond[joint] & beyond[other]].sum(axis=1)
+            if not shared.any():
+                continue
+            relative = (parent.swapaxes(1, 2) @ poses.rotations[:, chain.parents[other]]).reshape(len(weights), 9)
+            block = (shared @ relative).reshape(3, 3)
+            matrix[column, :, n_markers + other - 1] = block
+            matrix[n_markers + other - 1, :, column] = block.T
+    return matrix.reshape(3 * n_points, 3 * n_points)
+
+
+def total_information(
+    chain: Chain,
+    articulation: Articulation,
+    poses: ChainPoses,
+    positions: Floats,
+    weights: Floats | None = None,
+) -> Floats:
+    """Information of the constants from all frames for noise 1, poses eliminated, shape (n_constants, n_constants).
+
+    Parameters
+    ----------
+    chain, articulation, poses
+        Where to linearise.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers: only which are seen counts.
+    weights : ndarray, shape (n_frames, n_markers), optional
+        Of the squared distances.
+    """
+    twin = loops("skelgen.kinematics.compiled_information", "skelgen.kinematics.plain_information")
+    weights = seen_weights(positions, weights)
+    total = np.zeros((n_constants(chain, articulation),) * 2)
+    for first in range(0, len(weights), CHUNK_FRAMES):
+        part = slice(first, first + CHUNK_FRAMES)
+        total += twin.summed(chain, articulation, poses[part], weights[part])
+    return total
+
+
+def constant_pull(
+    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats
+) -> Floats:
+    """Return how the residuals of settled poses pull at the constants, summed over frames, shape (n_constants,).
+
+    Parameters
+    ----------
+    chain, articulation, poses
+        Where to linearise.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    weights : ndarray, shape (n_frames, n_markers)
+        Of the squared distances, 0 where unseen.
+    """
+    twin = loops("skelgen.kinematics.compiled_pull", "skelgen.kinematics.plain_pull")
+    total = np.zeros(n_constants(chain, articulation))
+    for first in range(0, len(positions), CHUNK_FRAMES):
+        part = slice(first, first + CHUNK_FRAMES)
+        total += twin.summed(chain, articulation, poses[part], positions[part], weights[part])
+    return total
+
+
+def normal_equations(
+    chain: Chain, body_arms: Floats, poses: ChainPoses, positions: Floats, weights: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """Gauss-Newton normal matrix and right-hand side of every frame.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    body_arms : ndarray
+        `chain.arms()`.
+    poses : ChainPoses
+        Where to linearise.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    weights : ndarray, shape (n_frames, n_markers), optional
+        Of the squared distances; 1 if not given.
+
+    Returns
+    -------
+    tuple of ndarray
+        Shapes (n_frames, d, d) and (n_frames, d) with d = 3 + 3 n_limbs: translation first, then rotation vectors.
+    """
+    weights = seen_weights(positions, weights)
+    limbs = _limbs_of_frames(chain, body_arms, poses, positions, weights)
+    n_frames, n_limbs = limbs.weights.shape
+    flat = limbs.arms.reshape(n_frames, n_limbs, 3 * n_limbs)
+    weighted = flat * limbs.weights[:, :, np.newaxis]
+    outer = (weighted.swapaxes(1, 2) @ flat).reshape(n_frames, n_limbs, 3, n_limbs, 3)
+    every = np.arange(n_limbs)
+    outer[:, every, :, every] += limbs.spread.swapaxes(0, 1)
+    trace = np.einsum("faibi->fab", outer)
+    hessian = np.zeros((n_frames, 3 + 3 * n_limbs, 3 + 3 * n_limbs))
+    turns = trace[:, :, np.newaxis, :, np.newaxis] * np.eye(3)[:, np.newaxis] - outer.transpose(0, 1, 4, 3, 2)
+    hessian[:, 3:, 3:] = turns.reshape(n_frames, 3 * n_limbs, 3 * n_limbs)
+    hessian[:, :3, :3] = limbs.weights.sum(axis=1)[:, np.newaxis, np.newaxis] * np.eye(3)
+    mixed = -cross_matrix(weighted.sum(axis=1).reshape(n_frames, n_limbs, 3))
+    mixed = mixed.transpose(0, 2, 1, 3).reshape(n_frames, 3, 3 * n_limbs)
+    hessian[:, :3, 3:] = mixed
+    hessian[:, 3:, :3] = mixed.swapaxes(1, 2)
+    moment = (flat.swapaxes(1, 2) @ limbs.pull).reshape(n_frames, n_limbs, 3, 3) + limbs.twist
+    torque = np.stack([moment[..., i, j] - moment[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
+    gradient = np.concatenate([limbs.pull.sum(axis=1), torque.reshape(n_frames, -1)], axis=1)
+    return hessian, gradient
+
+
+@dataclass(frozen=True, eq=False)
+class _LimbSums:
+    """Markers summed by limb: seen from any other limb, all markers of a limb hang on the same arm.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (n_frames, n_limbs)
+        Sums of weights.
+    arms : ndarray, shape (n_frames, n_limbs, n_limbs, 3), mm
+        World arms of the limbs' centroids: that of limb a for limb l is at [l, a].
+    spread : ndarray, shape (n_frames, n_limbs, 3, 3), mm^2
+        Weighted outer products of the markers' arms from the centroid.
+    pull, twist : ndarray, shapes (n_frames, n_limbs, 3) and (n_frames, n_limbs, 3, 3)
+        Weighted sums of residuals, and of their outer products with arms from the centroid.
+    """
+
+    weights: Floats
+    arms: Floats
+    spread: Floats
+    pull: Floats
+    twist: Floats
+
+
+def _limbs_of_frames(
+    chain: Chain, body_arms: Floats, poses: ChainPoses, positions: Floats, weights: Floats
+) -> _LimbSums:
+    n_frames, n_limbs = poses.rotations.shape[:2]
+    forces = residuals(chain, poses, positions) * weights[:, :, np.newaxis]
+    total, pull = np.zeros((n_frames, n_limbs)), np.zeros((n_frames, n_limbs, 3))
+    centre, spread = np.zeros((n_limbs, n_frames, 3)), np.zeros((n_frames, n_limbs, 3, 3))
+    twist = np.zeros((n_frames, n_limbs, 3, 3))
+    carried = np.zeros((n_limbs, n_limbs, 3))
+    for limb in range(n_limbs):
+        own = np.flatnonzero(chain.limb_of_marker == limb)
+        if not len(own):
+            continue
+        heard, offsets = weights[:, own], chain.offsets[own]
+        carried[limb] = body_arms[own[0]]
+        total[:, limb], pull[:, limb] = heard.sum(axis=1), forces[:, own].sum(axis=1)
+        centre[limb] = (heard @ offsets) / np.maximum(total[:, limb], np.finfo(np.float64).tiny)[:, np.newaxis]
+        squares = heard @ (offsets[:, :, np.newaxis] * offsets[:, np.newaxis]).reshape(-1, 9)
+        about = squares.reshape(-1, 3, 3) - total[:, limb, np.newaxis, np.newaxis] * (
+            centre[limb][:, :, np.newaxis] * centre[limb][:, np.newaxis]
+        )
+        turn = poses.rotations[:, limb]
+        spread[:, limb] = turn @ about @ turn.swapaxes(1, 2)
+        moments = offsets.T @ forces[:, own] - centre[limb][:, :, np.newaxis] * pull[:, limb][:, np.newaxis]
+        twist[:, limb] = turn @ moments
+    arms = world_arms(carried, poses)
+    for limb in range(n_limbs):
+        arms[:, limb, limb] = np.einsum("fij,fj->fi", poses.rotations[:, limb], centre[limb])
+    return _LimbSums(total, arms, spread, pull, twist)

@@ -1,0 +1,265 @@
+"""Least squares with a few constants and a few unknowns per frame, whose normal matrix is an arrow.
+
+The frames' own unknowns are projected out of every frame (the Schur complement); directions of the constants that the
+frames do not determine stay where they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from skelgen.compiling import in_order, loops
+from skelgen.model.arrays import Floats
+
+MAX_ROUNDS = 30
+STEP_PARTS = (1.0, 0.3, 0.1, 0.01)
+"""Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
+
+LEAST_GAIN = 1e-7
+"""Rounds stop when the sum of squares falls by less than this part: the next would gain its square."""
+
+RANK_TOLERANCE = 1e-12
+"""Directions whose information is below this part of the largest are not determined: double precision ends there."""
+
+OWN_RIDGE = 1e-14
+"""Of a frame's own normal matrix: keeps angles that nothing measures in place."""
+
+State = TypeVar("State")
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """A least squares problem made linear: residuals and their slopes, whitened.
+
+    Attributes
+    ----------
+    residuals : ndarray, shape (n_frames, n_rows)
+        Measured minus modelled, in standard deviations.
+    constants : ndarray, shape (n_frames, n_rows, n_constants)
+        How the model follows the constants.
+    angles : ndarray, shape (n_frames, n_rows, n_angles)
+        How it follows the frame's own unknowns.
+    """
+
+    residuals: Floats
+    constants: Floats
+    angles: Floats
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares."""
+        return float((self.residuals**2).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A step, and what is known of it.
+
+    Attributes
+    ----------
+    constants : ndarray, shape (n_constants,)
+        Step of the constants.
+    angles : ndarray, shape (n_frames, n_angles)
+        Steps of the frames' unknowns.
+    covariance : ndarray, shape (n_constants, n_constants)
+        Of the constants, for residuals of variance 1; 0 along directions that are not determined.
+    residuals : ndarray, shape (n_frames, n_rows)
+        What no step of any frame's own unknowns could take away.
+    unknown : ndarray, shape (n_constants, n_unknown)
+        Unit directions of the constants that are not determined.
+    own_inverse : ndarray, shape (n_frames, n_angles, n_angles)
+        Covariance of the frames' unknowns if the constants are known.
+    follow : ndarray, shape (n_frames, n_angles, n_constants)
+        How the frames' unknowns follow the constants.
+    reduced : ndarray, shape (n_frames, n_rows, n_constants)
+        Slopes of the constants that the frames' unknowns leave.
+    """
+
+    constants: Floats
+    angles: Floats
+    covariance: Floats
+    residuals: Floats
+    unknown: Floats
+    own_inverse: Floats
+    follow: Floats
+    reduced: Floats
+
+    @property
+    def rank(self) -> int:
+        """Number of directions of the constants that are determined."""
+        return len(self.constants) - int(self.unknown.shape[1])
+
+    @property
+    def angle_covariance(self) -> Floats:
+        """Covariance of the frames' unknowns, the constants' share included, shape (n_frames, n_angles, n_angles)."""
+        return np.asarray(self.own_inverse + self.follow @ self.covariance @ self.follow.swapaxes(1, 2))
+
+    @property
+    def scores(self) -> Floats:
+        """How each frame's residuals pull at the constants, in balance at the solution, (n_frames, n_constants)."""
+        return np.asarray(np.einsum("frc,fr->fc", self.reduced, self.residuals))
+
+
+def solve_arrow(linear: Linear) -> Solution:
+    """Solve a linear problem by eliminating the frames' own unknowns."""
+    inverse, follow, alone, reduced, left, normal, pull = _eliminated(linear)
+    covariance, unknown = pseudo_inverse(normal)
+    step = covariance @ pull
+    return Solution(
+        constants=step,
+        angles=alone - follow @ step,
+        covariance=covariance,
+        residuals=left - reduced @ step,
+        unknown=unknown,
+        own_inverse=inverse,
+        follow=follow,
+        reduced=reduced,
+    )
+
+
+def _eliminated(linear: Linear) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+    """What is left when the frames' own unknowns are taken out; see `plain_kinds.eliminate`."""
+    found: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats] = kind_loops().eliminate(
+        *in_order(linear.residuals, linear.constants, linear.angles)
+    )
+    return found
+
+
+def kind_loops() -> ModuleType:
+    """Return the compiled loops over frames, or their plain twin."""
+    return loops("skelgen.kinematics.compiled_kinds", "skelgen.kinematics.plain_kinds")
+
+
+def own_gain(slopes: Floats) -> tuple[Floats, Floats]:
+    """Return the inverse normal matrix of each frame's own unknowns, and how they follow its residuals.
+
+    Parameters
+    ----------
+    slopes : ndarray, shape (n_frames, n_rows, n_angles)
+        How the model follows them.
+    """
+    own = np.swapaxes(slopes, 1, 2)
+    normal = own @ slopes
+    level = OWN_RIDGE * np.einsum("fii->f", normal)[:, np.newaxis, np.newaxis] + np.finfo(np.float64).tiny
+    inverse = np.linalg.inv(normal + level * np.eye(normal.shape[1]))
+    return inverse, inverse @ own
+
+
+def descend(
+    state: State,
+    linearised: Callable[[State], Linear],
+    stepped: Callable[[State, Floats, Floats], State],
+    max_rounds: int = MAX_ROUNDS,
+    least_gain: float = LEAST_GAIN,
+) -> Descent[State]:
+    """Repeat Gauss-Newton steps until the sum of squares stays.
+
+    Parameters
+    ----------
+    state : object
+        First guess.
+    linearised : callable (state) -> Linear
+        Residuals and slopes at a state.
+    stepped : callable (state, constants, angles) -> state
+        The state after a step.
+    max_rounds : int
+        Rounds at most.
+    least_gain : float
+        Part of the sum of squares; a round that gains no more is the last.
+    """
+    linear = linearised(state)
+    for _ in range(max_rounds):
+        solution = solve_arrow(linear)
+        for part in STEP_PARTS:
+            trial = stepped(state, part * solution.constants, part * solution.angles)
+            trial_linear = linearised(trial)
+            if trial_linear.squares <= linear.squares:
+                break
+        else:
+            break
+        gain = linear.squares - trial_linear.squares
+        state, linear = trial, trial_linear
+        if gain <= least_gain * linear.squares:
+            break
+    return Descent(state, linear.squares, solve_arrow(linear))
+
+
+@dataclass(frozen=True, eq=False)
+class Descent(Generic[State]):
+    """Where a descent ended: the state, its sum of squares, and the covariance there."""
+
+    state: State
+    squares: float
+    solution: Solution
+
+
+def pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
+    """Return the inverse of an information matrix on what is determined, and unit directions of the rest."""
+    if not len(matrix):
+        return matrix, matrix
+    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))  # mm and rad beside each other
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    known = values > RANK_TOLERANCE * max(values[-1], np.finfo(np.float64).tiny)
+    root = vectors[:, known] / np.sqrt(values[known]) / scale[:, np.newaxis]
+    unknown = vectors[:, ~known] / scale[:, np.newaxis]
+    return root @ root.T, unknown / np.linalg.norm(unknown, axis=0)
+
+
+FEW_LAGS = 32
+"""Lags whose products take less time than a Fourier transform that finds all."""
+
+
+def effective_frames(residuals: Floats, *, of_squares: bool = False) -> float:
+    """Return the number of independent frames that would tell as much.
+
+    The correlation times are summed over lags as long as two neighbouring ones add up to more than nothing (Geyer
+    1992, *Practical Markov chain Monte Carlo*, 3.3), so that independent residuals count in full.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (n_frames, n_rows)
+        In the order of time; of any unit.
+    of_squares : bool
+        Count what their variance rests on, not their mean: the squares of normal numbers forget twice as fast.
+    """
+    return _effective(_correlation(residuals), len(residuals), of_squares)
+
+
+def effective_frames_of_both(residuals: Floats) -> tuple[float, float]:
+    """Return the number of independent frames that would tell as much of the mean, and as much of the variance."""
+    correlation = _correlation(residuals)
+    return _effective(correlation, len(residuals), False), _effective(correlation, len(residuals), True)
+
+
+def _correlation(residuals: Floats) -> Floats:
+    """How alike residuals are that are 0, 1, ... frames apart, 1 for themselves, until two lags are none in sum.
+
+    Few lags are summed one by one, at the cost of a product each; if the residuals last, all are found at once.
+    """
+    n_frames, n_rows = residuals.shape
+    flat = np.ascontiguousarray(residuals).ravel()
+    squares = float(flat @ flat)
+    if n_frames < 2 or squares == 0:
+        return np.ones(1)
+    found: list[float] = []
+    for lag in range(0, min(n_frames - 1, FEW_LAGS), 2):
+        ways = (lag * n_rows, (lag + 1) * n_rows)
+        found += [float(flat[way:] @ flat[: len(flat) - way]) / squares for way in ways]
+        if found[-2] + found[-1] <= 0:
+            return np.array(found[:-2])
+    spectrum = np.fft.rfft(residuals, 2 * n_frames, axis=0)
+    power = (spectrum.real**2 + spectrum.imag**2).sum(axis=1)
+    correlation = np.fft.irfft(power)[: n_frames - n_frames % 2] / squares
+    ends = np.flatnonzero(correlation.reshape(-1, 2).sum(axis=1) <= 0)
+    return np.asarray(correlation[: 2 * ends[0] if len(ends) else None])
+
+
+def _effective(correlation: Floats, n_frames: int, of_squares: bool) -> float:
+    if of_squares:
+        correlation = correlation * np.abs(correlation)
+    return float(n_frames / max(2 * correlation.sum() - 1, 1.0))

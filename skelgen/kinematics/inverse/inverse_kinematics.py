@@ -1,0 +1,304 @@
+"""Inverse kinematics: the pose of a known skeleton from markers of one frame or many.
+
+Limbs are placed from the root outward in closed form (Schönauer 2007, 3.8.2). The whole chain is then fitted to all
+markers at once, joints turning only as their kinds allow, and every joint's angles come with standard deviations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.geometry.rotations import transform_from
+from skelgen.kinematics.calibration.uncertainty import axis_projectors
+from skelgen.kinematics.chain.chain import ChainPoses, seen_weights
+from skelgen.kinematics.inverse.loop_closure import fit_closed_poses
+from skelgen.kinematics.inverse.poses import fit_poses, pose_covariances
+from skelgen.kinematics.inverse.root_outward import Outward, pose_outward
+from skelgen.kinematics.inverse.skeleton_tree import KnownTree
+from skelgen.kinematics.joints.angles import angle_deviations, angle_names, joint_angles
+from skelgen.model import Motion, Skeleton
+from skelgen.model.arrays import Bools, Floats, Ints, check_floats
+
+METHODS = ("whole-chain", "root-outward")
+
+
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """A skeleton's pose in some frames.
+
+    Attributes
+    ----------
+    world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
+        Pose of every limb's frame.
+    joint_positions : ndarray, shape (n_frames, n_joints, 3), mm
+        World positions in the order of the skeleton's joints.
+    joint_covariances : ndarray, shape (n_frames, n_joints, 3, 3), mm^2
+        Of these along the world's axes, of hinges across their axes; at most some `UNKNOWN_SHIFT` squared where no
+        marker tells.
+    angles : tuple of ndarray, shape (n_frames, n_angles), rad
+        Of each joint, 0 in the reference pose. Hinge: the angle about its axis. Universal: the angle about the axis in
+        the parent, then that about the axis in the child. Ball and undetermined: the rotation vector of the child
+        against the parent, in the parent's axes. Rigid: none.
+    angle_std : tuple of ndarray, shape (n_frames, n_angles), rad
+        Standard deviations of the angles against the limbs' markers: noise of the frame and errors of the skeleton. At
+        most some `UNKNOWN_TURN` where no marker tells. That the zero was taken from a measured frame adds one constant
+        to all frames, which is not counted.
+    limb_seen : ndarray of bool, shape (n_frames, n_limbs)
+        Whether markers of the frame fix the limb's rotation; otherwise the limb is turned as its parent, as far as the
+        other limbs' markers do not say otherwise.
+    """
+
+    world_from_limb: Floats
+    joint_positions: Floats
+    joint_covariances: Floats
+    angles: tuple[Floats, ...]
+    angle_std: tuple[Floats, ...]
+    limb_seen: Bools
+
+    @property
+    def joint_std(self) -> Floats:
+        """Standard deviations of the joints along the world's axes [mm], shape (n_frames, n_joints, 3)."""
+        return np.asarray(np.sqrt(np.maximum(np.einsum("fjii->fji", self.joint_covariances), 0.0)))
+
+
+def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain", noise: float | None = None) -> Posture:
+    """Pose a known skeleton; rings that it closes stay closed.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With its kinds of joints and axes.
+    positions : ndarray, shape (n_frames, n_markers, 3) or (n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    method : str
+        ``whole-chain``, or ``root-outward`` for the closed form alone.
+    noise : float, mm, optional
+        Standard deviation of a marker's coordinate; what the skeleton's markers showed, if not given.
+
+    Raises
+    ------
+    InputError
+        If the markers are not those of the skeleton, a frame shows none, or there is no such method.
+
+    Examples
+    --------
+    >>> posture = solve(project.skeleton, frame)  # doctest: +SKIP
+    >>> posture.angles[0], posture.angle_std[0]  # doctest: +SKIP
+    """
+    check_method(method)
+    positions = np.asarray(positions, dtype=np.float64)
+    positions = positions[np.newaxis] if positions.ndim == 2 else positions
+    positions = check_floats(positions, (None, len(skeleton.limb_of_marker), 3), "positions")
+    trees = [KnownTree(skeleton, int(root), noise) for root in skeleton.roots]
+    found = []
+    for tree in trees:
+        seen = ~np.isnan(positions[:, tree.markers, 0])
+        if not seen.any(axis=1).all():
+            frame = int(np.argmin(seen.any(axis=1)))
+            raise InputError(f"frame {frame} shows no marker of limb {tree.limbs[0]} and those beyond it: leave it out")
+        found.append(solve_tree(tree, positions[:, tree.markers], method))
+    return posture(skeleton, trees, found)
+
+
+def check_method(method: str) -> None:
+    """Raise `InputError` if there is no such method."""
+    if method not in METHODS:
+        raise InputError(f"there is no method {method!r} of inverse kinematics; there are {', '.join(METHODS)}")
+
+
+def solve_tree(tree: KnownTree, positions: Floats, method: str, before: Floats | None = None) -> Outward:
+    """Pose one tree; parameters are those of `pose_outward`, and the method."""
+    start = pose_outward(tree, positions, before)
+    if method == "root-outward":
+        return start
+    weights = seen_weights(positions, np.broadcast_to(tree.weights, positions.shape[:2]))
+    chain, articulation = tree.chain, tree.articulation
+    if tree.rings.n_rings:
+        poses = fit_closed_poses(chain, tree.rings, start.poses, positions, articulation, weights)
+    else:
+        poses = fit_poses(chain, start.poses, positions, articulation, weights)
+    return Outward(poses, start.fixed, pose_covariances(chain, articulation, poses, positions, tree.noise, weights))
+
+
+def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: Ints | None = None) -> Posture:
+    """Return angles, joints and their standard deviations of a motion that is known.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+    motion : Motion
+        Its motion.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers of all frames, NaN where unseen: which are seen says how sure a frame is.
+    frames : ndarray of intp, optional
+        Some frames; all if not given.
+
+    Examples
+    --------
+    >>> posture = posture_of(project.skeleton, project.motion, project.trajectories.positions)  # doctest: +SKIP
+    """
+    frames = np.arange(motion.n_frames) if frames is None else frames
+    world = motion.world_from_limb[frames]
+    trees = [KnownTree(skeleton, int(root), None) for root in skeleton.roots]
+    found = []
+    for tree in trees:
+        poses = ChainPoses(world[:, tree.limbs[0], :3, 3], world[:, tree.limbs, :3, :3])
+        own = positions[frames][:, tree.markers]
+        weights = seen_weights(own, np.broadcast_to(tree.weights, own.shape[:2]))
+        covariances = pose_covariances(tree.chain, tree.articulation, poses, own, tree.noise, weights)
+        found.append(Outward(poses, motion.limb_seen[frames][:, tree.limbs], covariances))
+    return posture(skeleton, trees, found)
+
+
+def posture(skeleton: Skeleton, trees: list[KnownTree], found: list[Outward]) -> Posture:
+    """Gather posed trees, and add the errors of the skeleton to those of the frames."""
+    n_frames, n_limbs = len(found[0].fixed), skeleton.n_limbs
+    world = np.tile(np.eye(4), (n_frames, n_limbs, 1, 1))
+    turns, places = np.zeros((2, n_frames, n_limbs, 3, 3))
+    seen = np.zeros((n_frames, n_limbs), dtype=bool)
+    for tree, one in zip(trees, found, strict=True):
+        world[:, tree.limbs] = transform_from(one.poses.rotations, one.poses.origins(tree.chain))
+        turns[:, tree.limbs], seen[:, tree.limbs] = one.covariances.turns + tree.turns, one.fixed
+        parents = one.poses.rotations[:, np.maximum(tree.chain.parents, 0)]
+        across = axis_projectors(tree.chain, tree.articulation, one.poses)
+        whole = one.covariances.origins + parents @ tree.places @ parents.swapaxes(2, 3)
+        places[:, tree.limbs] = across @ whole @ across
+    rotations = world[..., :3, :3]
+    relative = [rotations[:, one.parent].swapaxes(1, 2) @ rotations[:, one.child] for one in skeleton.joints]
+    children = [one.child for one in skeleton.joints]
+    turned = list(zip(skeleton.joints, relative, strict=True))
+    return Posture(
+        world_from_limb=world,
+        joint_positions=world[:, :, :3, 3][:, children],
+        joint_covariances=places[:, children],
+        angles=tuple(joint_angles(one, turn) for one, turn in turned),
+        angle_std=tuple(angle_deviations(one, turn, turns[:, one.child]) for one, turn in turned),
+        limb_seen=seen,
+    )
+
+
+class LiveSkeleton:
+    """Poses a known skeleton frame by frame.
+
+    Limbs that a frame does not show keep their turn against the parent from the frame before; trees that it does not
+    show at all stay where they were. Both are marked, and their deviations say so.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With its kinds of joints and axes, as a project has it.
+    method : str
+        ``root-outward``, the closed form, which is quick; or ``whole-chain``, which is nearer to the truth.
+    noise : float, mm, optional
+        Standard deviation of a marker's coordinate; what the skeleton's markers showed, if not given.
+
+    Raises
+    ------
+    InputError
+        If there is no such method.
+
+    Examples
+    --------
+    >>> live = LiveSkeleton(project.skeleton)  # doctest: +SKIP
+    >>> for frame in camera:  # doctest: +SKIP
+    ...     posture = live.see(frame)
+    ...     print(posture.angles[3][0], posture.angle_std[3][0])
+    """
+
+    def __init__(self, skeleton: Skeleton, *, method: str = "root-outward", noise: float | None = None) -> None:
+        check_method(method)
+        self._skeleton, self._method = skeleton, method
+        self._trees = [KnownTree(skeleton, int(root), noise) for root in skeleton.roots]
+        self._before: list[ChainPoses | None] = [None] * len(self._trees)
+
+    def see(self, positions: Floats) -> Posture:
+        """Pose the skeleton in the next frame.
+
+        Parameters
+        ----------
+        positions : ndarray, shape (n_markers, 3), mm
+            Measured markers, NaN where unseen.
+
+        Returns
+        -------
+        Posture
+            Of one frame.
+
+        Raises
+        ------
+        InputError
+            If the markers are not those of the skeleton, or a tree has never been seen.
+        """
+        positions = check_floats(positions, (len(self._skeleton.limb_of_marker), 3), "positions")
+        found = [self._posed(index, positions[np.newaxis, tree.markers]) for index, tree in enumerate(self._trees)]
+        self._before = [one.poses for one in found]
+        return posture(self._skeleton, self._trees, found)
+
+    def _posed(self, index: int, positions: Floats) -> Outward:
+        tree, before = self._trees[index], self._before[index]
+        if not np.isnan(positions[:, :, 0]).all():
+            return solve_tree(tree, positions, self._method, None if before is None else before.rotations[0])
+        if before is None:
+            raise InputError(f"the first frame shows no marker of limb {tree.limbs[0]} and those beyond it")
+        unknown = pose_covariances(tree.chain, tree.articulation, before, positions, tree.noise)
+        return Outward(before, np.zeros((1, len(tree.limbs)), dtype=bool), unknown)
+
+
+MOST_FRAMES = 5000
+"""Frames on which tables rest, evenly spread."""
+
+
+@dataclass(frozen=True)
+class AngleRange:
+    """One angle of a joint.
+
+    Attributes
+    ----------
+    name : str
+        Which, see `skelgen.kinematics.joints.angles`.
+    low, mean, high : float, rad
+        Smallest, mean and largest value, from frames that show both limbs; NaN if there are none.
+    std : float, rad
+        Median of the standard deviations.
+    """
+
+    name: str
+    low: float
+    mean: float
+    high: float
+    std: float
+
+
+def told_frames(n_frames: int, most: int = MOST_FRAMES) -> Ints:
+    """Return at most so many frames, evenly spread."""
+    return np.unique(np.linspace(0, n_frames - 1, min(n_frames, most)).astype(np.intp))
+
+
+def angle_ranges(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple[tuple[AngleRange, ...], ...]:
+    """Return the range of every angle of every joint, in the order of the skeleton's joints.
+
+    Parameters
+    ----------
+    skeleton, motion
+        The skeleton and its motion.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    """
+    posture = posture_of(skeleton, motion, positions, told_frames(motion.n_frames))
+    return tuple(_ranges(skeleton, posture, index) for index in range(skeleton.n_joints))
+
+
+def _ranges(skeleton: Skeleton, posture: Posture, index: int) -> tuple[AngleRange, ...]:
+    joint = skeleton.joints[index]
+    shown = posture.limb_seen[:, [joint.parent, joint.child]].all(axis=1)
+    angles, stds = posture.angles[index][shown], posture.angle_std[index][shown]
+    if not len(angles):
+        return tuple(AngleRange(name, np.nan, np.nan, np.nan, np.nan) for name in angle_names(joint))
+    return tuple(
+        AngleRange(name, float(angle.min()), float(angle.mean()), float(angle.max()), float(np.median(std)))
+        for name, angle, std in zip(angle_names(joint), angles.T, stds.T, strict=True)
+    )

@@ -1,0 +1,287 @@
+r"""Ball joints between bodies whose poses are known, in closed form.
+
+A joint is a point fixed in both bodies: :math:`R_a p_a + t_a = R_b p_b + t_b` in every frame. The stacked linear
+system (O'Brien 2000, eq. 8-13) has the 6 x 6 normal matrix
+
+.. math::
+    \begin{pmatrix} I & -C \\ -C^T & I \end{pmatrix}, \qquad C = \langle R_a^T R_b \rangle,
+
+so that the mean relative rotation C and two mean vectors hold all that the frames say. Directions in which the relative
+rotation never turns (the axis of a hinge) are not determined; there the point nearest to both bodies is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+
+from skelgen.compiling import in_order, loops
+from skelgen.kinematics.chain.schur_complement import kind_loops
+from skelgen.kinematics.joints.rotations import AxisTurning, TwoAxisTurning, frame_along
+from skelgen.model.arrays import Floats, Ints
+
+MIN_FRAMES = 3
+"""Fewer common frames than this determine no joint."""
+
+RELATIVE_RIDGE = 1e-7
+"""Weight of nearness beside one frame's equations: its bias is below 1e-3 mm for joints that turn by 10 degrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class FixedPoint:
+    """A fixed point of two bodies.
+
+    Attributes
+    ----------
+    in_first, in_second : ndarray, shape (3,), mm
+        The point in both bodies' frames.
+    gap : float, mm^2
+        Mean square over frames of the distance between the two images of the point.
+    turning : ndarray, shape (3,)
+        How well each direction is determined, rising: eigenvalues of I - C C^T between 0 (never turned) and 1.
+    axis_in_first, axis_in_second : ndarray, shape (3,)
+        Direction in both bodies that is determined worst: the axis, if the joint is a hinge.
+    n_frames : int
+        Frames that show both bodies.
+    """
+
+    in_first: Floats
+    in_second: Floats
+    gap: float
+    turning: Floats
+    axis_in_first: Floats
+    axis_in_second: Floats
+    n_frames: int
+
+
+def fit_fixed_point(
+    first: Floats, second: Floats, near_first: Floats, near_second: Floats, weights: Floats | None = None
+) -> FixedPoint | None:
+    """Fit the point that is fixed in two bodies.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (n_frames, 4, 4)
+        world_from_body of both; NaN where unknown.
+    near_first, near_second : ndarray, shape (3,), mm
+        Where the bodies are in their own frames (centroids of their markers): undetermined directions lean there.
+    weights : ndarray, shape (n_frames,), optional
+        Of the frames, not negative; all count alike if left out.
+
+    Returns
+    -------
+    FixedPoint or None
+        None if fewer than `MIN_FRAMES` frames show both bodies.
+    """
+    weights = np.ones(len(first)) if weights is None else weights
+    sums = ball_loops().fixed_point_sums(*in_order(first, second, weights))
+    relative, seen_from_first, seen_from_second, square, n_frames = sums
+    if n_frames < MIN_FRAMES:
+        return None
+    normal = np.eye(6)
+    normal[:3, 3:], normal[3:, :3] = -relative, -relative.T
+    right = np.concatenate([seen_from_first, -seen_from_second])
+    near = np.concatenate([near_first, near_second])
+    point = near + np.linalg.solve(normal + RELATIVE_RIDGE * np.eye(6), right - normal @ near)
+    gap = square - 2 * point @ right + point @ normal @ point
+    u, singular, vt = np.linalg.svd(relative)
+    return FixedPoint(
+        in_first=point[:3],
+        in_second=point[3:],
+        gap=max(float(gap), 0.0),
+        turning=np.asarray(1 - np.minimum(singular, 1.0) ** 2),
+        axis_in_first=u[:, 0],
+        axis_in_second=vt[0],
+        n_frames=n_frames,
+    )
+
+
+def ball_loops() -> ModuleType:
+    """Return the compiled loops over frames of two bodies, or their plain twin."""
+    return loops("skelgen.kinematics.compiled_ball", "skelgen.kinematics.plain_ball")
+
+
+FEWEST_ON_SPHERE = 5
+MAX_STEPS = 20
+STEP_TOLERANCE = 1e-9
+"""mm."""
+
+RIDGE = 1e-9
+"""Weight of nearness in the linear form, relative to the points' spread: it decides only what nothing else does."""
+
+
+@dataclass(frozen=True, eq=False)
+class SphereFit:
+    """A centre of rotation seen from a body.
+
+    Attributes
+    ----------
+    centre : ndarray, shape (3,), mm
+        In the body's frame.
+    radii : ndarray, shape (n_points,), mm
+        Distance of each point.
+    variance : float, mm^2
+        Mean over points of the variance of their distance to the centre.
+    """
+
+    centre: Floats
+    radii: Floats
+    variance: float
+
+
+def fit_sphere(body: Floats, points: Floats, near: Floats) -> SphereFit | None:
+    """Fit the common centre of spheres on which points move around a body.
+
+    Parameters
+    ----------
+    body : ndarray, shape (n_frames, 4, 4)
+        world_from_body; NaN where unknown.
+    points : ndarray, shape (n_frames, n_points, 3), mm
+        World positions; NaN where unseen.
+    near : ndarray, shape (3,), mm
+        Where the body is in its own frame: undetermined directions lean there.
+
+    Returns
+    -------
+    SphereFit or None
+        None if fewer than `FEWEST_ON_SPHERE` frames show the body and a point.
+    """
+    local = np.einsum("fji,fnj->fni", body[:, :3, :3], points - body[:, np.newaxis, :3, 3])
+    seen = ~np.isnan(local[:, :, 0])
+    which = np.broadcast_to(np.arange(points.shape[1]), seen.shape)[seen]
+    data = local[seen]
+    if len(data) < FEWEST_ON_SPHERE * points.shape[1] or len(np.unique(which)) < points.shape[1]:
+        return None
+    centre = _linear_centre(data, which, near)
+    for _ in range(MAX_STEPS):
+        step = _gauss_newton_step(data, which, centre)
+        centre = centre + step
+        if np.abs(step).max() < STEP_TOLERANCE:
+            break
+    distance = np.linalg.norm(data - centre, axis=1)
+    count = np.bincount(which)
+    radii = np.bincount(which, distance) / count
+    variances = np.bincount(which, (distance - radii[which]) ** 2) / count
+    return SphereFit(centre, radii, float(variances.mean()))
+
+
+def _centred(values: Floats, which: Ints) -> Floats:
+    """Values minus the mean over their own point: eliminates one constant per point."""
+    count = np.bincount(which)[:, np.newaxis]
+    means = np.stack([np.bincount(which, column) for column in values.T], axis=1) / count
+    return np.asarray(values - means[which])
+
+
+def _linear_centre(data: Floats, which: Ints, near: Floats) -> Floats:
+    shifted = data - near
+    matrix = 2 * _centred(shifted, which)
+    right = _centred((shifted**2).sum(axis=1, keepdims=True), which)[:, 0]
+    normal = matrix.T @ matrix
+    ridge = RIDGE * np.trace(normal) + np.finfo(np.float64).tiny
+    return np.asarray(near + np.linalg.solve(normal + ridge * np.eye(3), matrix.T @ right))
+
+
+def _gauss_newton_step(data: Floats, which: Ints, centre: Floats) -> Floats:
+    offset = data - centre
+    distance = np.maximum(np.linalg.norm(offset, axis=1), np.finfo(np.float64).tiny)
+    residual = _centred(distance[:, np.newaxis], which)[:, 0]
+    jacobian = -_centred(offset / distance[:, np.newaxis], which)
+    normal = jacobian.T @ jacobian
+    ridge = RIDGE * np.trace(normal) + np.finfo(np.float64).tiny
+    return np.asarray(-np.linalg.solve(normal + ridge * np.eye(3), jacobian.T @ residual))
+
+
+def hinge_turning(rotations: Floats) -> AxisTurning:
+    """Return the hinge that comes nearest to some rotations.
+
+    The halves of the last singular vector of the stacked equations are the leading singular vectors of the mean
+    rotation: both minimise the mean of :math:`|u - R_f v|^2` over unit vectors.
+
+    Parameters
+    ----------
+    rotations : ndarray, shape (n, 3, 3)
+        Parent from child.
+    """
+    u, _, vt = np.linalg.svd(rotations.mean(axis=0))
+    in_parent, in_child = frame_along(u[:, 0]), frame_along(vt[0])
+    return AxisTurning(in_parent, in_child, hinge_angles(rotations, in_parent, in_child))
+
+
+def hinge_angles(rotations: Floats, in_parent: Floats, in_child: Floats) -> Floats:
+    """Return the angles [rad] that best turn one plane onto the other, by two-dimensional least squares (eq. 5.16)."""
+    between = in_parent.T @ rotations @ in_child
+    sine = between[:, 1, 0] - between[:, 0, 1]
+    cosine = between[:, 0, 0] + between[:, 1, 1]
+    return np.asarray(np.arctan2(sine, cosine))
+
+
+N_STARTS = 48
+"""Directions all over the half sphere, some 20 degrees apart: minima are wider."""
+
+N_ROUNDS = 4
+"""Rounds of alternation from each; the refinement does the rest."""
+
+UNIVERSAL_RIDGE = 1e-6
+"""Of unit variance: axes that never move against each other make no universal joint."""
+
+_GOLDEN = (1 + 5**0.5) / 2
+
+
+def universal_turning(rotations: Floats) -> TwoAxisTurning:
+    """Return the universal joint that comes nearest to some rotations.
+
+    Parameters
+    ----------
+    rotations : ndarray, shape (n, 3, 3)
+        Parent from child.
+    """
+    mean = rotations.mean(axis=0)
+    flat = (rotations - mean).reshape(len(rotations), 9)
+    moments = (flat.T @ flat / len(flat)).reshape(3, 3, 3, 3)
+    second, variances = kind_loops().alternated(moments, mean, _half_sphere(N_STARTS), N_ROUNDS)
+    best = int(np.argmin(variances))
+    first, _ = best_partners(moments, mean, second[best : best + 1])
+    second, _ = best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)
+    return _turning(rotations, first[0], second[0])
+
+
+def best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats, Floats]:
+    """Return axes on the left that keep their angle to each of some axes on the right best, and the angles' variances.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (3, 3, 3, 3)
+        Covariances of the elements of the rotations.
+    mean : ndarray, shape (3, 3)
+        Their mean.
+    known : ndarray, shape (n, 3)
+        Unit axes on the right.
+    """
+    spread = np.einsum("iajb,na,nb->nij", moments, known, known)
+    middle = known @ mean.T
+    weight = (1 + UNIVERSAL_RIDGE) * np.eye(3) - middle[:, :, np.newaxis] * middle[:, np.newaxis, :]
+    root = np.linalg.inv(np.linalg.cholesky(weight))
+    values, vectors = np.linalg.eigh(root @ spread @ root.swapaxes(1, 2))
+    axis = (root.swapaxes(1, 2) @ vectors[:, :, :1])[..., 0]
+    return axis / np.linalg.norm(axis, axis=1, keepdims=True), values[:, 0]
+
+
+def _turning(rotations: Floats, first: Floats, second: Floats) -> TwoAxisTurning:
+    """The joint with two given axes; its angles are those of the Euler sequence z x z."""
+    in_parent, in_child = frame_along(first), frame_along(second)
+    between = in_parent.T @ rotations @ in_child
+    cosine = between[:, 2, 2].mean()
+    angles = np.stack(
+        [np.arctan2(between[:, 0, 2], -between[:, 1, 2]), np.arctan2(between[:, 2, 0], between[:, 2, 1])], axis=1
+    )
+    return TwoAxisTurning(in_parent, in_child, float(np.arccos(np.clip(cosine, -1.0, 1.0))), angles)
+
+
+def _half_sphere(count: int) -> Floats:
+    """Unit vectors spread evenly over a half sphere, shape (count, 3) (Fibonacci's lattice)."""
+    height = (np.arange(count) + 0.5) / count
+    around = 2 * np.pi * np.arange(count) / _GOLDEN
+    level = np.sqrt(1 - height**2)
+    return np.stack([level * np.cos(around), level * np.sin(around), height], axis=1)

@@ -1,0 +1,383 @@
+"""Joints of a given kind, fitted to the poses of two bodies: closed form, maximum likelihood, covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
+from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
+from skelgen.kinematics.chain.schur_complement import Solution, effective_frames, solve_arrow
+from skelgen.kinematics.joints.closed_form import hinge_turning, universal_turning
+from skelgen.kinematics.joints.errors_in_variables import held_covariance
+from skelgen.kinematics.joints.joint_model import Placed, conventional, fit_placed, linearised
+from skelgen.kinematics.joints.joint_type import KNOWN_KINDS, ROUNDING, JointKind, KindLimits, find_kind
+from skelgen.kinematics.joints.rotations import AxisTurning, FixedTurning, FreeTurning, TwoAxisTurning, axis_covariance
+from skelgen.model import Poses
+from skelgen.model.arrays import Floats, Ints
+
+UNKNOWN = 1000.0
+"""mm; stated deviation of a place along directions that no frame tells: farther than any limb is long."""
+
+KINDS = ("ball", "hinge", "universal", "rigid")
+
+
+@dataclass(frozen=True, eq=False)
+class JointFit:
+    """A joint of one kind between two bodies.
+
+    Attributes
+    ----------
+    kind : str
+        ``ball``, ``hinge``, ``universal`` or ``rigid``.
+    parent_from_joint, child_from_joint : ndarray, shape (4, 4)
+        Frames of the joint in both bodies, translations in mm. Their z is the axis of a hinge, or the axis of a
+        universal joint that is fixed in that body; their x points from the body's origin to the axis. Other kinds keep
+        the bodies' directions.
+    angles : ndarray, shape (n_frames, n_angles), rad
+        Turn of the child's joint frame in the parent's: about z of a hinge; about the parent's and the child's axis of
+        a universal joint; the rotation vector (Rodrigues) of a ball; NaN where a body is unseen.
+    angle_std : ndarray, shape (n_frames, n_angles), rad
+        Their standard deviations; for a ball those of small turns about the parent's axes.
+    between : float, rad
+        Angle between the axes of a universal joint; 0 for other kinds.
+    covariance : ndarray, shape (6, 6), mm^2
+        Of the joint's place in the parent, then in the child. Along the axis of a hinge the place is a choice (nearest
+        to both bodies' origins) without variance, and so is the place of a rigid joint in the child.
+    axis_covariance : ndarray, shape (6, 6)
+        Of the axis in the parent, then of that in the child, unit vectors; zero for kinds without.
+    singular_values : ndarray, shape (6,)
+        Of the stacked equations of the place, falling, per root of the number of frames: near 0 where nothing turned.
+    noise : float
+        Root mean square of the residuals in units of the given covariances, or in mm without any; freedoms taken off.
+    gap : float, mm
+        Root mean square distance of the two images of the joint.
+    frames : ndarray of intp, shape (n,)
+        Frames that show both bodies.
+    n_effective : float
+        Independent frames that the residuals are worth; the covariances rest on these.
+    """
+
+    kind: str
+    parent_from_joint: Floats
+    child_from_joint: Floats
+    angles: Floats
+    angle_std: Floats
+    between: float
+    covariance: Floats
+    axis_covariance: Floats
+    singular_values: Floats
+    noise: float
+    gap: float
+    frames: Ints
+    n_effective: float
+
+    @property
+    def in_parent(self) -> Floats:
+        """The joint in the parent's frame [mm], shape (3,)."""
+        return self.parent_from_joint[:3, 3]
+
+    @property
+    def in_child(self) -> Floats:
+        """The joint in the child's frame [mm], shape (3,)."""
+        return self.child_from_joint[:3, 3]
+
+    @property
+    def axis_in_parent(self) -> Floats | None:
+        """Axis that is fixed in the parent, shape (3,); None for kinds without."""
+        return self.parent_from_joint[:3, 2] if self.kind in {"hinge", "universal"} else None
+
+    @property
+    def axis_in_child(self) -> Floats | None:
+        """Axis that is fixed in the child, shape (3,); that of a hinge is the parent's, seen from the child."""
+        return self.child_from_joint[:3, 2] if self.kind in {"hinge", "universal"} else None
+
+    @property
+    def std(self) -> Floats:
+        """Standard deviation [mm] of the joint in the parent's and in the child's frame, shape (2, 3)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).reshape(2, 3)
+
+
+def fit_ball(
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
+) -> JointFit:
+    """Fit a ball joint: the point that is fixed in two bodies.
+
+    Linear least squares by singular value decomposition (O'Brien 2000, eq. 8-13), then maximum likelihood with a free
+    rotation in every frame (Gaschler 2011, eq. 5.5).
+
+    Parameters
+    ----------
+    poses : Poses
+        Bodies with orientation.
+    parent, child : int or str
+        Two of them, by index or name.
+    covariances : ndarray, shape (n_bodies, 6, 6) or (n_frames, n_bodies, 6, 6), optional
+        Of shift [mm] and turn [rad] of every body in its own frame, e.g. from `pose_covariance`.
+    size : float, mm, optional
+        Without covariances: distance of the points that stand for a body, which says how an error of its rotation
+        weighs beside one of its position; by default from what changes between neighbouring frames.
+
+    Raises
+    ------
+    InputError
+        If there is no such body, or too few frames show both.
+    """
+    return fit_kind("ball", relative_poses(poses, parent, child, covariances, size))
+
+
+def fit_hinge(
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
+) -> JointFit:
+    """Fit a hinge: axis, place and angles; solution of rank 5 and null vector first. Parameters as `fit_ball`."""
+    return fit_kind("hinge", relative_poses(poses, parent, child, covariances, size))
+
+
+def fit_universal(
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
+) -> JointFit:
+    """Fit a universal joint: two axes that meet, one fixed in each body. Parameters as `fit_ball`."""
+    return fit_kind("universal", relative_poses(poses, parent, child, covariances, size))
+
+
+def fit_rigid(
+    poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
+) -> JointFit:
+    """Fit a rigid connection: one relative pose for all frames. Parameters as `fit_ball`."""
+    return fit_kind("rigid", relative_poses(poses, parent, child, covariances, size))
+
+
+def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
+    """Fit a joint of one kind to relative poses.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    measured : RelativePoses
+        From `relative_poses`.
+    """
+    singular, place = linear_place(measured, rank=5 if kind == "hinge" else 6)
+    found = fit_placed(_start(kind, measured, place), measured)
+    joint = conventional(found.state)
+    solution = solve_arrow(linearised(joint, measured, whitener(measured.covariances)))
+    freedoms = 6 * len(measured.frames) - solution.rank - joint.turning.n_angles * len(measured.frames)
+    variance = found.squares / max(freedoms, 1)
+    n_effective = effective_frames(solution.residuals)
+    scale = max(variance, 1.0) if measured.is_scaled else variance
+    constants = _covariance_of_constants(joint, measured, solution, scale, n_effective)
+    free = joint.free_places()
+    n_places = free.shape[1]
+    angles, angle_std = _spread_over_take(joint, scale * solution.angle_covariance, measured)
+    return JointFit(
+        kind=kind,
+        parent_from_joint=_frame(joint, "in_parent"),
+        child_from_joint=_frame(joint, "in_child"),
+        angles=angles,
+        angle_std=angle_std,
+        between=joint.turning.between if isinstance(joint.turning, TwoAxisTurning) else 0.0,
+        covariance=free @ constants[:n_places, :n_places] @ free.T,
+        axis_covariance=axis_covariance(joint.turning, constants[n_places:, n_places:]),
+        singular_values=singular,
+        noise=float(np.sqrt(variance)),
+        gap=_gap(joint, measured),
+        frames=measured.frames,
+        n_effective=n_effective,
+    )
+
+
+def linear_place(measured: RelativePoses, rank: int = 6) -> tuple[Floats, Floats]:
+    """Solve the stacked equations of the place by singular value decomposition (O'Brien 2000, eq. 13).
+
+    Parameters
+    ----------
+    measured : RelativePoses
+        Relative poses.
+    rank : int
+        Largest rank: 5 for a hinge. Directions that never turned are left out in any case, so that the place stays
+        near the origins of both bodies.
+
+    Returns
+    -------
+    tuple of ndarray, shape (6,)
+        Singular values per root of the number of frames, and the place in parent and child [mm].
+    """
+    n_frames = len(measured.frames)
+    rows = np.concatenate([np.tile(np.eye(3), (n_frames, 1, 1)), -measured.rotations], axis=2).reshape(-1, 6)
+    u, singular, vt = np.linalg.svd(rows, full_matrices=False)
+    kept = singular > np.sqrt(np.finfo(np.float64).eps) * singular[0]
+    kept[rank:] = False
+    place = vt[kept].T @ ((u[:, kept].T @ measured.shifts.ravel()) / singular[kept])
+    return singular / np.sqrt(n_frames), place
+
+
+def _covariance_of_constants(
+    joint: Placed, measured: RelativePoses, solution: Solution, scale: float, n_effective: float
+) -> Floats:
+    """That of the model where the poses' covariances are known; else what the frames' own pulls say (White 1980).
+
+    Errors that last count as fewer frames; what no frame tells is stated as unknown.
+    """
+    n_frames = len(measured.frames)
+    covariance, yielding = held_covariance(joint, measured, whitener(measured.covariances), solution, scale)
+    if measured.is_scaled:
+        covariance = scale * covariance
+    else:
+        moves = solution.scores @ yielding
+        covariance = moves.T @ moves * n_frames / max(n_frames - 1, 1)
+    return np.asarray(covariance * n_frames / n_effective + UNKNOWN**2 * solution.unknown @ solution.unknown.T)
+
+
+def _start(kind: str, measured: RelativePoses, place: Floats) -> Placed:
+    rotations = measured.rotations
+    if kind == "rigid":
+        turn = nearest_rotation(rotations.mean(axis=0))
+        half = measured.shifts.mean(axis=0) / 2
+        return Placed(FixedTurning(turn, len(rotations)), half, -turn.T @ half)
+    if kind == "ball":
+        return Placed(FreeTurning(rotations), place[:3], place[3:])
+    turning = hinge_turning(rotations) if kind == "hinge" else universal_turning(rotations)
+    return Placed(turning, place[:3], place[3:])
+
+
+def _spread_over_take(joint: Placed, covariance: Floats, measured: RelativePoses) -> tuple[Floats, Floats]:
+    """Angles and their deviations in all frames of the take, NaN where not known."""
+    turning = joint.turning
+    angles = np.full((measured.n_frames, turning.n_angles), np.nan)
+    std = angles.copy()
+    if isinstance(turning, FreeTurning):
+        angles[measured.frames] = vector_from_matrix(turning.free)
+    elif isinstance(turning, AxisTurning | TwoAxisTurning):
+        angles[measured.frames] = turning.angles.reshape(len(measured.frames), -1)
+    std[measured.frames] = np.sqrt(np.einsum("fii->fi", covariance))
+    return angles, std
+
+
+def _frame(joint: Placed, where: str) -> Floats:
+    turning = joint.turning
+    turn = getattr(turning, where) if isinstance(turning, AxisTurning | TwoAxisTurning) else np.eye(3)
+    return transform_from(turn, getattr(joint, where))
+
+
+def _gap(joint: Placed, measured: RelativePoses) -> float:
+    """Root mean square distance [mm] of the joint's images in the two measured bodies."""
+    images = measured.shifts + measured.rotations @ joint.in_child - joint.in_parent
+    return float(np.sqrt((images**2).sum(axis=1).mean()))
+
+
+FREEDOMS_OF_GAP = 3.0
+"""Per frame: what poses alone tell of their noise is how far a ball joint's two images are apart."""
+
+
+VARIANCE_OF_THIRD = 20.0
+"""Of third differences of independent numbers of variance 1: 1 + 9 + 9 + 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class KindChoice:
+    """The kind of a joint and what speaks for it.
+
+    Attributes
+    ----------
+    kind : str
+        ``ball``, ``hinge``, ``universal``, ``rigid``, or ``undetermined``.
+    fit : JointFit
+        Fit of that kind; of an undetermined joint, of the simplest kind that explains what is seen.
+    evidence : JointKind
+        What each kind that was tried leaves unexplained; its singular values are those of the mean rotation.
+    """
+
+    kind: str
+    fit: JointFit
+    evidence: JointKind
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in words."""
+        turn = f"turns by {np.rad2deg(self.evidence.main_turn):.3g} deg"
+        if self.kind == "undetermined":
+            last = list(self.evidence.leftovers.values())[-1]
+            hidden = f"noise could hide {np.rad2deg(last.hidden):.2g} deg"
+            return f"not enough motion to tell the kind of joint: it {turn}, and {hidden}"
+        values = " ".join(f"{value:.2g}" for value in self.fit.singular_values)
+        tried = ", ".join(
+            f"{name} leaves {left.ratio:.3g} times the noise (limit {left.limit:.3g})"
+            for name, left in self.evidence.leftovers.items()
+        )
+        return f"{self.kind}: {turn}" + (f"; {tried}" if tried else "") + f"; singular values {values}"
+
+
+def choose_kind(
+    poses: Poses,
+    parent: int | str,
+    child: int | str,
+    covariances: Floats | None = None,
+    size: float | None = None,
+    *,
+    wanted: str | None = None,
+    limits: KindLimits | None = None,
+) -> KindChoice:
+    """Find the kind of the joint between two bodies, and fit it.
+
+    Parameters
+    ----------
+    poses, parent, child, covariances, size
+        As for `fit_ball`.
+    wanted : str, optional
+        A kind that the user knows; it is fitted without question.
+    limits : KindLimits, optional
+        Where one kind ends and the next begins.
+
+    Raises
+    ------
+    InputError
+        If `wanted` is no kind, there is no such body, or too few frames show both.
+
+    Examples
+    --------
+    >>> choice = choose_kind(poses, "thigh", "shank")  # doctest: +SKIP
+    >>> choice.kind, choice.fit.axis_in_parent  # doctest: +SKIP
+    ('hinge', array([0.02, 0.99, -0.11]))
+    """
+    if wanted is not None and wanted not in KNOWN_KINDS:
+        raise InputError(f"there is no joint of kind {wanted!r}; kinds are {', '.join(KNOWN_KINDS)}")
+    return choose(relative_poses(poses, parent, child, covariances, size), wanted, limits)
+
+
+def choose(measured: RelativePoses, wanted: str | None = None, limits: KindLimits | None = None) -> KindChoice:
+    """Find the kind of the joint behind relative poses, and fit it; see `choose_kind`."""
+    rotations, covariances = _settled_rotations(measured)
+    evidence = find_kind(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
+    simplest = next(reversed(evidence.leftovers)) if evidence.kind == "undetermined" else evidence.kind
+    return KindChoice(evidence.kind, fit_kind(simplest, measured), evidence)
+
+
+def _settled_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:
+    """Rotations that also heed the positions, which a joint ties to them, with their covariances."""
+    _, place = linear_place(measured)
+    ball = fit_placed(Placed(FreeTurning(measured.rotations), place[:3], place[3:]), measured)
+    solution = solve_arrow(linearised(ball.state, measured, whitener(measured.covariances)))
+    n_frames = len(measured.frames)
+    variance = ball.squares / max(3 * n_frames - solution.rank, 1)
+    rotations = ball.state.turning.rotations()
+    if measured.is_scaled:
+        return rotations, max(variance, 1.0) * solution.angle_covariance
+    covariances = variance * solution.angle_covariance + ROUNDING**2 * np.eye(3)
+    shaking = _shaking(measured) / np.einsum("fii->f", covariances).mean()
+    return rotations, max(float(shaking), 1.0) * covariances
+
+
+def _shaking(measured: RelativePoses) -> float:
+    """Variance [rad^2] of what changes from each frame to the next, all axes together.
+
+    Third differences of smooth motion are next to nothing; those of independent errors have 20 times their variance.
+    Medians keep out what is neither.
+    """
+    steps = vector_from_matrix(measured.rotations[:-1].swapaxes(1, 2) @ measured.rotations[1:])
+    third = np.diff(steps[np.diff(measured.frames) == 1], n=2, axis=0)
+    if len(third) < MIN_FRAMES:
+        return 0.0
+    return float(((SIGMA_OF_MEDIAN * np.median(np.abs(third), axis=0)) ** 2).sum() / VARIANCE_OF_THIRD)

@@ -1,0 +1,181 @@
+"""A joint between two bodies with its place: the model that is fitted to relative poses by maximum likelihood.
+
+A kind of joint says how the child may turn in its parent; the place is a point of both bodies that coincides. Together
+they predict the relative pose of every frame, six numbers, of which the frame's own angles explain up to three.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skelgen.geometry.rotations import cross_matrix
+from skelgen.kinematics.bodies.relative_poses import RelativePoses, whitener
+from skelgen.kinematics.chain.schur_complement import Descent, Linear, descend
+from skelgen.kinematics.joints.rotations import AxisTurning, Turning, TwoAxisTurning, frame_along
+from skelgen.model.arrays import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """How the child turns, and where.
+
+    Attributes
+    ----------
+    turning : Turning
+        Rotations parent from child.
+    in_parent, in_child : ndarray, shape (3,), mm
+        The joint in both bodies.
+    """
+
+    turning: Turning
+    in_parent: Floats
+    in_child: Floats
+
+    def shifts(self, rotations: Floats) -> Floats:
+        """Places of the child's origin in the parent [mm], shape (n_frames, 3)."""
+        return np.asarray(self.in_parent - rotations @ self.in_child)
+
+    def free_places(self) -> Floats:
+        """Directions in which the place can be told: columns of (parent, child), shape (6, n).
+
+        Along a hinge's axis both points may move together; of a rigid joint, any point is one.
+        """
+        if self.turning.kind == "rigid":
+            return np.eye(6)[:, :3]
+        axes = self.turning.axes()
+        if self.turning.kind != "hinge" or axes is None:
+            return np.eye(6)
+        along = np.concatenate(axes) / np.sqrt(2.0)
+        return np.asarray(np.linalg.svd(along[np.newaxis])[2][1:].T)
+
+    def stepped(self, constants: Floats, angles: Floats) -> Placed:
+        """Change place, constants of the turning, and angles."""
+        free = self.free_places()
+        move = free @ constants[: free.shape[1]]
+        turning = self.turning.stepped(constants[free.shape[1] :], angles)
+        return Placed(turning, self.in_parent + move[:3], self.in_child + move[3:])
+
+
+def fit_placed(start: Placed, measured: RelativePoses) -> Descent[Placed]:
+    """Refine a joint by maximum likelihood over its place, its axes and the angles of all frames.
+
+    Parameters
+    ----------
+    start : Placed
+        From a closed form.
+    measured : RelativePoses
+        What the bodies say.
+    """
+    weight = whitener(measured.covariances)
+    return descend(start, lambda joint: linearised(joint, measured, weight), Placed.stepped)
+
+
+def linearised(joint: Placed, measured: RelativePoses, weight: Floats) -> Linear:
+    """Return whitened residuals of the relative poses, and how the model's prediction follows its unknowns."""
+    rotations = joint.turning.rotations()
+    constants, angles = joint.turning.slopes()
+    lever = cross_matrix(rotations @ joint.in_child)
+    free = joint.free_places()
+    place = np.concatenate([free[:3] - rotations @ free[3:], np.zeros((len(rotations), 3, free.shape[1]))], axis=1)
+    by_constants = np.concatenate([place, np.concatenate([lever @ constants, constants], axis=1)], axis=2)
+    by_angles = np.concatenate([lever @ angles, angles], axis=1)
+    errors = measured.errors(rotations, joint.shifts(rotations))
+    return Linear((weight @ errors[..., np.newaxis])[..., 0], weight @ by_constants, weight @ by_angles)
+
+
+def conventional(joint: Placed) -> Placed:
+    """Return the same joint in the stated frames.
+
+    A hinge's place is the point of its axis that is nearest to both bodies' origins; axes have a sign; x points from
+    the body's origin to the axis.
+    """
+    turning = joint.turning
+    if not isinstance(turning, AxisTurning | TwoAxisTurning):
+        return joint
+    in_parent, in_child = joint.in_parent, joint.in_child
+    if isinstance(turning, AxisTurning):
+        first, second = turning.axes()
+        along = (in_parent @ first + in_child @ second) / 2
+        in_parent, in_child = in_parent - along * first, in_child - along * second
+    return Placed(_with_frames(_signed(turning), in_parent, in_child), in_parent, in_child)
+
+
+def _signed(turning: AxisTurning | TwoAxisTurning) -> AxisTurning | TwoAxisTurning:
+    """Give axes a sign: the largest component is positive, of a universal joint for both axes on their own.
+
+    Both frames turn by half a turn about x: the rotations stay when the angles change their sign (a hinge), or when the
+    angle between the axes becomes its supplement.
+    """
+    half = np.diag([1.0, -1.0, -1.0])
+    parent_flips, child_flips = _is_negative(turning.in_parent[:, 2]), _is_negative(turning.in_child[:, 2])
+    if isinstance(turning, AxisTurning):
+        if not parent_flips:
+            return turning
+        return AxisTurning(turning.in_parent @ half, turning.in_child @ half, -turning.angles)
+    between, angles = turning.between, turning.angles.copy()
+    in_parent, in_child = turning.in_parent, turning.in_child
+    if parent_flips:
+        in_parent, between, angles[:, 0] = in_parent @ half, np.pi + between, -angles[:, 0]
+    if child_flips:
+        in_child, between, angles[:, 1] = in_child @ half, between - np.pi, -angles[:, 1]
+    return _between_zero_and_pi(TwoAxisTurning(in_parent, in_child, between, angles))
+
+
+def _between_zero_and_pi(turning: TwoAxisTurning) -> TwoAxisTurning:
+    """Rx(-b) = Rz(pi) Rx(b) Rz(-pi): an angle between axes needs no sign."""
+    between = float(np.angle(np.exp(1j * turning.between)))
+    angles = turning.angles
+    if between < 0:
+        between, angles = -between, angles + np.array([np.pi, -np.pi])
+    return replace(turning, between=between, angles=angles)
+
+
+def _is_negative(axis: Floats) -> bool:
+    return bool(axis[np.argmax(np.abs(axis))] < 0)
+
+
+def _with_frames(
+    turning: AxisTurning | TwoAxisTurning, in_parent: Floats, in_child: Floats
+) -> AxisTurning | TwoAxisTurning:
+    """Turn the joint's frames about their axes to the convention; the angles take up the difference."""
+    parent = conventional_frame(turning.in_parent[:, 2], in_parent)
+    child = conventional_frame(turning.in_child[:, 2], in_child)
+    before, after = turn_between(turning.in_parent, parent), turn_between(turning.in_child, child)
+    if isinstance(turning, AxisTurning):
+        return AxisTurning(parent, child, _wrapped(turning.angles - before + after))
+    return TwoAxisTurning(parent, child, turning.between, _wrapped(turning.angles + np.array([-before, after])))
+
+
+def _wrapped(angles: Floats) -> Floats:
+    """Angles without jumps of a full turn, their first within half a turn of 0."""
+    unwrapped = np.unwrap(angles, axis=0)
+    return np.asarray(unwrapped - 2 * np.pi * np.round(unwrapped[0] / (2 * np.pi)))
+
+
+def conventional_frame(axis: Floats, centre: Floats) -> Floats:
+    """Return the frame of an axis in a body: z along it, x from the body's origin to it, shape (3, 3).
+
+    The plane of x and z holds the body's origin (Gaschler 2011, 5.2.2). The source's products (eq. 5.12, 5.13) give a
+    left-handed system; here y is the opposite.
+
+    Parameters
+    ----------
+    axis : ndarray, shape (3,)
+        Unit vector.
+    centre : ndarray, shape (3,), mm
+        A point of the axis, seen from the body; if it lies on the line through the origin, x is any direction.
+    """
+    y = np.cross(axis, centre)
+    size = float(np.linalg.norm(y))
+    if size <= np.finfo(np.float64).eps * np.linalg.norm(centre) or size == 0:
+        return frame_along(axis)
+    y = y / size
+    return np.stack([np.cross(y, axis), y, axis], axis=1)
+
+
+def turn_between(old: Floats, new: Floats) -> float:
+    """Return the angle [rad] about their common z that turns one frame of an axis into another."""
+    between = old.T @ new
+    return float(np.arctan2(between[1, 0], between[0, 0]))

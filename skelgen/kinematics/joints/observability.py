@@ -1,0 +1,140 @@
+"""What the motion of a joint tells of its place, in plain sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen.compiling import in_order
+from skelgen.geometry.rotations import nearest_rotation
+from skelgen.kinematics.chain.schur_complement import kind_loops
+from skelgen.model import Motion, Skeleton
+from skelgen.model.arrays import Floats
+
+DETERMINED_PART = 0.1
+"""Of a limb's size: places known less well than this are called not determined."""
+
+STILL = np.deg2rad(2.0)
+"""rad; limbs that turn less than this against each other do not turn."""
+
+ALL_OF_IT = 0.99
+"""Of the limb's size: places that are less sure than this are not determined at all."""
+
+MOST_FRAMES = 20_000
+"""Frames from which the range is told, evenly spread: neighbouring ones differ little."""
+
+
+@dataclass(frozen=True, eq=False)
+class RangeOfMotion:
+    """How far a joint turns, by direction.
+
+    Attributes
+    ----------
+    directions : ndarray, shape (3, 3)
+        Unit axes in the parent as rows, that about which it turns most first.
+    ranges : ndarray, shape (3,), rad
+        From one end to the other, of the turn about each.
+    """
+
+    directions: Floats
+    ranges: Floats
+
+
+def range_of_motion(relative: Floats) -> RangeOfMotion:
+    """Return how far a joint turns about its three principal directions.
+
+    Parameters
+    ----------
+    relative : ndarray, shape (n_frames, 3, 3)
+        Rotations child against parent.
+    """
+    if not len(relative):
+        return RangeOfMotion(np.eye(3), np.zeros(3))
+    middle = nearest_rotation(relative.mean(axis=0))
+    turns = kind_loops().relative_vectors(*in_order(middle[np.newaxis], relative)) @ middle.T
+    _, vectors = np.linalg.eigh(turns.T @ turns)
+    directions = vectors[:, ::-1].T
+    along = turns @ directions.T
+    ranges = np.ptp(along, axis=0)
+    order = np.argsort(-ranges, kind="stable")
+    return RangeOfMotion(directions[order], ranges[order])
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """What the motion of a joint tells.
+
+    Attributes
+    ----------
+    motion : RangeOfMotion
+        How far it turns.
+    open_direction : ndarray, shape (3,)
+        Unit vector in the parent along which its place is known least.
+    open_std : float, mm
+        Standard deviation of the place along it.
+    sentence : str
+        What is not determined, in words; empty if all is.
+    """
+
+    motion: RangeOfMotion
+    open_direction: Floats
+    open_std: float
+    sentence: str
+
+
+def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
+    """Return what the motion tells of every joint, from the frames that show both of its limbs.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Its joints' covariances, if it has any, say what is determined.
+    motion : Motion
+        How it moves.
+    """
+    found = []
+    for joint in skeleton.joints:
+        shown = np.flatnonzero(motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1))
+        frames = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), MOST_FRAMES)).astype(np.intp))]
+        parent, child = (motion.world_from_limb[frames, limb, :3, :3] for limb in (joint.parent, joint.child))
+        turned = range_of_motion(parent.swapaxes(1, 2) @ child)
+        covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
+        values, vectors = np.linalg.eigh(covariance)
+        worst = float(np.sqrt(max(values[-1], 0.0)))
+        limbs, size = (joint.parent, joint.child), limb_size(skeleton, joint.child)
+        sentence = _undetermined(limbs, joint.kind, turned, vectors[:, -1], worst, size)
+        if joint.kind == "undetermined":
+            unknown = f"the joint between limb {joint.parent} and {joint.child} turns too little to tell its kind"
+            sentence = f"{unknown}; {sentence}" if sentence else unknown
+        found.append(Observed(turned, vectors[:, -1], worst, sentence))
+    return tuple(found)
+
+
+def limb_size(skeleton: Skeleton, limb: int) -> float:
+    """Root mean square distance [mm] of a limb's markers from its joint; of all limbs' where it has none."""
+    own = skeleton.markers_of(limb)
+    offsets = skeleton.marker_offsets[own if len(own) else skeleton.limb_of_marker >= 0]
+    return float(np.sqrt((offsets**2).sum(axis=1).mean())) if len(offsets) else 0.0
+
+
+def _undetermined(
+    limbs: tuple[int, int], kind: str, motion: RangeOfMotion, direction: Floats, std: float, size: float
+) -> str:
+    """Say in a sentence that a joint's place is known least along a direction; empty if it is known well enough."""
+    if std <= DETERMINED_PART * size:
+        return ""
+    joint = f"the joint between limb {limbs[0]} and {limbs[1]}"
+    at_all = std >= ALL_OF_IT * size
+    spread = f" (anywhere within the limb's size, +-{size:.0f} mm)" if at_all else f", +-{std:.0f} mm"
+    if motion.ranges[0] < STILL:
+        return f"{joint} does not turn: its place is not determined{spread}"
+    if kind == "hinge":
+        return f"{joint} turns about one axis only: its place along that axis is not determined{spread}"
+    turns = ", ".join(f"{np.rad2deg(one):.0f}" for one in motion.ranges)
+    way = ", ".join(f"{one:.2f}" for one in direction)
+    known = f"is not determined{spread}" if at_all else f"is known to +-{std:.0f} mm only"
+    return (
+        f"{joint} turns too little (by {turns} deg about its three directions): along ({way}) of limb {limbs[0]} its "
+        f"place {known}"
+    )

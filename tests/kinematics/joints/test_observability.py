@@ -1,0 +1,93 @@
+"""What a joint's motion leaves open is said in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelgen.geometry.rotations import matrix_from_vector
+from skelgen.kinematics.joints.observability import observed_joints, range_of_motion
+from skelgen.model import Joint, Motion, Skeleton
+
+SIZE = 100.0  # mm
+
+
+def swing(ranges):
+    """Rotations that swing about x, y and z one after the other, from end to end by given angles [deg]."""
+    steps = np.linspace(-0.5, 0.5, 51)[:, None]
+    return np.concatenate(
+        [matrix_from_vector(steps * np.deg2rad(one) * axis) for one, axis in zip(ranges, np.eye(3), strict=True)]
+    )
+
+
+@pytest.mark.parametrize("ranges", [(60, 30, 10), (40, 5, 0), (3, 2, 1)])
+def test_range_is_that_of_the_swings(ranges):
+    found = range_of_motion(swing(ranges))
+    np.testing.assert_allclose(np.rad2deg(found.ranges), ranges, atol=0.5)
+    np.testing.assert_allclose(np.abs(found.directions[0]), [1, 0, 0], atol=1e-6)
+
+
+def test_limbs_that_never_move_have_no_range():
+    assert (range_of_motion(np.tile(np.eye(3), (10, 1, 1))).ranges == 0).all()
+
+
+@pytest.fixture
+def joined():
+    """`joined(kind, ranges [deg], deviations [mm])`: two limbs of `SIZE` whose joint turns and is known as stated."""
+
+    def make(kind, ranges, deviations):
+        turns = swing(ranges)
+        world = np.tile(np.eye(4), (len(turns), 2, 1, 1))
+        world[:, 1, :3, :3] = turns
+        axis = np.array([1.0, 0.0, 0.0]) if kind == "hinge" else None
+        covariance = np.diag(np.square(deviations)).astype(float)
+        joint = Joint(0, 1, np.zeros(3), np.zeros(3), kind, axis, np.array(deviations), covariance=covariance)
+        offsets = np.array([[SIZE, 0, 0], [0, SIZE, 0], [0, 0, SIZE]] * 2)
+        labels, pose = np.repeat([0, 1], 3), np.tile(np.eye(4), (2, 1, 1))
+        skeleton = Skeleton(np.array([-1, 0]), (joint,), labels, offsets, np.zeros(6), pose)
+        nothing = np.zeros((len(turns), 6, 3))
+        seen = np.ones((len(turns), 2), dtype=bool)
+        motion = Motion(world, np.zeros((len(turns), 1, 3)), nothing, nothing[..., 0], seen, 100.0)
+        return observed_joints(skeleton, motion)[0]
+
+    return make
+
+
+def test_hinge_says_that_its_place_along_the_axis_is_open(joined):
+    seen = joined("hinge", (60, 0, 0), [41, 1, 1])
+    assert seen.sentence == (
+        "the joint between limb 0 and 1 turns about one axis only: its place along that axis is not determined, +-41 mm"
+    )
+    assert seen.open_std == pytest.approx(41)
+    np.testing.assert_allclose(np.abs(seen.open_direction), [1, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(np.rad2deg(seen.motion.ranges), [60, 0, 0], atol=0.5)
+
+
+def test_joint_that_does_not_turn_says_so(joined):
+    assert joined("rigid", (1, 0, 0), [50, 50, 50]).sentence.endswith(
+        "does not turn: its place is not determined, +-50 mm"
+    )
+
+
+def test_what_is_nowhere_told_is_as_uncertain_as_the_limb_is_large(joined):
+    said = joined("hinge", (60, 0, 0), [SIZE, 1, 1]).sentence
+    assert said.endswith("is not determined (anywhere within the limb's size, +-100 mm)")
+
+
+def test_joint_that_turns_too_little_names_the_direction(joined):
+    said = joined("ball", (20, 3, 2), [15, 1, 1]).sentence
+    assert "turns too little (by 20, 3, 2 deg" in said
+    assert "known to +-15 mm only" in said
+
+
+def test_determined_place_is_not_talked_about(joined):
+    assert joined("ball", (60, 30, 10), [1, 1, 1]).sentence == ""
+
+
+def test_joint_whose_kind_nothing_tells_says_so(joined):
+    said = joined("undetermined", (5, 3, 2), [1, 1, 1]).sentence
+    assert said == "the joint between limb 0 and 1 turns too little to tell its kind"
+
+
+def test_joint_without_frames_that_show_it_has_no_range():
+    assert (range_of_motion(np.zeros((0, 3, 3))).ranges == 0).all()
