@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.kinematics.chain.chain import ChainPoses, normal_equations, residuals
+from skelgen.kinematics.chain.chain import ChainPoses, residuals
+from skelgen.kinematics.chain.normal_equations import normal_equations
 from skelgen.kinematics.inverse.poses import fit_poses
 
 STEP = 1e-6

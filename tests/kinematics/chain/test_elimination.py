@@ -12,9 +12,9 @@ from skelgen.geometry.frames_last import inverse_of_symmetric, orthonormal, rota
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.calibration.uncertainty import joint_slopes, weak_prior
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import normal_equations, residuals, seen_weights
+from skelgen.kinematics.chain.chain import residuals, seen_weights
 from skelgen.kinematics.chain.elimination import Tree, eliminate, frames_last
-from skelgen.kinematics.chain.normal_equations import constant_pull
+from skelgen.kinematics.chain.normal_equations import constant_pull, normal_equations
 from skelgen.kinematics.inverse.poses import UNKNOWN_TURN, fit_poses, pose_covariances
 from skelgen.simulation import simulate
 
