@@ -12,9 +12,8 @@ import numpy as np
 
 from skelgen.compiling import in_order
 from skelgen.geometry.robust import quantile_of
-from skelgen.kinematics.joints.closed_form import FixedPoint, ball_loops, fit_fixed_point
 from skelgen.kinematics.bodies.shape import LimbShape
-from skelgen.kinematics.joints.closed_form import fit_sphere
+from skelgen.kinematics.joints.closed_form import FixedPoint, ball_loops, fit_fixed_point, fit_sphere
 from skelgen.model.arrays import Floats
 from skelgen.progress import Monitor
 from skelgen.stages.classic.conjugate_gradient import minimise

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from skelgen.compiling import in_order
-from skelgen.kinematics.chain.articulation import Articulation
+from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES
 from skelgen.kinematics.calibration.calibrate import Calibration
+from skelgen.kinematics.calibration.limb_errors import LimbErrors, limb_errors
+from skelgen.kinematics.calibration.uncertainty import frame_covariances, hinge_axes, inverse_root
+from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, chain_loops, residuals, residuals_in_limbs
 from skelgen.kinematics.chain.schur_complement import effective_frames
-from skelgen.kinematics.joints.joint_type import JointKind, KindLimits, find_kind
-from skelgen.kinematics.calibration.limb_errors import LimbErrors, limb_errors
 from skelgen.kinematics.inverse.poses import pose_covariances
-from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES
+from skelgen.kinematics.joints.joint_type import JointKind, KindLimits, find_kind
 from skelgen.kinematics.joints.rotations import TwoAxisTurning
-from skelgen.kinematics.calibration.uncertainty import frame_covariances, hinge_axes, inverse_root
 from skelgen.model.arrays import Bools, Floats, Ints
 
 NEIGHBOUR_WEIGHT = 0.1
