@@ -16,8 +16,8 @@ from skelgen.geometry.frame_rate import AS_RECORDED_RATE, with_rate
 from skelgen.geometry.up_axis import AS_RECORDED, with_up_axis
 from skelgen.model import Project, Take
 from skelgen.model.arrays import check_rate
-from skelgen.model.takes import BoneMotion
 from skelgen.model.filled import Filled
+from skelgen.model.takes import BoneMotion
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.markers import table_of
 from skelgen_formats.options import AUTO, AXES, RATE, Option

@@ -9,9 +9,8 @@ import numpy as np
 from skelgen.app.drawing import measures
 from skelgen.app.drawing.wording import digits, fixed, plain
 from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
+from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, Posture, angle_ranges, posture_of, told_frames
 from skelgen.kinematics.joints.angles import angle_names
-from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
-from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, angle_ranges, told_frames
 from skelgen.kinematics.joints.observability import Observed, observed_joints
 from skelgen.model import Joint, Project, Topology
 from skelgen.model.arrays import Floats
