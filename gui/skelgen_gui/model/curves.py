@@ -9,12 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
-<<<<<<< HEAD
 from skelgen.app.drawing.measures import residual_per_frame
-from skelgen.kinematics.joints.angles import angle_names, joint_angles
-=======
-from skelgen.app.report.measures import residual_per_frame
->>>>>>> e7037c2 (Imports after the move)
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.kinematics.joints.angles import angle_names, joint_angles
 from skelgen.model import Project
