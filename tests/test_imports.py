@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 
 import pytest
 
 PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
+STAGES = PYPROJECT.parent / "skelgen" / "stages"
 
 
 def test_imports_keep_the_contracts(monkeypatch, capsys):
@@ -16,3 +18,25 @@ def test_imports_keep_the_contracts(monkeypatch, capsys):
     monkeypatch.chdir(PYPROJECT.parent)
     status = lint_imports(config_filename=str(PYPROJECT), no_cache=True)
     assert status == EXIT_STATUS_SUCCESS, capsys.readouterr().out
+
+
+def _modules_of_stages(path: Path) -> list[tuple[str, ...]]:
+    """Imported modules below `skelgen.stages`, as ``(stage, submodule, ...)``."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        found += [tuple(name.split(".")[2:]) for name in names if name.startswith("skelgen.stages.")]
+    return found
+
+
+def test_a_stage_uses_another_by_its_public_functions_only():
+    # Classic methods are chosen by a stage and extend it: they know its parts, and it knows them by their modules.
+    private = [
+        f"{path.relative_to(STAGES)}: skelgen.stages.{'.'.join(module)}"
+        for path in sorted(STAGES.rglob("*.py"))
+        for module in _modules_of_stages(path)
+        if len(module) > 1 and module[0] not in {path.relative_to(STAGES).parts[0], "classic"}
+        if path.relative_to(STAGES).parts[0] != "classic" and module != ("labels", "parameters")
+    ]
+    assert not private

@@ -19,8 +19,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud, Poses, Project, StageReport, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.subject import KnownFit, fit_known
-from skelgen.stages.subject.posing import known_motion, pose_known
+from skelgen.stages.subject import KnownFit, fit_known, known_motion, pose_known
 
 LEAST_TAKES = 2
 

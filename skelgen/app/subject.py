@@ -19,10 +19,8 @@ from skelgen.model.skeleton import Skeleton
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import labelling_of_markers
 from skelgen.stages.labels.confidence.label_quality import Origin, history_of, labelling_of_cloud
-from skelgen.stages.skeleton.parameters import SkeletonParameters
-from skelgen.stages.subject import KnownFit, fit_known
-from skelgen.stages.subject.posing import known_motion, pose_known
-from skelgen.stages.subject.sensors import Seat, reseated
+from skelgen.stages.skeleton import SkeletonParameters
+from skelgen.stages.subject import KnownFit, Seat, fit_known, known_motion, pose_known, reseated
 
 
 def open_known(path: Path | str) -> Project:

@@ -14,7 +14,7 @@ from skelgen.app.report.pose import find_views
 from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, angle_ranges
 from skelgen.model import Project, Topology
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.joints.tree import SMALL_MARGIN
+from skelgen.stages.joints import SMALL_MARGIN
 
 translate = QCoreApplication.translate
 

@@ -10,8 +10,7 @@ from skelgen.geometry.pairs import pair_lengths
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.limbs import LimbParameters
-from skelgen.stages.limbs.distances import rigid_groups
+from skelgen.stages.limbs import LimbParameters, rigid_groups
 
 GROUPING_FRAMES = 400
 """Frames from which limbs are grouped: more change nothing."""

@@ -18,7 +18,7 @@ from skelgen.kinematics.inverse.poses import fit_poses
 from skelgen.kinematics.joints.joint_type import JointKind
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.joints.constraints import limb_pairs
+from skelgen.stages.joints import limb_pairs
 
 FOUND = "found"
 """Wish for all rings that the stage before found."""

@@ -1,6 +1,18 @@
-"""A take of a body that is known: labelled, posed and judged by a skeleton that was calibrated on another take."""
+"""A calibrated skeleton applied to another take of the same subject."""
 
 from skelgen.stages.subject.fit import KnownFit, fit_known
 from skelgen.stages.subject.labels import KnownLabels, label_known
+from skelgen.stages.subject.posing import KnownPoses, known_motion, pose_known
+from skelgen.stages.subject.sensors import Seat, reseated
 
-__all__ = ["KnownFit", "KnownLabels", "fit_known", "label_known"]
+__all__ = [
+    "KnownFit",
+    "KnownLabels",
+    "KnownPoses",
+    "Seat",
+    "fit_known",
+    "known_motion",
+    "label_known",
+    "pose_known",
+    "reseated",
+]

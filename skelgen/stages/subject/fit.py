@@ -10,8 +10,8 @@ import numpy as np
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.skeleton.parameters import SkeletonParameters
+from skelgen.stages.labels import LabelParameters
+from skelgen.stages.skeleton import SkeletonParameters
 from skelgen.stages.subject.changes import (
     LEVEL,
     PlaceTest,

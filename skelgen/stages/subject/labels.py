@@ -19,10 +19,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.online.pose_filter import Chain
-from skelgen.stages.labels.online.skeleton_labels import ModelLabels
-from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.tracking.follow import typical_spacing
+from skelgen.stages.labels import Chain, LabelParameters, ModelLabels, typical_spacing
 from skelgen.stages.subject.points import Settler, TrackedPoints, settled_tracks, tracked_points
 from skelgen.stages.subject.posing import KnownPoses, pose_known
 

@@ -9,8 +9,7 @@ import numpy as np
 from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.labels import LabelParameters, follow_points
 from skelgen.stages.subject.posing import KnownPoses
 
 

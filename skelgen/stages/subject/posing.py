@@ -19,10 +19,15 @@ from skelgen.kinematics.inverse.skeleton_tree import KnownTree
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.skeleton.assembly import Body
-from skelgen.stages.skeleton.loops import BodyRings, all_poses
-from skelgen.stages.skeleton.parameters import SkeletonParameters
-from skelgen.stages.skeleton.posing import out_of_line, posed_with_care, without_outliers
+from skelgen.stages.skeleton import (
+    Body,
+    BodyRings,
+    SkeletonParameters,
+    all_poses,
+    out_of_line,
+    posed_with_care,
+    without_outliers,
+)
 
 BLOCK_FRAMES = 8_192
 """Frames posed at once: a take of forty markers needs some 10 KB for each."""

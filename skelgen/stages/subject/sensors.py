@@ -24,7 +24,7 @@ from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen.stages.skeleton.parameters import SkeletonParameters
+from skelgen.stages.skeleton import SkeletonParameters
 from skelgen.stages.subject.changes import LEAST_SPANS, LEVEL, log_spans, with_free_joints
 
 LEAST_TURN = 0.05

@@ -20,9 +20,7 @@ from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.limbs import find_limbs
-from skelgen.stages.skeleton import SkeletonParameters
-from skelgen.stages.skeleton.assembly import Body, assemble, cut_out
-from skelgen.stages.skeleton.outward import pose_outward
+from skelgen.stages.skeleton import Body, SkeletonParameters, assemble, cut_out, pose_outward
 
 GATE_DEVIATIONS = 6.0
 """A point is explained by a marker that is nearer than this many typical residuals."""
