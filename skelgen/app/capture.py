@@ -25,7 +25,7 @@ from skelgen.capture.prediction import PredictionParameters
 from skelgen.capture.values import FoundBody, FrameSource, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, CaptureSettings, JointModel
+from skelgen.model.rig import BodyTarget, CaptureSettings, TargetJoint
 from skelgen.progress import SILENT, Monitor, with_progress
 
 RECORDINGS = (".mfml", ".c3d")
@@ -167,7 +167,7 @@ def with_joints(settings: CaptureSettings, done: JointCalibration) -> CaptureSet
     if not done.joints:
         raise InputError(f"no joint was found: {'; '.join(done.notices) or 'the targets move as one'}")
     names = {joint.name for joint in done.joints}
-    joints: list[JointModel] = [*(joint for joint in settings.joints if joint.name not in names), *done.joints]
+    joints: list[TargetJoint] = [*(joint for joint in settings.joints if joint.name not in names), *done.joints]
     return replace(settings, joints=joints)
 
 

@@ -24,7 +24,7 @@ from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies
 from skelgen.capture.values import Balls, FoundBody
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import CaptureSettings, JointModel, StereoRig
+from skelgen.model.rig import CaptureSettings, StereoRig, TargetJoint
 
 WANTED = {"position": 0.25, "orientation": 0.3, "ball joint": 0.4, "hinge": 0.3}
 """Errors that are wanted at `WANTED_AT`, in mm and degrees, by what is measured."""
@@ -82,7 +82,7 @@ def rig_errors(distance: float, n_trials: int, *, is_rendered: bool = False) -> 
 
 
 def _trials_of(
-    rig: StereoRig, joint: JointModel, distance: float, rng: np.random.Generator, n_trials: int, is_rendered: bool
+    rig: StereoRig, joint: TargetJoint, distance: float, rng: np.random.Generator, n_trials: int, is_rendered: bool
 ) -> Iterator[_Trial | None]:
     """Both targets in random attitudes, the joint bent at random; None where one was not found."""
     place = places_before(rig, np.array([distance]))[0]
@@ -140,7 +140,7 @@ def _orientations(rig: StereoRig, trials: list[_Trial]) -> Errors:
     return Errors(np.degrees(off), np.degrees(std), float(np.degrees(np.sqrt(np.mean(predicted)))))
 
 
-def _angles(rig: StereoRig, joint: JointModel, trials: list[_Trial]) -> Errors:
+def _angles(rig: StereoRig, joint: TargetJoint, trials: list[_Trial]) -> Errors:
     """Of a joint [degrees]; predicted for the best estimate, in which the joint holds both bodies together."""
     off, std, predicted = [], [], []
     for trial in trials:

@@ -30,7 +30,7 @@ from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
 from skelgen.kinematics.joints.angles import angle_deviations, joint_angles
 from skelgen.model import Joint
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import JointModel
+from skelgen.model.rig import TargetJoint
 
 SIZE = 100.0
 """mm from the joint to the points that stand for its frames: the size of marker targets."""
@@ -68,12 +68,12 @@ class JointAngle:
     residual: float
 
 
-def angle_names(joint: JointModel) -> tuple[str, ...]:
+def angle_names(joint: TargetJoint) -> tuple[str, ...]:
     """Return the names of a joint's angles: its own for a hinge, that with .x, .y and .z for a ball."""
     return (joint.name,) if joint.kind == "hinge" else tuple(f"{joint.name}.{axis}" for axis in "xyz")
 
 
-def find_angles(joint: JointModel, bodies: Mapping[str, FoundBody]) -> JointAngle | None:
+def find_angles(joint: TargetJoint, bodies: Mapping[str, FoundBody]) -> JointAngle | None:
     """Return the angles of a joint, or None if one of its bodies was not found."""
     if joint.parent not in bodies or joint.child not in bodies:
         return None
@@ -90,7 +90,7 @@ def find_angles(joint: JointModel, bodies: Mapping[str, FoundBody]) -> JointAngl
     return JointAngle(joint.name, angles, std, _residual(turn, in_parent[:3, :3].T @ gap, tilt))
 
 
-def _tilt(joint: JointModel, turn: Floats) -> Floats:
+def _tilt(joint: TargetJoint, turn: Floats) -> Floats:
     """Turns about x and y that the least squares angle of a hinge leaves [rad], shape (2,); none for a ball."""
     if joint.kind == "ball":
         return np.zeros(0)
@@ -107,7 +107,7 @@ def _residual(turn: Floats, gap: Floats, tilt: Floats) -> float:
 
 
 def _most_likely(
-    joint: JointModel, poses: tuple[Floats, Floats], covariance: Floats, torn: Floats
+    joint: TargetJoint, poses: tuple[Floats, Floats], covariance: Floats, torn: Floats
 ) -> tuple[Floats, Floats]:
     """What the joint's turn errs by [rad], in its frame in the parent, and the covariance that remains."""
     turn, held = turn_slope(joint, poses), held_slope(joint, poses)
@@ -119,7 +119,7 @@ def _most_likely(
     return gain @ torn, turn @ covariance @ turn.T - gain @ held @ covariance @ turn.T
 
 
-def _calibrated(joint: JointModel, poses: tuple[Floats, Floats]) -> Floats:
+def _calibrated(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
     """Covariance of a gap, and of tilts for a hinge, that the joint's calibration leaves."""
     n = 5 if joint.kind == "hinge" else 3
     out = ((joint.axis_std**2).sum() + (EXACT / SIZE) ** 2) * np.eye(n)

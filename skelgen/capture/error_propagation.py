@@ -12,7 +12,7 @@ from skelgen.capture.optics.matrices import inverse_symmetric
 from skelgen.capture.optics.projection import in_image, project, projection_jacobian
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats
-from skelgen.model.rig import BodyTarget, JointModel, StereoRig
+from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint
 
 
 def point_covariances(rig: StereoRig, points: Floats) -> Floats:
@@ -104,7 +104,7 @@ BALL, HINGE = "ball", "hinge"
 
 
 def angle_covariance(
-    joint: JointModel,
+    joint: TargetJoint,
     poses: tuple[Floats, Floats],
     covariances: tuple[Floats, Floats],
     *,
@@ -114,7 +114,7 @@ def angle_covariance(
 
     Parameters
     ----------
-    joint : JointModel
+    joint : TargetJoint
         With its frames in both bodies.
     poses : tuple of ndarray, shape (..., 4, 4), mm
         world_from_body of the parent and of the child.
@@ -146,12 +146,12 @@ def block_diagonal(first: Floats, second: Floats) -> Floats:
     return out
 
 
-def turn_slope(joint: JointModel, poses: tuple[Floats, Floats]) -> Floats:
+def turn_slope(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
     """Return the derivative of the joint's turn, in the axes of its frame in the parent, shape (..., 3, 12).
 
     Parameters
     ----------
-    joint : JointModel
+    joint : TargetJoint
         With its frames in both bodies.
     poses : tuple of ndarray, shape (..., 4, 4), mm
         world_from_body of the parent and of the child.
@@ -162,7 +162,7 @@ def turn_slope(joint: JointModel, poses: tuple[Floats, Floats]) -> Floats:
     return slope
 
 
-def held_slope(joint: JointModel, poses: tuple[Floats, Floats]) -> Floats:
+def held_slope(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
     """Return the derivative of what a joint holds at zero, shape (..., 3, 12) for a ball, (..., 5, 12) for a hinge.
 
     That is the way [mm] from its centre in the parent to that in the child, in the world, and for a hinge the tilts

@@ -11,7 +11,7 @@ from skelgen.capture.error_propagation import HINGE, angle_covariance, point_cov
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, CaptureSettings, JointModel, StereoRig
+from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig, TargetJoint
 
 SEED_DISTANCES = (500.0, 600.0, 700.0, 800.0, 900.0, 1000.0, 1250.0, 1500.0, 1750.0, 2000.0, 2500.0, 3000.0)
 """Distances [mm] of the seed's working space."""
@@ -129,7 +129,7 @@ def typical_pair() -> tuple[BodyTarget, BodyTarget]:
     return typical_target("typical parent"), typical_target("typical child")
 
 
-def typical_joints() -> tuple[JointModel, JointModel]:
+def typical_joints() -> tuple[TargetJoint, TargetJoint]:
     """Return a ball joint and a hinge between two typical targets, each with its middle 150 mm from the joint."""
     up, down = (
         transform_from(np.eye(3), np.array([0.0, 0.0, ARM])),
@@ -138,8 +138,8 @@ def typical_joints() -> tuple[JointModel, JointModel]:
     parent, child = (target.name for target in typical_pair())
     across = transform_from(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.zeros(3))
     return (
-        JointModel("typical ball joint", "ball", parent, child, up, down),
-        JointModel("typical hinge", HINGE, parent, child, up @ across, down @ across),
+        TargetJoint("typical ball joint", "ball", parent, child, up, down),
+        TargetJoint("typical hinge", HINGE, parent, child, up @ across, down @ across),
     )
 
 
@@ -163,7 +163,7 @@ def _of_body(rig: StereoRig, body: BodyTarget, places: Floats, turns: Floats) ->
 
 
 def _of_joint(
-    rig: StereoRig, joint: JointModel, targets: Mapping[str, BodyTarget], places: Floats, turns: Floats
+    rig: StereoRig, joint: TargetJoint, targets: Mapping[str, BodyTarget], places: Floats, turns: Floats
 ) -> Curve:
     """Figures 6.3 and 6.4: angles of a joint, each body posed alone as the seed does, and both held by the joint."""
     parents = _placed(turns, places, joint.parent_from_joint[:3, 3])
@@ -188,7 +188,7 @@ def _placed(turns: Floats, places: Floats, arm: Floats) -> Floats:
     return transform_from(np.broadcast_to(turns, shape), places[:, np.newaxis] - turns @ arm)
 
 
-def _bends(joint: JointModel, count: int) -> Floats:
+def _bends(joint: TargetJoint, count: int) -> Floats:
     """Rotations of a joint, evenly spread up to `LARGEST_BEND` about each of its axes."""
     angles = np.random.default_rng(0).uniform(-LARGEST_BEND, LARGEST_BEND, (count, 3))
     return matrix_from_vector(angles * ([0.0, 0.0, 1.0] if joint.kind == HINGE else [1.0, 1.0, 1.0]))

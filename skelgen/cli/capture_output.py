@@ -12,7 +12,7 @@ from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.joints.angles import angle_deviations
 from skelgen.model import Joint
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import CaptureSettings, JointModel
+from skelgen.model.rig import CaptureSettings, TargetJoint
 
 _PLACE = ("x", "y", "z")
 _TURN = ("rx", "ry", "rz")
@@ -81,7 +81,7 @@ class Columns:
             values += _vector_std(turn, found.covariance[:3, :3]).tolist()
         return values
 
-    def _angles(self, captured: Captured, joint: JointModel) -> list[float]:
+    def _angles(self, captured: Captured, joint: TargetJoint) -> list[float]:
         angle = captured.angles.get(joint.name)
         if angle is None:
             return [np.nan] * (len(angle_names(joint)) * (2 if self.errors else 1))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.geometry.rotations import vector_from_matrix
-from skelgen.kinematics.chain.schur_complement import Linear, descend, own_gain
+from skelgen.kinematics.chain.schur_complement import LinearisedProblem, gain_of_frames, gauss_newton
 from skelgen.kinematics.joints.closed_form import best_partners
-from skelgen.kinematics.joints.rotations import HeldTurning, Parts, held_turning
+from skelgen.kinematics.joints.rotations import ConstrainedRotation, Parts, constrained_rotation
 from skelgen.model.arrays import Floats
 
 
@@ -24,7 +24,7 @@ def eliminate(
     Parameters
     ----------
     residuals, constants, angles : ndarray
-        See `arrow.Linear`.
+        See `arrow.LinearisedProblem`.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def eliminate(
         constants' slopes and the residuals that they leave, shapes (n_frames, n_rows, n_constants) and
         (n_frames, n_rows); the constants' normal matrix and right-hand side.
     """
-    inverse, gain = own_gain(angles)
+    inverse, gain = gain_of_frames(angles)
     follow, alone = gain @ constants, (gain @ residuals[..., np.newaxis])[..., 0]
     reduced = constants - angles @ follow
     left = residuals - (angles @ alone[..., np.newaxis])[..., 0]
@@ -50,7 +50,7 @@ def linearised(
     Parameters
     ----------
     in_parent, in_child, between, angles
-        `Turning.parts` of a rigid joint, hinge or universal joint.
+        `JointRotation.parts` of a rigid joint, hinge or universal joint.
     rotations : ndarray, shape (n_frames, 3, 3)
         Measured, parent from child.
     weight : ndarray, shape (n_frames, 3, 3)
@@ -61,7 +61,7 @@ def linearised(
     tuple of ndarray
         Shapes (n_frames, 3), (n_frames, 3, 3 + n_angles) and (n_frames, 3, n_angles).
     """
-    turning = held_turning(in_parent, in_child, between, angles)
+    turning = constrained_rotation(in_parent, in_child, between, angles)
     constants, own = turning.slopes()
     errors = vector_from_matrix(rotations @ turning.rotations().swapaxes(1, 2))
     return (weight @ errors[..., np.newaxis])[..., 0], weight @ constants, weight @ own
@@ -77,29 +77,29 @@ def descended(
     max_rounds: int,
     least_gain: float,
 ) -> Parts:
-    """Fit a joint to rotations by the steps of `arrow.descend`.
+    """Fit a joint to rotations by the steps of `arrow.gauss_newton`.
 
     Parameters
     ----------
     in_parent, in_child, between, angles, rotations, weight
         See `linearised`; the joint is a first guess.
     max_rounds, least_gain
-        See `arrow.descend`.
+        See `arrow.gauss_newton`.
 
     Returns
     -------
     tuple
-        `Turning.parts` of the joint that comes nearest.
+        `JointRotation.parts` of the joint that comes nearest.
     """
 
-    def here(turning: HeldTurning) -> Linear:
-        return Linear(*linearised(*turning.parts(), rotations, weight))
+    def here(turning: ConstrainedRotation) -> LinearisedProblem:
+        return LinearisedProblem(*linearised(*turning.parts(), rotations, weight))
 
-    def stepped(turning: HeldTurning, constants: Floats, angles: Floats) -> HeldTurning:
+    def stepped(turning: ConstrainedRotation, constants: Floats, angles: Floats) -> ConstrainedRotation:
         return turning.stepped(constants, angles)
 
-    start = held_turning(in_parent, in_child, between, angles)
-    return descend(start, here, stepped, max_rounds, least_gain).state.parts()
+    start = constrained_rotation(in_parent, in_child, between, angles)
+    return gauss_newton(start, here, stepped, max_rounds, least_gain).state.parts()
 
 
 def relative_vectors(first: Floats, second: Floats) -> Floats:

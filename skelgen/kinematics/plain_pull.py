@@ -12,7 +12,7 @@ from skelgen.model.arrays import Floats
 
 
 def summed(chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats) -> Floats:
-    """Return the pull of some frames, shape (n_constants,); parameters are those of `pull.constant_pull`."""
+    """Return the pull of some frames, shape (n_constants,); parameters are those of `pull.constant_gradient`."""
     offsets, joints = np.zeros((chain.n_markers, 3)), np.zeros((chain.n_limbs, 3))
     axes = np.zeros(articulation.n_constants)
     view = Tree(chain, articulation, positions, weights).view(*frames_last(poses))

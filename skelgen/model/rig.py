@@ -131,7 +131,7 @@ class BodyTarget:
 
 
 @dataclass(frozen=True, eq=False)
-class JointModel:
+class TargetJoint:
     """A joint between two targets; a hinge turns about the z axis of the joint's frames.
 
     Attributes
@@ -185,7 +185,7 @@ class CaptureSettings:
         The cameras.
     bodies : tuple of BodyTarget
         Bodies to look for; their names differ.
-    joints : tuple of JointModel
+    joints : tuple of TargetJoint
         Joints between those bodies; their names differ.
     source : str
         Where frames come from, e.g. ``firewire:``; empty if it is told elsewhere.
@@ -195,7 +195,7 @@ class CaptureSettings:
 
     rig: StereoRig
     bodies: Sequence[BodyTarget] = ()
-    joints: Sequence[JointModel] = ()
+    joints: Sequence[TargetJoint] = ()
     source: str = ""
     detection: Mapping[str, ParameterValue] = field(default_factory=dict)
 

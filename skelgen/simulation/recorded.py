@@ -15,8 +15,8 @@ import numpy as np
 from skelgen.geometry.frame_rate import transforms_at_rate, vectors_at_rate
 from skelgen.geometry.rotations import transform_from, vector_from_matrix
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS, turned_poses
-from skelgen.kinematics.joints.closed_form import hinge_turning, universal_turning
-from skelgen.kinematics.joints.rotations import AxisTurning, TwoAxisTurning
+from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
+from skelgen.kinematics.joints.rotations import HingeRotation, UniversalRotation
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen.parameters import StageParameters, declare
@@ -121,7 +121,7 @@ class _Turn:
     rotations: Floats
     angles: Floats
     axes: Floats
-    turning: AxisTurning | TwoAxisTurning | None = None
+    turning: HingeRotation | UniversalRotation | None = None
 
     def at_rate(self, recorded: float, rate: float) -> _Turn:
         """Turn evenly between frames: about the axes where there are some, else by the shortest way."""
@@ -139,18 +139,18 @@ def _turn(tree: BoneTree, limb: int) -> _Turn:
     if tree.parents[limb] < 0:
         return _ball(rotations, "free")
     reach = np.linalg.norm(tree.points[limb], axis=1).max()
-    for candidate in (hinge_turning(rotations), _refined(universal_turning(rotations), rotations)):
+    for candidate in (nearest_hinge(rotations), _refined(nearest_universal(rotations), rotations)):
         if np.linalg.norm(_missing(candidate, rotations), axis=1).max() * reach < STILL_MM:
             return _about_axes(candidate)
     return _ball(rotations, "ball")
 
 
-def _missing(turning: AxisTurning | TwoAxisTurning, rotations: Floats) -> Floats:
+def _missing(turning: HingeRotation | UniversalRotation, rotations: Floats) -> Floats:
     """Turns [rad] in the parent's axes that lead from a joint's rotations to the given ones, shape (n_frames, 3)."""
     return vector_from_matrix(rotations @ turning.rotations().swapaxes(-1, -2))
 
 
-def _refined(turning: TwoAxisTurning, rotations: Floats) -> TwoAxisTurning:
+def _refined(turning: UniversalRotation, rotations: Floats) -> UniversalRotation:
     """Gauss-Newton steps on axes and angles: the closed form ends before the tenth of a millimetre that is asked."""
     for _ in range(_REFINEMENTS):
         missing, (of_constants, of_angles) = _missing(turning, rotations)[..., np.newaxis], turning.slopes()
@@ -167,7 +167,7 @@ def _ball(rotations: Floats, kind: str) -> _Turn:
     return _Turn(kind, rotations, vector_from_matrix(rotations), np.eye(3))
 
 
-def _about_axes(turning: AxisTurning | TwoAxisTurning) -> _Turn:
+def _about_axes(turning: HingeRotation | UniversalRotation) -> _Turn:
     in_parent, in_child = turning.axes()
     axes = np.array([in_parent, in_child][: turning.n_angles])
     angles = np.unwrap(turning.angles, axis=0).reshape(len(turning.angles), turning.n_angles)

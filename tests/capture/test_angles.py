@@ -9,7 +9,7 @@ from skelgen.capture.angles import angle_names, find_angles
 from skelgen.capture.error_propagation import angle_covariance
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
-from skelgen.model.rig import JointModel
+from skelgen.model.rig import TargetJoint
 
 COVARIANCE = np.diag([0.003, 0.002, 0.001, 0.1, 0.1, 0.3]) ** 2
 
@@ -23,7 +23,7 @@ def joint_of(kind):
     frames = transform(1), transform(2)
     if kind == "ball":
         frames = tuple(transform_from(np.eye(3), frame[:3, 3]) for frame in frames)
-    return JointModel("joint", kind, "parent", "child", *frames)
+    return TargetJoint("joint", kind, "parent", "child", *frames)
 
 
 def bodies_at(joint, vector, error=None):

@@ -163,10 +163,10 @@ def test_errors_are_proportional_to_the_noise():
 
 
 def test_bodies_and_joints_of_the_settings_are_evaluated():
-    from skelgen.model.rig import JointModel
+    from skelgen.model.rig import TargetJoint
 
     arm, forearm = typical_target("arm"), typical_target("forearm")
-    joint = JointModel("elbow", "hinge", "arm", "forearm", pose_at([0, 0, ARM]), pose_at([0, 0, -ARM]))
+    joint = TargetJoint("elbow", "hinge", "arm", "forearm", pose_at([0, 0, ARM]), pose_at([0, 0, -ARM]))
     errors = errors_by_distance(CaptureSettings(reference_rig(), [arm, forearm], [joint]), [1000.0])
     assert [curve.what for curve in errors.curves] == [
         "ball",

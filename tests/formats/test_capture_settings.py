@@ -9,7 +9,7 @@ import pytest
 from skelgen_formats.capture_settings import read_settings, write_settings
 
 from skelgen.errors import FormatError, WriteError
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, JointModel, StereoRig
+from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, StereoRig, TargetJoint
 from skelgen.parameters import StageParameters, declare
 
 
@@ -36,8 +36,8 @@ def known():
     right = Camera(640, 480, matrix + np.diag([3.1, 2.2, 0]), rng.normal(size=5), shift)
     bodies = [BodyTarget(name, rng.normal(size=(5, 3)) * 60, rng.uniform(size=(5, 3))) for name in ("upper", "lower")]
     std = rng.uniform(size=(2, 3))
-    hinge = JointModel("elbow", "hinge", "upper", "lower", turn, shift, std, np.array([0.1, 1 / 3]))
-    ball = JointModel("spare", "ball", "lower", "upper", shift, turn)
+    hinge = TargetJoint("elbow", "hinge", "upper", "lower", turn, shift, std, np.array([0.1, 1 / 3]))
+    ball = TargetJoint("spare", "ball", "lower", "upper", shift, turn)
     return CaptureSettings(StereoRig(left, right, 0.13), bodies, [hinge, ball], "folder: a & b", {"rows": 8.0})
 
 

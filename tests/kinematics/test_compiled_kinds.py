@@ -6,9 +6,9 @@ import pytest
 from skelgen.compiling import loops
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics import plain_kinds as plain
-from skelgen.kinematics.joints.closed_form import hinge_turning, universal_turning
+from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
 from skelgen.kinematics.joints.joint_type import find_kind
-from skelgen.kinematics.joints.rotations import FixedTurning
+from skelgen.kinematics.joints.rotations import RigidRotation
 
 N_FRAMES = 120
 
@@ -43,9 +43,9 @@ def test_whitening_is_that_of_the_plain_twin(compiled, size):
 @pytest.mark.parametrize("kind", ["rigid", "hinge", "universal"])
 def test_each_kind_is_linearised_and_eliminated_as_by_the_plain_twin(compiled, turns, weights, kind):
     starts = {
-        "rigid": lambda: FixedTurning(turns[0], N_FRAMES),
-        "hinge": lambda: hinge_turning(turns),
-        "universal": lambda: universal_turning(turns),
+        "rigid": lambda: RigidRotation(turns[0], N_FRAMES),
+        "hinge": lambda: nearest_hinge(turns),
+        "universal": lambda: nearest_universal(turns),
     }
     parts = starts[kind]().parts()
     ordered = *(np.ascontiguousarray(one) for one in parts[:2]), parts[2], np.ascontiguousarray(parts[3])
@@ -64,8 +64,8 @@ def test_vectors_between_rotations_are_those_of_the_plain_twin(compiled, turns):
 
 @pytest.mark.parametrize("kind", ["rigid", "hinge", "universal"])
 def test_each_kind_descends_to_where_the_plain_twin_does(compiled, turns, weights, kind):
-    starts = {"rigid": FixedTurning(turns[0], N_FRAMES), "hinge": hinge_turning(turns)}
-    parts = (starts.get(kind) or universal_turning(turns)).parts()
+    starts = {"rigid": RigidRotation(turns[0], N_FRAMES), "hinge": nearest_hinge(turns)}
+    parts = (starts.get(kind) or nearest_universal(turns)).parts()
     ordered = *(np.ascontiguousarray(one) for one in parts[:2]), parts[2], np.ascontiguousarray(parts[3])
     one, other = (twin.descended(*ordered, turns, weights, 8, 1e-4) for twin in (compiled, plain))
     for left, right in zip(one, other, strict=True):
@@ -93,4 +93,4 @@ def test_kind_is_the_same_where_numba_keeps_nothing(turns, monkeypatch):
     loops.cache_clear()
     assert found.kind == plainly.kind == "universal"
     np.testing.assert_allclose(found.axis_in_parent, plainly.axis_in_parent, atol=1e-8)
-    assert found.leftovers["hinge"].ratio == pytest.approx(plainly.leftovers["hinge"].ratio)
+    assert found.type_fits["hinge"].ratio == pytest.approx(plainly.type_fits["hinge"].ratio)

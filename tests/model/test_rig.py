@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.errors import InputError
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, JointModel, StereoRig
+from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, StereoRig, TargetJoint
 
 MATRIX = np.array([[800.0, 0, 320], [0, 800, 240], [0, 0, 1]])
 
@@ -39,7 +39,7 @@ def test_a_mirrored_pose_is_refused():
 
 def test_a_joint_of_a_body_that_is_not_there_is_refused():
     rig = StereoRig(camera(), camera(450.0))
-    joint = JointModel("elbow", "hinge", "upper", "lower", np.eye(4), np.eye(4))
+    joint = TargetJoint("elbow", "hinge", "upper", "lower", np.eye(4), np.eye(4))
     with pytest.raises(InputError, match="'lower', which is not there"):
         CaptureSettings(rig, bodies=[BodyTarget("upper", np.eye(3))], joints=[joint])
 

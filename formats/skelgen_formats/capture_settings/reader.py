@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError, ParameterError
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, JointModel, ParameterValue, StereoRig
+from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, ParameterValue, StereoRig, TargetJoint
 from skelgen.parameters import Declaration, StageParameters
 from skelgen_formats.capture_settings.layout import (
     ANY,
@@ -122,7 +122,7 @@ def _body(path: Path, element: Any) -> BodyTarget:
     return _built(path, element, lambda: BodyTarget(element.get("name"), np.array(points), np.array(std)))
 
 
-def _joint(path: Path, element: Any, bodies: list[str]) -> JointModel:
+def _joint(path: Path, element: Any, bodies: list[str]) -> TargetJoint:
     name, kind, parent, child = (element.get(key) for key in LAYOUT["joint"].required)
     for role, body in (("parent", parent), ("child", child)):
         if body not in bodies:
@@ -132,7 +132,7 @@ def _joint(path: Path, element: Any, bodies: list[str]) -> JointModel:
     poses = [_numbers(path, place).reshape(4, 4) for place in places]
     std = np.array([_attribute_numbers(path, place, "std", 3) for place in places])
     axis_std = np.array([_attribute_numbers(path, place, "axis_std", 1)[0] for place in places])
-    return _built(path, element, lambda: JointModel(name, kind, parent, child, poses[0], poses[1], std, axis_std))
+    return _built(path, element, lambda: TargetJoint(name, kind, parent, child, poses[0], poses[1], std, axis_std))
 
 
 def _detection(path: Path, root: Any, declared: type[StageParameters] | None) -> dict[str, ParameterValue]:

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, JointModel, ParameterValue
+from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, ParameterValue, TargetJoint
 from skelgen_formats.capture_settings.layout import LEFT, RIGHT, ROOT, UNIT, VERSION
 from skelgen_formats.xml_files import write_lines
 
@@ -78,7 +78,7 @@ def _body(body: BodyTarget) -> Iterator[str]:
     yield "  </body>"
 
 
-def _joint(joint: JointModel) -> Iterator[str]:
+def _joint(joint: TargetJoint) -> Iterator[str]:
     ends = f"parent={quoteattr(joint.parent)} child={quoteattr(joint.child)}"
     yield f'  <joint name={quoteattr(joint.name)} kind="{joint.kind}" {ends}>'
     for side, tag in enumerate(("parent_from_joint", "child_from_joint")):

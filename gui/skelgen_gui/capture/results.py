@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen.model.rig import CaptureSettings, JointModel
+from skelgen.model.rig import CaptureSettings, TargetJoint
 from skelgen_gui.capture.messages import Shot
 
 MOST_SENTENCES = 200
@@ -225,5 +225,5 @@ class Sentences(QListWidget):
                 self.takeItem(self.count() - 1)
 
 
-def _angle_names(joint: JointModel) -> tuple[str, ...]:
+def _angle_names(joint: TargetJoint) -> tuple[str, ...]:
     return (joint.name,) if joint.kind == "hinge" else tuple(f"{joint.name}.{axis}" for axis in "xyz")

@@ -9,7 +9,7 @@ import numpy as np
 from skelgen.app.drawing import measures
 from skelgen.app.drawing.wording import digits, fixed, plain
 from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
-from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, Posture, angle_ranges, posture_of, told_frames
+from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, Posture, angle_ranges, posture_of, spread_frames
 from skelgen.kinematics.joints.angles import angle_names
 from skelgen.kinematics.joints.observability import Observed, observed_joints
 from skelgen.model import Joint, Project, Topology
@@ -104,7 +104,7 @@ def _angles(project: Project) -> Content:
     ranges = angle_ranges(skeleton, motion, positions)
     observed = observed_joints(skeleton, motion)
     rows = [_angle_row(index, joint, ranges[index], observed[index]) for index, joint in enumerate(skeleton.joints)]
-    frames = told_frames(motion.n_frames)
+    frames = spread_frames(motion.n_frames)
     posture = posture_of(skeleton, motion, positions, frames)
     times = frames / motion.rate
     figures = [

@@ -20,7 +20,7 @@ from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vec
 from skelgen.kinematics import JointFit, KindChoice, choose_kind, find_hierarchy
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import JOINT_KINDS, JointModel
+from skelgen.model.rig import JOINT_KINDS, TargetJoint
 
 FEWEST_FRAMES = 20
 """Frames that show all targets of a chain at once, below which its joints are not fitted together."""
@@ -68,7 +68,7 @@ class JointCalibration:
 
     Attributes
     ----------
-    joints : tuple of JointModel
+    joints : tuple of TargetJoint
         With standard deviations of place and axis.
     fits : tuple of JointFit
         Each joint by itself, in the same order.
@@ -80,7 +80,7 @@ class JointCalibration:
         What the user should know.
     """
 
-    joints: tuple[JointModel, ...]
+    joints: tuple[TargetJoint, ...]
     fits: tuple[JointFit, ...]
     noise: float
     motions: tuple[JointMotion, ...]
@@ -144,7 +144,7 @@ def calibrate_joints(
     return JointCalibration(joints, fits, noise, motions, tuple(notices))
 
 
-def _doubts(joints: Sequence[JointModel], fits: Sequence[JointFit], motions: Sequence[JointMotion]) -> list[str]:
+def _doubts(joints: Sequence[TargetJoint], fits: Sequence[JointFit], motions: Sequence[JointMotion]) -> list[str]:
     """What speaks against joints: too little motion, or more play than the noise explains."""
     advice = [motion.advice(joint.kind) for joint, motion in zip(joints, motions, strict=True)]
     play = [
@@ -197,18 +197,18 @@ def _found(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[Join
             notices.append(f"left out: {error}")
 
 
-def _model(wish: JointWish, fit: JointFit) -> JointModel:
+def _model(wish: JointWish, fit: JointFit) -> TargetJoint:
     tilts = [np.sqrt(max(np.trace(fit.axis_covariance[at : at + 3, at : at + 3]) / 2, 0.0)) for at in (0, 3)]
     frames = fit.parent_from_joint, fit.child_from_joint
-    return JointModel(wish.name, fit.kind, wish.parent, wish.child, *frames, fit.std, np.array(tilts))
+    return TargetJoint(wish.name, fit.kind, wish.parent, wish.child, *frames, fit.std, np.array(tilts))
 
 
 def _together(
-    models: Sequence[JointModel],
+    models: Sequence[TargetJoint],
     fits: Sequence[JointFit],
     frames: Sequence[Sequence[FoundBody]],
     notices: list[str],
-) -> tuple[list[JointModel], float]:
+) -> tuple[list[TargetJoint], float]:
     """The joints of each tree fitted together where there are several, and the noise of the last."""
     fitted, noise = list(models), float("nan")
     for tree in _trees(models):
@@ -231,7 +231,7 @@ def _together(
     return fitted, noise
 
 
-def _zeroed(joint: JointModel, frames: Sequence[Sequence[FoundBody]]) -> JointModel:
+def _zeroed(joint: TargetJoint, frames: Sequence[Sequence[FoundBody]]) -> TargetJoint:
     """The joint with all angles zero in the first frame that shows both targets, as the seed has it (7.1.4)."""
     for frame in frames:
         bodies = {body.name: body for body in frame}
@@ -244,7 +244,7 @@ def _zeroed(joint: JointModel, frames: Sequence[Sequence[FoundBody]]) -> JointMo
     return joint
 
 
-def _trees(models: Sequence[JointModel]) -> list[list[int]]:
+def _trees(models: Sequence[TargetJoint]) -> list[list[int]]:
     """Joints that hang together, each after the joint above it; joints that close a loop are left alone."""
     left, trees = list(range(len(models))), []
     children = {model.child for model in models}

@@ -9,7 +9,7 @@ import numpy as np
 
 from skelgen.capture.calibration.joints import JointCalibration
 from skelgen.capture.calibration.stereo import StereoCalibration
-from skelgen.model.rig import BodyTarget, Camera, JointModel
+from skelgen.model.rig import BodyTarget, Camera, TargetJoint
 
 INTRINSIC = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
 """What the numbers of one camera are called, in the order of `intrinsic` and of the calibration's deviations."""
@@ -58,7 +58,7 @@ def joint_rows(done: JointCalibration) -> list[dict[str, Any]]:
     ]
 
 
-def place_texts(joint: JointModel) -> tuple[list[str], list[str]]:
+def place_texts(joint: TargetJoint) -> tuple[list[str], list[str]]:
     """Return x, y and z [mm] of a joint in its parent, then in its child."""
     in_parent, in_child = (
         [_hundredths(*pair) for pair in zip(place.tolist(), std.tolist(), strict=True)]

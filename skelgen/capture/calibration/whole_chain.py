@@ -17,7 +17,7 @@ import numpy as np
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.kinematics.joints.closed_form import hinge_angles
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import JointModel
+from skelgen.model.rig import TargetJoint
 
 MAX_STEPS = 15
 STEP_TOLERANCE = 1e-6
@@ -39,13 +39,13 @@ class WholeChain:
 
     Attributes
     ----------
-    joints : tuple of JointModel
+    joints : tuple of TargetJoint
         With their standard deviations.
     noise : float
         Root mean square residual in stated standard deviations, freedoms taken off.
     """
 
-    joints: tuple[JointModel, ...]
+    joints: tuple[TargetJoint, ...]
     noise: float
 
 
@@ -60,13 +60,13 @@ class _State:
 
 
 def fit_whole_chain(
-    joints: Sequence[JointModel], poses: dict[str, Floats], covariances: dict[str, Floats]
+    joints: Sequence[TargetJoint], poses: dict[str, Floats], covariances: dict[str, Floats]
 ) -> WholeChain:
     """Fit all joints of one tree together.
 
     Parameters
     ----------
-    joints : sequence of JointModel
+    joints : sequence of TargetJoint
         First guesses, each one's parent before it: the first joint's parent is the root.
     poses : dict of str to ndarray, shape (n_frames, 4, 4)
         World from body of every body, known in all frames.
@@ -97,7 +97,7 @@ def fit_whole_chain(
 class _Fit:
     """What is fitted to, and the steps towards it."""
 
-    def __init__(self, joints: Sequence[JointModel], poses: dict[str, Floats], covariances: dict[str, Floats]) -> None:
+    def __init__(self, joints: Sequence[TargetJoint], poses: dict[str, Floats], covariances: dict[str, Floats]) -> None:
         self.joints, self.poses, self.root = tuple(joints), poses, joints[0].parent
         self.n_frames = len(poses[self.root])
         self.whiten = {name: np.linalg.inv(np.linalg.cholesky(covariance)) for name, covariance in covariances.items()}

@@ -13,7 +13,7 @@ from skelgen.capture.reference_rig import reference_arm
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, check_names, check_rate
-from skelgen.model.rig import BodyTarget, JointModel, StereoRig
+from skelgen.model.rig import BodyTarget, StereoRig, TargetJoint
 from skelgen.simulation import Structure, find_structure, simulate
 from skelgen.simulation.markers import blocked_by_limbs
 from skelgen.simulation.motion import smooth_curves
@@ -44,7 +44,7 @@ class Scene:
         Which body carries each ball.
     bodies : tuple of BodyTarget
         The bodies, with their balls in their own frames.
-    joints : tuple of JointModel
+    joints : tuple of TargetJoint
         Ball joints and hinges between the bodies.
     hidden : ndarray of bool, shape (n_frames, 2, n_balls)
         Balls that something stands before, for the left and the right camera; balls hide each other by themselves.
@@ -60,7 +60,7 @@ class Scene:
     world_from_body: Floats
     body_of_ball: Ints
     bodies: tuple[BodyTarget, ...]
-    joints: tuple[JointModel, ...] = ()
+    joints: tuple[TargetJoint, ...] = ()
     hidden: Bools = field(default_factory=lambda: np.empty((0, 2, 0), dtype=np.bool_))
     rate: float = 60.0
     name: str = "scene"
@@ -216,7 +216,7 @@ def targets_of(structure: Structure) -> tuple[BodyTarget, ...]:
     return tuple(BodyTarget(limb.name, limb.markers) for limb in structure.limbs)
 
 
-def joints_of(structure: Structure) -> tuple[JointModel, ...]:
+def joints_of(structure: Structure) -> tuple[TargetJoint, ...]:
     """Return the ball joints and hinges of a structure, outward; others have no model in a capture.
 
     All limb frames are turned alike when all angles are zero, and a hinge turns about the z axis of its joint's frames.
@@ -229,7 +229,7 @@ def joints_of(structure: Structure) -> tuple[JointModel, ...]:
                 in_child[:3, :3] = _frame_about(limb.axes[0])
             in_parent = in_child.copy()
             in_parent[:3, 3] = limb.joint
-            joints.append(JointModel(limb.name, limb.kind, limb.parent, limb.name, in_parent, in_child))
+            joints.append(TargetJoint(limb.name, limb.kind, limb.parent, limb.name, in_parent, in_child))
     return tuple(joints)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
-from skelgen.kinematics.chain.normal_equations import constant_pull, n_constants, total_information
+from skelgen.kinematics.chain.normal_equations import constant_gradient, n_constants, total_information
 from skelgen.kinematics.inverse.poses import fit_poses
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -188,7 +188,7 @@ def _step(state: _State, from_start: Floats, positions: Floats, weights: Floats)
     prior = max(state.noise / PRIOR_SPREAD**2, held)
     levels = np.full(len(information), prior)
     levels[n_places:] *= max(3 * float((chain.offsets**2).mean()), 1.0)  # tilts move what is a limb away
-    pull = constant_pull(chain, articulation, state.poses, positions, weights)
+    pull = constant_gradient(chain, articulation, state.poses, positions, weights)
     pull[:n_places] += prior * from_start
     held_together = information + np.diag(levels)
     return np.asarray(np.linalg.solve(held_together, information @ np.linalg.solve(held_together, pull)))

@@ -11,14 +11,14 @@ from skelgen.kinematics.calibration.calibrate import Calibration
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
 from skelgen.kinematics.chain.normal_equations import (
-    constant_pull,
+    constant_gradient,
     frames_together,
     linearised,
     n_constants,
     reduced_information,
     total_information,
 )
-from skelgen.kinematics.inverse.loop_closure import STIFFNESS, Rings, closed_squares, fit_closed_poses, with_rings
+from skelgen.kinematics.inverse.loop_closure import STIFFNESS, Rings, closed_squares, fit_closed_poses, with_loops
 from skelgen.model.arrays import Floats, Ints
 
 SOFT = (1.0, 100.0, STIFFNESS)
@@ -76,7 +76,7 @@ class ClosedCalibration(Calibration):
         return _information(self)
 
 
-def close_rings(last: Calibration, limbs: Ints) -> ClosedCalibration:
+def close_loops(last: Calibration, limbs: Ints) -> ClosedCalibration:
     """Fit limbs, joints and poses once more so that pairs of limbs meet in a point.
 
     Parameters
@@ -146,7 +146,7 @@ def _improved(state: ClosedCalibration) -> ClosedCalibration | None:
 def _pull(state: ClosedCalibration) -> Floats:
     """How residuals and gaps of settled poses pull at the constants."""
     chain, articulation, rings = state.chain, state.articulation, state.rings
-    own = constant_pull(chain, articulation, state.poses, state.positions, state.weights)
+    own = constant_gradient(chain, articulation, state.poses, state.positions, state.weights)
     by_pose, by_constants = rings.slopes(chain, state.poses)
     gap = rings.gaps(chain, state.poses).reshape(len(by_pose), -1)
     _, tilts = articulation.bases(chain.parents, state.poses.rotations)
@@ -166,7 +166,7 @@ def _information(state: ClosedCalibration) -> Floats:
         part = slice(first, first + together)
         poses = state.poses[part]
         frames = linearised(chain, articulation, poses, state.positions[part], state.weights[part])
-        total += reduced_information(with_rings(frames, chain, state.rings, poses))
+        total += reduced_information(with_loops(frames, chain, state.rings, poses))
     return np.asarray((total + total.T) / 2)
 
 

@@ -210,7 +210,7 @@ def total_information(
     return total
 
 
-def constant_pull(
+def constant_gradient(
     chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats
 ) -> Floats:
     """Return how the residuals of settled poses pull at the constants, summed over frames, shape (n_constants,).

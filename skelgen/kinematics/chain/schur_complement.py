@@ -33,7 +33,7 @@ State = TypeVar("State")
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class LinearisedProblem:
     """A least squares problem made linear: residuals and their slopes, whitened.
 
     Attributes
@@ -57,7 +57,7 @@ class Linear:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class BorderedSolution:
     """A step, and what is known of it.
 
     Attributes
@@ -105,12 +105,12 @@ class Solution:
         return np.asarray(np.einsum("frc,fr->fc", self.reduced, self.residuals))
 
 
-def solve_arrow(linear: Linear) -> Solution:
+def solve_bordered(linear: LinearisedProblem) -> BorderedSolution:
     """Solve a linear problem by eliminating the frames' own unknowns."""
     inverse, follow, alone, reduced, left, normal, pull = _eliminated(linear)
     covariance, unknown = pseudo_inverse(normal)
     step = covariance @ pull
-    return Solution(
+    return BorderedSolution(
         constants=step,
         angles=alone - follow @ step,
         covariance=covariance,
@@ -122,7 +122,7 @@ def solve_arrow(linear: Linear) -> Solution:
     )
 
 
-def _eliminated(linear: Linear) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
+def _eliminated(linear: LinearisedProblem) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
     """What is left when the frames' own unknowns are taken out; see `plain_kinds.eliminate`."""
     found: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats] = kind_loops().eliminate(
         *in_order(linear.residuals, linear.constants, linear.angles)
@@ -135,7 +135,7 @@ def kind_loops() -> ModuleType:
     return loops("skelgen.kinematics.compiled_kinds", "skelgen.kinematics.plain_kinds")
 
 
-def own_gain(slopes: Floats) -> tuple[Floats, Floats]:
+def gain_of_frames(slopes: Floats) -> tuple[Floats, Floats]:
     """Return the inverse normal matrix of each frame's own unknowns, and how they follow its residuals.
 
     Parameters
@@ -150,20 +150,20 @@ def own_gain(slopes: Floats) -> tuple[Floats, Floats]:
     return inverse, inverse @ own
 
 
-def descend(
+def gauss_newton(
     state: State,
-    linearised: Callable[[State], Linear],
+    linearised: Callable[[State], LinearisedProblem],
     stepped: Callable[[State, Floats, Floats], State],
     max_rounds: int = MAX_ROUNDS,
     least_gain: float = LEAST_GAIN,
-) -> Descent[State]:
+) -> Minimum[State]:
     """Repeat Gauss-Newton steps until the sum of squares stays.
 
     Parameters
     ----------
     state : object
         First guess.
-    linearised : callable (state) -> Linear
+    linearised : callable (state) -> LinearisedProblem
         Residuals and slopes at a state.
     stepped : callable (state, constants, angles) -> state
         The state after a step.
@@ -174,7 +174,7 @@ def descend(
     """
     linear = linearised(state)
     for _ in range(max_rounds):
-        solution = solve_arrow(linear)
+        solution = solve_bordered(linear)
         for part in STEP_PARTS:
             trial = stepped(state, part * solution.constants, part * solution.angles)
             trial_linear = linearised(trial)
@@ -186,16 +186,16 @@ def descend(
         state, linear = trial, trial_linear
         if gain <= least_gain * linear.squares:
             break
-    return Descent(state, linear.squares, solve_arrow(linear))
+    return Minimum(state, linear.squares, solve_bordered(linear))
 
 
 @dataclass(frozen=True, eq=False)
-class Descent(Generic[State]):
+class Minimum(Generic[State]):
     """Where a descent ended: the state, its sum of squares, and the covariance there."""
 
     state: State
     squares: float
-    solution: Solution
+    solution: BorderedSolution
 
 
 def pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:

@@ -1,9 +1,9 @@
-"""Fill gaps of markers from their limb, from joints, and from the frames around.
+"""Fill the gaps of markers from their limb, from joints, and from the frames around.
 
-A frame is laid through what helps: the limb's other markers, or its joints where these are too few (`helpers`). In it
-the marker only moves as skin does, and that way is predicted through the gap from the joints' bends, the neighbours'
-markers and what it was before and after (`process`). Where nothing of the limb helps, the same is done in the frame of
-a neighbouring limb, or in the world.
+A moving frame is fitted to the predictors: the limb's other markers, or its joints where these are too few. In this
+frame a marker moves only as skin does. A Gaussian process predicts that motion through the gap from the joints'
+rotations, the neighbours' markers and the marker's own positions before and after. Where no predictor is seen, the same
+is done in the frame of a neighbouring limb, or in the world.
 """
 
 from __future__ import annotations
@@ -14,23 +14,29 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.kinematics.gap_filling.gaussian_process import (
-    Clock,
     Features,
     Series,
+    TimeCovariance,
     fit_variances,
     learnt_frames,
     needed_frames,
     predict,
 )
-from skelgen.kinematics.gap_filling.predictors import Base, Helpers, OwnPoses, features_of, find_helpers
+from skelgen.kinematics.gap_filling.predictors import (
+    MovingFrame,
+    PosesByMarkers,
+    Predictors,
+    features_of,
+    find_predictors,
+)
 from skelgen.model import Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, Source
 from skelgen.progress import SILENT, Monitor, with_progress
 
-_FEWEST_TOGETHER = 25  # frames in which a marker and its helpers are seen, to learn from
+_FEWEST_TOGETHER = 25  # frames in which a marker and its predictors are seen, to learn from
 _FEWEST_KNOWN = 10  # frames in which a marker is seen, to tell how far it strays from them
-_OWN_VARIANCES = 20  # frames to fill, from which on variances are estimated for their own set of helpers
+_OWN_VARIANCES = 20  # frames to fill, from which on variances are estimated for their own set of predictors
 
 
 def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, monitor: Monitor = SILENT) -> Filled:
@@ -77,13 +83,13 @@ class _Work:
 
     def __init__(self, trajectories: Trajectories, skeleton: Skeleton, motion: Motion) -> None:
         self.trajectories, self.skeleton, self.motion = trajectories, skeleton, motion
-        self.own_poses = OwnPoses(trajectories, skeleton, motion)
+        self.own_poses = PosesByMarkers(trajectories, skeleton, motion)
         self.seen = trajectories.seen
         self.with_gaps = np.asarray(self.seen.any(axis=0) & ~self.seen.all(axis=0))
         self.positions = trajectories.positions.copy()
         self.source = np.where(self.seen, Source.MEASURED, Source.NONE).astype(np.intp)
         self.std = np.where(self.seen, 0.0, np.nan)
-        self.clock = Clock(trajectories.n_frames, trajectories.rate)
+        self.clock = TimeCovariance(trajectories.n_frames, trajectories.rate)
 
     def put(self, marker: int, frames: Ints, world: Floats, std: Floats, source: Source) -> None:
         """Store filled values [mm]."""
@@ -93,19 +99,19 @@ class _Work:
 
 
 def _fill_limb(work: _Work, limb: int) -> None:
-    """Fill the markers of a limb, one set of helpers at a time."""
+    """Fill the markers of a limb, one set of predictors at a time."""
     markers = work.skeleton.markers_of(limb)
     if not work.with_gaps[markers].any():
         return
-    helpers = find_helpers(work.own_poses, limb)
+    predictors = find_predictors(work.own_poses, limb)
     for index in np.flatnonzero(work.with_gaps[markers]).tolist():
         frames = np.flatnonzero(~work.seen[:, markers[index]])
-        usable = helpers.usable[frames]
+        usable = predictors.usable[frames]
         usable[:, index] = False
-        with_firm = usable[:, helpers.firm].any(axis=1)
-        usable[with_firm] &= helpers.firm
-        enough = helpers.posed_by(usable)
-        usable[enough, helpers.n_markers :] = False
+        with_firm = usable[:, predictors.firm].any(axis=1)
+        usable[with_firm] &= predictors.firm
+        enough = predictors.posed_by(usable)
+        usable[enough, predictors.n_markers :] = False
         patterns, pattern_of, counts = np.unique(usable, axis=0, return_inverse=True, return_counts=True)
         shares, which = None, (int(markers[index]), index)
         for number in np.argsort(-counts, kind="stable").tolist():
@@ -113,13 +119,13 @@ def _fill_limb(work: _Work, limb: int) -> None:
             if patterns[number].any():
                 source = Source.LIMB if enough[of_pattern][0] else Source.JOINT
                 chosen = np.flatnonzero(patterns[number])
-                shares = _fill_from(work, which, helpers, chosen, frames[of_pattern], source, shares)
+                shares = _fill_from(work, which, predictors, chosen, frames[of_pattern], source, shares)
 
 
 def _fill_from(
     work: _Work,
     which: tuple[int, int],
-    helpers: Helpers,
+    predictors: Predictors,
     chosen: Ints,
     targets: Ints,
     source: Source,
@@ -127,31 +133,37 @@ def _fill_from(
 ) -> Floats | None:
     """Fill one marker, given by its index in the take and on the limb; return the shares of its variance."""
     marker, index = which
-    known = np.flatnonzero(helpers.usable[:, chosen].all(axis=1) & helpers.usable[:, index])
+    known = np.flatnonzero(predictors.usable[:, chosen].all(axis=1) & predictors.usable[:, index])
     if len(known) < _FEWEST_TOGETHER:  # too few to learn from: the place on the limb, with the marker's deviation
-        base = Base(targets, chosen, *helpers.frames_through(chosen, targets))
-        world = base.world(np.tile(helpers.places[index], (len(targets), 1)), np.arange(len(targets)))
+        base = MovingFrame(targets, chosen, *predictors.frames_through(chosen, targets))
+        world = base.world(np.tile(predictors.places[index], (len(targets), 1)), np.arange(len(targets)))
         work.put(marker, targets, world, np.full(len(targets), work.skeleton.marker_std[marker]), source)
         return shares
     frames = needed_frames(known, targets, work.clock.rate)
-    base = Base(frames, chosen, *helpers.frames_through(chosen, frames))
-    values, std, shares = _predicted_in(work, marker, base, helpers, known, targets, shares)
+    base = MovingFrame(frames, chosen, *predictors.frames_through(chosen, frames))
+    values, std, shares = _predicted_in(work, marker, base, predictors, known, targets, shares)
     work.put(marker, targets, values, std, source)
     return shares
 
 
 def _predicted_in(
-    work: _Work, marker: int, base: Base, helpers: Helpers, known: Ints, targets: Ints, shares: Floats | None
+    work: _Work,
+    marker: int,
+    base: MovingFrame,
+    predictors: Predictors,
+    known: Ints,
+    targets: Ints,
+    shares: Floats | None,
 ) -> tuple[Floats, Floats, Floats]:
     """World positions and deviations of a marker, learnt in a moving frame; and the shares of its variance."""
-    features = features_of(work.trajectories, work.skeleton, work.motion, helpers, base)
+    features = features_of(work.trajectories, work.skeleton, work.motion, predictors, base)
     local = base.local(np.nan_to_num(work.trajectories.positions[base.frames, marker]))
     values, std, shares = _predicted(Series(base.frames, local, features), known, targets, work.clock, shares)
     return base.world(values, np.searchsorted(base.frames, targets)), std, shares
 
 
 def _predicted(
-    series: Series, known: Ints, targets: Ints, clock: Clock, shares: Floats | None
+    series: Series, known: Ints, targets: Ints, clock: TimeCovariance, shares: Floats | None
 ) -> tuple[Floats, Floats, Floats]:
     """Values and deviations of a series in target frames, and the shares of its variance."""
     learnt = np.searchsorted(series.frames, learnt_frames(known))
@@ -177,14 +189,14 @@ def _fill_rest(work: _Work, marker: int) -> None:
 def _fill_by_reference(work: _Work, marker: int, known: Ints, targets: Ints) -> None:
     """Fill a marker in the frame of the nearest limb that its own markers pose, where this is surer."""
     limb = int(work.skeleton.limb_of_marker[marker])
-    helpers = find_helpers(work.own_poses, limb)
-    posed = work.motion.limb_seen[:, helpers.reference]
+    predictors = find_predictors(work.own_poses, limb)
+    posed = work.motion.limb_seen[:, predictors.reference]
     known, targets = known[posed[known]], targets[posed[targets]]
-    if helpers.reference == limb or len(known) < _FEWEST_TOGETHER or not len(targets):
+    if predictors.reference == limb or len(known) < _FEWEST_TOGETHER or not len(targets):
         return
     frames = needed_frames(known, targets, work.clock.rate)
-    origin = work.motion.world_from_limb[frames, helpers.reference, :3, 3]
-    base = Base(frames, np.zeros(0, dtype=np.intp), helpers.guess[frames], origin)
-    values, std, _ = _predicted_in(work, marker, base, helpers, known, targets, None)
+    origin = work.motion.world_from_limb[frames, predictors.reference, :3, 3]
+    base = MovingFrame(frames, np.zeros(0, dtype=np.intp), predictors.guess[frames], origin)
+    values, std, _ = _predicted_in(work, marker, base, predictors, known, targets, None)
     better = std < work.std[targets, marker]
     work.put(marker, targets[better], values[better], std[better], Source.INTERPOLATED)

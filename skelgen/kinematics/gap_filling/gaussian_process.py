@@ -79,7 +79,7 @@ class Series:
     features: Features
 
 
-class Clock:
+class TimeCovariance:
     """Covariances of two values by the time between them, one row per shape."""
 
     def __init__(self, n_frames: int, rate: float) -> None:
@@ -125,7 +125,7 @@ def learnt_frames(known: Ints, most: int = _LEARNT_FRAMES) -> Ints:
     return np.unique(known[starts[:, np.newaxis] + np.array(_CLUSTER)])
 
 
-def fit_variances(series: Series, rows: Ints, clock: Clock) -> Floats:
+def fit_variances(series: Series, rows: Ints, clock: TimeCovariance) -> Floats:
     """Estimate how much of a series' variance each shape contributes.
 
     Parameters
@@ -134,7 +134,7 @@ def fit_variances(series: Series, rows: Ints, clock: Clock) -> Floats:
         With scaled features.
     rows : ndarray of intp
         Known rows to learn from.
-    clock : Clock
+    clock : TimeCovariance
         Of the take.
 
     Returns
@@ -163,7 +163,7 @@ def fit_variances(series: Series, rows: Ints, clock: Clock) -> Floats:
     return shares
 
 
-def predict(series: Series, known: Ints, targets: Ints, clock: Clock, shares: Floats) -> tuple[Floats, Floats]:
+def predict(series: Series, known: Ints, targets: Ints, clock: TimeCovariance, shares: Floats) -> tuple[Floats, Floats]:
     """Predict a series in frames where it is not known.
 
     The deviation is that of the model times how much larger or smaller errors are than it says, where known values
@@ -175,7 +175,7 @@ def predict(series: Series, known: Ints, targets: Ints, clock: Clock, shares: Fl
         With scaled features.
     known, targets : ndarray of intp, rising
         Frames with a value, and those to predict; those of `needed_frames` must be in the series.
-    clock : Clock
+    clock : TimeCovariance
         Of the take.
     shares : ndarray, shape (n_shapes,), mm^2
         From `fit_variances`.
@@ -220,7 +220,9 @@ def left_out_errors(precision: Floats, values: Floats) -> Floats:
     return found
 
 
-def _predict_from(series: Series, rows: Ints, targets: Ints, clock: Clock, shares: Floats) -> tuple[Floats, Floats]:
+def _predict_from(
+    series: Series, rows: Ints, targets: Ints, clock: TimeCovariance, shares: Floats
+) -> tuple[Floats, Floats]:
     frames, aims, n_times = series.frames[rows], series.frames[targets], clock.n_shapes
     there, own = series.features.at(rows), series.features.at(targets)
     mean = series.values[rows].mean(axis=0)

@@ -27,7 +27,7 @@ _PRINCIPAL_FRAMES = 500  # that these are found from
 
 
 @dataclass(frozen=True, eq=False)
-class Helpers:
+class Predictors:
     """The points of one limb: its markers, then its joints.
 
     Attributes
@@ -74,7 +74,7 @@ class Helpers:
 
 
 @dataclass(frozen=True, eq=False)
-class Base:
+class MovingFrame:
     """A moving frame in which a marker is predicted, in those frames of the take that matter.
 
     Attributes
@@ -103,7 +103,7 @@ class Base:
         return np.asarray(self.origin[rows] + np.einsum("fij,fj->fi", self.rotations[rows], local))
 
 
-class OwnPoses:
+class PosesByMarkers:
     """Poses of limbs by their own markers alone, each found when it is first asked for.
 
     Parameters
@@ -129,7 +129,7 @@ class OwnPoses:
         return self._found[limb]
 
 
-def find_helpers(own_poses: OwnPoses, limb: int) -> Helpers:
+def find_predictors(own_poses: PosesByMarkers, limb: int) -> Predictors:
     """Gather the points of a limb.
 
     A joint is where the neighbouring limb has it, posed by its own markers; where it rarely has the markers for that,
@@ -137,7 +137,7 @@ def find_helpers(own_poses: OwnPoses, limb: int) -> Helpers:
 
     Parameters
     ----------
-    own_poses : OwnPoses
+    own_poses : PosesByMarkers
         Of all limbs, with the take.
     limb : int
         Its index.
@@ -155,7 +155,7 @@ def find_helpers(own_poses: OwnPoses, limb: int) -> Helpers:
         firm.append(by_markers)
     reference = _reference(trajectories, skeleton, limb)
     others = {_neighbour(skeleton, joint, limb) for joint, _ in joints} | {reference}
-    return Helpers(
+    return Predictors(
         np.concatenate(places),
         np.concatenate(world, axis=1),
         np.concatenate(usables, axis=1),
@@ -181,7 +181,7 @@ def reliable(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, lim
 
 
 def features_of(
-    trajectories: Trajectories, skeleton: Skeleton, motion: Motion, helpers: Helpers, base: Base
+    trajectories: Trajectories, skeleton: Skeleton, motion: Motion, predictors: Predictors, base: MovingFrame
 ) -> Features:
     """What a marker may follow: the shape of the chosen points, the neighbours' markers, the bends of the body.
 
@@ -189,19 +189,19 @@ def features_of(
     ----------
     trajectories, skeleton, motion : Trajectories, Skeleton, Motion
         Of the take.
-    helpers : Helpers
+    predictors : Predictors
         Of the limb.
-    base : Base
+    base : MovingFrame
         Where the marker is predicted.
     """
-    near = np.ix_(base.frames, np.flatnonzero(np.isin(skeleton.limb_of_marker, helpers.neighbours)))
+    near = np.ix_(base.frames, np.flatnonzero(np.isin(skeleton.limb_of_marker, predictors.neighbours)))
     seen = trajectories.seen[near][..., np.newaxis]
     measured = np.where(seen, trajectories.positions[near], motion.marker_positions[near])
-    around = np.concatenate([helpers.world[np.ix_(base.frames, base.chosen)], measured], axis=1)
+    around = np.concatenate([predictors.world[np.ix_(base.frames, base.chosen)], measured], axis=1)
     local = np.einsum("fji,fpj->fpi", base.rotations, around - base.origin[:, np.newaxis])
     n_frames, n_chosen = len(base.frames), len(base.chosen)
     shape, places = local[:, :n_chosen].reshape(n_frames, -1), local[:, n_chosen:].reshape(n_frames, -1)
-    others = motion.rotations[np.ix_(base.frames, np.array(helpers.neighbours, dtype=np.intp))]
+    others = motion.rotations[np.ix_(base.frames, np.array(predictors.neighbours, dtype=np.intp))]
     bends = np.einsum("fji,fnjk->fnik", base.rotations, others).reshape(n_frames, -1)
     return Features((shape, _principal(places, _MOST_PLACES)), (_principal(bends, _MOST_BENDS),))
 
@@ -223,7 +223,7 @@ def _principal(values: Floats, most: int) -> Floats:
     return np.asarray(centred @ directions[:, ::-1][:, :most])
 
 
-def _joint_by_neighbour(own_poses: OwnPoses, joint: int, limb: int) -> tuple[Floats, Bools, bool]:
+def _joint_by_neighbour(own_poses: PosesByMarkers, joint: int, limb: int) -> tuple[Floats, Bools, bool]:
     """Where the neighbouring limb has a joint, where that is known, and if by its markers alone."""
     skeleton, motion = own_poses.skeleton, own_poses.motion
     neighbour = _neighbour(skeleton, joint, limb)

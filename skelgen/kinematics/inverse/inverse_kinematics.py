@@ -16,8 +16,8 @@ from skelgen.kinematics.calibration.uncertainty import axis_projectors
 from skelgen.kinematics.chain.chain import ChainPoses, seen_weights
 from skelgen.kinematics.inverse.loop_closure import fit_closed_poses
 from skelgen.kinematics.inverse.poses import fit_poses, pose_covariances
-from skelgen.kinematics.inverse.root_outward import Outward, pose_outward
-from skelgen.kinematics.inverse.skeleton_tree import KnownTree
+from skelgen.kinematics.inverse.root_outward import PosedTree, pose_outward
+from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.kinematics.joints.angles import angle_deviations, angle_names, joint_angles
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
@@ -92,7 +92,7 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
     positions = np.asarray(positions, dtype=np.float64)
     positions = positions[np.newaxis] if positions.ndim == 2 else positions
     positions = check_floats(positions, (None, len(skeleton.limb_of_marker), 3), "positions")
-    trees = [KnownTree(skeleton, int(root), noise) for root in skeleton.roots]
+    trees = [SkeletonTree(skeleton, int(root), noise) for root in skeleton.roots]
     found = []
     for tree in trees:
         seen = ~np.isnan(positions[:, tree.markers, 0])
@@ -109,7 +109,7 @@ def check_method(method: str) -> None:
         raise InputError(f"there is no method {method!r} of inverse kinematics; there are {', '.join(METHODS)}")
 
 
-def solve_tree(tree: KnownTree, positions: Floats, method: str, before: Floats | None = None) -> Outward:
+def solve_tree(tree: SkeletonTree, positions: Floats, method: str, before: Floats | None = None) -> PosedTree:
     """Pose one tree; parameters are those of `pose_outward`, and the method."""
     start = pose_outward(tree, positions, before)
     if method == "root-outward":
@@ -120,7 +120,7 @@ def solve_tree(tree: KnownTree, positions: Floats, method: str, before: Floats |
         poses = fit_closed_poses(chain, tree.rings, start.poses, positions, articulation, weights)
     else:
         poses = fit_poses(chain, start.poses, positions, articulation, weights)
-    return Outward(poses, start.fixed, pose_covariances(chain, articulation, poses, positions, tree.noise, weights))
+    return PosedTree(poses, start.fixed, pose_covariances(chain, articulation, poses, positions, tree.noise, weights))
 
 
 def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: Ints | None = None) -> Posture:
@@ -143,18 +143,18 @@ def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: In
     """
     frames = np.arange(motion.n_frames) if frames is None else frames
     world = motion.world_from_limb[frames]
-    trees = [KnownTree(skeleton, int(root), None) for root in skeleton.roots]
+    trees = [SkeletonTree(skeleton, int(root), None) for root in skeleton.roots]
     found = []
     for tree in trees:
         poses = ChainPoses(world[:, tree.limbs[0], :3, 3], world[:, tree.limbs, :3, :3])
         own = positions[frames][:, tree.markers]
         weights = seen_weights(own, np.broadcast_to(tree.weights, own.shape[:2]))
         covariances = pose_covariances(tree.chain, tree.articulation, poses, own, tree.noise, weights)
-        found.append(Outward(poses, motion.limb_seen[frames][:, tree.limbs], covariances))
+        found.append(PosedTree(poses, motion.limb_seen[frames][:, tree.limbs], covariances))
     return posture(skeleton, trees, found)
 
 
-def posture(skeleton: Skeleton, trees: list[KnownTree], found: list[Outward]) -> Posture:
+def posture(skeleton: Skeleton, trees: list[SkeletonTree], found: list[PosedTree]) -> Posture:
     """Gather posed trees, and add the errors of the skeleton to those of the frames."""
     n_frames, n_limbs = len(found[0].fixed), skeleton.n_limbs
     world = np.tile(np.eye(4), (n_frames, n_limbs, 1, 1))
@@ -212,7 +212,7 @@ class LiveSkeleton:
     def __init__(self, skeleton: Skeleton, *, method: str = "root-outward", noise: float | None = None) -> None:
         check_method(method)
         self._skeleton, self._method = skeleton, method
-        self._trees = [KnownTree(skeleton, int(root), noise) for root in skeleton.roots]
+        self._trees = [SkeletonTree(skeleton, int(root), noise) for root in skeleton.roots]
         self._before: list[ChainPoses | None] = [None] * len(self._trees)
 
     def see(self, positions: Floats) -> Posture:
@@ -238,14 +238,14 @@ class LiveSkeleton:
         self._before = [one.poses for one in found]
         return posture(self._skeleton, self._trees, found)
 
-    def _posed(self, index: int, positions: Floats) -> Outward:
+    def _posed(self, index: int, positions: Floats) -> PosedTree:
         tree, before = self._trees[index], self._before[index]
         if not np.isnan(positions[:, :, 0]).all():
             return solve_tree(tree, positions, self._method, None if before is None else before.rotations[0])
         if before is None:
             raise InputError(f"the first frame shows no marker of limb {tree.limbs[0]} and those beyond it")
         unknown = pose_covariances(tree.chain, tree.articulation, before, positions, tree.noise)
-        return Outward(before, np.zeros((1, len(tree.limbs)), dtype=bool), unknown)
+        return PosedTree(before, np.zeros((1, len(tree.limbs)), dtype=bool), unknown)
 
 
 MOST_FRAMES = 5000
@@ -273,7 +273,7 @@ class AngleRange:
     std: float
 
 
-def told_frames(n_frames: int, most: int = MOST_FRAMES) -> Ints:
+def spread_frames(n_frames: int, most: int = MOST_FRAMES) -> Ints:
     """Return at most so many frames, evenly spread."""
     return np.unique(np.linspace(0, n_frames - 1, min(n_frames, most)).astype(np.intp))
 
@@ -288,7 +288,7 @@ def angle_ranges(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
     """
-    posture = posture_of(skeleton, motion, positions, told_frames(motion.n_frames))
+    posture = posture_of(skeleton, motion, positions, spread_frames(motion.n_frames))
     return tuple(_ranges(skeleton, posture, index) for index in range(skeleton.n_joints))
 
 

@@ -150,7 +150,7 @@ def closed_squares(chain: Chain, rings: Rings, poses: ChainPoses, positions: Flo
     return np.asarray(squares + rings.stiffness * (rings.gaps(chain, poses) ** 2).sum(axis=(1, 2)))
 
 
-def with_rings(frames: Frames, chain: Chain, rings: Rings, poses: ChainPoses) -> Frames:
+def with_loops(frames: Frames, chain: Chain, rings: Rings, poses: ChainPoses) -> Frames:
     """Add the rings to linearised frames; the places of the rings become the last constants."""
     by_pose, by_constants = rings.slopes(chain, poses)
     n_joints, n_axes = 3 * (chain.n_limbs - 1), frames.tilts.shape[2]

@@ -23,12 +23,12 @@ from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
 from skelgen.kinematics.chain.chain import ChainPoses
 from skelgen.kinematics.inverse.poses import LEAST_NOISE, UNKNOWN_SHIFT, UNKNOWN_TURN, PoseCovariances
-from skelgen.kinematics.inverse.skeleton_tree import KnownTree
+from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model.arrays import Bools, Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Outward:
+class PosedTree:
     """A tree posed from the root outward.
 
     Attributes
@@ -46,12 +46,12 @@ class Outward:
     covariances: PoseCovariances
 
 
-def pose_outward(tree: KnownTree, positions: Floats, before: Floats | None = None) -> Outward:
+def pose_outward(tree: SkeletonTree, positions: Floats, before: Floats | None = None) -> PosedTree:
     """Place limbs in closed form; those that markers do not fix keep their turn against the parent.
 
     Parameters
     ----------
-    tree : KnownTree
+    tree : SkeletonTree
         The limbs.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Markers of the tree, NaN where unseen; every frame shows one.
@@ -83,7 +83,7 @@ def pose_outward(tree: KnownTree, positions: Floats, before: Floats | None = Non
             rotations[:, limb] = tree.articulation.allowed(limb, rotations[:, parent], rotations[:, limb])
         arms = np.einsum("fij,mj->fmi", rotations[:, limb], points) * heard[..., np.newaxis]
         errors.add(tree, limb, rotations, arms, heard, fixed[:, limb])
-    return Outward(ChainPoses(origins[:, 0].copy(), rotations), fixed, PoseCovariances(errors.origins, errors.turns))
+    return PosedTree(ChainPoses(origins[:, 0].copy(), rotations), fixed, PoseCovariances(errors.origins, errors.turns))
 
 
 def _place_root(
@@ -111,7 +111,7 @@ class _Errors:
     def empty(cls, n_frames: int, n_limbs: int) -> _Errors:
         return cls(*np.zeros((4, n_frames, n_limbs, 3, 3)))
 
-    def add(self, tree: KnownTree, limb: int, rotations: Floats, arms: Floats, heard: Bools, fixed: Bools) -> None:
+    def add(self, tree: SkeletonTree, limb: int, rotations: Floats, arms: Floats, heard: Bools, fixed: Bools) -> None:
         """Carry errors to a limb whose markers have arms [mm], shape (n_frames, n_own, 3), 0 where unseen."""
         noise, parent = max(tree.noise, LEAST_NOISE), int(tree.chain.parents[limb])
         if parent < 0:

@@ -14,7 +14,7 @@ LEAST_SHARE = 0.1
 """Of the usual noise: no marker counts as surer than this."""
 
 
-class KnownTree:
+class SkeletonTree:
     """One tree of a skeleton as a chain."""
 
     def __init__(self, skeleton: Skeleton, root: int, noise: float | None) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from skelgen.compiling import in_order, loops
 from skelgen.kinematics.chain.schur_complement import kind_loops
-from skelgen.kinematics.joints.rotations import AxisTurning, TwoAxisTurning, frame_along
+from skelgen.kinematics.joints.rotations import HingeRotation, UniversalRotation, frame_along
 from skelgen.model.arrays import Floats, Ints
 
 MIN_FRAMES = 3
@@ -193,7 +193,7 @@ def _gauss_newton_step(data: Floats, which: Ints, centre: Floats) -> Floats:
     return np.asarray(-np.linalg.solve(normal + ridge * np.eye(3), jacobian.T @ residual))
 
 
-def hinge_turning(rotations: Floats) -> AxisTurning:
+def nearest_hinge(rotations: Floats) -> HingeRotation:
     """Return the hinge that comes nearest to some rotations.
 
     The halves of the last singular vector of the stacked equations are the leading singular vectors of the mean
@@ -206,7 +206,7 @@ def hinge_turning(rotations: Floats) -> AxisTurning:
     """
     u, _, vt = np.linalg.svd(rotations.mean(axis=0))
     in_parent, in_child = frame_along(u[:, 0]), frame_along(vt[0])
-    return AxisTurning(in_parent, in_child, hinge_angles(rotations, in_parent, in_child))
+    return HingeRotation(in_parent, in_child, hinge_angles(rotations, in_parent, in_child))
 
 
 def hinge_angles(rotations: Floats, in_parent: Floats, in_child: Floats) -> Floats:
@@ -229,7 +229,7 @@ UNIVERSAL_RIDGE = 1e-6
 _GOLDEN = (1 + 5**0.5) / 2
 
 
-def universal_turning(rotations: Floats) -> TwoAxisTurning:
+def nearest_universal(rotations: Floats) -> UniversalRotation:
     """Return the universal joint that comes nearest to some rotations.
 
     Parameters
@@ -268,7 +268,7 @@ def best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats,
     return axis / np.linalg.norm(axis, axis=1, keepdims=True), values[:, 0]
 
 
-def _turning(rotations: Floats, first: Floats, second: Floats) -> TwoAxisTurning:
+def _turning(rotations: Floats, first: Floats, second: Floats) -> UniversalRotation:
     """The joint with two given axes; its angles are those of the Euler sequence z x z."""
     in_parent, in_child = frame_along(first), frame_along(second)
     between = in_parent.T @ rotations @ in_child
@@ -276,7 +276,7 @@ def _turning(rotations: Floats, first: Floats, second: Floats) -> TwoAxisTurning
     angles = np.stack(
         [np.arctan2(between[:, 0, 2], -between[:, 1, 2]), np.arctan2(between[:, 2, 0], between[:, 2, 1])], axis=1
     )
-    return TwoAxisTurning(in_parent, in_child, float(np.arccos(np.clip(cosine, -1.0, 1.0))), angles)
+    return UniversalRotation(in_parent, in_child, float(np.arccos(np.clip(cosine, -1.0, 1.0))), angles)
 
 
 def _half_sphere(count: int) -> Floats:

@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from skelgen.kinematics.bodies.relative_poses import RelativePoses
-from skelgen.kinematics.chain.schur_complement import Linear, Solution, own_gain
-from skelgen.kinematics.joints.joint_model import Placed, linearised
+from skelgen.kinematics.chain.schur_complement import BorderedSolution, LinearisedProblem, gain_of_frames
+from skelgen.kinematics.joints.joint_model import JointModel, linearised
 from skelgen.model.arrays import Floats
 
 STEP = 1e-5
@@ -28,18 +28,18 @@ LEAST_SHARE = 0.05
 """Of information that is left at least: with less, a direction is as good as unknown, and so it is stated."""
 
 
-def held_covariance(
-    joint: Placed, measured: RelativePoses, weight: Floats, solution: Solution, scale: float
+def covariance_of_constants(
+    joint: JointModel, measured: RelativePoses, weight: Floats, solution: BorderedSolution, scale: float
 ) -> tuple[Floats, Floats]:
     """Return the covariance of the constants for residuals of variance 1, noise of the angles heeded.
 
     Parameters
     ----------
-    joint : Placed
+    joint : JointModel
         The fitted joint.
     measured, weight
         Relative poses, and their whitening.
-    solution : Solution
+    solution : BorderedSolution
         Of the problem at the joint.
     scale : float
         Variance of the residuals, in units of the stated one.
@@ -57,10 +57,10 @@ def held_covariance(
     return (turned / shares**2) @ turned.T, (turned / shares) @ turned.T
 
 
-def _information_of_noise(joint: Placed, measured: RelativePoses, weight: Floats) -> Floats:
+def _information_of_noise(joint: JointModel, measured: RelativePoses, weight: Floats) -> Floats:
     linear = linearised(joint, measured, weight)
     n_angles = linear.angles.shape[2]
-    inverse, gain = own_gain(linear.angles)
+    inverse, gain = gain_of_frames(linear.angles)
     changes = [_change(joint, measured, weight, angle, linear) for angle in range(n_angles)]
     left = [change - linear.angles @ (gain @ change) for change in changes]
     total = np.zeros((linear.constants.shape[2],) * 2)
@@ -71,7 +71,9 @@ def _information_of_noise(joint: Placed, measured: RelativePoses, weight: Floats
     return total
 
 
-def _change(joint: Placed, measured: RelativePoses, weight: Floats, angle: int, linear: Linear) -> Floats:
+def _change(
+    joint: JointModel, measured: RelativePoses, weight: Floats, angle: int, linear: LinearisedProblem
+) -> Floats:
     """How the constants' slopes change with one angle of each frame, shape (n_frames, n_rows, n_constants)."""
     step = np.zeros((len(linear.angles), linear.angles.shape[2]))
     step[:, angle] = STEP

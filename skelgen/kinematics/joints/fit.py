@@ -10,12 +10,18 @@ from skelgen.errors import InputError
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
 from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
-from skelgen.kinematics.chain.schur_complement import Solution, effective_frames, solve_arrow
-from skelgen.kinematics.joints.closed_form import hinge_turning, universal_turning
-from skelgen.kinematics.joints.errors_in_variables import held_covariance
-from skelgen.kinematics.joints.joint_model import Placed, conventional, fit_placed, linearised
+from skelgen.kinematics.chain.schur_complement import BorderedSolution, effective_frames, solve_bordered
+from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
+from skelgen.kinematics.joints.errors_in_variables import covariance_of_constants
+from skelgen.kinematics.joints.joint_model import JointModel, conventional, fit_joint_model, linearised
 from skelgen.kinematics.joints.joint_type import KNOWN_KINDS, ROUNDING, JointKind, KindLimits, find_kind
-from skelgen.kinematics.joints.rotations import AxisTurning, FixedTurning, FreeTurning, TwoAxisTurning, axis_covariance
+from skelgen.kinematics.joints.rotations import (
+    BallRotation,
+    HingeRotation,
+    RigidRotation,
+    UniversalRotation,
+    axis_covariance,
+)
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
 
@@ -161,9 +167,9 @@ def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
         From `relative_poses`.
     """
     singular, place = linear_place(measured, rank=5 if kind == "hinge" else 6)
-    found = fit_placed(_start(kind, measured, place), measured)
+    found = fit_joint_model(_start(kind, measured, place), measured)
     joint = conventional(found.state)
-    solution = solve_arrow(linearised(joint, measured, whitener(measured.covariances)))
+    solution = solve_bordered(linearised(joint, measured, whitener(measured.covariances)))
     freedoms = 6 * len(measured.frames) - solution.rank - joint.turning.n_angles * len(measured.frames)
     variance = found.squares / max(freedoms, 1)
     n_effective = effective_frames(solution.residuals)
@@ -178,7 +184,7 @@ def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
         child_from_joint=_frame(joint, "in_child"),
         angles=angles,
         angle_std=angle_std,
-        between=joint.turning.between if isinstance(joint.turning, TwoAxisTurning) else 0.0,
+        between=joint.turning.between if isinstance(joint.turning, UniversalRotation) else 0.0,
         covariance=free @ constants[:n_places, :n_places] @ free.T,
         axis_covariance=axis_covariance(joint.turning, constants[n_places:, n_places:]),
         singular_values=singular,
@@ -215,14 +221,14 @@ def linear_place(measured: RelativePoses, rank: int = 6) -> tuple[Floats, Floats
 
 
 def _covariance_of_constants(
-    joint: Placed, measured: RelativePoses, solution: Solution, scale: float, n_effective: float
+    joint: JointModel, measured: RelativePoses, solution: BorderedSolution, scale: float, n_effective: float
 ) -> Floats:
     """That of the model where the poses' covariances are known; else what the frames' own pulls say (White 1980).
 
     Errors that last count as fewer frames; what no frame tells is stated as unknown.
     """
     n_frames = len(measured.frames)
-    covariance, yielding = held_covariance(joint, measured, whitener(measured.covariances), solution, scale)
+    covariance, yielding = covariance_of_constants(joint, measured, whitener(measured.covariances), solution, scale)
     if measured.is_scaled:
         covariance = scale * covariance
     else:
@@ -231,38 +237,38 @@ def _covariance_of_constants(
     return np.asarray(covariance * n_frames / n_effective + UNKNOWN**2 * solution.unknown @ solution.unknown.T)
 
 
-def _start(kind: str, measured: RelativePoses, place: Floats) -> Placed:
+def _start(kind: str, measured: RelativePoses, place: Floats) -> JointModel:
     rotations = measured.rotations
     if kind == "rigid":
         turn = nearest_rotation(rotations.mean(axis=0))
         half = measured.shifts.mean(axis=0) / 2
-        return Placed(FixedTurning(turn, len(rotations)), half, -turn.T @ half)
+        return JointModel(RigidRotation(turn, len(rotations)), half, -turn.T @ half)
     if kind == "ball":
-        return Placed(FreeTurning(rotations), place[:3], place[3:])
-    turning = hinge_turning(rotations) if kind == "hinge" else universal_turning(rotations)
-    return Placed(turning, place[:3], place[3:])
+        return JointModel(BallRotation(rotations), place[:3], place[3:])
+    turning = nearest_hinge(rotations) if kind == "hinge" else nearest_universal(rotations)
+    return JointModel(turning, place[:3], place[3:])
 
 
-def _spread_over_take(joint: Placed, covariance: Floats, measured: RelativePoses) -> tuple[Floats, Floats]:
+def _spread_over_take(joint: JointModel, covariance: Floats, measured: RelativePoses) -> tuple[Floats, Floats]:
     """Angles and their deviations in all frames of the take, NaN where not known."""
     turning = joint.turning
     angles = np.full((measured.n_frames, turning.n_angles), np.nan)
     std = angles.copy()
-    if isinstance(turning, FreeTurning):
+    if isinstance(turning, BallRotation):
         angles[measured.frames] = vector_from_matrix(turning.free)
-    elif isinstance(turning, AxisTurning | TwoAxisTurning):
+    elif isinstance(turning, HingeRotation | UniversalRotation):
         angles[measured.frames] = turning.angles.reshape(len(measured.frames), -1)
     std[measured.frames] = np.sqrt(np.einsum("fii->fi", covariance))
     return angles, std
 
 
-def _frame(joint: Placed, where: str) -> Floats:
+def _frame(joint: JointModel, where: str) -> Floats:
     turning = joint.turning
-    turn = getattr(turning, where) if isinstance(turning, AxisTurning | TwoAxisTurning) else np.eye(3)
+    turn = getattr(turning, where) if isinstance(turning, HingeRotation | UniversalRotation) else np.eye(3)
     return transform_from(turn, getattr(joint, where))
 
 
-def _gap(joint: Placed, measured: RelativePoses) -> float:
+def _gap(joint: JointModel, measured: RelativePoses) -> float:
     """Root mean square distance [mm] of the joint's images in the two measured bodies."""
     images = measured.shifts + measured.rotations @ joint.in_child - joint.in_parent
     return float(np.sqrt((images**2).sum(axis=1).mean()))
@@ -299,13 +305,13 @@ class KindChoice:
         """What was found, in words."""
         turn = f"turns by {np.rad2deg(self.evidence.main_turn):.3g} deg"
         if self.kind == "undetermined":
-            last = list(self.evidence.leftovers.values())[-1]
+            last = list(self.evidence.type_fits.values())[-1]
             hidden = f"noise could hide {np.rad2deg(last.hidden):.2g} deg"
             return f"not enough motion to tell the kind of joint: it {turn}, and {hidden}"
         values = " ".join(f"{value:.2g}" for value in self.fit.singular_values)
         tried = ", ".join(
             f"{name} leaves {left.ratio:.3g} times the noise (limit {left.limit:.3g})"
-            for name, left in self.evidence.leftovers.items()
+            for name, left in self.evidence.type_fits.items()
         )
         return f"{self.kind}: {turn}" + (f"; {tried}" if tried else "") + f"; singular values {values}"
 
@@ -351,15 +357,15 @@ def choose(measured: RelativePoses, wanted: str | None = None, limits: KindLimit
     """Find the kind of the joint behind relative poses, and fit it; see `choose_kind`."""
     rotations, covariances = _settled_rotations(measured)
     evidence = find_kind(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
-    simplest = next(reversed(evidence.leftovers)) if evidence.kind == "undetermined" else evidence.kind
+    simplest = next(reversed(evidence.type_fits)) if evidence.kind == "undetermined" else evidence.kind
     return KindChoice(evidence.kind, fit_kind(simplest, measured), evidence)
 
 
 def _settled_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:
     """Rotations that also heed the positions, which a joint ties to them, with their covariances."""
     _, place = linear_place(measured)
-    ball = fit_placed(Placed(FreeTurning(measured.rotations), place[:3], place[3:]), measured)
-    solution = solve_arrow(linearised(ball.state, measured, whitener(measured.covariances)))
+    ball = fit_joint_model(JointModel(BallRotation(measured.rotations), place[:3], place[3:]), measured)
+    solution = solve_bordered(linearised(ball.state, measured, whitener(measured.covariances)))
     n_frames = len(measured.frames)
     variance = ball.squares / max(3 * n_frames - solution.rank, 1)
     rotations = ball.state.turning.rotations()

@@ -12,24 +12,24 @@ import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.bodies.relative_poses import RelativePoses, whitener
-from skelgen.kinematics.chain.schur_complement import Descent, Linear, descend
-from skelgen.kinematics.joints.rotations import AxisTurning, Turning, TwoAxisTurning, frame_along
+from skelgen.kinematics.chain.schur_complement import LinearisedProblem, Minimum, gauss_newton
+from skelgen.kinematics.joints.rotations import HingeRotation, JointRotation, UniversalRotation, frame_along
 from skelgen.model.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class JointModel:
     """How the child turns, and where.
 
     Attributes
     ----------
-    turning : Turning
+    turning : JointRotation
         Rotations parent from child.
     in_parent, in_child : ndarray, shape (3,), mm
         The joint in both bodies.
     """
 
-    turning: Turning
+    turning: JointRotation
     in_parent: Floats
     in_child: Floats
 
@@ -50,29 +50,29 @@ class Placed:
         along = np.concatenate(axes) / np.sqrt(2.0)
         return np.asarray(np.linalg.svd(along[np.newaxis])[2][1:].T)
 
-    def stepped(self, constants: Floats, angles: Floats) -> Placed:
+    def stepped(self, constants: Floats, angles: Floats) -> JointModel:
         """Change place, constants of the turning, and angles."""
         free = self.free_places()
         move = free @ constants[: free.shape[1]]
         turning = self.turning.stepped(constants[free.shape[1] :], angles)
-        return Placed(turning, self.in_parent + move[:3], self.in_child + move[3:])
+        return JointModel(turning, self.in_parent + move[:3], self.in_child + move[3:])
 
 
-def fit_placed(start: Placed, measured: RelativePoses) -> Descent[Placed]:
+def fit_joint_model(start: JointModel, measured: RelativePoses) -> Minimum[JointModel]:
     """Refine a joint by maximum likelihood over its place, its axes and the angles of all frames.
 
     Parameters
     ----------
-    start : Placed
+    start : JointModel
         From a closed form.
     measured : RelativePoses
         What the bodies say.
     """
     weight = whitener(measured.covariances)
-    return descend(start, lambda joint: linearised(joint, measured, weight), Placed.stepped)
+    return gauss_newton(start, lambda joint: linearised(joint, measured, weight), JointModel.stepped)
 
 
-def linearised(joint: Placed, measured: RelativePoses, weight: Floats) -> Linear:
+def linearised(joint: JointModel, measured: RelativePoses, weight: Floats) -> LinearisedProblem:
     """Return whitened residuals of the relative poses, and how the model's prediction follows its unknowns."""
     rotations = joint.turning.rotations()
     constants, angles = joint.turning.slopes()
@@ -82,27 +82,27 @@ def linearised(joint: Placed, measured: RelativePoses, weight: Floats) -> Linear
     by_constants = np.concatenate([place, np.concatenate([lever @ constants, constants], axis=1)], axis=2)
     by_angles = np.concatenate([lever @ angles, angles], axis=1)
     errors = measured.errors(rotations, joint.shifts(rotations))
-    return Linear((weight @ errors[..., np.newaxis])[..., 0], weight @ by_constants, weight @ by_angles)
+    return LinearisedProblem((weight @ errors[..., np.newaxis])[..., 0], weight @ by_constants, weight @ by_angles)
 
 
-def conventional(joint: Placed) -> Placed:
+def conventional(joint: JointModel) -> JointModel:
     """Return the same joint in the stated frames.
 
     A hinge's place is the point of its axis that is nearest to both bodies' origins; axes have a sign; x points from
     the body's origin to the axis.
     """
     turning = joint.turning
-    if not isinstance(turning, AxisTurning | TwoAxisTurning):
+    if not isinstance(turning, HingeRotation | UniversalRotation):
         return joint
     in_parent, in_child = joint.in_parent, joint.in_child
-    if isinstance(turning, AxisTurning):
+    if isinstance(turning, HingeRotation):
         first, second = turning.axes()
         along = (in_parent @ first + in_child @ second) / 2
         in_parent, in_child = in_parent - along * first, in_child - along * second
-    return Placed(_with_frames(_signed(turning), in_parent, in_child), in_parent, in_child)
+    return JointModel(_with_frames(_signed(turning), in_parent, in_child), in_parent, in_child)
 
 
-def _signed(turning: AxisTurning | TwoAxisTurning) -> AxisTurning | TwoAxisTurning:
+def _signed(turning: HingeRotation | UniversalRotation) -> HingeRotation | UniversalRotation:
     """Give axes a sign: the largest component is positive, of a universal joint for both axes on their own.
 
     Both frames turn by half a turn about x: the rotations stay when the angles change their sign (a hinge), or when the
@@ -110,20 +110,20 @@ def _signed(turning: AxisTurning | TwoAxisTurning) -> AxisTurning | TwoAxisTurni
     """
     half = np.diag([1.0, -1.0, -1.0])
     parent_flips, child_flips = _is_negative(turning.in_parent[:, 2]), _is_negative(turning.in_child[:, 2])
-    if isinstance(turning, AxisTurning):
+    if isinstance(turning, HingeRotation):
         if not parent_flips:
             return turning
-        return AxisTurning(turning.in_parent @ half, turning.in_child @ half, -turning.angles)
+        return HingeRotation(turning.in_parent @ half, turning.in_child @ half, -turning.angles)
     between, angles = turning.between, turning.angles.copy()
     in_parent, in_child = turning.in_parent, turning.in_child
     if parent_flips:
         in_parent, between, angles[:, 0] = in_parent @ half, np.pi + between, -angles[:, 0]
     if child_flips:
         in_child, between, angles[:, 1] = in_child @ half, between - np.pi, -angles[:, 1]
-    return _between_zero_and_pi(TwoAxisTurning(in_parent, in_child, between, angles))
+    return _between_zero_and_pi(UniversalRotation(in_parent, in_child, between, angles))
 
 
-def _between_zero_and_pi(turning: TwoAxisTurning) -> TwoAxisTurning:
+def _between_zero_and_pi(turning: UniversalRotation) -> UniversalRotation:
     """Rx(-b) = Rz(pi) Rx(b) Rz(-pi): an angle between axes needs no sign."""
     between = float(np.angle(np.exp(1j * turning.between)))
     angles = turning.angles
@@ -137,15 +137,15 @@ def _is_negative(axis: Floats) -> bool:
 
 
 def _with_frames(
-    turning: AxisTurning | TwoAxisTurning, in_parent: Floats, in_child: Floats
-) -> AxisTurning | TwoAxisTurning:
+    turning: HingeRotation | UniversalRotation, in_parent: Floats, in_child: Floats
+) -> HingeRotation | UniversalRotation:
     """Turn the joint's frames about their axes to the convention; the angles take up the difference."""
     parent = conventional_frame(turning.in_parent[:, 2], in_parent)
     child = conventional_frame(turning.in_child[:, 2], in_child)
     before, after = turn_between(turning.in_parent, parent), turn_between(turning.in_child, child)
-    if isinstance(turning, AxisTurning):
-        return AxisTurning(parent, child, _wrapped(turning.angles - before + after))
-    return TwoAxisTurning(parent, child, turning.between, _wrapped(turning.angles + np.array([-before, after])))
+    if isinstance(turning, HingeRotation):
+        return HingeRotation(parent, child, _wrapped(turning.angles - before + after))
+    return UniversalRotation(parent, child, turning.between, _wrapped(turning.angles + np.array([-before, after])))
 
 
 def _wrapped(angles: Floats) -> Floats:

@@ -18,16 +18,21 @@ from scipy.special import fdtri
 from skelgen.compiling import in_order
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.bodies.relative_poses import whitener
-from skelgen.kinematics.chain.schur_complement import Linear, effective_frames_of_both, kind_loops, solve_arrow
-from skelgen.kinematics.joints.closed_form import hinge_turning, universal_turning
+from skelgen.kinematics.chain.schur_complement import (
+    LinearisedProblem,
+    effective_frames_of_both,
+    kind_loops,
+    solve_bordered,
+)
+from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
 from skelgen.kinematics.joints.rotations import (
-    FixedTurning,
-    HeldTurning,
+    ConstrainedRotation,
+    JointRotation,
     Parts,
-    Turning,
-    TwoAxisTurning,
+    RigidRotation,
+    UniversalRotation,
     axis_covariance,
-    held_turning,
+    constrained_rotation,
 )
 from skelgen.model.arrays import Floats
 
@@ -63,12 +68,12 @@ KNOWN_KINDS = ("rigid", "hinge", "universal", "ball")
 
 
 @dataclass(frozen=True, eq=False)
-class Leftover:
+class TypeFit:
     """What one kind of joint leaves unexplained.
 
     Attributes
     ----------
-    turning : Turning
+    turning : JointRotation
         The rotations that the kind allows, fitted.
     ratio : float
         Variance of what is left over, in units of the noise: 1 for the true kind.
@@ -86,7 +91,7 @@ class Leftover:
         Of the axis in the parent, then of that in the child, unit vectors; 0 for a rigid joint.
     """
 
-    turning: Turning
+    turning: JointRotation
     ratio: float
     limit: float
     wobble: float
@@ -113,7 +118,7 @@ class JointKind:
         Root mean square turn besides those that the kind allows, without what noise explains.
     singular_values : ndarray, shape (3,)
         Of the mean relative rotation, falling: 1 for directions that never move.
-    leftovers : mapping of str to Leftover
+    type_fits : mapping of str to TypeFit
         What the kinds that were tried leave over, the simplest first.
     axis_covariance : ndarray, shape (6, 6)
         Of the axis in the parent, then of that in the child; 0 for kinds without.
@@ -125,7 +130,7 @@ class JointKind:
     main_turn: float
     true_wobble: float
     singular_values: Floats
-    leftovers: dict[str, Leftover]
+    type_fits: dict[str, TypeFit]
     axis_covariance: Floats
 
     def with_frames(self, parent: Floats, child: Floats) -> JointKind:
@@ -197,16 +202,16 @@ def find_kind(
     limits = limits or KindLimits()
     u, singular, vt = np.linalg.svd(rotations.mean(axis=0))
     weight = whitener(covariances + ROUNDING**2 * np.eye(3))
-    kind, leftovers = "ball", dict[str, Leftover]()
+    kind, type_fits = "ball", dict[str, TypeFit]()
     for name in KNOWN_KINDS[:-1] if wanted is None else (wanted,):
         if name == "ball":
             break
-        left = leftovers[name] = _leftover(name, rotations, weight, singular, freedoms, limits)
+        left = type_fits[name] = _leftover(name, rotations, weight, singular, freedoms, limits)
         if wanted is not None or _explains(left, limits):
             kind = name if wanted is not None or _is_told(left) else "undetermined"
             break
-    axes = (leftovers[kind].turning.axes() if kind in leftovers else None) or (u[:, 0], vt[0])
-    last = next(reversed(leftovers.values()), None)
+    axes = (type_fits[kind].turning.axes() if kind in type_fits else None) or (u[:, 0], vt[0])
+    last = next(reversed(type_fits.values()), None)
     return JointKind(
         kind=kind,
         axis_in_parent=axes[0],
@@ -214,20 +219,20 @@ def find_kind(
         main_turn=float(np.sqrt(max(2 * (1 - singular[1]), 0.0))),
         true_wobble=last.true_wobble if last is not None and kind != "ball" else 0.0,
         singular_values=singular,
-        leftovers=leftovers,
-        axis_covariance=leftovers[kind].axis_covariance if kind in leftovers else np.zeros((6, 6)),
+        type_fits=type_fits,
+        axis_covariance=type_fits[kind].axis_covariance if kind in type_fits else np.zeros((6, 6)),
     )
 
 
 def _leftover(
     name: str, rotations: Floats, weight: Floats, singular: Floats, freedoms: float, limits: KindLimits
-) -> Leftover:
+) -> TypeFit:
     """Fit one kind, and weigh what it leaves over."""
     start = _start(name, rotations)
     parts = kind_loops().descended(*_held(start), *in_order(rotations, weight), MAX_ROUNDS, LEAST_GAIN)
-    turning = held_turning(*parts)
+    turning = constrained_rotation(*parts)
     linear = _linearised(turning, rotations, weight)
-    solution = solve_arrow(linear)
+    solution = solve_bordered(linear)
     n_frames, n_rows = len(rotations), 3 - start.n_angles
     ratio = linear.squares / max(n_rows * n_frames - start.n_constants, 1)
     for_means, independent = effective_frames_of_both(solution.residuals)
@@ -236,7 +241,7 @@ def _leftover(
     wobble = float(np.sqrt(_linearised(turning, rotations, unweighted).squares / n_frames))
     noise = wobble / np.sqrt(ratio) if ratio > 0 else 0.0
     true_wobble = float(np.sqrt(max(wobble**2 - limit * noise**2, 0.0)))
-    return Leftover(
+    return TypeFit(
         turning=turning,
         ratio=ratio,
         limit=limit,
@@ -248,14 +253,14 @@ def _leftover(
     )
 
 
-def _explains(left: Leftover, limits: KindLimits) -> bool:
+def _explains(left: TypeFit, limits: KindLimits) -> bool:
     """Whether nothing but noise is left over, or so little that the joint is as good as its kind."""
     return left.ratio <= left.limit or left.true_wobble <= max(limits.wobble_share * left.allowed, limits.least_turn)
 
 
-def _is_told(left: Leftover) -> bool:
+def _is_told(left: TypeFit) -> bool:
     """Whether a turn that the kind does not allow would have been seen."""
-    if isinstance(left.turning, TwoAxisTurning) and np.sin(left.turning.between) < np.sin(LEAST_BETWEEN):
+    if isinstance(left.turning, UniversalRotation) and np.sin(left.turning.between) < np.sin(LEAST_BETWEEN):
         return False
     return left.hidden <= (CLEARLY_LESS * left.allowed if left.turning.n_angles else RIGID_TURN)
 
@@ -271,17 +276,17 @@ def _allowed(name: str, singular: Floats) -> float:
     return 0.0 if name == "rigid" else float(np.sqrt(max(variances[0 if name == "hinge" else 1], 0.0)))
 
 
-def _start(name: str, rotations: Floats) -> HeldTurning:
+def _start(name: str, rotations: Floats) -> ConstrainedRotation:
     if name == "rigid":
-        return FixedTurning(nearest_rotation(rotations.mean(axis=0)), len(rotations))
-    return hinge_turning(rotations) if name == "hinge" else universal_turning(rotations)
+        return RigidRotation(nearest_rotation(rotations.mean(axis=0)), len(rotations))
+    return nearest_hinge(rotations) if name == "hinge" else nearest_universal(rotations)
 
 
-def _linearised(turning: HeldTurning, rotations: Floats, weight: Floats) -> Linear:
-    return Linear(*kind_loops().linearised(*_held(turning), *in_order(rotations, weight)))
+def _linearised(turning: ConstrainedRotation, rotations: Floats, weight: Floats) -> LinearisedProblem:
+    return LinearisedProblem(*kind_loops().linearised(*_held(turning), *in_order(rotations, weight)))
 
 
-def _held(turning: HeldTurning) -> Parts:
+def _held(turning: ConstrainedRotation) -> Parts:
     """Parts of a joint as compiled loops want them."""
     in_parent, in_child, between, angles = turning.parts()
     in_parent, in_child, angles = in_order(in_parent, in_child, angles)

@@ -26,7 +26,7 @@ Parts = tuple[Floats, Floats, float, Floats]
 """Joint's frames in the parent and in the child, shape (3, 3), the angle between the axes, and the frames' angles."""
 
 
-class Turning(Protocol):
+class JointRotation(Protocol):
     """Rotations parent from child of all frames, as one kind of joint allows them."""
 
     kind: ClassVar[str]
@@ -47,7 +47,7 @@ class Turning(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class FreeTurning:
+class BallRotation:
     """A ball: any rotation in every frame, shape (n_frames, 3, 3)."""
 
     kind: ClassVar[str] = "ball"
@@ -67,13 +67,13 @@ class FreeTurning:
         n_frames = len(self.free)
         return np.zeros((n_frames, 3, 0)), np.tile(np.eye(3), (n_frames, 1, 1))
 
-    def stepped(self, constants: Floats, angles: Floats) -> FreeTurning:
+    def stepped(self, constants: Floats, angles: Floats) -> BallRotation:
         """Turn every frame on its own."""
-        return FreeTurning(matrix_from_vector(angles) @ self.free)
+        return BallRotation(matrix_from_vector(angles) @ self.free)
 
 
 @dataclass(frozen=True, eq=False)
-class FixedTurning:
+class RigidRotation:
     """A rigid joint: one rotation, shape (3, 3), for `n_frames` frames."""
 
     kind: ClassVar[str] = "rigid"
@@ -97,13 +97,13 @@ class FixedTurning:
         """Return three constant turns, and no angles."""
         return np.tile(np.eye(3), (self.n_frames, 1, 1)), np.zeros((self.n_frames, 3, 0))
 
-    def stepped(self, constants: Floats, angles: Floats) -> FixedTurning:
+    def stepped(self, constants: Floats, angles: Floats) -> RigidRotation:
         """Turn all frames together."""
-        return FixedTurning(matrix_from_vector(constants) @ self.rotation, self.n_frames)
+        return RigidRotation(matrix_from_vector(constants) @ self.rotation, self.n_frames)
 
 
 @dataclass(frozen=True, eq=False)
-class AxisTurning:
+class HingeRotation:
     """A hinge.
 
     Attributes
@@ -140,15 +140,15 @@ class AxisTurning:
         turned = -(self.in_parent @ about_z(self.angles))[:, :, :2]
         return np.concatenate([tilts, turned], axis=2), np.tile(self.in_parent[:, 2:], (n_frames, 1, 1))
 
-    def stepped(self, constants: Floats, angles: Floats) -> AxisTurning:
+    def stepped(self, constants: Floats, angles: Floats) -> HingeRotation:
         """Tilt the axis and turn about it."""
-        return AxisTurning(
+        return HingeRotation(
             _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:]), self.angles + angles[:, 0]
         )
 
 
 @dataclass(frozen=True, eq=False)
-class TwoAxisTurning:
+class UniversalRotation:
     """A universal joint.
 
     Attributes
@@ -193,9 +193,9 @@ class TwoAxisTurning:
         own = np.tile(self.in_parent[:, 2:], (len(self.angles), 1, 1))
         return constants, np.concatenate([own, both[:, :, 2:]], axis=2)
 
-    def stepped(self, constants: Floats, angles: Floats) -> TwoAxisTurning:
+    def stepped(self, constants: Floats, angles: Floats) -> UniversalRotation:
         """Tilt the axes and turn about them."""
-        return TwoAxisTurning(
+        return UniversalRotation(
             _tilted(self.in_parent, constants[:2]),
             _tilted(self.in_child, constants[2:4]),
             self.between + float(constants[4]),
@@ -203,17 +203,17 @@ class TwoAxisTurning:
         )
 
 
-HeldTurning = FixedTurning | AxisTurning | TwoAxisTurning
+ConstrainedRotation = RigidRotation | HingeRotation | UniversalRotation
 """A joint that does not turn freely."""
 
 
-def held_turning(in_parent: Floats, in_child: Floats, between: float, angles: Floats) -> HeldTurning:
+def constrained_rotation(in_parent: Floats, in_child: Floats, between: float, angles: Floats) -> ConstrainedRotation:
     """Return the joint that is made of some parts: its kind is told by how many angles a frame has."""
     if angles.shape[1] == 0:
-        return FixedTurning(in_parent, len(angles))
+        return RigidRotation(in_parent, len(angles))
     if angles.shape[1] == 1:
-        return AxisTurning(in_parent, in_child, angles[:, 0])
-    return TwoAxisTurning(in_parent, in_child, between, angles)
+        return HingeRotation(in_parent, in_child, angles[:, 0])
+    return UniversalRotation(in_parent, in_child, between, angles)
 
 
 def about_z(angles: Floats) -> Floats:
@@ -226,12 +226,12 @@ def about_z(angles: Floats) -> Floats:
     return turns
 
 
-def axis_covariance(turning: Turning, covariance: Floats) -> Floats:
+def axis_covariance(turning: JointRotation, covariance: Floats) -> Floats:
     """Return the covariance of both axes, shape (6, 6), from that of the constants; 0 for kinds without axes.
 
     A tilt by (a, b) about x and y of an axis' frame moves its z by (b, -a).
     """
-    if not isinstance(turning, AxisTurning | TwoAxisTurning):
+    if not isinstance(turning, HingeRotation | UniversalRotation):
         return np.zeros((6, 6))
     moves = np.zeros((6, 4))
     for row, frame in ((0, turning.in_parent), (1, turning.in_child)):

@@ -15,8 +15,8 @@ import numpy as np
 from skelgen.kinematics.calibration.calibrate import Calibration
 from skelgen.kinematics.chain.chain import Chain, residuals_in_limbs
 from skelgen.kinematics.chain.schur_complement import effective_frames
-from skelgen.kinematics.soft_tissue.model import Skin
-from skelgen.kinematics.soft_tissue.normal_equations import Clusters
+from skelgen.kinematics.soft_tissue.model import SoftTissue
+from skelgen.kinematics.soft_tissue.normal_equations import RigidDisplacements
 from skelgen.model.arrays import Floats, Ints
 
 VARIANCES = np.geomspace(1e-4, 1e4, 161)
@@ -30,7 +30,7 @@ DOUBTFUL = -8.0
 
 
 @dataclass(frozen=True, eq=False)
-class Bending:
+class ClusterDeformation:
     """What is seen of a limb's cluster before any slide is fitted.
 
     Attributes
@@ -64,14 +64,14 @@ class Bending:
         squares = np.diagonal(self.squares, axis1=1, axis2=2).sum(axis=0) / max(len(self.own), 1)
         return np.tile(squares, (len(self.inner), 1)), np.asarray(self.inner @ self.moments)
 
-    def with_joint(self, skin: Skin, joint: int, noise: float) -> tuple[Floats, Floats]:
+    def with_joint(self, tissue: SoftTissue, joint: int, noise: float) -> tuple[Floats, Floats]:
         """Variances of ways to bend with one joint that other joints do not explain: expected by chance, and seen.
 
         Both in units of a slide of the variance of the noise.
         """
         if not len(self.inner):
             return np.zeros(0), np.zeros(0)
-        chosen = np.flatnonzero(skin.joints[self.bends] == joint)
+        chosen = np.flatnonzero(tissue.joints[self.bends] == joint)
         spread = np.linalg.pinv(self.squares.mean(axis=0), hermitian=True)[np.ix_(chosen, chosen)]
         values, vectors = np.linalg.eigh(spread)
         inner = (self.inner @ self.slopes.reshape(3 * len(self.own), len(self.bends)))[:, chosen] @ vectors
@@ -80,52 +80,52 @@ class Bending:
 
 
 @dataclass(frozen=True, eq=False)
-class SeenBending:
+class ObservedDeformations:
     """What is seen of all clusters.
 
     Attributes
     ----------
-    limbs : tuple of Bending
+    limbs : tuple of ClusterDeformation
         By limb; limbs without markers or bends have empty arrays.
     noise : float, mm^2
         Variance of a coordinate that follows no bend, times the frames that tell as much as one.
     """
 
-    limbs: tuple[Bending, ...]
+    limbs: tuple[ClusterDeformation, ...]
     noise: float
 
-    def likely_slides(self, skin: Skin) -> Floats:
+    def likely_slides(self, tissue: SoftTissue) -> Floats:
         """Prior variances of slides, of one size wherever they are not ruled out, shape (n_limbs, n_bends), mm^2.
 
         All are zero if no cluster is seen to bend with a joint.
         """
-        pairs = [(limb, joint) for limb, one in enumerate(self.limbs) for joint in np.unique(skin.joints[one.bends])]
-        seen = [self.limbs[limb].with_joint(skin, joint, self.noise) for limb, joint in pairs]
-        result = np.zeros((len(self.limbs), len(skin.joints)))
+        pairs = [(limb, joint) for limb, one in enumerate(self.limbs) for joint in np.unique(tissue.joints[one.bends])]
+        seen = [self.limbs[limb].with_joint(tissue, joint, self.noise) for limb, joint in pairs]
+        result = np.zeros((len(self.limbs), len(tissue.joints)))
         sure = [one for one in seen if _evidence(one, VARIANCES).max() > SURE]
         if not sure:
             return result
         common = VARIANCES[np.sum([_evidence(one, VARIANCES) for one in sure], axis=0).argmax()]
         for (limb, joint), one in zip(pairs, seen, strict=True):
             if len(self.limbs[limb].own) and _evidence(one, np.array([common]))[0] > DOUBTFUL:
-                result[limb, skin.joints == joint] = common * self.noise
-        return result * skin.shares
+                result[limb, tissue.joints == joint] = common * self.noise
+        return result * tissue.shares
 
 
-def see_bending(last: Calibration, skin: Skin, clusters: Clusters) -> SeenBending:
+def observe_deformations(last: Calibration, tissue: SoftTissue, clusters: RigidDisplacements) -> ObservedDeformations:
     """Look for bending of clusters in the residuals of a fit.
 
     Parameters
     ----------
     last : Calibration
         Fitted to markers that do not slide, in the order of time.
-    skin : Skin
+    tissue : SoftTissue
         What bends.
-    clusters : Clusters
+    clusters : RigidDisplacements
         Rigid displacements of the markers.
     """
     local = residuals_in_limbs(last.chain, last.poses, last.positions)
-    bends, reach = skin.bends(last.chain, last.poses), skin.reach(last.chain)
+    bends, reach = tissue.bends(last.chain, last.poses), tissue.reach(last.chain)
     limbs, after = [], local.copy()
     for limb in range(last.chain.n_limbs):
         one = _bending_of(last, local, bends, clusters, limb, np.flatnonzero(reach[limb]))
@@ -135,17 +135,19 @@ def see_bending(last: Calibration, skin: Skin, clusters: Clusters) -> SeenBendin
     kept = float((after**2).sum()) / max(float((local**2).sum()), np.finfo(np.float64).tiny)
     growth = len(after) / effective_frames(after.reshape(len(after), -1))
     noise = kept * last.noise**2 * growth
-    return SeenBending(tuple(limbs), noise)
+    return ObservedDeformations(tuple(limbs), noise)
 
 
-def _bending_of(last: Calibration, local: Floats, bends: Floats, clusters: Clusters, limb: int, reach: Ints) -> Bending:
+def _bending_of(
+    last: Calibration, local: Floats, bends: Floats, clusters: RigidDisplacements, limb: int, reach: Ints
+) -> ClusterDeformation:
     own, some = np.flatnonzero(last.chain.limb_of_marker == limb), bends[:, reach]
     products = (some[:, :, np.newaxis] * some[:, np.newaxis]).reshape(len(some), -1)
     squares = (last.weights[:, own].T @ products).reshape(len(own), len(reach), len(reach))
     rigid = clusters.basis[own][:, :, clusters.limbs == limb]
     rigid = rigid.reshape(3 * len(own), rigid.shape[2])
     inner = np.linalg.svd(rigid, full_matrices=True)[0][:, rigid.shape[1] :].T
-    return Bending(own, reach, squares, local[:, own].reshape(len(local), 3 * len(own)).T @ some, inner)
+    return ClusterDeformation(own, reach, squares, local[:, own].reshape(len(local), 3 * len(own)).T @ some, inner)
 
 
 def _evidence(ways: tuple[Floats, Floats], variances: Floats) -> Floats:
@@ -155,14 +157,14 @@ def _evidence(ways: tuple[Floats, Floats], variances: Floats) -> Floats:
     return np.asarray((seen / expected - seen / total - np.log(total / expected)).sum(axis=1) / 2)
 
 
-def bent_slopes(chain: Chain, seen: SeenBending, variances: Floats) -> Floats:
+def deformation_slopes(chain: Chain, seen: ObservedDeformations, variances: Floats) -> Floats:
     """Return slopes of what bends clusters, drawn to nothing by a prior, shape (n_markers, 3, n_bends), mm.
 
     Parameters
     ----------
     chain : Chain
         The limbs.
-    seen : SeenBending
+    seen : ObservedDeformations
         What is seen.
     variances : ndarray, shape (n_limbs, n_bends), mm^2
         Prior variances of slides; 0 where there are none.

@@ -16,12 +16,20 @@ import numpy as np
 from skelgen.kinematics.calibration.calibrate import Calibration, calibrate
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals_in_limbs
-from skelgen.kinematics.chain.normal_equations import constant_pull
+from skelgen.kinematics.chain.normal_equations import constant_gradient
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import LEAST_NOISE, fit_poses
-from skelgen.kinematics.soft_tissue.cluster_deformation import SeenBending, bent_slopes, see_bending
-from skelgen.kinematics.soft_tissue.model import Skin, skin_at_rest
-from skelgen.kinematics.soft_tissue.normal_equations import SlidingSystem, clusters_of, sliding_system
+from skelgen.kinematics.soft_tissue.cluster_deformation import (
+    ObservedDeformations,
+    deformation_slopes,
+    observe_deformations,
+)
+from skelgen.kinematics.soft_tissue.model import SoftTissue, soft_tissue_at_rest
+from skelgen.kinematics.soft_tissue.normal_equations import (
+    SoftTissueEquations,
+    rigid_displacements,
+    soft_tissue_equations,
+)
 from skelgen.model.arrays import Floats, Ints
 
 SYSTEM_FRAMES = 100
@@ -46,14 +54,14 @@ LOOSE = 30.0
 
 
 @dataclass(frozen=True, eq=False)
-class Sliding:
+class SoftTissueFit:
     """A chain whose markers slide.
 
     Attributes
     ----------
     chain, articulation
         Fitted without the slides.
-    skin : Skin
+    tissue : SoftTissue
         The slides.
     bending : ndarray, shape (n_markers, 3, n_bends), mm
         The part of the slopes that bends clusters and tells nothing of joints.
@@ -63,31 +71,31 @@ class Sliding:
 
     chain: Chain
     articulation: Articulation
-    skin: Skin
+    tissue: SoftTissue
     bending: Floats
     variances: Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class SoftTissueCalibration:
     """The chain of all frames, fitted without slides.
 
     Attributes
     ----------
     calibration : Calibration
         Its information counts that slides are not known either.
-    skin : Skin
+    tissue : SoftTissue
         The slides.
     growth : float
         How many frames tell as much as one that is independent.
     """
 
     calibration: Calibration
-    skin: Skin
+    tissue: SoftTissue
     growth: float
 
 
-def fit_sliding(last: Calibration) -> Sliding | None:
+def fit_soft_tissue(last: Calibration) -> SoftTissueFit | None:
     """Fit slides of markers, and the chain with them; None if there is no sign of slides.
 
     Parameters
@@ -97,91 +105,91 @@ def fit_sliding(last: Calibration) -> Sliding | None:
     """
     if last.noise <= LEAST_NOISE:
         return None
-    skin = skin_at_rest(last.chain, last.poses)
-    seen = see_bending(last, skin, clusters_of(last.chain))
-    variances = seen.likely_slides(skin)
-    return _fitted(last, skin, seen, variances) if variances.any() else None
+    tissue = soft_tissue_at_rest(last.chain, last.poses)
+    seen = observe_deformations(last, tissue, rigid_displacements(last.chain))
+    variances = seen.likely_slides(tissue)
+    return _fitted(last, tissue, seen, variances) if variances.any() else None
 
 
-def _fitted(last: Calibration, skin: Skin, seen: SeenBending, variances: Floats) -> Sliding:
+def _fitted(last: Calibration, tissue: SoftTissue, seen: ObservedDeformations, variances: Floats) -> SoftTissueFit:
     """Gauss-Newton steps of constants and slides on some frames."""
     frames, share = _system_frames(last)
     chain, articulation, poses = last.chain, last.articulation, last.poses[frames]
-    positions, bent = last.positions[frames], np.zeros_like(skin.slopes)
+    positions, bent = last.positions[frames], np.zeros_like(tissue.slopes)
     for step_number in range(MAX_STEPS):
-        without = positions - skin.slides(chain, poses)
-        system = sliding_system(chain, articulation, poses, without, skin, variances > 0, last.noise)
+        without = positions - tissue.slides(chain, poses)
+        system = soft_tissue_equations(chain, articulation, poses, without, tissue, variances > 0, last.noise)
         matrix, pull = share * system.matrix, share * system.pull
         n = system.n_constants
         matrix[np.arange(n), np.arange(n)] += seen.noise / _looseness(system, chain) ** 2
         if step_number == 0:
-            variances = _estimated(matrix, pull, system, skin, seen, variances)
-            bent = bent_slopes(chain, seen, variances)
+            variances = _estimated(matrix, pull, system, tissue, seen, variances)
+            bent = deformation_slopes(chain, seen, variances)
             kept = np.append(np.ones(n, dtype=bool), variances[system.limbs, system.bend] > 0)
             system = system.without(~kept[n:])
             matrix, pull = matrix[np.ix_(kept, kept)], pull[kept]
         prior = seen.noise / variances[system.limbs, system.bend]
-        slides = system.slides(skin.slopes - bent)
+        slides = system.slides(tissue.slopes - bent)
         pull[n:] -= prior * slides
         matrix[np.arange(n, len(matrix)), np.arange(n, len(matrix))] += prior
         step: Floats = np.asarray(np.linalg.solve(matrix, pull))
         chain, articulation, poses = _stepped(chain, articulation, poses, system, step)
-        skin = skin.with_slopes(system.slopes(slides + step[n:], len(skin.joints)) + bent)
+        tissue = tissue.with_slopes(system.slopes(slides + step[n:], len(tissue.joints)) + bent)
         for _ in range(2):  # bends follow the poses, and poses the slides
-            poses = fit_poses(chain, poses, positions - skin.slides(chain, poses), articulation, None, POSE_STEPS)
+            poses = fit_poses(chain, poses, positions - tissue.slides(chain, poses), articulation, None, POSE_STEPS)
         if np.abs(step[: system.n_joints]).max(initial=0.0) < STEP_TOLERANCE:
             break
-    return Sliding(chain, articulation, skin, bent, variances)
+    return SoftTissueFit(chain, articulation, tissue, bent, variances)
 
 
-def settle_sliding(sliding: Sliding, poses: ChainPoses, positions: Floats) -> Settled:
+def calibrate_soft_tissue(sliding: SoftTissueFit, poses: ChainPoses, positions: Floats) -> SoftTissueCalibration:
     """Take the last step with what all frames tell, and find out how sure everything is.
 
     Parameters
     ----------
-    sliding : Sliding
-        From `fit_sliding`.
+    sliding : SoftTissueFit
+        From `fit_soft_tissue`.
     poses : ChainPoses
         Poses of the markers without their slides.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers, as given to `fit_sliding`.
+        Measured markers, as given to `fit_soft_tissue`.
     """
     chain, articulation = sliding.chain, sliding.articulation
-    still = positions - sliding.skin.slides(chain, poses)
+    still = positions - sliding.tissue.slides(chain, poses)
     last = calibrate(chain, poses, still, 0, articulation)
     growth = len(still) / effective_frames(residuals_in_limbs(chain, last.poses, still).reshape(len(still), -1))
     variance, (frames, share) = growth * last.noise**2, _system_frames(last)
-    some, skin = last.poses[frames], sliding.skin
-    system = sliding_system(chain, articulation, some, still[frames], skin, sliding.variances > 0, last.noise)
+    some, tissue = last.poses[frames], sliding.tissue
+    system = soft_tissue_equations(chain, articulation, some, still[frames], tissue, sliding.variances > 0, last.noise)
     n, prior = system.n_constants, variance / sliding.variances[system.limbs, system.bend]
     matrix = share * system.matrix
     matrix[np.arange(n, len(matrix)), np.arange(n, len(matrix))] += prior
     known = matrix[:n, :n] - matrix[:n, n:] @ np.linalg.solve(matrix[n:, n:], matrix[n:, :n])
-    pull = _pull_of_all(last, still, system, skin)
-    slides = system.slides(skin.slopes - sliding.bending)
+    pull = _pull_of_all(last, still, system, tissue)
+    slides = system.slides(tissue.slopes - sliding.bending)
     pull[n:] -= prior * slides
     held = matrix + np.diag(np.concatenate([variance / _looseness(system, chain) ** 2, np.zeros(len(prior))]))
     step: Floats = np.asarray(np.linalg.solve(held, pull))
     chain, articulation, settled = _stepped(chain, articulation, last.poses, system, step)
-    skin = skin.with_slopes(system.slopes(slides + step[n:], len(skin.joints)) + sliding.bending)
-    still = positions - skin.slides(chain, settled)
+    tissue = tissue.with_slopes(system.slopes(slides + step[n:], len(tissue.joints)) + sliding.bending)
+    still = positions - tissue.slides(chain, settled)
     settled = fit_poses(chain, settled, still, articulation, None, POSE_STEPS)
     information = _of_offsets(known, system, last.weights.sum(axis=0))
     last = replace(last, chain=chain, articulation=articulation, poses=settled, positions=still, known=information)
-    return Settled(last, skin, growth)
+    return SoftTissueCalibration(last, tissue, growth)
 
 
-def _pull_of_all(last: Calibration, positions: Floats, system: SlidingSystem, skin: Skin) -> Floats:
+def _pull_of_all(last: Calibration, positions: Floats, system: SoftTissueEquations, tissue: SoftTissue) -> Floats:
     """How the residuals of all frames pull at the columns of a system."""
     chain, clusters = last.chain, system.clusters
-    pull = constant_pull(chain, last.articulation, last.poses, positions, last.weights)
+    pull = constant_gradient(chain, last.articulation, last.poses, positions, last.weights)
     n_places = 3 * chain.n_markers
     rigid = clusters.of_markers(pull[:n_places, np.newaxis])[:, 0]
     flat = residuals_in_limbs(chain, last.poses, positions).reshape(len(positions), -1)
-    return np.concatenate([pull[n_places:], rigid, system.slides(flat.T @ skin.bends(chain, last.poses))])
+    return np.concatenate([pull[n_places:], rigid, system.slides(flat.T @ tissue.bends(chain, last.poses))])
 
 
-def _of_offsets(known: Floats, system: SlidingSystem, sights: Floats) -> Floats:
+def _of_offsets(known: Floats, system: SoftTissueEquations, sights: Floats) -> Floats:
     """Information of offsets, joints and axes from that of joints, axes and rigid displacements.
 
     What bends a cluster is known from the sights of its markers alone.
@@ -209,7 +217,12 @@ def _system_frames(last: Calibration) -> tuple[Ints, float]:
 
 
 def _estimated(
-    matrix: Floats, pull: Floats, system: SlidingSystem, skin: Skin, seen: SeenBending, variances: Floats
+    matrix: Floats,
+    pull: Floats,
+    system: SoftTissueEquations,
+    tissue: SoftTissue,
+    seen: ObservedDeformations,
+    variances: Floats,
 ) -> Floats:
     """Variances of the slides of each limb with each of its joints, from how clusters bend and joints fail to meet.
 
@@ -227,11 +240,11 @@ def _estimated(
         np.add.at(squares, (limbs, bend), (spread @ left) ** 2)
         np.add.at(told, (limbs, bend), 1 - np.diag(spread) / prior)
         _add_bending(seen, found, squares, told)
-        found = _shared_by_joint(skin, variances, squares, told)
+        found = _shared_by_joint(tissue, variances, squares, told)
     return np.asarray(np.where(found > LEAST_PART * found.max(), found, 0.0))
 
 
-def _add_bending(seen: SeenBending, variances: Floats, squares: Floats, told: Floats) -> None:
+def _add_bending(seen: ObservedDeformations, variances: Floats, squares: Floats, told: Floats) -> None:
     for limb, one in enumerate(seen.limbs):
         kept = variances[limb, one.bends] > 0
         information, pull = (ways[:, kept] / seen.noise for ways in one.ways())
@@ -241,15 +254,15 @@ def _add_bending(seen: SeenBending, variances: Floats, squares: Floats, told: Fl
         told[limb, one.bends[kept]] += (1 - spread / prior).sum(axis=0)
 
 
-def _shared_by_joint(skin: Skin, common: Floats, squares: Floats, told: Floats) -> Floats:
+def _shared_by_joint(tissue: SoftTissue, common: Floats, squares: Floats, told: Floats) -> Floats:
     """One variance for all bends of a joint, drawn to the common one."""
-    of_joint = skin.joints[:, np.newaxis] == skin.joints
+    of_joint = tissue.joints[:, np.newaxis] == tissue.joints
     squares, told = squares @ of_joint, told @ of_joint
     variance = (WEIGHT_OF_COMMON * common + squares) / (WEIGHT_OF_COMMON + told)
     return np.asarray(np.where(common > 0, variance, 0.0))
 
 
-def _looseness(system: SlidingSystem, chain: Chain) -> Floats:
+def _looseness(system: SoftTissueEquations, chain: Chain) -> Floats:
     """How far each constant may go if nothing determines it: mm, of tilts rad."""
     loose = np.full(system.n_constants, LOOSE)
     tilts = slice(system.n_joints, system.n_constants - len(system.clusters.limbs))
@@ -258,7 +271,7 @@ def _looseness(system: SlidingSystem, chain: Chain) -> Floats:
 
 
 def _stepped(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, system: SlidingSystem, step: Floats
+    chain: Chain, articulation: Articulation, poses: ChainPoses, system: SoftTissueEquations, step: Floats
 ) -> tuple[Chain, Articulation, ChainPoses]:
     n_rigid = len(system.clusters.limbs)
     joints = chain.joints.copy()

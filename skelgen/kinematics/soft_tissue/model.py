@@ -25,7 +25,7 @@ STILL = 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class SoftTissue:
     """How markers slide as joints bend.
 
     Attributes
@@ -62,14 +62,14 @@ class Skin:
         """Part that each bend has of the variance of slides with its joint, shape (n_bends,)."""
         return np.asarray(1 / np.bincount(self.joints)[self.joints]) if len(self.joints) else np.zeros(0)
 
-    def turned(self, chain: Chain, turn: Floats) -> Skin:
-        """Return the skin for limbs whose frames are turned: `turn` brings old axes to new ones."""
+    def turned(self, chain: Chain, turn: Floats) -> SoftTissue:
+        """Return the tissue for limbs whose frames are turned: `turn` brings old axes to new ones."""
         middles = turn[np.maximum(chain.parents, 0)] @ self.middles @ turn.swapaxes(1, 2)
         gains = np.einsum("bij,bj->bi", turn[self.joints], self.gains)
-        return Skin(self.joints, middles, gains, turn[chain.limb_of_marker] @ self.slopes)
+        return SoftTissue(self.joints, middles, gains, turn[chain.limb_of_marker] @ self.slopes)
 
-    def with_slopes(self, slopes: Floats) -> Skin:
-        """Return the skin with other slopes."""
+    def with_slopes(self, slopes: Floats) -> SoftTissue:
+        """Return the tissue with other slopes."""
         return replace(self, slopes=slopes)
 
     def reach(self, chain: Chain) -> Bools:
@@ -78,8 +78,8 @@ class Skin:
         return np.asarray((self.joints == limbs) | (chain.parents[self.joints] == limbs))
 
 
-def skin_at_rest(chain: Chain, poses: ChainPoses) -> Skin:
-    """Return a skin that does not slide, with the bends that it could follow."""
+def soft_tissue_at_rest(chain: Chain, poses: ChainPoses) -> SoftTissue:
+    """Return a tissue that does not slide, with the bends that it could follow."""
     relative = _relative(chain, poses)
     middles = nearest_rotation(relative.mean(axis=0))
     turns = _vectors(middles, relative)
@@ -92,7 +92,7 @@ def skin_at_rest(chain: Chain, poses: ChainPoses) -> Skin:
         gains.append((vectors[:, bent] / size[bent]).T)
         joints += [limb] * int(bent.sum())
     slopes = np.zeros((chain.n_markers, 3, len(joints)))
-    return Skin(np.array(joints, dtype=np.intp), middles, np.concatenate(gains), slopes)
+    return SoftTissue(np.array(joints, dtype=np.intp), middles, np.concatenate(gains), slopes)
 
 
 def _relative(chain: Chain, poses: ChainPoses) -> Floats:

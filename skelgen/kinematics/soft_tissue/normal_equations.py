@@ -19,7 +19,7 @@ from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.calibration.uncertainty import weak_prior
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights, world_arms
-from skelgen.kinematics.soft_tissue.model import Skin
+from skelgen.kinematics.soft_tissue.model import SoftTissue
 from skelgen.model.arrays import Bools, Floats, Ints
 
 DEGENERATE = 1e-6
@@ -30,7 +30,7 @@ UNSEEN = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Clusters:
+class RigidDisplacements:
     """Orthonormal rigid displacements of all limbs' markers.
 
     Attributes
@@ -55,7 +55,7 @@ class Clusters:
 
 
 @dataclass(frozen=True, eq=False)
-class SlidingSystem:
+class SoftTissueEquations:
     """Normal equations summed over frames; columns are joints, tilts, rigid displacements, slides.
 
     Attributes
@@ -63,7 +63,7 @@ class SlidingSystem:
     matrix : ndarray, shape (n, n)
     pull : ndarray, shape (n,)
         How residuals pull at the columns, poses eliminated.
-    clusters : Clusters
+    clusters : RigidDisplacements
         Rigid displacements.
     n_joints, n_constants : int
         Where tilts and slides begin; rigid displacements are the last of the constants.
@@ -73,7 +73,7 @@ class SlidingSystem:
 
     matrix: Floats
     pull: Floats
-    clusters: Clusters
+    clusters: RigidDisplacements
     n_joints: int
     n_constants: int
     slide: Ints
@@ -84,7 +84,7 @@ class SlidingSystem:
         """Limb of each slide."""
         return self.clusters.limbs[self.slide]
 
-    def without(self, left_out: Bools) -> SlidingSystem:
+    def without(self, left_out: Bools) -> SoftTissueEquations:
         """The system without some slides."""
         kept = np.append(np.ones(self.n_constants, dtype=bool), ~left_out)
         return replace(
@@ -106,7 +106,7 @@ class SlidingSystem:
         return np.asarray(self.clusters.of_markers(slopes)[self.slide, self.bend])
 
 
-def clusters_of(chain: Chain) -> Clusters:
+def rigid_displacements(chain: Chain) -> RigidDisplacements:
     """Return the rigid displacements that a chain's markers show."""
     parts = []
     for limb in range(chain.n_limbs):
@@ -122,18 +122,18 @@ def clusters_of(chain: Chain) -> Clusters:
         basis[own] = left[:, clear].reshape(len(own), 3, basis.shape[2])
         parts.append(basis)
     limbs = np.repeat(np.arange(chain.n_limbs), [part.shape[2] for part in parts])
-    return Clusters(np.concatenate(parts, axis=2), limbs)
+    return RigidDisplacements(np.concatenate(parts, axis=2), limbs)
 
 
-def sliding_system(
+def soft_tissue_equations(
     chain: Chain,
     articulation: Articulation,
     poses: ChainPoses,
     positions: Floats,
-    skin: Skin,
+    tissue: SoftTissue,
     follows: Bools,
     noise: float,
-) -> SlidingSystem:
+) -> SoftTissueEquations:
     """Return the normal equations for some frames.
 
     Parameters
@@ -142,14 +142,14 @@ def sliding_system(
         Where to linearise.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers without the slides that are known, NaN where unseen.
-    skin : Skin
+    tissue : SoftTissue
         What bends.
     follows : ndarray of bool, shape (n_limbs, n_bends)
         Which bends the markers of each limb follow.
     noise : float, mm
         Standard deviation of a coordinate.
     """
-    weights, clusters = seen_weights(positions), clusters_of(chain)
+    weights, clusters = seen_weights(positions), rigid_displacements(chain)
     n_frames, n_rigid = len(weights), len(clusters.limbs)
     basis = clusters.basis.reshape(-1, n_rigid).T
     against = poses.rotations[:, chain.limb_of_marker].swapaxes(2, 3)
@@ -170,9 +170,9 @@ def sliding_system(
     local = seen_by_limbs(error[..., np.newaxis]).swapaxes(1, 2)
     pull = (local @ constants - local @ by_pose @ follow)[:, 0]
     slide, bend = np.nonzero(follows[clusters.limbs])
-    bends, column = skin.bends(chain, poses)[:, bend], constants.shape[2] - n_rigid + slide
+    bends, column = tissue.bends(chain, poses)[:, bend], constants.shape[2] - n_rigid + slide
     flat = np.concatenate([left, left[:, :, column] * bends[:, np.newaxis]], axis=2).reshape(n_frames * n_rigid, -1)
-    return SlidingSystem(
+    return SoftTissueEquations(
         matrix=flat.T @ flat,
         pull=np.concatenate([pull.sum(axis=0), (pull[:, column] * bends).sum(axis=0)]),
         clusters=clusters,
@@ -199,7 +199,7 @@ def _joint_slopes(chain: Chain, poses: ChainPoses) -> Floats:
     return np.asarray(slopes.reshape(*slopes.shape[:3], -1))
 
 
-def _root_of_weights(clusters: Clusters, weights: Floats) -> Floats:
+def _root_of_weights(clusters: RigidDisplacements, weights: Floats) -> Floats:
     """What rigid displacements count in each frame: roots of their weights, shape (n_frames, n_rigid, n_rigid)."""
     basis = clusters.basis
     counts = np.einsum("mie,fm,mik->fek", basis, weights, basis, optimize=True)

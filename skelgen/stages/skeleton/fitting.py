@@ -14,8 +14,8 @@ from skelgen.kinematics.calibration.limb_errors import LimbErrors
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.inverse.poses import fit_poses
 from skelgen.kinematics.joints.joint_type import JointKind, KindLimits
-from skelgen.kinematics.soft_tissue.fit import fit_sliding, settle_sliding
-from skelgen.kinematics.soft_tissue.model import Skin
+from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
+from skelgen.kinematics.soft_tissue.model import SoftTissue
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assembly import Body, assemble
 from skelgen.stages.skeleton.joints import (
@@ -80,7 +80,7 @@ class FittedBody:
         Standard deviation of a coordinate.
     rings : BodyRings, optional
         Rings that were closed.
-    skin : Skin, optional
+    skin : SoftTissue, optional
         How markers slide on the limbs, if they do.
     """
 
@@ -98,7 +98,7 @@ class FittedBody:
     growth: float
     noise: float
     rings: BodyRings | None = None
-    skin: Skin | None = None
+    skin: SoftTissue | None = None
 
 
 def fit_body(
@@ -183,7 +183,7 @@ class _Fit:
         How many of these tell as much as one that is independent.
     closed : BodyRings, optional
         Rings that were closed.
-    skin : Skin, optional
+    skin : SoftTissue, optional
         The slides.
     """
 
@@ -194,7 +194,7 @@ class _Fit:
     used: Ints
     growth: float
     closed: BodyRings | None = None
-    skin: Skin | None = None
+    skin: SoftTissue | None = None
 
 
 def _first_fit(
@@ -281,23 +281,23 @@ def _followed(kinds: list[JointKind], last: Calibration, before: ChainPoses) -> 
 
 def _without_slides(
     last: Calibration, poses: ChainPoses, trusted: Floats, used: Ints, growth: float
-) -> tuple[Calibration, ChainPoses, Floats, float, Skin | None]:
+) -> tuple[Calibration, ChainPoses, Floats, float, SoftTissue | None]:
     """Fit once more to positions without the slides of soft tissue, if there are any; also return these positions.
 
     Slides have unknowns of their own, so they explain the markers better, or their fit has gone astray and is dropped.
     """
-    sliding = fit_sliding(last)
+    sliding = fit_soft_tissue(last)
     if sliding is None:
         return last, poses, trusted, growth, None
     before, chain, articulation = poses, sliding.chain, sliding.articulation
     poses = ChainPoses(poses.root, articulation.projected(chain.parents, poses.rotations))
-    poses = fit_poses(chain, poses, trusted - sliding.skin.slides(chain, poses), articulation)
-    settled = settle_sliding(sliding, poses[used], trusted[used])
+    poses = fit_poses(chain, poses, trusted - sliding.tissue.slides(chain, poses), articulation)
+    settled = calibrate_soft_tissue(sliding, poses[used], trusted[used])
     if not _squares(settled.calibration) < _squares(last):
         return last, before, trusted, growth, None
     last = settled.calibration
     poses = ChainPoses(poses.root, last.articulation.projected(chain.parents, poses.rotations))
-    return last, poses, trusted - settled.skin.slides(last.chain, poses), settled.growth, settled.skin
+    return last, poses, trusted - settled.tissue.slides(last.chain, poses), settled.growth, settled.tissue
 
 
 def _squares(fit: Calibration) -> float:

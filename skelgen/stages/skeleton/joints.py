@@ -16,7 +16,7 @@ from skelgen.kinematics.chain.chain import Chain, ChainPoses, chain_loops, resid
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointKind, KindLimits, find_kind
-from skelgen.kinematics.joints.rotations import TwoAxisTurning
+from skelgen.kinematics.joints.rotations import UniversalRotation
 from skelgen.model.arrays import Bools, Floats, Ints
 
 NEIGHBOUR_WEIGHT = 0.1
@@ -83,11 +83,11 @@ def articulation_of(kinds: list[JointKind], known: set[int]) -> Articulation:
     held, between = ["ball"], np.zeros(len(kinds) + 1)
     in_parent, in_child = free.in_parent.copy(), free.in_child.copy()
     for limb, kind in enumerate(kinds, start=1):
-        left = kind.leftovers.get(kind.kind)
+        left = kind.type_fits.get(kind.kind)
         holds = left is not None and (limb in known or left.ratio <= left.limit)
         held.append(kind.kind if holds else "ball")
         in_parent[limb], in_child[limb] = kind.axis_in_parent, kind.axis_in_child
-        if left is not None and isinstance(left.turning, TwoAxisTurning):
+        if left is not None and isinstance(left.turning, UniversalRotation):
             between[limb] = left.turning.between
     return Articulation(tuple(held), in_parent, in_child, between)
 

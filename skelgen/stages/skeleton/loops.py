@@ -9,7 +9,7 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.kinematics.calibration.calibrate import Calibration
-from skelgen.kinematics.calibration.closed_loops import ClosedCalibration, close_rings
+from skelgen.kinematics.calibration.closed_loops import ClosedCalibration, close_loops
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals
@@ -131,7 +131,7 @@ def closed_body(
     if not closes.any():
         missed = _missed(last)
         return last, poses, BodyRings(kept, before[closes], before[closes], missed, missed, left_open, nothing)
-    closed = close_rings(last, limbs[closes])
+    closed = close_loops(last, limbs[closes])
     after = closed.rings.gap(closed.chain, closed.poses)
     rotations = closed.articulation.projected(closed.chain.parents, poses.rotations)
     root = poses.root.copy()

@@ -24,7 +24,7 @@ from scipy.stats import ttest_ind
 
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.chain.articulation import FREEDOMS
-from skelgen.kinematics.inverse.skeleton_tree import KnownTree
+from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.stages.subject.posing import KnownPoses
@@ -191,7 +191,7 @@ def _wobbles(skeleton: Skeleton, poses: KnownPoses) -> Floats:
     """Angles [rad] by which limbs leave what the joints above allow, shape (n_frames, n_limbs)."""
     angles = np.zeros(poses.seen.shape)
     for root in skeleton.roots:
-        tree = KnownTree(skeleton, int(root), None)
+        tree = SkeletonTree(skeleton, int(root), None)
         free = poses.world_from_limb[:, tree.limbs][..., :3, :3]
         held = tree.articulation.projected(tree.chain.parents, free)
         above = np.maximum(tree.chain.parents, 0)

@@ -15,7 +15,7 @@ from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
-from skelgen.kinematics.inverse.skeleton_tree import KnownTree
+from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
@@ -92,7 +92,7 @@ def pose_known(
     world = np.tile(np.eye(4), (n_frames, skeleton.n_limbs, 1, 1))
     seen = np.zeros((n_frames, skeleton.n_limbs), dtype=np.bool_)
     trusted = np.array(positions)
-    trees = [KnownTree(skeleton, int(root), None) for root in skeleton.roots]
+    trees = [SkeletonTree(skeleton, int(root), None) for root in skeleton.roots]
     for first in range(0, n_frames, BLOCK_FRAMES):
         last = min(first + BLOCK_FRAMES, n_frames)
         start = max(first - MARGIN, 0)
@@ -109,7 +109,7 @@ def pose_known(
     return KnownPoses(world, seen, trusted)
 
 
-def _posed(tree: KnownTree, positions: Floats, parameters: SkeletonParameters) -> tuple[ChainPoses, Bools, Floats]:
+def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters) -> tuple[ChainPoses, Bools, Floats]:
     """Poses, whether rotations rest on markers of the frame, and the positions that are explained."""
     chain, articulation = tree.chain, tree.articulation
     joints = _joints_of_limbs(chain, positions, parameters.flatness)
@@ -140,7 +140,7 @@ def _joints_of_limbs(chain: Chain, positions: Floats, flatness: float) -> Floats
     return joints
 
 
-def _closed(tree: KnownTree) -> BodyRings | None:
+def _closed(tree: SkeletonTree) -> BodyRings | None:
     n_rings = tree.rings.n_rings
     if not n_rings:
         return None

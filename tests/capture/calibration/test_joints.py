@@ -8,7 +8,7 @@ from skelgen.capture.calibration.joints import JointWish, calibrate_joints
 from skelgen.capture.values import FoundBody
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
-from skelgen.model.rig import JointModel
+from skelgen.model.rig import TargetJoint
 
 SHOULDER = np.array([20.0, -150.0, 30.0]), np.array([-10.0, 140.0, 15.0])
 ELBOW_AXIS = np.array([0.2, 0.1, 1.0]) / np.linalg.norm([0.2, 0.1, 1.0])
@@ -54,7 +54,7 @@ def moving_arm(seed, n_frames=120, swing=1.0, covariance=COVARIANCE, hidden=0.0)
 WISHES = (JointWish("shoulder", "torso", "upper", "ball"), JointWish("elbow", "upper", "lower", "hinge"))
 
 
-def place_errors(joint: JointModel):
+def place_errors(joint: TargetJoint):
     """Errors of the places in parent and child, across the axis of a hinge, shape (2, 3)."""
     parent, child = TRUE_JOINTS[joint.name]
     errors = np.stack([joint.parent_from_joint[:3, 3] - parent[:3, 3], joint.child_from_joint[:3, 3] - child[:3, 3]])
@@ -100,7 +100,7 @@ def test_chain_is_no_worse_than_its_joints_alone():
         done = calibrate_joints(moving_arm(seed, 60), NAMES, WISHES)
         together += [(place_errors(joint) ** 2).sum() for joint in done.joints]
         for joint, fit in zip(done.joints, done.fits, strict=True):
-            single = JointModel(
+            single = TargetJoint(
                 joint.name, joint.kind, joint.parent, joint.child, fit.parent_from_joint, fit.child_from_joint
             )
             alone.append((place_errors(single) ** 2).sum())

@@ -14,7 +14,7 @@ from skelgen.kinematics.calibration.uncertainty import joint_slopes, weak_prior
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import residuals, seen_weights
 from skelgen.kinematics.chain.elimination import Tree, eliminate, frames_last
-from skelgen.kinematics.chain.normal_equations import constant_pull, normal_equations
+from skelgen.kinematics.chain.normal_equations import constant_gradient, normal_equations
 from skelgen.kinematics.inverse.poses import UNKNOWN_TURN, fit_poses, pose_covariances
 from skelgen.simulation import simulate
 
@@ -99,7 +99,7 @@ def test_covariances_stay_finite_in_exact_frames_that_show_nothing(case):
 def test_pull_of_the_constants_is_the_slope_of_half_the_sum_of_squares(case):
     chain, articulation, poses, positions = case
     weights = seen_weights(positions)
-    pull = constant_pull(chain, articulation, poses, positions, weights)
+    pull = constant_gradient(chain, articulation, poses, positions, weights)
     random = np.random.default_rng(0)
     for _ in range(5):
         change = 1e-5 * random.normal(size=len(pull))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from skelgen.kinematics.gap_filling.gaussian_process import (
-    Clock,
     Features,
     Series,
+    TimeCovariance,
     fit_variances,
     learnt_frames,
     left_out_errors,
@@ -29,7 +29,7 @@ def hidden() -> np.ndarray:
 def predicted(values, features=(), curved=(), rate=RATE):
     """Values and deviations in the hidden frames."""
     known, targets = np.flatnonzero(~hidden()), np.flatnonzero(hidden())
-    learnt, clock = learnt_frames(known), Clock(N_FRAMES, rate)
+    learnt, clock = learnt_frames(known), TimeCovariance(N_FRAMES, rate)
     series = Series(np.arange(N_FRAMES), values, Features(tuple(features), tuple(curved)).scaled(learnt))
     return predict(series, known, targets, clock, fit_variances(series, learnt, clock))
 
@@ -94,7 +94,7 @@ def test_needed_frames_of_a_long_take_are_few():
 
 @pytest.mark.parametrize("n_known", [1, 2, 3])
 def test_few_known_frames_are_enough(n_known):
-    known, targets, clock = np.arange(n_known), np.arange(n_known, 10), Clock(10, RATE)
+    known, targets, clock = np.arange(n_known), np.arange(n_known, 10), TimeCovariance(10, RATE)
     series = Series(np.arange(10), np.arange(30.0).reshape(10, 3), Features())
     values, std = predict(series, known, targets, clock, fit_variances(series, known, clock))
     assert np.isfinite(values).all()

@@ -64,5 +64,5 @@ def test_singular_values_of_the_mean_rotation_are_reported(tracked_joint):
     evidence = choose_kind(tracked_joint("hinge", noise=0.0).poses, 0, 1).evidence
     assert evidence.singular_values[0] == pytest.approx(1, abs=1e-9)
     assert evidence.singular_values[1] < 0.99
-    assert list(evidence.leftovers) == ["rigid", "hinge"]
+    assert list(evidence.type_fits) == ["rigid", "hinge"]
     assert np.rad2deg(evidence.main_turn) == pytest.approx(14, abs=4)  # a sine of 20 degrees

@@ -84,7 +84,7 @@ def test_errors_that_last_count_as_few(bend):
     lasting = np.repeat(np.random.default_rng(1).normal(size=(N_FRAMES // 25, 3)) * 0.03, 25, axis=0)
     rotations = matrix_from_vector(bend) @ matrix_from_vector(lasting)
     kind = find_kind(rotations, np.tile(np.eye(3) * 0.02**2, (N_FRAMES, 1, 1)), FREEDOMS)
-    assert kind.leftovers["hinge"].limit > 1.8  # as of some twenty frames
+    assert kind.type_fits["hinge"].limit > 1.8  # as of some twenty frames
     assert kind.kind == "hinge"
 
 

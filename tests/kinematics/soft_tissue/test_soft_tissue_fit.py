@@ -12,9 +12,9 @@ from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import seen_weights
 from skelgen.kinematics.chain.normal_equations import linearised, reduced_information
-from skelgen.kinematics.soft_tissue.fit import fit_sliding, settle_sliding
-from skelgen.kinematics.soft_tissue.model import skin_at_rest
-from skelgen.kinematics.soft_tissue.normal_equations import sliding_system
+from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
+from skelgen.kinematics.soft_tissue.model import soft_tissue_at_rest
+from skelgen.kinematics.soft_tissue.normal_equations import soft_tissue_equations
 
 TISSUE = 3.0  # mm, per coordinate; half of its variance follows the bends
 N_FRAMES = 600
@@ -24,7 +24,7 @@ SEEDS = (0, 1, 2)
 @pytest.fixture(scope="module")
 def tissue(true_chain):
     """Trees of 8 limbs with 3 mm of soft tissue, and their chains fitted to markers that do not slide."""
-    cases = [true_chain("tree:8", seed, n_frames=N_FRAMES, noise=0.3, soft_tissue=TISSUE) for seed in SEEDS]
+    cases = [true_chain("tree:8", seed, n_frames=N_FRAMES, noise=0.3, tissue=TISSUE) for seed in SEEDS]
     return [(case, calibrate(case.chain, case.poses, case.positions)) for case in cases]
 
 
@@ -35,22 +35,22 @@ def joint_errors(case, last):
 
 def test_size_of_the_slides_is_that_of_the_tissue_that_follows_bends(tissue):
     """The variance of a limb that follows a joint, shared by the bends of that joint."""
-    sums = [fit_sliding(last).variances[1:].sum(axis=1) for _, last in tissue]
+    sums = [fit_soft_tissue(last).variances[1:].sum(axis=1) for _, last in tissue]
     np.testing.assert_allclose(np.sqrt(np.median(np.concatenate(sums))), TISSUE / np.sqrt(2), rtol=0.25)
 
 
 def test_limbs_follow_the_joint_that_they_are_simulated_to_follow(tissue):
     """That above them: what is told of other joints is small."""
     for case, last in tissue:
-        found = fit_sliding(last)
-        own = found.skin.joints == np.arange(case.chain.n_limbs)[:, np.newaxis]
+        found = fit_soft_tissue(last)
+        own = found.tissue.joints == np.arange(case.chain.n_limbs)[:, np.newaxis]
         assert found.variances[~own].sum() < 0.2 * found.variances[own].sum()
 
 
 def test_joints_are_nearer_to_the_truth_without_the_slides(tissue):
     before, after = [], []
     for case, last in tissue:
-        settled = settle_sliding(fit_sliding(last), last.poses, case.positions).calibration
+        settled = calibrate_soft_tissue(fit_soft_tissue(last), last.poses, case.positions).calibration
         before.append(joint_errors(case, last).mean())
         after.append(joint_errors(case, settled).mean())
     assert np.mean(after) < 0.9 * np.mean(before)  # six seconds, joints of all kinds free
@@ -58,7 +58,7 @@ def test_joints_are_nearer_to_the_truth_without_the_slides(tissue):
 
 def test_information_of_joints_is_less_where_markers_may_slide(tissue):
     case, last = tissue[0]
-    settled = settle_sliding(fit_sliding(last), last.poses, case.positions).calibration
+    settled = calibrate_soft_tissue(fit_soft_tissue(last), last.poses, case.positions).calibration
     joints = slice(3 * case.chain.n_markers, None)
     lost = last.information[joints, joints] - settled.information[joints, joints]
     assert np.trace(lost) > 0.2 * np.trace(last.information[joints, joints])
@@ -68,12 +68,12 @@ def test_information_of_joints_is_less_where_markers_may_slide(tissue):
 @pytest.mark.parametrize("seed", range(5))
 def test_white_noise_shows_no_slides(true_chain, seed):
     case = true_chain("tree:8", seed, n_frames=200, noise=1.0)
-    assert fit_sliding(calibrate(case.chain, case.poses, case.positions)) is None
+    assert fit_soft_tissue(calibrate(case.chain, case.poses, case.positions)) is None
 
 
 def test_exact_markers_show_no_slides(true_chain):
     case = true_chain("rods", n_frames=60)
-    assert fit_sliding(calibrate(case.chain, case.poses, case.positions)) is None
+    assert fit_soft_tissue(calibrate(case.chain, case.poses, case.positions)) is None
 
 
 def test_tissue_that_only_wanders_shows_no_slides_to_speak_of(true_chain):
@@ -83,7 +83,7 @@ def test_tissue_that_only_wanders_shows_no_slides_to_speak_of(true_chain):
     frequency, phase = random.uniform(0.2, 2, case.chain.n_markers * 3), random.uniform(0, 6, case.chain.n_markers * 3)
     wander = 3 * np.sin(2 * np.pi * np.outer(times, frequency) + phase).reshape(case.positions.shape)
     positions = case.positions + np.einsum("fmij,fmj->fmi", case.poses.rotations[:, case.chain.limb_of_marker], wander)
-    found = fit_sliding(calibrate(case.chain, case.poses, positions))
+    found = fit_soft_tissue(calibrate(case.chain, case.poses, positions))
     assert found is None or np.sqrt(found.variances.max()) < 1.0
 
 
@@ -92,8 +92,8 @@ def test_rigid_displacements_tell_all_that_markers_tell(true_chain, dropouts):
     """With all markers seen, the few numbers of each limb lose nothing; else but what bends clusters."""
     case = true_chain("tree:8", n_frames=30, noise=0.3, dropouts=dropouts)
     chain, free = case.chain, Articulation.free(case.chain.n_limbs)
-    skin = skin_at_rest(chain, case.poses)
-    system = sliding_system(chain, free, case.poses, case.positions, skin, skin.reach(chain), 0.3)
+    tissue = soft_tissue_at_rest(chain, case.poses)
+    system = soft_tissue_equations(chain, free, case.poses, case.positions, tissue, tissue.reach(chain), 0.3)
     full = reduced_information(linearised(chain, free, case.poses, case.positions, seen_weights(case.positions)))
     basis = system.clusters.basis.reshape(3 * chain.n_markers, -1)
     n = system.n_joints
@@ -108,32 +108,32 @@ def test_pull_is_the_slope_of_the_squares(true_chain):
     """Slides against finite differences: poses are at their best for no slide, so only the residuals change."""
     case = true_chain("rods", n_frames=40, noise=1.0)
     last = calibrate(case.chain, case.poses, case.positions, 0)
-    skin = skin_at_rest(last.chain, last.poses)
-    reach = skin.reach(last.chain)
-    system = sliding_system(last.chain, last.articulation, last.poses, case.positions, skin, reach, last.noise)
+    tissue = soft_tissue_at_rest(last.chain, last.poses)
+    reach = tissue.reach(last.chain)
+    system = soft_tissue_equations(last.chain, last.articulation, last.poses, case.positions, tissue, reach, last.noise)
     n_slides, step = len(system.slide), 1e-4
     for index in (0, n_slides // 2, n_slides - 1):
         slides = np.zeros(n_slides)
         slides[index] = step
         squares = [
             ((case.positions - moved.slides(last.chain, last.poses) - last.poses.markers(last.chain)) ** 2).sum()
-            for moved in (skin.with_slopes(sign * system.slopes(slides, len(skin.joints))) for sign in (1, -1))
+            for moved in (tissue.with_slopes(sign * system.slopes(slides, len(tissue.joints))) for sign in (1, -1))
         ]
         slope = (squares[1] - squares[0]) / (4 * step)
         assert system.pull[system.n_constants + index] == pytest.approx(slope, rel=1e-3, abs=0.05)
 
 
 def test_limbs_of_one_and_two_markers_take_part(true_chain):
-    case = true_chain("seed-human", n_frames=300, noise=0.3, soft_tissue=TISSUE)
+    case = true_chain("seed-human", n_frames=300, noise=0.3, tissue=TISSUE)
     last = calibrate(case.chain, case.poses, case.positions)
-    found = fit_sliding(last)
+    found = fit_soft_tissue(last)
     assert found is not None
-    settled = settle_sliding(found, last.poses, case.positions)
+    settled = calibrate_soft_tissue(found, last.poses, case.positions)
     assert np.isfinite(settled.calibration.information).all()
-    assert np.isfinite(settled.skin.slopes).all()
+    assert np.isfinite(settled.tissue.slopes).all()
 
 
 def test_same_input_gives_the_same_slides(tissue):
     _, last = tissue[1]
-    first, second = (fit_sliding(dataclasses.replace(last)) for _ in range(2))
-    np.testing.assert_array_equal(first.skin.slopes, second.skin.slopes)
+    first, second = (fit_soft_tissue(dataclasses.replace(last)) for _ in range(2))
+    np.testing.assert_array_equal(first.tissue.slopes, second.tissue.slopes)

@@ -7,7 +7,7 @@ import pytest
 
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.kinematics.chain.chain import ChainPoses
-from skelgen.kinematics.soft_tissue.model import skin_at_rest
+from skelgen.kinematics.soft_tissue.model import soft_tissue_at_rest
 
 
 @pytest.fixture(scope="module")
@@ -16,50 +16,50 @@ def tree(true_chain):
 
 
 def test_bends_have_mean_square_one_and_those_of_a_joint_do_not_go_together(tree):
-    skin = skin_at_rest(tree.chain, tree.poses)
-    bends = skin.bends(tree.chain, tree.poses)
+    tissue = soft_tissue_at_rest(tree.chain, tree.poses)
+    bends = tissue.bends(tree.chain, tree.poses)
     for joint in range(1, tree.chain.n_limbs):
-        own = bends[:, skin.joints == joint]
+        own = bends[:, tissue.joints == joint]
         np.testing.assert_allclose(own.T @ own / len(own), np.eye(own.shape[1]), atol=1e-9)
 
 
 def test_hinges_bend_in_one_way_and_balls_in_three(tree):
     """Rotation vectors of a universal joint leave the plane of its axes when it bends far."""
-    skin = skin_at_rest(tree.chain, tree.poses)
+    tissue = soft_tissue_at_rest(tree.chain, tree.poses)
     fewest, most = ({"ball": 3, "universal": two, "hinge": 1} for two in (2, 3))
     for kind, limb in zip(tree.truth.joint_kinds, tree.truth.edges[:, 1], strict=True):
-        assert fewest[kind] <= (skin.joints == limb).sum() <= most[kind]
+        assert fewest[kind] <= (tissue.joints == limb).sum() <= most[kind]
 
 
 def test_markers_may_follow_the_joints_of_their_limb_only(tree):
-    skin = skin_at_rest(tree.chain, tree.poses)
-    reach = skin.reach(tree.chain)
+    tissue = soft_tissue_at_rest(tree.chain, tree.poses)
+    reach = tissue.reach(tree.chain)
     for limb in range(tree.chain.n_limbs):
         children = np.flatnonzero(tree.chain.parents == limb)
-        assert set(skin.joints[reach[limb]]) == {int(one) for one in (limb, *children) if one}
+        assert set(tissue.joints[reach[limb]]) == {int(one) for one in (limb, *children) if one}
 
 
 def test_still_joints_carry_no_slides(true_chain):
     case = true_chain("tree:8", n_frames=100, motion_range=0.01)
-    assert not len(skin_at_rest(case.chain, case.poses).joints)
+    assert not len(soft_tissue_at_rest(case.chain, case.poses).joints)
 
 
 def test_slides_are_slopes_times_bends_in_the_limbs_axes(tree):
     random = np.random.default_rng(0)
-    at_rest = skin_at_rest(tree.chain, tree.poses)
-    skin = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
-    slides, bends = skin.slides(tree.chain, tree.poses), skin.bends(tree.chain, tree.poses)
+    at_rest = soft_tissue_at_rest(tree.chain, tree.poses)
+    tissue = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
+    slides, bends = tissue.slides(tree.chain, tree.poses), tissue.bends(tree.chain, tree.poses)
     for frame, marker in ((0, 0), (7, 5), (299, -1)):
         limb = tree.chain.limb_of_marker[marker]
-        local = skin.slopes[marker] @ bends[frame]
+        local = tissue.slopes[marker] @ bends[frame]
         np.testing.assert_allclose(slides[frame, marker], tree.poses.rotations[frame, limb] @ local)
 
 
 def test_slides_are_the_same_whatever_the_limbs_frames(tree):
     chain, poses, random = tree.chain, tree.poses, np.random.default_rng(1)
-    at_rest = skin_at_rest(chain, poses)
-    skin = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
+    at_rest = soft_tissue_at_rest(chain, poses)
+    tissue = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
     turn = matrix_from_vector(random.normal(size=(chain.n_limbs, 3)))
     turned = ChainPoses(poses.root, poses.rotations @ turn.swapaxes(1, 2))
-    slides = skin.turned(chain, turn).slides(chain, turned)
-    np.testing.assert_allclose(slides, skin.slides(chain, poses), atol=1e-9)
+    slides = tissue.turned(chain, turn).slides(chain, turned)
+    np.testing.assert_allclose(slides, tissue.slides(chain, poses), atol=1e-9)
