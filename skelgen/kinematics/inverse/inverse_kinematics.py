@@ -16,7 +16,7 @@ from skelgen.kinematics.calibration.uncertainty import axis_projectors
 from skelgen.kinematics.chain.chain import ChainPoses, seen_weights
 from skelgen.kinematics.inverse.loop_closure import fit_closed_poses
 from skelgen.kinematics.inverse.poses import fit_poses, pose_covariances
-from skelgen.kinematics.inverse.root_outward import PosedTree, pose_outward
+from skelgen.kinematics.inverse.root_outward import KnownJoints, PosedTree, outward_covariances, pose_outward
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.kinematics.joints.angles import angle_deviations, angle_names, joint_angles
 from skelgen.model import Motion, Skeleton
@@ -111,16 +111,17 @@ def check_method(method: str) -> None:
 
 def solve_tree(tree: SkeletonTree, positions: Floats, method: str, before: Floats | None = None) -> PosedTree:
     """Pose one tree; parameters are those of `pose_outward`, and the method."""
-    start = pose_outward(tree, positions, before)
+    before = np.tile(np.eye(3), (tree.chain.n_limbs, 1, 1)) if before is None else before
+    start, fixed = pose_outward(tree.chain, positions, joints=KnownJoints(tree.articulation, before))
     if method == "root-outward":
-        return start
+        return PosedTree(start, fixed, outward_covariances(tree, start, fixed, positions))
     weights = seen_weights(positions, np.broadcast_to(tree.weights, positions.shape[:2]))
     chain, articulation = tree.chain, tree.articulation
     if tree.rings.n_rings:
-        poses = fit_closed_poses(chain, tree.rings, start.poses, positions, articulation, weights)
+        poses = fit_closed_poses(chain, tree.rings, start, positions, articulation, weights)
     else:
-        poses = fit_poses(chain, start.poses, positions, articulation, weights)
-    return PosedTree(poses, start.fixed, pose_covariances(chain, articulation, poses, positions, tree.noise, weights))
+        poses = fit_poses(chain, start, positions, articulation, weights)
+    return PosedTree(poses, fixed, pose_covariances(chain, articulation, poses, positions, tree.noise, weights))
 
 
 def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: Ints | None = None) -> Posture:

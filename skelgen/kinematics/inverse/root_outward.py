@@ -1,14 +1,14 @@
-r"""A known skeleton posed from the root outward in closed form (Schönauer 2007, 3.8.2), and how sure that is.
+r"""A chain posed from the root outward in closed form (Schönauer 2007, 3.8.2), and how sure that is.
 
-The root is placed by its markers. Every other limb turns about the joint that its parent has placed, onto its own
-markers, as near as its joint allows. With small errors :math:`\delta o` of that joint, :math:`\omega_p` of the parent's
-turn and noise n of the markers at arms a, the limb's turn errs by
+The root is placed by absolute orientation. Every other limb turns about the joint that its parent has placed, onto its
+own markers. With small errors :math:`\delta o` of that joint, :math:`\omega_p` of the parent's rotation and noise n of
+the markers at arms a, the limb's rotation errs by
 
 .. math::
     \omega = \omega_p + P \left( G^{-1} \sum a \times (n - \delta o) - \omega_p \right), \qquad
     G = \sum (a^T a\, I - a a^T),
 
-where P projects on the turns that the joint allows. Covariances are carried outward with the poses.
+where P projects on the rotations that the joint allows. Covariances are carried outward with the poses.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.orientation import fit_transform, rotation_by_quaternion
-from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.bodies.shape import determines_pose
+from skelgen.geometry.orientation import Rotator, fit_transform, moments_about, rotation_by_quaternion
+from skelgen.geometry.rotations import cross_matrix, fill_rotations, fill_vectors
+from skelgen.kinematics.bodies.shape import FLATNESS, determines_pose
 from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
-from skelgen.kinematics.chain.chain import ChainPoses
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
 from skelgen.kinematics.inverse.poses import LEAST_NOISE, UNKNOWN_SHIFT, UNKNOWN_TURN, PoseCovariances
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model.arrays import Bools, Floats
@@ -46,56 +46,152 @@ class PosedTree:
     covariances: PoseCovariances
 
 
-def pose_outward(tree: SkeletonTree, positions: Floats, before: Floats | None = None) -> PosedTree:
-    """Place limbs in closed form; those that markers do not fix keep their turn against the parent.
+@dataclass(frozen=True, eq=False)
+class KnownJoints:
+    """What is known of the joints of a chain before it is posed.
+
+    Attributes
+    ----------
+    articulation : Articulation
+        What the joints allow.
+    rotations : ndarray, shape (n_limbs, 3, 3)
+        World from limb just before; a limb that a frame does not fix keeps its rotation against the parent.
+    """
+
+    articulation: Articulation
+    rotations: Floats
+
+
+def pose_outward(
+    chain: Chain,
+    positions: Floats,
+    raw_joints: Floats | None = None,
+    *,
+    joints: KnownJoints | None = None,
+    rotator: Rotator = rotation_by_quaternion,
+    flatness: float = FLATNESS,
+) -> tuple[ChainPoses, Bools]:
+    """Pose a chain in every frame, limb by limb from the root outward.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    raw_joints : ndarray, shape (n_frames, n_limbs, 3), mm, optional
+        Joint above each limb, NaN where unknown. Joints to its children help where a limb's markers do not fix it.
+    joints : KnownJoints, optional
+        Frames are posed one by one, and joints turn as they allow. If not given, frames follow each other in time,
+        joints turn freely, and rotations that a frame does not fix are interpolated.
+    rotator : callable
+        Closed form of absolute orientation.
+    flatness : float
+        Points whose second extent is below this part of the first fix no rotation.
+
+    Returns
+    -------
+    tuple of ChainPoses and ndarray of bool, shape (n_frames, n_limbs)
+        Poses, and whether points of the frame fix each rotation.
+    """
+    n_frames = len(positions)
+    rotations = np.empty((n_frames, chain.n_limbs, 3, 3))
+    origins = np.empty((n_frames, chain.n_limbs, 3))
+    fixed = np.zeros((n_frames, chain.n_limbs), dtype=bool)
+    rest = None if joints is None else _against_parents(chain, joints.rotations)
+    world = np.broadcast_to(np.eye(3), (n_frames, 3, 3))
+    for limb in range(chain.n_limbs):
+        parent = int(chain.parents[limb])
+        points, places, seen = _points_to_fit(chain, limb, positions, raw_joints, flatness)
+        fixed[:, limb] = _fixes_rotation(points, seen, parent >= 0, flatness)
+        above = world if parent < 0 else rotations[:, parent]
+        if parent < 0:
+            turns = fit_transform(points, places, seen & fixed[:, limb, np.newaxis], rotator)[:, :3, :3]
+        else:
+            origins[:, limb] = origins[:, parent] + above @ chain.joints[limb]
+            turns = rotator(moments_about(points, places, origins[:, limb], seen))
+        rotations[:, limb] = _completed(turns, fixed[:, limb], above, None if rest is None else rest[limb])
+        if parent < 0:
+            origins[:, limb], placed = _root_origins(rotations[:, limb], points, places, seen)
+            if joints is None:
+                origins[:, limb] = fill_vectors(origins[:, limb], placed)
+            else:
+                origins[~placed, limb] = np.nanmean(positions[~placed], axis=1)
+        elif joints is not None:
+            rotations[:, limb] = joints.articulation.allowed(limb, above, rotations[:, limb])
+    return ChainPoses(origins[:, 0].copy(), rotations), fixed
+
+
+def _against_parents(chain: Chain, rotations: Floats) -> Floats:
+    """Rotations of limbs in the frames of their parents, shape (n_limbs, 3, 3); those of roots stay."""
+    above = np.where((chain.parents >= 0)[:, np.newaxis, np.newaxis], rotations[chain.parents], np.eye(3))
+    return np.asarray(above.swapaxes(1, 2) @ rotations)
+
+
+def _points_to_fit(
+    chain: Chain, limb: int, positions: Floats, raw_joints: Floats | None, flatness: float
+) -> tuple[Floats, Floats, Bools]:
+    """Points of a limb in its frame and in the world, and which count: raw joints only where markers do not suffice."""
+    own = chain.limb_of_marker == limb
+    points, places = chain.offsets[own], positions[:, own]
+    if raw_joints is None:
+        return points, places, ~np.isnan(places[:, :, 0])
+    outer = chain.parents == limb
+    n_markers = len(points)
+    points = np.concatenate([points, chain.joints[outer]])
+    places = np.concatenate([places, raw_joints[:, outer]], axis=1)
+    seen = ~np.isnan(places[:, :, 0])
+    enough = _fixes_rotation(points[:n_markers], seen[:, :n_markers], bool(chain.parents[limb] >= 0), flatness)
+    seen[enough, n_markers:] = False
+    return points, places, seen
+
+
+def _fixes_rotation(points: Floats, seen: Bools, about_joint: bool, flatness: float) -> Bools:
+    """Whether the seen points fix the rotation; about a joint, the origin is one more known point."""
+    if about_joint:
+        points = np.concatenate([points, np.zeros((1, 3))])
+        seen = np.concatenate([seen, np.ones((len(seen), 1), dtype=bool)], axis=1)
+    return determines_pose(points, seen, flatness)
+
+
+def _completed(turns: Floats, fixed: Bools, above: Floats, rest: Floats | None) -> Floats:
+    """Rotations of a limb; where they are not fixed, at rest against the parent, or as in the frames around."""
+    if fixed.all():
+        return turns
+    missing = np.flatnonzero(~fixed)
+    relative = fill_rotations(above.swapaxes(1, 2) @ turns, fixed)[missing] if rest is None else rest
+    completed = turns.copy()
+    completed[missing] = above[missing] @ relative
+    return completed
+
+
+def _root_origins(turns: Floats, points: Floats, places: Floats, seen: Bools) -> tuple[Floats, Bools]:
+    """Where the root's points place its origin [mm], and whether a frame shows one."""
+    gaps = np.where(seen[..., np.newaxis], places - np.einsum("fij,nj->fni", turns, points), 0.0).sum(axis=1)
+    return gaps / np.maximum(seen.sum(axis=1), 1)[:, np.newaxis], np.asarray(seen.any(axis=1))
+
+
+def outward_covariances(tree: SkeletonTree, poses: ChainPoses, fixed: Bools, positions: Floats) -> PoseCovariances:
+    """Return how sure poses from the root outward are.
 
     Parameters
     ----------
     tree : SkeletonTree
         The limbs.
+    poses : ChainPoses
+        From `pose_outward`.
+    fixed : ndarray of bool, shape (n_frames, n_limbs)
+        Whether markers of the frame fix each rotation.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Markers of the tree, NaN where unseen; every frame shows one.
-    before : ndarray, shape (n_limbs, 3, 3), optional
-        Rotations that limbs had before; those of the reference pose if not given.
+        Measured markers, NaN where unseen.
     """
-    chain, n_frames = tree.chain, len(positions)
-    before = np.tile(np.eye(3), (chain.n_limbs, 1, 1)) if before is None else before
+    chain, errors = tree.chain, _Errors.empty(*fixed.shape)
     seen = ~np.isnan(positions[:, :, 0])
-    rotations = np.tile(np.eye(3), (n_frames, chain.n_limbs, 1, 1))
-    origins = np.zeros((n_frames, chain.n_limbs, 3))
-    fixed = np.zeros((n_frames, chain.n_limbs), dtype=bool)
-    errors = _Errors.empty(n_frames, chain.n_limbs)
     for limb in range(chain.n_limbs):
-        own = np.flatnonzero(chain.limb_of_marker == limb)
-        points, heard, places = chain.offsets[own], seen[:, own], positions[:, own]
-        parent = int(chain.parents[limb])
-        if parent < 0:
-            found = _place_root(points, places, heard, positions, before[limb])
-            rotations[:, limb], origins[:, limb], fixed[:, limb] = found
-        else:
-            origins[:, limb] = origins[:, parent] + rotations[:, parent] @ chain.joints[limb]
-            with_joint = np.concatenate([heard, np.ones((n_frames, 1), dtype=bool)], axis=1)
-            fixed[:, limb] = determines_pose(np.concatenate([points, np.zeros((1, 3))]), with_joint)
-            arms = np.nan_to_num(places - origins[:, limb, np.newaxis])
-            turn = rotation_by_quaternion(np.einsum("fmi,mj->fij", arms, points))
-            kept = rotations[:, parent] @ (before[parent].T @ before[limb])
-            rotations[:, limb] = np.where(fixed[:, limb, np.newaxis, np.newaxis], turn, kept)
-            rotations[:, limb] = tree.articulation.allowed(limb, rotations[:, parent], rotations[:, limb])
-        arms = np.einsum("fij,mj->fmi", rotations[:, limb], points) * heard[..., np.newaxis]
-        errors.add(tree, limb, rotations, arms, heard, fixed[:, limb])
-    return PosedTree(ChainPoses(origins[:, 0].copy(), rotations), fixed, PoseCovariances(errors.origins, errors.turns))
-
-
-def _place_root(
-    points: Floats, places: Floats, heard: Bools, positions: Floats, before: Floats
-) -> tuple[Floats, Floats, Bools]:
-    """Place the root by its markers; where it has none, at the middle of all others."""
-    fixed = determines_pose(points, heard)
-    poses = fit_transform(points, places, heard & fixed[:, np.newaxis])
-    turn = np.where(fixed[:, np.newaxis, np.newaxis], poses[:, :3, :3], before)
-    gaps = np.where(heard[..., np.newaxis], places - np.einsum("fij,mj->fmi", turn, points), 0.0).sum(axis=1)
-    count = heard.sum(axis=1)[:, np.newaxis]
-    return turn, np.where(count > 0, gaps / np.maximum(count, 1), np.nanmean(positions, axis=1)), fixed
+        own = chain.limb_of_marker == limb
+        arms = np.einsum("fij,mj->fmi", poses.rotations[:, limb], chain.offsets[own]) * seen[:, own, np.newaxis]
+        errors.add(tree, limb, poses.rotations, arms, seen[:, own], fixed[:, limb])
+    return PoseCovariances(errors.origins, errors.turns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,11 +207,11 @@ class _Errors:
     def empty(cls, n_frames: int, n_limbs: int) -> _Errors:
         return cls(*np.zeros((4, n_frames, n_limbs, 3, 3)))
 
-    def add(self, tree: SkeletonTree, limb: int, rotations: Floats, arms: Floats, heard: Bools, fixed: Bools) -> None:
+    def add(self, tree: SkeletonTree, limb: int, rotations: Floats, arms: Floats, seen: Bools, fixed: Bools) -> None:
         """Carry errors to a limb whose markers have arms [mm], shape (n_frames, n_own, 3), 0 where unseen."""
         noise, parent = max(tree.noise, LEAST_NOISE), int(tree.chain.parents[limb])
         if parent < 0:
-            self._add_root(arms, heard, fixed, noise)
+            self._add_root(arms, seen, fixed, noise)
             return
         lever = -cross_matrix(rotations[:, parent] @ tree.chain.joints[limb])
         before, mixed = self.world_turns[:, parent], self.mixed[:, parent]
@@ -140,8 +236,8 @@ class _Errors:
         back = rotations[:, parent].swapaxes(1, 2)
         self.turns[:, limb] = back @ relative @ rotations[:, parent]
 
-    def _add_root(self, arms: Floats, heard: Bools, fixed: Bools, noise: float) -> None:
-        count = heard.sum(axis=1)[:, np.newaxis, np.newaxis]
+    def _add_root(self, arms: Floats, seen: Bools, fixed: Bools, noise: float) -> None:
+        count = seen.sum(axis=1)[:, np.newaxis, np.newaxis]
         information = np.zeros((len(arms), 6, 6))
         moment = cross_matrix(arms.sum(axis=1))
         information[:, :3, :3] = count * np.eye(3)

@@ -2,7 +2,6 @@
 
 from skelgen.stages.skeleton.assembly import Body, assemble, cut_out
 from skelgen.stages.skeleton.loops import BodyRings, all_poses
-from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.posing import out_of_line, posed_with_care, without_outliers
 from skelgen.stages.skeleton.stage import fit_skeleton
@@ -16,7 +15,6 @@ __all__ = [
     "cut_out",
     "fit_skeleton",
     "out_of_line",
-    "pose_outward",
     "posed_with_care",
     "without_outliers",
 ]

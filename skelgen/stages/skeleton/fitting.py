@@ -13,6 +13,7 @@ from skelgen.kinematics.calibration.closed_loops import ClosedCalibration
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.inverse.poses import fit_poses
+from skelgen.kinematics.inverse.root_outward import pose_outward
 from skelgen.kinematics.joints.joint_type import JointKind, KindLimits
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
 from skelgen.kinematics.soft_tissue.model import SoftTissue
@@ -31,7 +32,6 @@ from skelgen.stages.skeleton.joints import (
     with_noise_of_poses,
 )
 from skelgen.stages.skeleton.loops import FOUND, BodyRings, closed_body
-from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.posing import out_of_line, posed_with_care, without_outliers
 
@@ -124,7 +124,7 @@ def fit_body(
     frames = _determined_frames(posed, parameters.samples)
     wanted = _wanted_kinds(parameters, body)
     first, kinds = _first_fit(chain, start[frames], trusted[frames], posed[frames], parameters, wanted, are_poses)
-    poses, seen = pose_outward(first.chain, trusted, body.raw_joints, rotator, parameters.flatness)
+    poses, seen = pose_outward(first.chain, trusted, body.raw_joints, rotator=rotator, flatness=parameters.flatness)
     found = _Fit(first, kinds, poses, trusted, frames, lasting(first, trusted[frames]))
     if parameters.fit == "whole-chain":
         found = _whole_fit(found, set(wanted), parameters, are_poses, rings)

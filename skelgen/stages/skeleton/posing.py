@@ -10,10 +10,10 @@ from skelgen.geometry.rotations import fill_rotations
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.inverse.poses import fit_poses
+from skelgen.kinematics.inverse.root_outward import pose_outward
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.skeleton.assembly import Body
 from skelgen.stages.skeleton.loops import BodyRings, all_poses
-from skelgen.stages.skeleton.outward import pose_outward
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
 
@@ -34,12 +34,12 @@ def without_outliers(
         Closed form of absolute orientation.
     """
     trusted = body.positions
-    poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
+    poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator=rotator, flatness=parameters.flatness)
     for find in (out_of_reach, out_of_place):
         outliers = find(chain, poses, posed, trusted, parameters.outlier_limit)
         if outliers.any():
             trusted = np.where(outliers[..., np.newaxis], np.nan, trusted)
-            poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator, parameters.flatness)
+            poses, posed = pose_outward(chain, trusted, body.raw_joints, rotator=rotator, flatness=parameters.flatness)
     return trusted, poses, posed
 
 

@@ -16,11 +16,12 @@ from skelgen.geometry.orientation import fit_transform, rotation_by_quaternion
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.bodies.shape import FLATNESS, determines_pose
 from skelgen.kinematics.chain.chain import Chain
+from skelgen.kinematics.inverse.root_outward import pose_outward
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.limbs import find_limbs
-from skelgen.stages.skeleton import Body, SkeletonParameters, assemble, cut_out, pose_outward
+from skelgen.stages.skeleton import Body, SkeletonParameters, assemble, cut_out
 
 GATE_DEVIATIONS = 6.0
 """A point is explained by a marker that is nearer than this many typical residuals."""
@@ -270,7 +271,7 @@ def _pose(trees: list[Tree], positions: Floats) -> Poses:
         own, by_own[:, tree.limbs] = _own_poses(tree.chain, places)
         joints = own[..., :3, 3].copy()  # a limb's origin is the joint to its parent
         joints[:, 0] = np.nan
-        found, posed[:, tree.limbs] = pose_outward(tree.chain, places, joints, rotation_by_quaternion, FLATNESS)
+        found, posed[:, tree.limbs] = pose_outward(tree.chain, places, joints)
         chained = transform_from(found.rotations, found.origins(tree.chain))
         poses[:, tree.limbs] = np.where(by_own[:, tree.limbs, np.newaxis, np.newaxis], own, chained)
     return Poses(poses, by_own, _widened(posed | by_own, STEADY_FRAMES))
