@@ -92,7 +92,10 @@ def telling_of_compiling(tell: Callable[[], None]) -> Iterator[None]:
 def _compiled(function: _Function, **options: bool) -> _Function:
     import numba  # noqa: PLC0415 - a quarter of a second
 
+    from skelgen._kernels import _introduce  # noqa: PLC0415 - until the last loops have moved there
+
     _listen()
+    _introduce()
     njit = cast(Any, numba.njit)  # whose stubs lack some of these words
     compiled = njit(cache=True, nogil=True, error_model="numpy", **options)(function)
     _forget_stale(Path(compiled.stats.cache_path), Path(function.__code__.co_filename).stem)

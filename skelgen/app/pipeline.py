@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-from functools import partial
 
 from threadpoolctl import threadpool_limits
 
+from skelgen._kernels import announce_compiling
 from skelgen.app.configuration import Settings
 from skelgen.app.inputs import check_take
 from skelgen.app.stages import PIPELINE, Stage, Wishes, stage_names
-from skelgen.compiling import telling_of_compiling
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Project, StageReport
 from skelgen.progress import SILENT, Monitor
@@ -77,7 +76,7 @@ def _run(stage: Stage, project: Project, settings: Settings, wishes: Wishes, mon
     collecting.begin(stage.name)
     parameters = None if stage.given(project) else settings.of(stage.name)
     started = time.perf_counter()
-    with telling_of_compiling(partial(monitor.begin, f"{stage.name}: compiling loops, this once")):
+    with announce_compiling(lambda kernel: monitor.begin(f"{stage.name}: compiling {kernel}, this once")):
         results = stage.compute(project, parameters, wishes, collecting)
     seconds = time.perf_counter() - started
     if parameters is None:

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
+from skelgen._kernels.small_matrices import factorise, solve
 from skelgen.capture.bodies.compiled_pose import inverse, turn, weighed
-from skelgen.capture.compiled_algebra import factorise, solve
 from skelgen.capture.plain_filter import GROWTH, N_STATE, Corrected
 from skelgen.compiling import compile_function
 from skelgen.model.arrays import Floats

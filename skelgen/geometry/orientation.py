@@ -1,24 +1,20 @@
 """Absolute orientation: the rigid motion that brings one set of points onto another, batched over frames.
 
 Two closed forms of the same least squares problem: the unit quaternion as the eigenvector of Horn's symmetric matrix N
-(Horn 1987; the seed's 3.7, with a symmetric eigensolver for few frames, and the roots of the quartic for many), and the
+(Horn 1987; Schönauer 2007, 3.7; by the roots of the quartic, and by an eigensolver where these are not sure), and the
 singular value decomposition (Umeyama 1991). Neither ever returns a reflection.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import ModuleType
 
 import numpy as np
 
-from skelgen.compiling import in_order, loops
-from skelgen.geometry import plain
+from skelgen._kernels import absolute_orientation as kernels
+from skelgen._kernels import contiguous
 from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.model.arrays import Bools, Floats
-
-MANY_FRAMES = 100
-"""From here on the quartic is faster than an eigensolver, and compiled loops are worth the import of numba."""
 
 Rotator = Callable[[Floats], Floats]
 
@@ -32,9 +28,7 @@ def rotation_by_quaternion(moments: Floats) -> Floats:
         M = sum of (target point) (source point)^T.
     """
     flat = moments.reshape(-1, 3, 3)
-    if len(flat) < MANY_FRAMES:
-        return _by_eigenvectors(flat).reshape(moments.shape)
-    turns, sure = _twin(len(flat)).fast_rotations(*in_order(flat))
+    turns, sure = kernels.fast_rotations(*contiguous(flat))
     if not sure.all():
         turns[~sure] = _by_eigenvectors(flat[~sure])
     return np.asarray(turns.reshape(moments.shape))
@@ -54,7 +48,7 @@ def _by_eigenvectors(moments: Floats) -> Floats:
 
 
 def rotation_by_svd(moments: Floats) -> Floats:
-    """Return the rotations R that maximise trace(R^T M), by the singular value decomposition; see the twin above."""
+    """Return the rotations R that maximise trace(R^T M), by the singular value decomposition."""
     u, _, vt = np.linalg.svd(moments)
     sign = np.where(np.linalg.det(u) * np.linalg.det(vt) < 0, -1.0, 1.0)
     u = u.copy()
@@ -88,7 +82,7 @@ def fit_transform(source: Floats, target: Floats, seen: Bools, rotator: Rotator 
     shape = seen.shape
     flat = seen.reshape(-1, shape[-1])
     source, target = (np.reshape(one, (-1, shape[-1], 3)) for one in (source, target))
-    moments, before, after, count = _twin(len(flat)).moments_of(*in_order(source, target, flat))
+    moments, before, after, count = kernels.moments_of(*contiguous(source, target, flat))
     rotation = rotator(moments)
     transform = transform_from(rotation, after - (rotation @ before[..., np.newaxis])[..., 0])
     transform[count == 0] = np.nan
@@ -96,14 +90,10 @@ def fit_transform(source: Floats, target: Floats, seen: Bools, rotator: Rotator 
 
 
 def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) -> Floats:
-    """Return the moments of two sets of points about given centres, for a `Rotator`; see `plain.moments_about`."""
-    return np.asarray(_twin(len(target)).moments_about(*in_order(source, target, centres, seen)))
+    """Return the moments of two sets of points about given centres, for a `Rotator`; see the kernel."""
+    return np.asarray(kernels.moments_about(*contiguous(source, target, centres, seen)))
 
 
 def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:
-    """Return the mean of each point in the frame of a body, shape (n_points, 3), mm; see `plain.means_in_body`."""
-    return np.asarray(_twin(len(poses)).means_in_body(*in_order(poses, places, seen)))
-
-
-def _twin(n_frames: int) -> ModuleType:
-    return loops("skelgen.geometry.compiled", "skelgen.geometry.plain") if n_frames >= MANY_FRAMES else plain
+    """Return the mean of each point in the frame of a body, shape (n_points, 3), mm; see the kernel."""
+    return np.asarray(kernels.means_in_body(*contiguous(poses, places, seen)))

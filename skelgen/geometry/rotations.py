@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from skelgen._kernels.small_matrices import SMALL_ANGLE
 from skelgen.model.arrays import Bools, Floats, Ints
-
-SMALL_ANGLE = 1e-8
-"""Below this [rad] the series of sin(x)/x is exact to double precision with its first term."""
 
 
 def matrix_from_quaternion(quaternion_wxyz: Floats) -> Floats:

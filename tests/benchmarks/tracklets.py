@@ -61,7 +61,7 @@ def main() -> None:
     show_machine()
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[3] / "shared" / "data"
     with threadpool_limits(limits=1):
-        follow_points(simulate("rods", n_frames=10, labelled=False).take, LabelParameters(), compiled=True)
+        follow_points(simulate("rods", n_frames=10, labelled=False).take, LabelParameters())
         rows = [_row(name, [_simulated(kind, seed, options) for seed in SEEDS]) for name, kind, options in CASES]
         for merged in MERGED:
             rows.append(_row(f"crossing, merged {merged:g} mm", [crossing(seed, merged) for seed in SEEDS]))
@@ -88,7 +88,7 @@ def _row(name: str, takes: list[tuple[PointCloud, np.ndarray]]) -> tuple[str, ..
 
 def _figures(cloud: PointCloud, marker: np.ndarray) -> tuple[float, ...]:
     started = time.process_time()
-    owner, _ = follow_points(cloud, LabelParameters(), compiled=True)
+    owner, _ = follow_points(cloud, LabelParameters())
     speed = cloud.n_frames / (time.process_time() - started)
     tracked = owner >= 0
     counts = np.zeros((int(owner.max()) + 1, int(marker.max()) + 2), dtype=np.intp)

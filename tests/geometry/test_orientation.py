@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from skelgen._kernels.absolute_orientation import fast_rotations
 from skelgen.geometry.orientation import ROTATORS, fit_transform, rotation_by_svd
-from skelgen.geometry.quartic import fast_rotations
 from skelgen.geometry.rotations import matrix_from_vector
 
 ROUNDING = 1e-9  # mm, for coordinates of some 1000 mm

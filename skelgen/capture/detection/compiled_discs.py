@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from skelgen.capture.compiled_algebra import factorise, solve
+from skelgen._kernels.small_matrices import factorise, solve
 from skelgen.capture.detection.discs import (
     FAR_OFF,
     FIRST_DAMPING,

@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.compiling import in_order
+from skelgen._kernels import contiguous
+from skelgen._kernels.joint_models import whitened
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix, transform_from, vector_from_matrix
-from skelgen.kinematics.chain.schur_complement import kind_loops
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints, check_floats
 
@@ -202,7 +202,7 @@ def whitener(covariances: Floats) -> Floats:
     """Return matrices W with W^T W = covariance^-1, shape (n, k, k); a ridge keeps exact poses weighable."""
     diagonal = np.einsum("fii->fi", covariances).mean(axis=0)
     ridge = np.maximum(_SINGULAR_RIDGE * diagonal, np.finfo(np.float64).tiny)
-    return np.asarray(kind_loops().whitened(*in_order(covariances + np.diag(ridge))))
+    return np.asarray(whitened(*contiguous(covariances + np.diag(ridge))))
 
 
 def body_index(poses: Poses, body: int | str) -> int:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from skelgen._kernels.information import PARALLEL
 from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation
 from skelgen.model.arrays import Floats, Ints
 
@@ -21,9 +22,6 @@ FREEDOMS = {"ball": 3, "undetermined": 3, "universal": 2, "hinge": 1, "rigid": 0
 AXIS_CONSTANTS = {"ball": 0, "undetermined": 0, "universal": 3, "hinge": 2, "rigid": 0}
 """Constants of the axes: two tilts in the parent, and the angle between the axes of a universal joint. The frame
 of the child is free to turn, which takes up the rest."""
-
-PARALLEL = 1e-9
-"""Sine below which two directions have no common perpendicular."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,18 +14,13 @@ the sum running over the joints b on the way from the root. Turning limb a by a 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from types import ModuleType
 
 import numpy as np
 
-from skelgen.compiling import in_order, loops
-from skelgen.geometry.orientation import MANY_FRAMES
+from skelgen._kernels import contiguous
+from skelgen._kernels.chain import errors_of, markers_of, origins_of, turned_back
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics import plain_chain
 from skelgen.model.arrays import Bools, Floats, Ints
-
-CHUNK_FRAMES = 1024
-"""Frames solved together: enough that calls cost little, few enough that a limb's arrays stay in the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,13 +94,13 @@ class ChainPoses:
 
     def origins(self, chain: Chain) -> Floats:
         """World positions of the limbs' origins [mm], shape (n_frames, n_limbs, 3)."""
-        pose = in_order(chain.parents, chain.joints, self.root, self.rotations)
-        return np.asarray(chain_loops(len(self.root)).origins_of(*pose))
+        pose = contiguous(chain.parents, chain.joints, self.root, self.rotations)
+        return np.asarray(origins_of(*pose))
 
     def markers(self, chain: Chain) -> Floats:
         """World positions of the markers [mm], shape (n_frames, n_markers, 3)."""
-        places = in_order(self.origins(chain), self.rotations, chain.limb_of_marker, chain.offsets)
-        return np.asarray(chain_loops(len(self.root)).markers_of(*places))
+        places = contiguous(self.origins(chain), self.rotations, chain.limb_of_marker, chain.offsets)
+        return np.asarray(markers_of(*places))
 
     def stepped(self, step: Floats) -> ChainPoses:
         """Apply translations and rotation vectors, shape (n_frames, 3 + 3 n_limbs)."""
@@ -124,18 +119,13 @@ def seen_weights(positions: Floats, weights: Floats | None = None) -> Floats:
 
 def residuals(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
     """Measured minus predicted markers [mm], zero where unseen, shape (n_frames, n_markers, 3)."""
-    return np.asarray(chain_loops(len(positions)).errors_of(*in_order(positions, poses.markers(chain))))
+    return np.asarray(errors_of(*contiguous(positions, poses.markers(chain))))
 
 
 def residuals_in_limbs(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
     """Residuals in the limbs' frames [mm], where soft tissue lasts, shape (n_frames, n_markers, 3)."""
-    turned = in_order(poses.rotations, chain.limb_of_marker, residuals(chain, poses, positions))
-    return np.asarray(chain_loops(len(positions)).turned_back(*turned))
-
-
-def chain_loops(n_frames: int) -> ModuleType:
-    """Return loops over frames: compiled ones from so many frames on that they are worth the import of numba."""
-    return loops("skelgen.kinematics.compiled_chain", plain_chain.__name__) if n_frames >= MANY_FRAMES else plain_chain
+    turned = contiguous(poses.rotations, chain.limb_of_marker, residuals(chain, poses, positions))
+    return np.asarray(turned_back(*turned))
 
 
 def world_arms(body_arms: Floats, poses: ChainPoses) -> Floats:

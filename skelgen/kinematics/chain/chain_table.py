@@ -1,45 +1,17 @@
-"""A chain and its joints as plain arrays, as compiled loops take them."""
+"""A chain and its joints as plain arrays, as kernels take them."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
+from skelgen._kernels.posing import ChainTable
 from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
 from skelgen.kinematics.chain.chain import Chain
-from skelgen.model.arrays import Floats, Ints
-
-
-class ChainTable(NamedTuple):
-    """A chain with what its joints allow; markers are sorted by limb.
-
-    Attributes
-    ----------
-    parents, freedoms : ndarray of intp, shape (n_limbs,)
-        Parent of each limb, and how many turns its joint allows.
-    in_parent, in_child, joints : ndarray, shape (n_limbs, 3)
-        Of `Articulation` and `Chain`.
-    markers : ndarray of intp, shape (n_markers,)
-        Markers in the order of their limbs.
-    starts : ndarray of intp, shape (n_limbs + 1,)
-        Where those of each limb begin among them.
-    offsets : ndarray, shape (n_markers, 3), mm
-        Of the markers in this order.
-    """
-
-    parents: Ints
-    freedoms: Ints
-    in_parent: Floats
-    in_child: Floats
-    joints: Floats
-    markers: Ints
-    starts: Ints
-    offsets: Floats
+from skelgen.model.arrays import Floats
 
 
 def chain_table(chain: Chain, articulation: Articulation) -> ChainTable:
-    """Return the table of a chain: copies, so that loops are compiled for one sort of arrays only."""
+    """Return the table of a chain: copies, so that kernels are compiled for one sort of arrays only."""
     markers = np.argsort(chain.limb_of_marker, kind="stable").astype(np.intp)
     limbs = np.arange(chain.n_limbs + 1)
     return ChainTable(

@@ -11,17 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.compiling import loops
+from skelgen._kernels.gradient import add_pulls
+from skelgen._kernels.information import POSE_RIDGE, Columns, add_frames
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import CHUNK_FRAMES, Chain, ChainPoses, residuals, seen_weights, world_arms
-from skelgen.model.arrays import Bools, Floats
+from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights, world_arms
+from skelgen.kinematics.chain.chain_table import chain_table, fresh
+from skelgen.model.arrays import Bools, Floats, Ints
 
 CHUNK_FLOATS = 1_000_000
 """Entries of the largest border held at once: 8 MB."""
 
-POSE_RIDGE = 1e-12
-"""Relative ridge under a frame's normal matrix: for turns that no marker determines."""
+CHUNK_FRAMES = 1024
+"""Frames that are summed together before they are added to the others: sums of sums round less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,12 +203,15 @@ def total_information(
     weights : ndarray, shape (n_frames, n_markers), optional
         Of the squared distances.
     """
-    twin = loops("skelgen.kinematics.compiled_information", "skelgen.kinematics.plain_information")
     weights = seen_weights(positions, weights)
-    total = np.zeros((n_constants(chain, articulation),) * 2)
+    table = chain_table(chain, articulation)
+    columns, places = columns_of(chain, articulation)
+    total = np.zeros((len(places), len(places)))
     for first in range(0, len(weights), CHUNK_FRAMES):
         part = slice(first, first + CHUNK_FRAMES)
-        total += twin.summed(chain, articulation, poses[part], weights[part])
+        found = np.zeros_like(total)
+        add_frames(table, columns, fresh(poses.rotations[part]), fresh(weights[part]), found)
+        total[np.ix_(places, places)] += np.triu(found) + np.triu(found, 1).T
     return total
 
 
@@ -224,12 +229,40 @@ def constant_gradient(
     weights : ndarray, shape (n_frames, n_markers)
         Of the squared distances, 0 where unseen.
     """
-    twin = loops("skelgen.kinematics.compiled_pull", "skelgen.kinematics.plain_pull")
-    total = np.zeros(n_constants(chain, articulation))
+    table = chain_table(chain, articulation)
+    columns, places = columns_of(chain, articulation)
+    total = np.zeros(len(places))
     for first in range(0, len(positions), CHUNK_FRAMES):
         part = slice(first, first + CHUNK_FRAMES)
-        total += twin.summed(chain, articulation, poses[part], positions[part], weights[part])
+        pose = fresh(poses.root[part]), fresh(poses.rotations[part])
+        found = np.zeros_like(total)
+        add_pulls(table, columns, *pose, fresh(positions[part]), fresh(weights[part]), found)
+        total[places] += found
     return total
+
+
+def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
+    """Where the constants stand, and which of `Calibration.information` each of them is."""
+    n_limbs, n_offsets = chain.n_limbs, 3 * chain.n_markers
+    below = chain.ancestry()
+    order = sorted(range(n_limbs), key=lambda limb: [int(one) for one in np.flatnonzero(below[:, limb])])
+    own = []
+    for limb in range(n_limbs):
+        joint = np.arange(3) + n_offsets + 3 * (limb - 1) if limb else np.zeros(0, dtype=np.intp)
+        axes = articulation.constant_columns[limb]
+        tilts = np.arange(axes.start, axes.stop) + n_offsets + 3 * (n_limbs - 1)
+        markers = np.flatnonzero(chain.limb_of_marker == limb)
+        own.append(np.concatenate([joint, tilts, (3 * markers[:, np.newaxis] + np.arange(3)).ravel()]))
+    sizes = np.array([len(one) for one in own])
+    first = np.empty(n_limbs, dtype=np.intp)
+    first[order] = np.cumsum(sizes[order]) - sizes[order]
+    directions = np.zeros((n_limbs, 2, 3))
+    n_tilts = np.array([AXIS_CONSTANTS[kind] for kind in articulation.kinds], dtype=np.intp)
+    for limb in np.flatnonzero(n_tilts).tolist():
+        directions[limb] = across(articulation.in_parent[limb]).T
+    last = first + below @ sizes
+    places = np.concatenate([own[limb] for limb in order]).astype(np.intp)
+    return Columns(np.array(order, dtype=np.intp), first, last.astype(np.intp), n_tilts, directions), places
 
 
 def normal_equations(

@@ -8,26 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Generic, TypeVar
 
 import numpy as np
 
-from skelgen.compiling import in_order, loops
+from skelgen._kernels import contiguous
+from skelgen._kernels.joint_models import OWN_RIDGE, RANK_TOLERANCE, STEP_PARTS, eliminate
 from skelgen.model.arrays import Floats
 
 MAX_ROUNDS = 30
-STEP_PARTS = (1.0, 0.3, 0.1, 0.01)
-"""Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
-
 LEAST_GAIN = 1e-7
 """Rounds stop when the sum of squares falls by less than this part: the next would gain its square."""
-
-RANK_TOLERANCE = 1e-12
-"""Directions whose information is below this part of the largest are not determined: double precision ends there."""
-
-OWN_RIDGE = 1e-14
-"""Of a frame's own normal matrix: keeps angles that nothing measures in place."""
 
 State = TypeVar("State")
 
@@ -107,7 +98,8 @@ class BorderedSolution:
 
 def solve_bordered(linear: LinearisedProblem) -> BorderedSolution:
     """Solve a linear problem by eliminating the frames' own unknowns."""
-    inverse, follow, alone, reduced, left, normal, pull = _eliminated(linear)
+    given = contiguous(linear.residuals, linear.constants, linear.angles)
+    inverse, follow, alone, reduced, left, normal, pull = eliminate(*given)
     covariance, unknown = pseudo_inverse(normal)
     step = covariance @ pull
     return BorderedSolution(
@@ -120,19 +112,6 @@ def solve_bordered(linear: LinearisedProblem) -> BorderedSolution:
         follow=follow,
         reduced=reduced,
     )
-
-
-def _eliminated(linear: LinearisedProblem) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]:
-    """What is left when the frames' own unknowns are taken out; see `plain_kinds.eliminate`."""
-    found: tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats] = kind_loops().eliminate(
-        *in_order(linear.residuals, linear.constants, linear.angles)
-    )
-    return found
-
-
-def kind_loops() -> ModuleType:
-    """Return the compiled loops over frames, or their plain twin."""
-    return loops("skelgen.kinematics.compiled_kinds", "skelgen.kinematics.plain_kinds")
 
 
 def gain_of_frames(slopes: Floats) -> tuple[Floats, Floats]:

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.compiling import loops
+from skelgen._kernels.pose_covariances import walk_outward
+from skelgen._kernels.posing import settle_frames
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import CHUNK_FRAMES, Chain, ChainPoses, seen_weights
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, seen_weights
+from skelgen.kinematics.chain.chain_table import chain_table, fresh
 from skelgen.model.arrays import Floats
 
 MAX_STEPS = 15
@@ -43,13 +45,9 @@ def fit_poses(
         Gauss-Newton steps at most.
     """
     articulation = articulation or Articulation.free(chain.n_limbs)
-    twin = loops("skelgen.kinematics.compiled_posing", "skelgen.kinematics.plain_posing")
-    fitted = ChainPoses(np.empty(start.root.shape), np.empty(start.rotations.shape))
-    for first in range(0, len(positions), CHUNK_FRAMES):
-        part = slice(first, first + CHUNK_FRAMES)
-        heard = seen_weights(positions[part], None if weights is None else weights[part])
-        found = twin.settled(chain, articulation, start[part], positions[part], heard, max_steps)
-        fitted.root[part], fitted.rotations[part] = found.root, found.rotations
+    fitted = ChainPoses(fresh(start.root), fresh(start.rotations))
+    measured = fresh(positions), fresh(seen_weights(positions, weights))
+    settle_frames(chain_table(chain, articulation), *measured, fitted.root, fitted.rotations, max_steps)
     return fitted
 
 
@@ -100,14 +98,9 @@ def pose_covariances(
     weights : ndarray, shape (n_frames, n_markers), optional
         Of the squared distances; 1 if not given.
     """
-    twin = loops("skelgen.kinematics.compiled_covariances", "skelgen.kinematics.plain_covariances")
     known = max(noise, LEAST_NOISE)
     levels = (known / UNKNOWN_TURN) ** 2, (known / UNKNOWN_SHIFT) ** 2
-    shape = (len(positions), chain.n_limbs, 3, 3)
-    found = PoseCovariances(np.empty(shape), np.empty(shape))
-    for first in range(0, len(positions), CHUNK_FRAMES):
-        part = slice(first, first + CHUNK_FRAMES)
-        heard = seen_weights(positions[part], None if weights is None else weights[part])
-        origins, turns = twin.outward(chain, articulation, poses[part], heard, levels)
-        found.origins[part], found.turns[part] = noise**2 * origins, noise**2 * turns
-    return found
+    origins, turns = np.empty(poses.rotations.shape), np.empty(poses.rotations.shape)
+    used = fresh(seen_weights(positions, weights))
+    walk_outward(chain_table(chain, articulation), fresh(poses.rotations), used, levels, origins, turns)
+    return PoseCovariances(noise**2 * origins, noise**2 * turns)

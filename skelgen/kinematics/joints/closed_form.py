@@ -13,12 +13,12 @@ rotation never turns (the axis of a hinge) are not determined; there the point n
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import ModuleType
 
 import numpy as np
 
-from skelgen.compiling import in_order, loops
-from skelgen.kinematics.chain.schur_complement import kind_loops
+from skelgen._kernels import contiguous
+from skelgen._kernels.ball_joint import fixed_point_sums
+from skelgen._kernels.joint_models import UNIVERSAL_RIDGE, alternated
 from skelgen.kinematics.joints.rotations import HingeRotation, UniversalRotation, frame_along
 from skelgen.model.arrays import Floats, Ints
 
@@ -76,7 +76,7 @@ def fit_fixed_point(
         None if fewer than `MIN_FRAMES` frames show both bodies.
     """
     weights = np.ones(len(first)) if weights is None else weights
-    sums = ball_loops().fixed_point_sums(*in_order(first, second, weights))
+    sums = fixed_point_sums(*contiguous(first, second, weights))
     relative, seen_from_first, seen_from_second, square, n_frames = sums
     if n_frames < MIN_FRAMES:
         return None
@@ -96,11 +96,6 @@ def fit_fixed_point(
         axis_in_second=vt[0],
         n_frames=n_frames,
     )
-
-
-def ball_loops() -> ModuleType:
-    """Return the compiled loops over frames of two bodies, or their plain twin."""
-    return loops("skelgen.kinematics.compiled_ball", "skelgen.kinematics.plain_ball")
 
 
 FEWEST_ON_SPHERE = 5
@@ -223,9 +218,6 @@ N_STARTS = 48
 N_ROUNDS = 4
 """Rounds of alternation from each; the refinement does the rest."""
 
-UNIVERSAL_RIDGE = 1e-6
-"""Of unit variance: axes that never move against each other make no universal joint."""
-
 _GOLDEN = (1 + 5**0.5) / 2
 
 
@@ -240,7 +232,7 @@ def nearest_universal(rotations: Floats) -> UniversalRotation:
     mean = rotations.mean(axis=0)
     flat = (rotations - mean).reshape(len(rotations), 9)
     moments = (flat.T @ flat / len(flat)).reshape(3, 3, 3, 3)
-    second, variances = kind_loops().alternated(moments, mean, _half_sphere(N_STARTS), N_ROUNDS)
+    second, variances = alternated(moments, mean, _half_sphere(N_STARTS), N_ROUNDS)
     best = int(np.argmin(variances))
     first, _ = best_partners(moments, mean, second[best : best + 1])
     second, _ = best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)

@@ -15,20 +15,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtri
 
-from skelgen.compiling import in_order
+from skelgen._kernels import contiguous
+from skelgen._kernels.joint_models import Parts, descended, linearised
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.bodies.relative_poses import whitener
 from skelgen.kinematics.chain.schur_complement import (
     LinearisedProblem,
     effective_frames_of_both,
-    kind_loops,
     solve_bordered,
 )
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
 from skelgen.kinematics.joints.rotations import (
     ConstrainedRotation,
     JointRotation,
-    Parts,
     RigidRotation,
     UniversalRotation,
     axis_covariance,
@@ -229,8 +228,8 @@ def _leftover(
 ) -> TypeFit:
     """Fit one kind, and weigh what it leaves over."""
     start = _start(name, rotations)
-    parts = kind_loops().descended(*_held(start), *in_order(rotations, weight), MAX_ROUNDS, LEAST_GAIN)
-    turning = constrained_rotation(*parts)
+    rotations, weight = contiguous(rotations, weight)
+    turning = constrained_rotation(*descended(*_held(start), rotations, weight, MAX_ROUNDS, LEAST_GAIN))
     linear = _linearised(turning, rotations, weight)
     solution = solve_bordered(linear)
     n_frames, n_rows = len(rotations), 3 - start.n_angles
@@ -283,11 +282,11 @@ def _start(name: str, rotations: Floats) -> ConstrainedRotation:
 
 
 def _linearised(turning: ConstrainedRotation, rotations: Floats, weight: Floats) -> LinearisedProblem:
-    return LinearisedProblem(*kind_loops().linearised(*_held(turning), *in_order(rotations, weight)))
+    return LinearisedProblem(*linearised(*_held(turning), *contiguous(rotations, weight)))
 
 
 def _held(turning: ConstrainedRotation) -> Parts:
-    """Parts of a joint as compiled loops want them."""
+    """Parts of a joint as kernels want them."""
     in_parent, in_child, between, angles = turning.parts()
-    in_parent, in_child, angles = in_order(in_parent, in_child, angles)
+    in_parent, in_child, angles = contiguous(in_parent, in_child, angles)
     return in_parent, in_child, between, angles

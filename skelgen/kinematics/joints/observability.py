@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.compiling import in_order
+from skelgen._kernels import contiguous
+from skelgen._kernels.joint_models import relative_vectors
 from skelgen.geometry.rotations import nearest_rotation
-from skelgen.kinematics.chain.schur_complement import kind_loops
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats
 
@@ -52,7 +52,7 @@ def range_of_motion(relative: Floats) -> RangeOfMotion:
     if not len(relative):
         return RangeOfMotion(np.eye(3), np.zeros(3))
     middle = nearest_rotation(relative.mean(axis=0))
-    turns = kind_loops().relative_vectors(*in_order(middle[np.newaxis], relative)) @ middle.T
+    turns = relative_vectors(*contiguous(middle[np.newaxis], relative)) @ middle.T
     _, vectors = np.linalg.eigh(turns.T @ turns)
     directions = vectors[:, ::-1].T
     along = turns @ directions.T

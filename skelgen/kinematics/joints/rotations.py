@@ -17,13 +17,11 @@ from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
+from skelgen._kernels.joint_models import Parts
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.arrays import Floats
 
 X = np.eye(3)[0]
-
-Parts = tuple[Floats, Floats, float, Floats]
-"""Joint's frames in the parent and in the child, shape (3, 3), the angle between the axes, and the frames' angles."""
 
 
 class JointRotation(Protocol):

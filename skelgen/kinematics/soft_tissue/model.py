@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.compiling import in_order
+from skelgen._kernels import contiguous
+from skelgen._kernels.joint_models import relative_vectors
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.schur_complement import kind_loops
 from skelgen.model.arrays import Bools, Floats, Ints
 
 LEAST_BEND = 0.08
@@ -103,5 +103,5 @@ def _relative(chain: Chain, poses: ChainPoses) -> Floats:
 
 def _vectors(middles: Floats, relative: Floats) -> Floats:
     """Rotation vectors [rad] of each limb from its middle, shape (n_frames, n_limbs, 3)."""
-    found = kind_loops().relative_vectors(*in_order(middles, relative.reshape(-1, 3, 3)))
+    found = relative_vectors(*contiguous(middles, relative.reshape(-1, 3, 3)))
     return np.asarray(found.reshape(relative.shape[:3]))

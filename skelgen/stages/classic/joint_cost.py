@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.compiling import in_order
-from skelgen.kinematics.joints.closed_form import ball_loops
+from skelgen._kernels import contiguous
+from skelgen._kernels.ball_joint import mean_distances
 from skelgen.model.arrays import Floats
 from skelgen.stages.classic.conjugate_gradient import Objective
 from skelgen.stages.joints.parameters import JointParameters
@@ -60,12 +60,6 @@ def joint_cost(markers: Floats, alpha: float) -> Objective:
     return cost
 
 
-def mean_distances(joint: Floats, markers: Floats) -> tuple[Floats, Floats]:
-    """Mean and standard deviation over frames of each marker's distance [mm] to a joint; see `plain_ball`."""
-    found: tuple[Floats, Floats] = ball_loops().mean_distances(*in_order(joint, markers))
-    return found
-
-
 def local_optimum(joint: Floats, markers: Floats, parameters: JointParameters) -> Floats:
     """Move the joint in every frame to where its distances to the markers are nearest to their means (seed 3.5.2).
 
@@ -81,7 +75,7 @@ def local_optimum(joint: Floats, markers: Floats, parameters: JointParameters) -
     parameters : JointParameters
         Limits of the fallback.
     """
-    radii, _ = mean_distances(joint, markers)
+    radii, _ = mean_distances(*contiguous(joint, markers))
     settled, cost = _multilaterate(joint, markers, radii)
     for back in range(1, parameters.max_fallback + 1):
         bad = np.flatnonzero(cost > parameters.max_residual)

@@ -10,14 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.compiling import in_order
+from skelgen._kernels import contiguous
+from skelgen._kernels.ball_joint import both_images, mean_distances
 from skelgen.geometry.robust import quantile_of
 from skelgen.kinematics.bodies.shape import LimbShape
-from skelgen.kinematics.joints.closed_form import FixedPoint, ball_loops, fit_fixed_point, fit_sphere
+from skelgen.kinematics.joints.closed_form import FixedPoint, fit_fixed_point, fit_sphere
 from skelgen.model.arrays import Floats
 from skelgen.progress import Monitor
 from skelgen.stages.classic.conjugate_gradient import minimise
-from skelgen.stages.classic.joint_cost import joint_cost, local_optimum, mean_distances
+from skelgen.stages.classic.joint_cost import joint_cost, local_optimum
 from skelgen.stages.joints.parameters import JointParameters
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
 
@@ -114,7 +115,7 @@ def guess_joint(
     if not np.isfinite(guess.square):
         return guess
     markers = np.concatenate([first.markers, second.markers], axis=1)
-    distances, _ = mean_distances(guess.positions, markers)
+    distances, _ = mean_distances(*contiguous(guess.positions, markers))
     return replace(guess, distance=float(distances.mean()))
 
 
@@ -165,7 +166,7 @@ def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess |
 def _images(first: Segment, second: Segment, fit: FixedPoint) -> tuple[Floats, Floats]:
     """Where a joint is in the world, and the square of its gap [mm^2]; see `plain_ball.both_images`."""
     poses = first.shape.world_from_limb, second.shape.world_from_limb
-    found: tuple[Floats, Floats] = ball_loops().both_images(*in_order(*poses, fit.in_first, fit.in_second))
+    found: tuple[Floats, Floats] = both_images(*contiguous(*poses, fit.in_first, fit.in_second))
     return found
 
 
@@ -229,7 +230,7 @@ def _from_descent(
     start = np.asarray(centres[:, usable].mean(axis=0))
     found = minimise(joint_cost(points[usable], alpha), start, parameters, seed)
     refined = local_optimum(found.point, points[usable], parameters)
-    _, spread = mean_distances(refined, points[usable])
+    _, spread = mean_distances(*contiguous(refined, points[usable]))
     n_points = points.shape[1]
     nowhere[usable] = refined
     freedom = n_points / max(n_points - FREE_COORDINATES, 0.5)

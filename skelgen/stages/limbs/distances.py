@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.compiling import loops
+from skelgen._kernels.distance_statistics import pair_sums
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.limbs.parameters import LimbParameters
 
@@ -103,12 +103,11 @@ def _frames_with_both(positions: Floats, pairs: Bools, most: int) -> Ints:
 
 def _deviations(positions: Floats) -> tuple[Floats, Floats, Ints]:
     n_frames, n_markers = positions.shape[:2]
-    fast = loops(f"{__package__}.compiled_pair_sums", f"{__package__}.pair_sums")
     sums, steady_sums = np.zeros((2, 3, n_markers, n_markers))
     shift = np.full((n_markers, n_markers), np.nan)
     step = max(1, CHUNK_FLOATS // max(1, 3 * n_markers))
     for start in range(0, n_frames, step):
-        plain, steady = fast.pair_sums(positions[start : start + step], shift)
+        plain, steady = pair_sums(positions[start : start + step], shift)
         sums += plain
         steady_sums += steady
     plain, steady = (_standard_deviation(*table) for table in (sums, steady_sums))

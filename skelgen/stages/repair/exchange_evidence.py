@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from types import ModuleType
 
 import numpy as np
 
-from skelgen.compiling import loops
+from skelgen._kernels import marker_steps as kernels
 from skelgen.geometry.pairs import pair_lengths
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Floats, Ints
@@ -145,11 +144,6 @@ Cycle = tuple[int, ...]
 """Markers, each of which sits at the next one's place, the last at the first one's."""
 
 
-def step_loops() -> ModuleType:
-    """Return `steps`, or its compiled twin."""
-    return loops("skelgen.stages.repair.compiled_steps", "skelgen.stages.repair.steps")
-
-
 def neighbours_of(positions: Floats, most: int = N_NEIGHBOURS) -> Ints:
     """Nearest markers of each marker by typical distance, itself first, shape (n_markers, up to most + 1)."""
     sample = positions[np.linspace(0, len(positions) - 1, min(len(positions), 60)).astype(np.intp)]
@@ -172,8 +166,7 @@ def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, rate: flo
     ages : ndarray, shape (n_frames, n_chosen)
         Frames since the label was seen.
     """
-    found: tuple[Floats, Floats] = step_loops().expected_places(positions, chosen, neighbours, BRIDGED_SECONDS * rate)
-    return found
+    return kernels.expected_places(positions, chosen, neighbours, BRIDGED_SECONDS * rate)
 
 
 def jumping_cycles(positions: Floats, neighbours: Ints, rate: float) -> tuple[Cycle, ...]:
@@ -203,7 +196,7 @@ def jumping_cycles(positions: Floats, neighbours: Ints, rate: float) -> tuple[Cy
         begin = max(0, start - overlap)
         part = positions[begin : start + step]
         expected, _ = expected_places(part, np.arange(n_markers), neighbours, rate)
-        jumped, target = step_loops().strayed(part[start - begin :], expected[start - begin :], FARTHER)
+        jumped, target = kernels.strayed(part[start - begin :], expected[start - begin :], FARTHER)
         for frame in np.flatnonzero(jumped.any(axis=1)):
             markers = np.flatnonzero(jumped[frame])
             found.update(_cycles(dict(zip(markers.tolist(), target[frame, markers].tolist(), strict=True))))

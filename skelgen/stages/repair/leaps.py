@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from skelgen._kernels.marker_steps import LINE_FRAMES
 from skelgen.model.arrays import Floats
-from skelgen.stages.repair.steps import LINE_FRAMES
 
 COMMON = 99.9
 """Percentile of a measure over the take, which a slip must exceed."""

@@ -15,14 +15,15 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from skelgen._kernels import marker_steps as kernels
+from skelgen._kernels.marker_steps import LINE_FRAMES
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Finding
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.repair.exchange_evidence import N_NEIGHBOURS, neighbours_of, step_loops
+from skelgen.stages.repair.exchange_evidence import N_NEIGHBOURS, neighbours_of
 from skelgen.stages.repair.leaps import COMMON, leaps
-from skelgen.stages.repair.steps import LINE_FRAMES
 
 N_MATES = 5
 """Markers, those at the steadiest distance, against which a place is measured."""
@@ -148,12 +149,12 @@ def find_slips(trajectories: Trajectories, parameters: LabelParameters | None = 
     if trajectories.n_markers < 3 or trajectories.n_frames < 2 * window or window < 2:
         return ()
     positions, names = trajectories.positions, trajectories.names
-    near, fast = neighbours_of(positions, NEAREST), step_loops()
-    steps = fast.jumps(positions.reshape(len(positions), -1)).reshape(positions.shape)
+    near = neighbours_of(positions, NEAREST)
+    steps = kernels.jumps(positions.reshape(len(positions), -1)).reshape(positions.shape)
     found: list[_Found] = []
     for marker in range(trajectories.n_markers):
         beside = near[marker, 1 : N_NEIGHBOURS + 1]
-        seen = fast.relative_steps(steps, marker, beside)
+        seen = kernels.relative_steps(steps, marker, beside)
         seen[np.isnan(seen)] = 0.0
         place = _Place(positions, marker, near[marker, 1:], seen, window)
         found += _slips_of(names, marker, place, seen, parameters.slip_evidence)
@@ -204,13 +205,13 @@ class _Place:
     """Distances of one marker to its mates, how they change from before each frame to after it, and its own step."""
 
     def __init__(self, positions: Floats, marker: int, near: Ints, seen: Floats, window: int) -> None:
-        lengths = step_loops().lengths(positions, marker, near)
-        spread = _spread(step_loops().changes(lengths, window, 0))
+        lengths = kernels.lengths(positions, marker, near)
+        spread = _spread(kernels.changes(lengths, window, 0))
         chosen = np.argsort(spread, kind="stable")[:N_MATES]
         chosen = chosen[np.isfinite(spread[chosen])]
         self.mates, self.spread, self.window = near[chosen], spread[chosen], window
         self.lengths: Floats = np.take(lengths, chosen, axis=1)
-        self.sudden: Floats = step_loops().jumps(self.lengths)
+        self.sudden: Floats = kernels.jumps(self.lengths)
         self._positions, self._marker = positions, marker
         self.step = self._fitted(seen) if len(chosen) else seen
 
@@ -223,7 +224,7 @@ class _Place:
     def later(self) -> list[Floats]:
         """Changes of the distances between means before and some later, over shorter and longer times."""
         windows = [max(round(part * self.window), 2) for part in LASTING_PARTS]
-        return [step_loops().changes(self.lengths, window, GLITCH_FRAMES) for window in windows]
+        return [kernels.changes(self.lengths, window, GLITCH_FRAMES) for window in windows]
 
     @cached_property
     def largest(self) -> float:
@@ -239,7 +240,7 @@ class _Place:
         """
         weights = 1.0 / _spread(self.sudden) ** 2
         direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
-        steps: Floats = step_loops().fitted_steps(
+        steps: Floats = kernels.fitted_steps(
             self._positions, self._marker, self.mates, self.sudden, weights, seen, direct
         )
         return steps
@@ -301,7 +302,7 @@ def _leaps_of(
 def _pace(positions: Floats, marker: int, beside: Ints) -> Floats:
     """Step of a marker from the frame before [mm], less the median one of those beside it, shape (n_frames, 3)."""
     paces = np.diff(positions[:, [marker, *beside]], axis=0, prepend=np.nan)
-    relative: Floats = step_loops().relative_steps(paces, 0, np.arange(1, len(beside) + 1))
+    relative: Floats = kernels.relative_steps(paces, 0, np.arange(1, len(beside) + 1))
     return relative
 
 

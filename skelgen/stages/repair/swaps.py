@@ -14,6 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
+from skelgen._kernels.marker_steps import lengths as lengths_to
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import Finding
@@ -26,7 +27,6 @@ from skelgen.stages.repair.exchange_evidence import (
     jumping_cycles,
     misfits,
     neighbours_of,
-    step_loops,
     weigh,
 )
 from skelgen.stages.repair.limb_distances import RigidModel, limb_pairs, rigid_model, robust_limbs
@@ -262,6 +262,6 @@ def _is_off(positions: Floats, marker: int, model: RigidModel) -> Bools:
     partners = model.partners(marker)
     if not len(partners):
         return np.zeros(len(positions), dtype=bool)
-    lengths = step_loops().lengths(positions, marker, partners)
+    lengths = lengths_to(positions, marker, partners)
     off = np.abs(lengths - model.distance[marker, partners]) / model.spread[marker, partners]
     return np.asarray((off > BAD).sum(axis=1) * 2 >= np.maximum((~np.isnan(off)).sum(axis=1), 1))

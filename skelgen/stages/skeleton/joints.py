@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from skelgen.compiling import in_order
+from skelgen._kernels import contiguous
+from skelgen._kernels.chain import variances_across
 from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES
 from skelgen.kinematics.calibration.calibrate import Calibration
 from skelgen.kinematics.calibration.limb_errors import LimbErrors, limb_errors
 from skelgen.kinematics.calibration.uncertainty import frame_covariances, hinge_axes, inverse_root
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, chain_loops, residuals, residuals_in_limbs
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, residuals_in_limbs
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointKind, KindLimits, find_kind
@@ -282,8 +283,8 @@ def joint_deviations(
     axes = hinge_axes(chain, articulation, some)
     covariances = pose_covariances(chain, articulation, some, positions[frames], last.noise).origins
     shared = growth * _shared(last, chain, poses, positions)
-    held = in_order(covariances, some.rotations, chain.parents, shared, axes)
-    variances = chain_loops(len(frames)).variances_across(*held)
+    held = contiguous(covariances, some.rotations, chain.parents, shared, axes)
+    variances = variances_across(*held)
     deviations = np.sqrt(np.maximum(variances, 0.0))
     if len(frames) == len(positions):
         return np.asarray(deviations)

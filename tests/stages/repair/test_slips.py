@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from skelgen.stages.repair.steps import changes, jumps
 
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.repair import find_slips, repair_take, split_slipped
 from skelgen.stages.repair.leaps import leaps
-from skelgen.stages.repair.steps import changes, jumps
 
 FRAME, SIZE, TOLERANCE = 320, 15.0, 2.0  # mm: lines of eight frames with 0.5 mm noise
 NAME = "head 3"

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.compiling import loops
+from skelgen._kernels.identity_evidence import evidence_of, probabilities
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.confidence.distance_statistics import TINY_SPREAD, look_alikes, usual_distances
@@ -125,13 +125,13 @@ def identity_confidence(
         told = stated.any(axis=0)
         original[told], alone[told], rare[told] = -1, False, False
     usual = usual.without_pieces(original)
-    fast, seen = loops("skelgen.stages.labels.compiled_weighing", "skelgen.stages.labels.weighing"), trajectories.seen
-    evidence, rival, n_seen = fast.evidence_of(
+    seen = trajectories.seen
+    evidence, rival, n_seen = evidence_of(
         trajectories.positions, usual.distance, usual.spread, usual.mates, usual.rivals, usual.reach
     )
     stated = np.zeros((0, 0), dtype=np.bool_) if stated is None else stated
     share = max(1.0, CORRELATED_SECONDS * trajectories.rate)
-    confidence = fast.probabilities(evidence, share, seen, stated, breaks | _after_gaps(seen), prior.right, prior.lost)
+    confidence = probabilities(evidence, share, seen, stated, breaks | _after_gaps(seen), prior.right, prior.lost)
     confidence[:, original >= 0] *= PIECE_RIGHT
     confidence[:, alone] *= ALONE_RIGHT
     confidence[:, rare] *= prior.rare

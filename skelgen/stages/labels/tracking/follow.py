@@ -1,30 +1,27 @@
-"""Follow points from frame to frame into tracks, compiled where that pays and plain elsewhere."""
+"""Follow points from frame to frame into tracks."""
 
 from __future__ import annotations
 
 import itertools
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from skelgen._kernels.tracking import follow_frames
+from skelgen._kernels.tracks import CROWDED, Rules, Tracks
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels import plain
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.innovations import Innovations, Trial, find_innovations, supposed_innovations
 from skelgen.stages.labels.tracking.take import point_weights
-from skelgen.stages.labels.tracks import CROWDED, Rules, Tracks
 
 # More points than this in a frame are no markers but a scanner's surface or noise; it bounds the work per frame.
 MOST_POINTS_PER_FRAME = 10_000
-# Below these numbers of pairs of points the plain twin is done before numba is imported, and before it has compiled.
-_WORTH_IMPORTING, _WORTH_COMPILING = 4_000_000, 40_000_000
-# Work between two calls of the monitor, in pairs of points; about a tenth of a second plain.
+# Work between two calls of the monitor, in pairs of points: milliseconds.
 _PAIRS_PER_CHUNK = 2_000_000
 # The trial follows this many spans of this many frames, spread over the take: a take may begin at rest.
 _TRIAL_SPANS, _TRIAL_FRAMES = 10, 60
@@ -50,12 +47,8 @@ _LONGEST_PAUSE = 1000
 # apart cannot come nearer to each other than 10 mm, while doubles are a millimetre or two apart.
 _DUPLICATE_SPACINGS = 0.05
 
-_Follow = Callable[[Floats, Ints, tuple[Floats, Ints, Ints], Rules, Ints, Floats, Floats, Ints, Floats], None]
 
-
-def follow_points(
-    cloud: PointCloud, parameters: LabelParameters, monitor: Monitor = SILENT, *, compiled: bool | None = None
-) -> tuple[Ints, float]:
+def follow_points(cloud: PointCloud, parameters: LabelParameters, monitor: Monitor = SILENT) -> tuple[Ints, float]:
     """Give each point the identity of the track that it belongs to.
 
     Parameters
@@ -66,8 +59,6 @@ def follow_points(
         How to match, predict and bridge gaps.
     monitor : Monitor
         Hears of the progress and of frames that are left out, and may cancel.
-    compiled : bool or None
-        Use the compiled twin; None decides by the amount of work.
 
     Returns
     -------
@@ -84,14 +75,13 @@ def follow_points(
     kept, counts = _without_crowds(cloud, monitor)
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.intp)
     take = _Take(cloud.points[kept], starts, time_steps(cloud, monitor), point_weights(cloud)[kept])
-    twin = _twin(float((counts.astype(np.float64) ** 2).sum()), compiled)
     spacing = typical_spacing(cloud)
     is_open = not parameters.max_jump and bool(np.ptp(counts) == 0)
     given = _OPEN_SPACINGS * spacing if is_open else parameters.max_jump
-    rules = _find_rules(take, spacing, given, parameters, twin, monitor)
+    rules = _find_rules(take, spacing, given, parameters, monitor)
     if is_open:  # all points of all frames are somebody's: who is who is left to the best assignment of whole frames
         rules = rules._replace(exchange=0.0, duplicate=0.0, tails=np.full(3, _SQUARES), habit=_SQUARES)
-    followed, n_crowded = take.follow(rules, twin, monitor)
+    followed, n_crowded = take.follow(rules, monitor)
     if n_crowded:
         monitor.notice(f"{n_crowded} frames hold too many points close together to be followed, and are left out")
     if len(followed) == cloud.n_points:
@@ -144,7 +134,7 @@ class _Take:
     steps: Ints
     weights: Floats
 
-    def follow(self, rules: Rules, twin: _Follow, monitor: Monitor, told: Floats | None = None) -> tuple[Ints, int]:
+    def follow(self, rules: Rules, monitor: Monitor, told: Floats | None = None) -> tuple[Ints, int]:
         """Track of each point, and the number of frames left out; `told` receives slopes and calm."""
         counts = np.diff(self.starts)
         tracks = Tracks((rules.max_gap + 2) * int(counts.max(initial=1)))
@@ -158,7 +148,7 @@ class _Take:
             points, weights = self.points[span].copy(), self.weights[span].copy()
             heard = np.empty((0, 5)) if told is None else told[span]
             steps = self.steps[first:last]
-            twin(points, starts - span.start, state, rules, found, surprise, weights, steps, heard)
+            follow_frames(points, starts - span.start, state, rules, found, surprise, weights, steps, heard)
             owner[span] = found
             monitor.advance(last, len(counts))
         return owner, int(tracks.totals[CROWDED])
@@ -198,32 +188,13 @@ def _without_crowds(cloud: PointCloud, monitor: Monitor) -> tuple[Bools | slice,
     return np.repeat(~crowded, counts), np.where(crowded, 0, counts)
 
 
-def _twin(n_pairs: float, compiled: bool | None) -> _Follow:
-    """The loop that is done first with so many pairs of points; the plain one where numba cannot keep what it compiles.
-
-    What an earlier run has compiled is there at once, and once imported it serves short takes as well.
-    """
-    is_small = n_pairs < _WORTH_IMPORTING and "skelgen.stages.labels.compiled" not in sys.modules
-    if compiled is False or (compiled is None and is_small):
-        return plain.follow_frames
-    try:
-        from skelgen.stages.labels import compiled as twin  # noqa: PLC0415 - numba takes a second to import
-    except (ImportError, RuntimeError):
-        return plain.follow_frames
-    if compiled or n_pairs > _WORTH_COMPILING or twin.is_compiled():
-        return twin.follow_frames
-    return plain.follow_frames
-
-
-def _find_rules(
-    take: _Take, spacing: float, given: float, parameters: LabelParameters, twin: _Follow, monitor: Monitor
-) -> Rules:
+def _find_rules(take: _Take, spacing: float, given: float, parameters: LabelParameters, monitor: Monitor) -> Rules:
     """Find the rules of a take from how well a trial predicts; with the `given` reach [mm], a wide one if that is 0."""
     sample = take.sampled()
     supposed = rules_of(parameters, given or _MOST_SPACINGS * spacing)
     wide = supposed._replace(mute=0, evidence=0.0, exchange=0.0, duplicate=_DUPLICATE_SPACINGS * spacing)
     told = np.full((len(sample.points), 5), np.nan)
-    owner, _ = sample.follow(wide, twin, monitor, told)
+    owner, _ = sample.follow(wide, monitor, told)
     calm = told[:, 3:] * [wide.scales[0, 0] ** 2, 1.0]
     trial = Trial(sample.points, sample.starts, sample.steps, owner, told[:, :3], calm)
     found = find_innovations(trial, spacing, parameters.max_gap + 1)
@@ -233,7 +204,7 @@ def _find_rules(
     rules = _rules(parameters, found, most, is_given=given > 0, spacing=spacing)
     n_expected = _MOST_BREAKS * owner.max(initial=0)
     for _ in range(0 if given else _MOST_WIDENINGS):
-        tried, _ = sample.follow(rules._replace(mute=0, evidence=0.0, exchange=0.0), twin, monitor)
+        tried, _ = sample.follow(rules._replace(mute=0, evidence=0.0, exchange=0.0), monitor)
         if tried.max(initial=0) <= n_expected:
             break
         found = found.widened()

@@ -1,10 +1,9 @@
-r"""Information of a chain's constants, frame by frame, compiled; `plain_information` is the twin, and says what it is.
+r"""Information of a chain's constants, frame by frame, poses eliminated.
 
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
 
-As in `tree`, what a limb's markers and all beyond it say is a quadratic form in the limb's turn :math:`\omega` and the
-shift :math:`\delta` of its origin, and the turns are minimised out from the leaves to the root. Here the constants c
-come into it on the way, each where it belongs, by columns T and F and what they cost by themselves,
+As in `posing`, what a limb's markers and all beyond it say is a quadratic form in the limb's turn :math:`\omega` and
+the shift :math:`\delta` of its origin, and the turns are minimised out from the leaves to the root. Here the constants
+c come into it on the way, each where it belongs, by columns T and F and what they cost by themselves,
 
 .. math::
     \omega^T T c + \delta^T F c + \tfrac12 c^T S c .
@@ -21,12 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.compiling import compile_function, compile_part, fixed
-from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, PARALLEL, Articulation, across
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.chain_table import ChainTable, chain_table, fresh
-from skelgen.kinematics.chain.normal_equations import POSE_RIDGE
-from skelgen.kinematics.compiled_posing import (
+from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels.posing import (
     BY_SHIFT,
     BY_TURN,
     MIXED,
@@ -34,6 +29,7 @@ from skelgen.kinematics.compiled_posing import (
     N_FORM,
     SHIFT,
     VARIANCE,
+    ChainTable,
     Place,
     carry_form,
     find_forms,
@@ -42,7 +38,7 @@ from skelgen.kinematics.compiled_posing import (
     take_axis,
     world_axis,
 )
-from skelgen.kinematics.compiled_vectors import (
+from skelgen._kernels.small_matrices import (
     Matrix,
     Symmetric,
     Vector,
@@ -60,6 +56,12 @@ from skelgen.kinematics.compiled_vectors import (
     vector,
 )
 from skelgen.model.arrays import Floats, Ints
+
+PARALLEL = 1e-9
+"""Sine below which two directions have no common perpendicular."""
+
+POSE_RIDGE = 1e-12
+"""Relative ridge under a frame's normal matrix: for turns that no marker determines."""
 
 TORQUES, FORCES, ROWS = fixed(0, 3, 6)
 """Rows of the table of columns: T, F, and what a turn that is minimised out leaves."""
@@ -87,41 +89,7 @@ class Columns(NamedTuple):
     across: Floats
 
 
-def summed(chain: Chain, articulation: Articulation, poses: ChainPoses, weights: Floats) -> Floats:
-    """Return the information of some frames; parameters are those of the plain twin."""
-    columns, places = columns_of(chain, articulation)
-    total = np.zeros((len(places), len(places)))
-    add_frames(chain_table(chain, articulation), columns, fresh(poses.rotations), fresh(weights), total)
-    result = np.empty_like(total)
-    result[np.ix_(places, places)] = np.triu(total) + np.triu(total, 1).T
-    return result
-
-
-def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
-    """Where the constants stand, and which of `Calibration.information` each of them is."""
-    n_limbs, n_offsets = chain.n_limbs, 3 * chain.n_markers
-    below = chain.ancestry()
-    order = sorted(range(n_limbs), key=lambda limb: [int(one) for one in np.flatnonzero(below[:, limb])])
-    own = []
-    for limb in range(n_limbs):
-        joint = np.arange(3) + n_offsets + 3 * (limb - 1) if limb else np.zeros(0, dtype=np.intp)
-        axes = articulation.constant_columns[limb]
-        tilts = np.arange(axes.start, axes.stop) + n_offsets + 3 * (n_limbs - 1)
-        markers = np.flatnonzero(chain.limb_of_marker == limb)
-        own.append(np.concatenate([joint, tilts, (3 * markers[:, np.newaxis] + np.arange(3)).ravel()]))
-    sizes = np.array([len(one) for one in own])
-    first = np.empty(n_limbs, dtype=np.intp)
-    first[order] = np.cumsum(sizes[order]) - sizes[order]
-    directions = np.zeros((n_limbs, 2, 3))
-    n_tilts = np.array([AXIS_CONSTANTS[kind] for kind in articulation.kinds], dtype=np.intp)
-    for limb in np.flatnonzero(n_tilts).tolist():
-        directions[limb] = across(articulation.in_parent[limb]).T
-    last = first + below @ sizes
-    places = np.concatenate([own[limb] for limb in order]).astype(np.intp)
-    return Columns(np.array(order, dtype=np.intp), first, last.astype(np.intp), n_tilts, directions), places
-
-
-@compile_function
+@kernel
 def add_frames(table: ChainTable, columns: Columns, rotations: Floats, weights: Floats, total: Floats) -> None:
     """Add what some frames tell to the upper half of S."""
     n_limbs, n_markers = len(table.parents), len(table.markers)
@@ -152,13 +120,13 @@ def add_frames(table: ChainTable, columns: Columns, rotations: Floats, weights: 
         take_rows(factor, work, FORCES, 0, len(total), total)
 
 
-@compile_part
+@kernel_part
 def ridge(diagonal: float) -> float:
-    """What keeps a matrix regular that has this mean diagonal; as `border.with_ridge` has it."""
+    """What keeps a matrix regular that has this mean diagonal: 1 in frames that show nothing."""
     return POSE_RIDGE * diagonal if diagonal > 0.0 else 1.0
 
 
-@compile_part
+@kernel_part
 def mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> float:
     """Return the mean diagonal of all turns' matrix while all of them are unknown."""
     total, n_turns = 0.0, 0
@@ -179,7 +147,7 @@ def mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> 
     return total / n_turns
 
 
-@compile_part
+@kernel_part
 def add_offsets(
     table: ChainTable, columns: Columns, weights: Floats, place: Place, limb: int, work: Floats, total: Floats
 ) -> None:
@@ -197,7 +165,7 @@ def add_offsets(
             column += 1
 
 
-@compile_part
+@kernel_part
 def add_tilts(
     table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats, total: Floats
 ) -> None:
@@ -211,7 +179,7 @@ def add_tilts(
         mix(total, column, 1.0, change, work, TORQUES, column, columns.last[limb])
 
 
-@compile_part
+@kernel_part
 def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: int) -> Vector:
     """Return how a constant of the axis of a limb's joint turns the limb; see `Articulation.axes_of`."""
     if tilt < 2:
@@ -221,7 +189,7 @@ def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: i
     return times(1.0 / size if size > PARALLEL else 0.0, normal)
 
 
-@compile_part
+@kernel_part
 def add_joint(columns: Columns, parent: Matrix, forms: Floats, limb: int, work: Floats, total: Floats) -> None:
     """Let the joint above a limb come in: it shifts the origin."""
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
@@ -233,7 +201,7 @@ def add_joint(columns: Columns, parent: Matrix, forms: Floats, limb: int, work: 
         mix(total, column, 1.0, shift, work, FORCES, column, columns.last[limb])
 
 
-@compile_part
+@kernel_part
 def take_free_turn(forms: Floats, limb: int, level: float, work: Floats, first: int, last: int, total: Floats) -> None:
     """Minimise a free turn out."""
     factor = inverse_root(symmetric(forms, limb, 0), level)
@@ -247,7 +215,7 @@ def take_free_turn(forms: Floats, limb: int, level: float, work: Floats, first: 
     mix(work, FORCES + 2, 1.0, times(-1.0, c), work, ROWS, first, last)
 
 
-@compile_part
+@kernel_part
 def take_rows(factor: Matrix, work: Floats, source: int, first: int, last: int, total: Floats) -> None:
     """Take what three unknowns tell from S, their columns multiplied by the root of their inverse matrix."""
     mix(work, ROWS, 0.0, factor[0], work, source, first, last)
@@ -258,7 +226,7 @@ def take_rows(factor: Matrix, work: Floats, source: int, first: int, last: int, 
         mix(total, row, 1.0, own, work, ROWS, row, last)
 
 
-@compile_part
+@kernel_part
 def take_axes(
     table: ChainTable,
     columns: Columns,
@@ -285,7 +253,7 @@ def take_axes(
             take_row(work, FORCES + part, by_shift[part] / root, work, first, last)
 
 
-@compile_part
+@kernel_part
 def carry_columns(table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats) -> None:
     """Carry a limb's form with its columns to its parent."""
     first, last = columns.first[limb], columns.last[limb]
@@ -297,7 +265,7 @@ def carry_columns(table: ChainTable, columns: Columns, place: Place, forms: Floa
     mix(work, TORQUES + 2, kept, (-y, x, 0.0), work, FORCES, first, last)
 
 
-@compile_part
+@kernel_part
 def inverse_root(matrix: Symmetric, level: float) -> Matrix:
     """Return W with W^T W = (matrix + level)^-1, lower, no pivot below the level."""
     a, b, c, d, e, f = matrix
@@ -314,13 +282,13 @@ def inverse_root(matrix: Symmetric, level: float) -> Matrix:
     )
 
 
-@compile_part
+@kernel_part
 def set_column(work: Floats, top: int, column: int, value: Vector) -> None:
     """Write three numbers one below the other."""
     work[top, column], work[top + 1, column], work[top + 2, column] = value
 
 
-@compile_part
+@kernel_part
 def mix(
     target: Floats, row: int, kept: float, factors: Vector, source: Floats, top: int, first: int, last: int
 ) -> None:
@@ -332,7 +300,7 @@ def mix(
         out[place] = kept * out[place] + a * x[place] + b * y[place] + c * z[place]
 
 
-@compile_part
+@kernel_part
 def take_row(target: Floats, row: int, factor: float, work: Floats, first: int, last: int) -> None:
     """Take a part of the first of what is left by an unknown, times a factor, from a row."""
     out, taken = target[row, first:last], work[ROWS, first:last]

@@ -1,17 +1,15 @@
-"""How sure poses are, frame by frame, compiled; `plain_covariances` does the same for many frames at once.
+"""Covariances of poses, frame by frame, carried from the root outward.
 
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
+`posing.eliminate` says how each limb's turn follows its parent and how sure it is then; so covariances of turn and
+place follow from those of the parent, at a cost that is linear in limbs.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from skelgen.compiling import compile_function, compile_part, fixed
-from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.chain_table import ChainTable, chain_table, fresh
-from skelgen.kinematics.compiled_posing import (
+from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels.posing import (
     AXIS,
     BY_SHIFT,
     BY_TURN,
@@ -21,13 +19,14 @@ from skelgen.kinematics.compiled_posing import (
     N_FORM,
     SHIFT,
     VARIANCE,
+    ChainTable,
     Place,
     eliminate,
     find_forms,
     new_place,
     put,
 )
-from skelgen.kinematics.compiled_vectors import (
+from skelgen._kernels.small_matrices import (
     Matrix,
     Symmetric,
     Vector,
@@ -50,16 +49,7 @@ TURN, MIXED = fixed(0, 1)
 """Which of a limb's covariances: of its turn, and of turn and origin."""
 
 
-def outward(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, weights: Floats, levels: tuple[float, float]
-) -> tuple[Floats, Floats]:
-    """Return covariances of origins and turns; parameters are those of the plain twin."""
-    places, turns = np.empty(poses.rotations.shape), np.empty(poses.rotations.shape)
-    walk_outward(chain_table(chain, articulation), fresh(poses.rotations), fresh(weights), levels, places, turns)
-    return places, turns
-
-
-@compile_function
+@kernel
 def walk_outward(
     table: ChainTable, rotations: Floats, weights: Floats, levels: tuple[float, float], places: Floats, turns: Floats
 ) -> None:
@@ -84,7 +74,7 @@ def walk_outward(
             set_matrix(turns[frame], limb, product(transposed(parent), product(relative, parent)))
 
 
-@compile_part
+@kernel_part
 def limb_outward(table: ChainTable, place: Place, solved: Floats, limb: int, places: Floats, known: Floats) -> Matrix:
     """Carry covariances from a parent to a limb; return that of the turn between them, in the world."""
     parent, lever = table.parents[limb], cross_matrix(vector(place.links, limb, 0))
@@ -102,7 +92,7 @@ def limb_outward(table: ChainTable, place: Place, solved: Floats, limb: int, pla
     return taken(added(matrix(known[limb], TURN), before), both)
 
 
-@compile_part
+@kernel_part
 def keep_free_turn(solved: Floats, limb: int, origin: Matrix, known: Floats) -> None:
     """Keep the covariances of a free turn, of which the limb's origin is known as told."""
     follow = follow_of(solved, limb)
@@ -112,7 +102,7 @@ def keep_free_turn(solved: Floats, limb: int, origin: Matrix, known: Floats) -> 
     set_matrix(known[limb], MIXED, mixed)
 
 
-@compile_part
+@kernel_part
 def keep_axis_turns(
     solved: Floats, limb: int, n_axes: int, before: Matrix, at_link: Matrix, origin: Matrix, known: Floats
 ) -> Matrix:
@@ -133,52 +123,52 @@ def keep_axis_turns(
     return with_parent
 
 
-@compile_part
+@kernel_part
 def follow_of(solved: Floats, limb: int) -> Matrix:
     """How a free turn follows the limb's origin."""
     columns = vector(solved, limb, FOLLOW), vector(solved, limb, FOLLOW + 3), vector(solved, limb, FOLLOW + 6)
     return transposed(columns)
 
 
-@compile_part
+@kernel_part
 def follows(by: Matrix, turn: Vector, beside: Matrix, shift: Vector) -> Vector:
     """Covariance of an angle that follows turn and shift with what these covariances are those of."""
     return times(-1.0, plus(turned(by, turn), turned(beside, shift)))
 
 
-@compile_part
+@kernel_part
 def whole(upper: Symmetric) -> Matrix:
     """Return a symmetric matrix by its rows."""
     a, b, c, d, e, f = upper
     return (a, b, c), (b, d, e), (c, e, f)
 
 
-@compile_part
+@kernel_part
 def cross_matrix(vector: Vector) -> Matrix:
     """Return the matrix [v]x with [v]x u = v x u."""
     x, y, z = vector
     return (0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)
 
 
-@compile_part
+@kernel_part
 def outer(first: Vector, second: Vector) -> Matrix:
     """Return first second^T."""
     return times(first[0], second), times(first[1], second), times(first[2], second)
 
 
-@compile_part
+@kernel_part
 def added(first: Matrix, second: Matrix) -> Matrix:
     """Return first + second."""
     return plus(first[0], second[0]), plus(first[1], second[1]), plus(first[2], second[2])
 
 
-@compile_part
+@kernel_part
 def taken(first: Matrix, second: Matrix) -> Matrix:
     """Return first - second."""
     return minus(first[0], second[0]), minus(first[1], second[1]), minus(first[2], second[2])
 
 
-@compile_part
+@kernel_part
 def negative(matrix: Matrix) -> Matrix:
     """Return -matrix."""
     return times(-1.0, matrix[0]), times(-1.0, matrix[1]), times(-1.0, matrix[2])

@@ -1,6 +1,13 @@
-"""Compiled loops over frames: moments of points, and the rotations that follow from them; `plain` is the NumPy twin.
+r"""Moments of points over frames, and the rotations that fit them best, by Horn's quartic.
 
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
+For moments M the largest eigenvalue of Horn's matrix N is the largest root of
+
+.. math::
+    \lambda^4 - 2 \|M\|^2 \lambda^2 - 8 \det(M) \lambda + 2 \|M^T M\|^2 - \|M\|^4,
+
+found by Newton's method from above, and its quaternion a column of the adjugate of :math:`N - \lambda`. One step of
+Gauss-Newton on the rotation takes off what rounding has left.
+
 """
 
 from __future__ import annotations
@@ -9,14 +16,40 @@ import math
 
 import numpy as np
 
-from skelgen.compiling import compile_function
-from skelgen.geometry.quartic import LEAST_GAPS, LEAST_SLOPE, MAX_STEPS, RIDGE, ROOT_TOLERANCE, TINY
+from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.small_matrices import TINY
 from skelgen.model.arrays import Bools, Floats
 
+LEAST_GAPS = 1e-5
+"""Product of the gaps between the largest eigenvalue and the others, for moments of norm 1. Points on one line have
+none, a double root that is known to eight digits only; flat limbs are far above."""
 
-@compile_function
+MAX_STEPS = 40
+ROOT_TOLERANCE = 1e-14
+LEAST_SLOPE = 1e-6
+"""Newton goes no further than where rounding would rule the slope: at a double root."""
+
+RIDGE = 1e-12
+
+
+@kernel
 def moments_of(source: Floats, target: Floats, seen: Bools) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return moments about the centres, both centres, and how many points are seen; see `plain.moments_of`."""
+    """Return the moments of two sets of points about their centres, both centres, and how many points are seen.
+
+    Parameters
+    ----------
+    source : ndarray, shape (1 or n_frames, n_points, 3), mm
+        Points in the frame of a body.
+    target : ndarray, shape (n_frames, n_points, 3), mm
+        The same points in the world.
+    seen : ndarray of bool, shape (n_frames, n_points)
+        Which count.
+
+    Returns
+    -------
+    tuple of ndarray
+        Shapes (n_frames, 3, 3), (n_frames, 3), (n_frames, 3) and (n_frames,). Centres of no points are NaN.
+    """
     n_frames, n_points = seen.shape
     moments, count = np.zeros((n_frames, 3, 3)), np.zeros(n_frames)
     before, after = np.zeros((n_frames, 3)), np.zeros((n_frames, 3))
@@ -40,9 +73,21 @@ def moments_of(source: Floats, target: Floats, seen: Bools) -> tuple[Floats, Flo
     return moments, before, after, count
 
 
-@compile_function
+@kernel
 def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) -> Floats:
-    """Return moments about given centres; see `plain.moments_about`."""
+    """Return the moments of two sets of points about centres that coincide, shape (n_frames, 3, 3).
+
+    Parameters
+    ----------
+    source : ndarray, shape (n_points, 3), mm
+        Points from the centre, in the frame of a body.
+    target : ndarray, shape (n_frames, n_points, 3), mm
+        The same points in the world.
+    centres : ndarray, shape (n_frames, 3), mm
+        Where the centre is in the world.
+    seen : ndarray of bool, shape (n_frames, n_points)
+        Which points count.
+    """
     moments = np.zeros((len(target), 3, 3))
     for frame in range(len(target)):
         for point in range(len(source)):
@@ -54,9 +99,19 @@ def moments_about(source: Floats, target: Floats, centres: Floats, seen: Bools) 
     return moments
 
 
-@compile_function
+@kernel
 def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:
-    """Return the mean of each point in the frame of a body; see `plain.means_in_body`."""
+    """Return the mean of each point in the frame of a body, shape (n_points, 3), mm; NaN for points never seen.
+
+    Parameters
+    ----------
+    poses : ndarray, shape (n_frames, 4, 4)
+        world_from_body.
+    places : ndarray, shape (n_frames, n_points, 3), mm
+        The points in the world.
+    seen : ndarray of bool, shape (n_frames, n_points)
+        Which count.
+    """
     n_frames, n_points = seen.shape
     total, count = np.zeros((n_points, 3)), np.zeros(n_points)
     for frame in range(n_frames):
@@ -74,9 +129,20 @@ def means_in_body(poses: Floats, places: Floats, seen: Bools) -> Floats:
     return total
 
 
-@compile_function
+@kernel
 def fast_rotations(moments: Floats) -> tuple[Floats, Bools]:
-    """Return the rotations R that maximise trace(R^T M), and where they can be trusted; see `quartic`."""
+    """Return the rotations R that maximise trace(R^T M), and where they can be trusted.
+
+    Parameters
+    ----------
+    moments : ndarray, shape (n_frames, 3, 3)
+        M = sum of (target point) (source point)^T.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_frames, 3, 3) and (n_frames,)
+        Where the second is False, many rotations are nearly as good as the best, and any is given.
+    """
     turns, sure = np.empty_like(moments), np.empty(len(moments), dtype=np.bool_)
     m, turn, room = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3, 3))
     n, columns = np.empty((4, 4)), np.empty((4, 4))
@@ -105,7 +171,7 @@ def fast_rotations(moments: Floats) -> tuple[Floats, Bools]:
     return turns, sure
 
 
-@compile_function
+@kernel_part
 def _largest_root(m: Floats) -> float:
     last = -1.0
     for i in range(3):
@@ -127,7 +193,7 @@ def _largest_root(m: Floats) -> float:
     return root
 
 
-@compile_function
+@kernel_part
 def _fill_horn_matrix(n: Floats, m: Floats, root: float) -> None:
     """Write Horn's matrix minus a root on its diagonal."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
@@ -139,7 +205,7 @@ def _fill_horn_matrix(n: Floats, m: Floats, root: float) -> None:
         n[i + 1, j + 1] = n[j + 1, i + 1] = m[i, j] + m[j, i]
 
 
-@compile_function
+@kernel_part
 def _minors(a: Floats, first: int, second: int) -> tuple[float, float, float, float, float, float]:
     """Minors of two rows: of the columns 01, 02, 03, 12, 13, 23."""
     return (
@@ -152,7 +218,7 @@ def _minors(a: Floats, first: int, second: int) -> tuple[float, float, float, fl
     )
 
 
-@compile_function
+@kernel_part
 def _fill_adjugate(out: Floats, a: Floats) -> None:
     """Write the adjugate of a symmetric matrix (4 x 4), from the minors of two rows each (Laplace)."""
     s, c = _minors(a, 0, 1), _minors(a, 2, 3)
@@ -168,7 +234,7 @@ def _fill_adjugate(out: Floats, a: Floats) -> None:
     out[2, 3] = out[3, 2] = -a[2, 0] * s[4] + a[2, 1] * s[2] - a[2, 3] * s[0]
 
 
-@compile_function
+@kernel_part
 def _fill_matrix(out: Floats, w: float, x: float, y: float, z: float) -> None:
     """Write the rotation of a quaternion that need not be of length 1."""
     scale = 2.0 / (w * w + x * x + y * y + z * z)
@@ -177,7 +243,7 @@ def _fill_matrix(out: Floats, w: float, x: float, y: float, z: float) -> None:
     out[2, 0], out[2, 1], out[2, 2] = scale * (x * z - w * y), scale * (y * z + w * x), 1.0 - scale * (x * x + y * y)
 
 
-@compile_function
+@kernel_part
 def _polish(turn: Floats, m: Floats, room: Floats, out: Floats) -> None:
     """Write the rotation after one step towards that at which turn^T M is symmetric."""
     inner, step = room[0], room[1]

@@ -1,7 +1,4 @@
-"""Compiled loops for what jumps and slips are told by; `steps` is the NumPy twin and says what each function returns.
-
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-"""
+"""What jumps and slips are told by: changes of series, steps of neighbours, and where labels are expected."""
 
 from __future__ import annotations
 
@@ -9,14 +6,35 @@ import math
 
 import numpy as np
 
-from skelgen.compiling import compile_function
+from skelgen._kernels import kernel, kernel_part
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.repair.steps import LEAST_LINE, LEAST_SEEN, LINE_FRAMES
+
+LINE_FRAMES = 8
+"""Frames of the lines: as many as markers move straight for."""
+
+LEAST_LINE = 5
+"""Of these, those in which the series must be known."""
+
+LEAST_SEEN = 0.5
+"""Part of the frames of a window in which the series must be known for its mean."""
 
 
-@compile_function
+@kernel
 def jumps(series: Floats) -> Floats:
-    """How far the line through the frames from each on lies from that through the frames before it."""
+    """How far the line through the frames from each on lies from that through the frames before it, where they meet.
+
+    Constant velocity and constant acceleration are no jumps.
+
+    Parameters
+    ----------
+    series : ndarray, shape (n_frames, n_series)
+        NaN where unknown.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_series)
+        NaN where one of the lines is not known.
+    """
     n_frames, n_series = series.shape
     result, sums = np.zeros((n_frames, n_series)), np.empty((5, n_series))
     result[:1] = math.nan  # nothing is before it
@@ -31,7 +49,7 @@ def jumps(series: Floats) -> Floats:
     return result
 
 
-@compile_function
+@kernel_part
 def _fill_sums(sums: Floats, series: Floats, first: int) -> None:
     """Number of known values in the frames from one on, sums of their times from 0, squares, values, and products."""
     sums[:] = 0.0
@@ -48,7 +66,7 @@ def _fill_sums(sums: Floats, series: Floats, first: int) -> None:
                 sums[4, column] += value * time
 
 
-@compile_function
+@kernel_part
 def _line_end(sums: Floats, start: float) -> float:
     """Value at time 0 of the line through frames of which the first is at `start`; NaN if too few are known."""
     n = sums[0]
@@ -59,9 +77,19 @@ def _line_end(sums: Floats, start: float) -> float:
     return float((tt * sums[3] - t * tx) / (n * tt - t * t))
 
 
-@compile_function
+@kernel
 def changes(series: Floats, window: int, skipped: int = 0) -> Floats:
-    """Mean over the `window` frames from each on, or some later, less that over those before."""
+    """Mean over the `window` frames from each on, or some later, less that over those before; NaN if little is known.
+
+    Parameters
+    ----------
+    series : ndarray, shape (n_frames, n_series)
+        NaN where unknown.
+    window : int, frames
+        On each side, whole: nothing is said of what lasts beyond the take.
+    skipped : int, frames
+        Left out from each on: what is over by then is no change.
+    """
     n_frames, n_series = series.shape
     result = np.full((n_frames, n_series), np.nan)
     if n_frames < 2 * window + skipped:
@@ -84,9 +112,19 @@ def changes(series: Floats, window: int, skipped: int = 0) -> Floats:
     return result
 
 
-@compile_function
+@kernel
 def lengths(positions: Floats, marker: int, others: Ints) -> Floats:
-    """Distances [mm] of one marker to others."""
+    """Distances [mm] of one marker to others, shape (n_frames, n_others); NaN where either is unseen.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    marker : int
+        The one.
+    others : ndarray of intp, shape (n_others,)
+        The others.
+    """
     result = np.empty((len(positions), len(others)))
     for frame in range(len(positions)):
         for column in range(len(others)):
@@ -98,9 +136,24 @@ def lengths(positions: Floats, marker: int, others: Ints) -> Floats:
     return result
 
 
-@compile_function
+@kernel
 def relative_steps(steps: Floats, marker: int, others: Ints) -> Floats:
-    """Steps of a marker [mm] less the median of the known steps of others, the lower one of two."""
+    """Steps of a marker [mm] less the median of the known steps of others, the lower one of two.
+
+    Parameters
+    ----------
+    steps : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unknown.
+    marker : int
+        The one.
+    others : ndarray of intp, shape (n_others,)
+        The others. Where none of theirs is known, nothing is subtracted.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3), mm
+        Each coordinate for itself; NaN where the marker's own step is unknown.
+    """
     result = np.empty((len(steps), 3))
     values = np.empty(len(others))
     for frame in range(len(steps)):
@@ -112,7 +165,7 @@ def relative_steps(steps: Floats, marker: int, others: Ints) -> Floats:
     return result
 
 
-@compile_function
+@kernel_part
 def _lower_median(values: Floats) -> float:
     """Median of few known values, the lower one of two; NaN if none is known."""
     n_known = 0
@@ -129,9 +182,28 @@ def _lower_median(values: Floats) -> float:
     return math.nan
 
 
-@compile_function
+@kernel
 def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: float) -> tuple[Floats, Floats]:
-    """Expect each chosen label where it was last, moved on by the median step of its neighbours."""
+    """Expect each chosen label where it was last, moved on by the median step of its neighbours.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    chosen : ndarray of intp, shape (n_chosen,)
+        The labels.
+    neighbours : ndarray of intp, shape (n_markers, n_neighbours)
+        Markers whose steps count, itself among them.
+    longest : float, frames
+        A label that was not seen for longer is expected nowhere.
+
+    Returns
+    -------
+    places : ndarray, shape (n_frames, n_chosen, 3), mm
+        NaN where nothing is expected.
+    ages : ndarray, shape (n_frames, n_chosen)
+        Frames since the label was seen.
+    """
     n_frames = len(positions)
     places, ages = np.empty((n_frames, len(chosen), 3)), np.empty((n_frames, len(chosen)))
     places[:], ages[:] = math.nan, math.inf
@@ -158,9 +230,24 @@ def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: 
     return places, ages
 
 
-@compile_function
+@kernel
 def strayed(positions: Floats, expected: Floats, factor: float) -> tuple[Bools, Ints]:
-    """Which labels are `factor` times nearer to another one's expected place than to their own, and to whose."""
+    """Which labels are `factor` times nearer to another one's expected place than to their own, and to whose.
+
+    Parameters
+    ----------
+    positions, expected : ndarray, shape (n_frames, n_markers, 3), mm
+        Where labels are and where they are expected; NaN where that is not known.
+    factor : float
+        How many times.
+
+    Returns
+    -------
+    strayed : ndarray of bool, shape (n_frames, n_markers)
+        The labels.
+    target : ndarray of intp, shape (n_frames, n_markers)
+        The marker whose expected place is nearest.
+    """
     n_frames, n_markers = positions.shape[:2]
     found, target = np.zeros((n_frames, n_markers), dtype=np.bool_), np.zeros((n_frames, n_markers), dtype=np.intp)
     for frame in range(n_frames):
@@ -180,11 +267,33 @@ def strayed(positions: Floats, expected: Floats, factor: float) -> tuple[Bools, 
     return found, target
 
 
-@compile_function
+@kernel
 def fitted_steps(
     positions: Floats, marker: int, mates: Ints, sudden: Floats, weights: Floats, seen: Floats, direct: float
 ) -> Floats:
-    """Step of a marker [mm] by least squares from those of its distances and from that which is seen in space."""
+    """Step of a marker [mm] by least squares from those of its distances and from that which is seen in space.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    marker : int
+        The one.
+    mates : ndarray of intp, shape (n_mates,)
+        Markers to which distances are measured.
+    sudden : ndarray, shape (n_frames, n_mates), mm
+        Jumps of the distances; NaN where unknown.
+    weights : ndarray, shape (n_mates,)
+        Of the distances.
+    seen : ndarray, shape (n_frames, 3), mm
+        Step in space.
+    direct : float
+        Its weight.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3), mm
+    """
     result = np.empty((len(sudden), 3))
     normal, towards = np.empty((3, 3)), np.empty(3)
     for frame in range(len(sudden)):
@@ -205,7 +314,7 @@ def fitted_steps(
     return result
 
 
-@compile_function
+@kernel_part
 def _fill_direction(towards: Floats, start: Floats, end: Floats) -> float:
     """Fill in the direction from one point to another, and return how far [mm] it is."""
     for axis in range(3):
@@ -216,7 +325,7 @@ def _fill_direction(towards: Floats, start: Floats, end: Floats) -> float:
     return length
 
 
-@compile_function
+@kernel_part
 def _solve(normal: Floats, right: Floats) -> None:
     """Solve a system of three equations in place by Cholesky's factor, of whose matrix the lower half is given."""
     for row in range(3):

@@ -1,7 +1,4 @@
-"""Compiled loops that judge identities; `weighing` is the NumPy twin and says what each function returns.
-
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-"""
+"""What distances say of a marker's identity in each frame, and what all frames say together."""
 
 from __future__ import annotations
 
@@ -10,16 +7,47 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.compiling import compile_function
+from skelgen._kernels import kernel, kernel_part
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.weighing import CHANGE, COORDINATES, FOUL_PART, FOUND, FREEDOMS, MOST_NATS, PEAK, Evidence
+
+FREEDOMS = 4.0
+"""Degrees of freedom of the law of distances, Student's t: heavier tails than normal, as skin has them."""
+
+PEAK = math.gamma((FREEDOMS + 1) / 2) / math.gamma(FREEDOMS / 2) / math.sqrt(FREEDOMS * math.pi)
+"""Its density at zero."""
+
+FOUL_PART = 0.02
+"""Part of the distances that say nothing, because the mate itself is wrong."""
+
+COORDINATES = 3
+"""A point has three: distances to more mates repeat each other."""
+
+MOST_NATS = 20.0
+"""Evidence of one frame at most, either way."""
+
+CHANGE = 1e-5
+"""Probability per frame that a marker which is followed without a break changes between right and wrong."""
+
+FOUND = 0.5
+"""Probability that a wrong marker is right again after such a break."""
+
+Evidence = tuple[NDArray[np.float32], NDArray[np.int16], NDArray[np.int8]]
+"""Nats for each marker's own place against its best rival, that rival (-1 = nowhere in particular), mates seen."""
 
 
-@compile_function
+@kernel
 def evidence_of(
     positions: Floats, distance: Floats, spread: Floats, mates: Ints, rivals: Ints, reach: float
 ) -> Evidence:
-    """Weigh the distances of each frame."""
+    """Weigh the distances of each frame, shape (n_frames, n_markers) each.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    distance, spread, mates, rivals, reach
+        As in `skelgen.stages.labels.confidence.distance_statistics.Usual`.
+    """
     n_frames, n_markers = positions.shape[:2]
     evidence = np.zeros((n_frames, n_markers), dtype=np.float32)
     rival = np.full((n_frames, n_markers), -1, dtype=np.int16)
@@ -49,7 +77,7 @@ def evidence_of(
     return evidence, rival, n_seen
 
 
-@compile_function
+@kernel_part
 def _law(distance: Floats, spread: Floats) -> Floats:
     """Middle, inverse width, and density at the middle but for foul distances, of each distance; NaN if unknown."""
     law = np.empty((*distance.shape, 3))
@@ -61,7 +89,7 @@ def _law(distance: Floats, spread: Floats) -> Floats:
     return law
 
 
-@compile_function
+@kernel_part
 def _fill_lengths(lengths: Floats, points: Floats, marker: int, mates: Ints) -> int:
     """Fill in the distances to mates, NaN where unknown, and return how many are known."""
     n_known = 0
@@ -75,7 +103,7 @@ def _fill_lengths(lengths: Floats, points: Floats, marker: int, mates: Ints) -> 
     return n_known
 
 
-@compile_function
+@kernel_part
 def _density(length: float, law: Floats, reach: float) -> float:
     """Density of a distance [1/mm] about what is usual."""
     off = (length - law[0]) * law[1]
@@ -84,7 +112,7 @@ def _density(length: float, law: Floats, reach: float) -> float:
     return 1.0 / reach if math.isnan(density) else density
 
 
-@compile_function
+@kernel_part
 def _against_nowhere(lengths: Floats, own: Floats, reach: float) -> float:
     """Nats for the own place against nowhere in particular."""
     product, n_told = 1.0, 0
@@ -95,7 +123,7 @@ def _against_nowhere(lengths: Floats, own: Floats, reach: float) -> float:
     return math.log(product) * min(1.0, COORDINATES / max(n_told, 1))
 
 
-@compile_function
+@kernel_part
 def _against(other: int, lengths: Floats, own: Floats, mates: Ints, law: Floats, reach: float) -> float:
     """Nats for the own place against that of another marker."""
     if other < 0:
@@ -109,7 +137,7 @@ def _against(other: int, lengths: Floats, own: Floats, mates: Ints, law: Floats,
     return math.log(ours / theirs) * min(1.0, COORDINATES / max(n_told, 1))
 
 
-@compile_function
+@kernel_part
 def _returned(gain: Floats, rivals: Ints, marker: int, other: int) -> float:
     """Nats that the rival would lose by taking the marker's place in return."""
     for slot in range(rivals.shape[1]):
@@ -118,11 +146,27 @@ def _returned(gain: Floats, rivals: Ints, marker: int, other: int) -> float:
     return 0.0
 
 
-@compile_function
+@kernel
 def probabilities(
     evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bools, breaks: Bools, right: float, lost: float
 ) -> Floats:
-    """Probability that each marker is right, from all frames; NaN where unseen."""
+    """Probability that each marker is right, from all frames; NaN where unseen, shape (n_frames, n_markers).
+
+    Parameters
+    ----------
+    evidence : ndarray of float32, shape (n_frames, n_markers), nats
+        Of each frame.
+    share : float
+        Frames that count as one.
+    seen : ndarray of bool, shape (n_frames, n_markers)
+        When each marker is seen.
+    stated : ndarray of bool, shape (n_frames, n_markers) or (0, 0)
+        Frames in which a marker is certainly right; none.
+    breaks : ndarray of bool, shape (n_frames, n_markers)
+        Frames in which a marker is not simply followed from the frame before.
+    right, lost : float
+        Probabilities that a marker is right when it is first seen, and that another one is taken for it after a break.
+    """
     n_frames, n_markers = seen.shape
     total = np.empty((n_frames, n_markers))
     state = np.full(n_markers, math.log(right / (1.0 - right)))
@@ -142,7 +186,7 @@ def probabilities(
     return total
 
 
-@compile_function
+@kernel_part
 def _odds(evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bools, frame: int, marker: int) -> float:
     """Log odds of one frame."""
     if len(stated) > 0 and stated[frame, marker]:
@@ -150,12 +194,12 @@ def _odds(evidence: NDArray[np.float32], share: float, seen: Bools, stated: Bool
     return float(evidence[frame, marker] / np.float32(share)) if seen[frame, marker] else 0.0
 
 
-@compile_function
+@kernel_part
 def _bounded(nats: float) -> float:
     return min(max(nats, -MOST_NATS), MOST_NATS)
 
 
-@compile_function
+@kernel_part
 def _passed(state: float, broken: bool, lost: float, forwards: bool) -> float:
     """Log odds a frame later, or the log likelihood ratio of all that follows a frame earlier."""
     lose, find = (lost, FOUND) if broken else (CHANGE, CHANGE)

@@ -1,7 +1,4 @@
-"""Compiled loops over frames of a chain: where its limbs and markers are; `plain_chain` is the NumPy twin.
-
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-"""
+"""Forward kinematics of a chain over frames: where its limbs and markers are, and how far off what is measured."""
 
 from __future__ import annotations
 
@@ -9,13 +6,21 @@ import math
 
 import numpy as np
 
-from skelgen.compiling import compile_function
+from skelgen._kernels import kernel
 from skelgen.model.arrays import Floats, Ints
 
 
-@compile_function
+@kernel
 def origins_of(parents: Ints, joints: Floats, root: Floats, rotations: Floats) -> Floats:
-    """Return the world positions of the limbs' origins; see `plain_chain.origins_of`."""
+    """Return the world positions of the limbs' origins [mm], shape (n_frames, n_limbs, 3).
+
+    Parameters
+    ----------
+    parents, joints
+        See `chain.Chain`.
+    root, rotations
+        See `chain.ChainPoses`.
+    """
     n_frames, n_limbs = rotations.shape[:2]
     out = np.empty((n_frames, n_limbs, 3))
     for frame in range(n_frames):
@@ -31,9 +36,21 @@ def origins_of(parents: Ints, joints: Floats, root: Floats, rotations: Floats) -
     return out
 
 
-@compile_function
+@kernel
 def markers_of(origins: Floats, rotations: Floats, limbs: Ints, offsets: Floats) -> Floats:
-    """Return the world positions of markers; see `plain_chain.markers_of`."""
+    """Return the world positions of markers [mm], shape (n_frames, n_markers, 3).
+
+    Parameters
+    ----------
+    origins : ndarray, shape (n_frames, n_limbs, 3), mm
+        Of the limbs.
+    rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+        World from limb.
+    limbs : ndarray of intp, shape (n_markers,)
+        Limb of each marker.
+    offsets : ndarray, shape (n_markers, 3), mm
+        Markers in the frames of their limbs.
+    """
     out = np.empty((len(rotations), len(limbs), 3))
     for frame in range(len(rotations)):
         for marker in range(len(limbs)):
@@ -45,9 +62,9 @@ def markers_of(origins: Floats, rotations: Floats, limbs: Ints, offsets: Floats)
     return out
 
 
-@compile_function
+@kernel
 def errors_of(positions: Floats, markers: Floats) -> Floats:
-    """Return measured minus predicted positions, zero where unseen; see `plain_chain.errors_of`."""
+    """Return measured minus predicted positions [mm], zero where unseen, shape (n_frames, n_markers, 3)."""
     out = np.zeros(positions.shape)
     for frame in range(len(positions)):
         for marker in range(positions.shape[1]):
@@ -58,9 +75,19 @@ def errors_of(positions: Floats, markers: Floats) -> Floats:
     return out
 
 
-@compile_function
+@kernel
 def turned_back(rotations: Floats, limbs: Ints, vectors: Floats) -> Floats:
-    """Return vectors of the world in the frames of limbs; see `plain_chain.turned_back`."""
+    """Return vectors of the world in the frames of limbs.
+
+    Parameters
+    ----------
+    rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+        World from limb.
+    limbs : ndarray of intp, shape (n_vectors,)
+        Limb of each.
+    vectors : ndarray, shape (n_frames, n_vectors, 3)
+        The vectors.
+    """
     out = np.empty(vectors.shape)
     for frame in range(len(vectors)):
         for marker in range(len(limbs)):
@@ -70,9 +97,23 @@ def turned_back(rotations: Floats, limbs: Ints, vectors: Floats) -> Floats:
     return out
 
 
-@compile_function
+@kernel
 def variances_across(covariances: Floats, rotations: Floats, parents: Ints, shared: Floats, axes: Floats) -> Floats:
-    """Return variances along the world's axes, across an axis where there is one; see `plain_chain`."""
+    """Return variances of places along the world's axes, shape (n_frames, n_limbs, 3).
+
+    Parameters
+    ----------
+    covariances : ndarray, shape (n_frames, n_limbs, 3, 3)
+        Of the places in the world.
+    rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+        World from limb.
+    parents : ndarray of intp, shape (n_limbs,)
+        Parents, -1 for the root.
+    shared : ndarray, shape (n_limbs, 3, 3)
+        What is added to the covariance in every frame, in the axes of the parent.
+    axes : ndarray, shape (n_frames, n_limbs, 3)
+        Unit axes in the world along which nothing counts; 0 where all does.
+    """
     out, total, turned = np.empty(covariances.shape[:3]), np.empty((3, 3)), np.empty(3)
     for frame in range(len(covariances)):
         for limb in range(len(parents)):

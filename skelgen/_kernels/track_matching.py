@@ -1,7 +1,4 @@
-"""Compiled matching of tracks and points: who is in reach of whom, the best assignment, and which links are doubtful.
-
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-"""
+"""Matching of tracks and points: who is in reach of whom, the best assignment, and which links are doubtful."""
 
 from __future__ import annotations
 
@@ -9,12 +6,12 @@ import math
 
 import numpy as np
 
-from skelgen.compiling import compile_function
+from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.tracks import MOST_OPTIMAL_PAIRS, MOST_PAIRS, Rules
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.tracks import MOST_OPTIMAL_PAIRS, MOST_PAIRS, Rules
 
 
-@compile_function
+@kernel
 def rising_order(values: Floats) -> Ints:
     """Order that sorts numbers, equal ones as they come: a merge sort, from the bottom up."""
     n_values = len(values)
@@ -36,7 +33,7 @@ def rising_order(values: Floats) -> Ints:
     return order
 
 
-@compile_function
+@kernel
 def first_not_below(points: Floats, order: Ints, x: float) -> int:
     """Rank of the first point, in the order of their x, that is not below."""
     low, high = 0, len(order)
@@ -49,7 +46,7 @@ def first_not_below(points: Floats, order: Ints, x: float) -> int:
     return low
 
 
-@compile_function
+@kernel
 def find_pairs(
     expected: Floats, terms: Floats, points: Floats, weights: Floats, order: Ints
 ) -> tuple[Ints, Floats, bool]:
@@ -78,7 +75,7 @@ def find_pairs(
     return pairs[:n_pairs], gains[:n_pairs], False
 
 
-@compile_function
+@kernel_part
 def _with_more_room(pairs: Ints, gains: Floats) -> tuple[Ints, Floats]:
     """The same pairs in arrays of twice the size."""
     more_pairs, more_gains = np.empty((2 * len(pairs), 2), dtype=np.intp), np.empty(2 * len(gains))
@@ -87,7 +84,7 @@ def _with_more_room(pairs: Ints, gains: Floats) -> tuple[Ints, Floats]:
     return more_pairs, more_gains
 
 
-@compile_function
+@kernel
 def gain_of(points: Floats, point: int, weight: float, expected: Floats, track: int, terms: Floats) -> float:
     """Gain [nats] of linking a track to a point; not above 0 out of reach."""
     x, y, z = difference(points, point, expected, track)
@@ -98,13 +95,13 @@ def gain_of(points: Floats, point: int, weight: float, expected: Floats, track: 
     return float(terms[track, 1] + 1.5 * math.log(weight) - loss)
 
 
-@compile_function
+@kernel
 def difference(points: Floats, point: int, others: Floats, other: int) -> tuple[float, float, float]:
     """Vector from another point to this one."""
     return points[point, 0] - others[other, 0], points[point, 1] - others[other, 1], points[point, 2] - others[other, 2]
 
 
-@compile_function
+@kernel
 def match(pairs: Ints, gains: Floats, n_tracks: int, n_points: int, optimal: bool) -> Ints:
     """Point of each track, or -1: the best assignment within each cluster of tracks that compete for points."""
     point_of_track = np.full(n_tracks, -1, dtype=np.intp)
@@ -121,7 +118,7 @@ def match(pairs: Ints, gains: Floats, n_tracks: int, n_points: int, optimal: boo
     return point_of_track
 
 
-@compile_function
+@kernel_part
 def _clusters(pairs: Ints, n_tracks: int, n_points: int) -> Ints:
     """A track for each track that those which compete share, directly or through others."""
     parent = np.arange(n_tracks + n_points)
@@ -139,7 +136,7 @@ def _clusters(pairs: Ints, n_tracks: int, n_points: int) -> Ints:
     return parent
 
 
-@compile_function
+@kernel_part
 def _by_root(pairs: Ints, root: Ints) -> tuple[Ints, Ints]:
     """Where each cluster's pairs begin among all, in `order`, which keeps them as they come."""
     starts = np.zeros(len(root) + 2, dtype=np.intp)
@@ -155,7 +152,7 @@ def _by_root(pairs: Ints, root: Ints) -> tuple[Ints, Ints]:
     return starts, order
 
 
-@compile_function
+@kernel_part
 def _match_cluster(
     pairs: Ints,
     gains: Floats,
@@ -193,7 +190,7 @@ def _match_cluster(
             point_of_track[tracks[column if turned else row]] = points[row if turned else column]
 
 
-@compile_function
+@kernel_part
 def _match_greedy(pairs: Ints, gains: Floats, own: Ints, point_of_track: Ints, taken: Ints) -> None:
     """Pair tracks with points, largest gain first; `taken` is room to note who is."""
     losses = np.empty(len(own))
@@ -207,7 +204,7 @@ def _match_greedy(pairs: Ints, gains: Floats, own: Ints, point_of_track: Ints, t
             taken[point] = track
 
 
-@compile_function
+@kernel_part
 def _assign(gain: Floats) -> Ints:
     """Pair rows with columns for the largest total gain: the Hungarian method by shortest augmenting paths.
 
@@ -234,7 +231,7 @@ def _assign(gain: Floats) -> Ints:
     return row_of_column[:n_columns]
 
 
-@compile_function
+@kernel_part
 def _place(start: int, gain: Floats, row_price: Floats, column_price: Floats, row_of_column: Ints) -> None:
     """Give one more row a column by the shortest path along which others change theirs."""
     n_columns = gain.shape[1]
@@ -265,7 +262,7 @@ def _place(start: int, gain: Floats, row_price: Floats, column_price: Floats, ro
         column = came_from[column]
 
 
-@compile_function
+@kernel
 def find_doubts(
     pairs: Ints,
     gains: Floats,
@@ -276,7 +273,12 @@ def find_doubts(
     points: Floats,
     rules: Rules,
 ) -> Bools:
-    """Whether the link of each track is hardly better than another explanation, as `plain_matching.find_doubts`."""
+    """Return for each track whether its link is hardly better than another explanation, shape (n_tracks,).
+
+    Other explanations are a track that takes a free point (but not a double of its own), a track without a point that
+    takes this one, and two tracks that exchange their points. Neighbours are surprised by the same acceleration, which
+    an exchange does not change: it is judged by the vector between the two, kept or turned round.
+    """
     gain_of_track = np.zeros(len(point_of_track))
     for pair in range(len(pairs)):
         if point_of_track[pairs[pair, 0]] == pairs[pair, 1]:
@@ -303,7 +305,7 @@ def find_doubts(
     return doubtful
 
 
-@compile_function
+@kernel_part
 def _surprises(
     points: Floats, point: int, other_point: int, expected: Floats, track: int, other: int
 ) -> tuple[float, float]:

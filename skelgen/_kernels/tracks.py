@@ -1,4 +1,4 @@
-"""What both twins of the tracker share: the layout of a track's state, and the rules it is followed by.
+"""The layout of a track's state, and the rules it is followed by.
 
 A track's motion is a level (where it is) and a slope (its step per frame). With the innovation e = point - (level +
 slope), the update ``level = expected + g e`` and ``slope = slope + h e`` is

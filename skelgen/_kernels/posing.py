@@ -1,8 +1,19 @@
-"""Poses of a chain frame by frame, compiled; `plain_posing` does the same for many frames at once, and says how.
+r"""Poses of a chain frame by frame: Gauss-Newton steps, turns eliminated limb by limb from the leaves to the root.
 
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-A frame's numbers stay in the processor's nearest memory. Forms (see `tree.Form`) are rows of numbers: the upper half of
-the turns' matrix, the columns of the mixed one, the upper half of the shifts', torque and pull.
+What a limb's markers and all limbs beyond it say is a quadratic form in the limb's turn :math:`\omega` and the shift
+:math:`\delta` of its origin,
+
+.. math::
+    \tfrac12 \omega^T A \omega + \omega^T B \delta + \tfrac12 \delta^T C \delta
+    - \omega^T g_\omega - \delta^T g_\delta .
+
+The turns that the joint allows are minimised out, and what is left is carried to the parent, of which the joint is a
+point: the cost is linear in limbs, as that of the articulated body algorithm (Featherstone 1983). On the way back, from
+the root outward, every limb's step follows from that of its parent; so does its covariance.
+
+A form is a row of numbers: the upper half of A, the columns of B, the upper half of C, and both slopes, called torque
+and pull. A free turn that is minimised out is rest - follow @ shift, with a covariance where the origin is known; a
+turn about an axis is rest - by_turn . turn - by_shift . shift, with a variance where all before it is known.
 """
 
 from __future__ import annotations
@@ -11,11 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.compiling import compile_function, compile_part, fixed
-from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.chain_table import ChainTable, chain_table, fresh
-from skelgen.kinematics.compiled_vectors import (
+from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels.small_matrices import (
     Matrix,
     Vector,
     add_symmetric,
@@ -40,23 +48,58 @@ from skelgen.kinematics.compiled_vectors import (
     upper_of_product,
     vector,
 )
-from skelgen.kinematics.plain_posing import (
-    DAMPING,
-    GAIN_TOLERANCE,
-    GIVE_UP_DAMPING,
-    LEAST_RIDGE,
-    STEP_TOLERANCE,
-)
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, Ints
+
+DAMPING = 1e-6
+"""Levenberg damping relative to the mean diagonal: what no marker determines stays where it starts."""
+
+LEAST_RIDGE = 1e-12
+"""Keeps the normal matrix of a frame without markers regular."""
+
+GIVE_UP_DAMPING = 1e6
+"""A frame that needs more damping than this does not get better."""
+
+STEP_TOLERANCE = 1e-10
+"""rad and, scaled by the arms, far below a micrometre."""
+
+GAIN_TOLERANCE = 1e-9
+"""Frames are settled when a step lowers the sum of squares by less than this part."""
 
 MIXED, SHIFT, TORQUE, PULL, N_FORM = fixed(6, 15, 21, 24, 27)
 """Where the parts of a form begin, and its length."""
 
 FOLLOW, FREE_REST, COVARIANCE = fixed(0, 9, 12)
-"""Where the parts of a free turn that is minimised out begin: columns of `tree.FreeTurn.follow`, rest, covariance."""
+"""Where the parts of a free turn that is minimised out begin: columns of follow, rest, covariance."""
 
 AXIS, BY_TURN, BY_SHIFT, REST, VARIANCE, N_AXIS = fixed(0, 3, 6, 9, 10, 11)
-"""Where the parts of a turn about an axis begin, see `tree.AxisTurn`; a second axis follows."""
+"""Where the parts of a turn about an axis that is minimised out begin; those of a second axis follow."""
+
+
+class ChainTable(NamedTuple):
+    """A chain with what its joints allow; markers are sorted by limb.
+
+    Attributes
+    ----------
+    parents, freedoms : ndarray of intp, shape (n_limbs,)
+        Parent of each limb, and how many turns its joint allows.
+    in_parent, in_child, joints : ndarray, shape (n_limbs, 3)
+        Of `Articulation` and `Chain`.
+    markers : ndarray of intp, shape (n_markers,)
+        Markers in the order of their limbs.
+    starts : ndarray of intp, shape (n_limbs + 1,)
+        Where those of each limb begin among them.
+    offsets : ndarray, shape (n_markers, 3), mm
+        Of the markers in this order.
+    """
+
+    parents: Ints
+    freedoms: Ints
+    in_parent: Floats
+    in_child: Floats
+    joints: Floats
+    markers: Ints
+    starts: Ints
+    offsets: Floats
 
 
 class Place(NamedTuple):
@@ -70,17 +113,7 @@ class Place(NamedTuple):
     errors: Floats
 
 
-def settled(
-    chain: Chain, articulation: Articulation, start: ChainPoses, positions: Floats, weights: Floats, max_steps: int
-) -> ChainPoses:
-    """Return the poses that fit best; parameters are those of the plain twin."""
-    found = ChainPoses(fresh(start.root), fresh(start.rotations))
-    table = chain_table(chain, articulation)
-    settle_frames(table, fresh(positions), fresh(weights), found.root, found.rotations, max_steps)
-    return found
-
-
-@compile_function
+@kernel
 def settle_frames(
     table: ChainTable, positions: Floats, weights: Floats, roots: Floats, rotations: Floats, max_steps: int
 ) -> None:
@@ -116,7 +149,7 @@ def settle_frames(
             set_matrix(rotations[frame], limb, proper(matrix(here.rotations, limb)))
 
 
-@compile_part
+@kernel_part
 def new_place(n_limbs: int, n_markers: int) -> Place:
     """Room for one frame."""
     return Place(
@@ -129,7 +162,7 @@ def new_place(n_limbs: int, n_markers: int) -> Place:
     )
 
 
-@compile_part
+@kernel_part
 def put(table: ChainTable, positions: Floats, weights: Floats, place: Place) -> float:
     """Place limbs and markers by root and rotations; return the weighted sum of squares."""
     squares = 0.0
@@ -152,7 +185,7 @@ def put(table: ChainTable, positions: Floats, weights: Floats, place: Place) -> 
     return squares
 
 
-@compile_part
+@kernel_part
 def find_forms(table: ChainTable, weights: Floats, place: Place, forms: Floats) -> tuple[float, float]:
     """Write what each limb's markers say by themselves; return sum of weights and trace of the turns' matrices."""
     all_weights, all_traces = 0.0, 0.0
@@ -182,7 +215,7 @@ def find_forms(table: ChainTable, weights: Floats, place: Place, forms: Floats) 
     return all_weights, all_traces
 
 
-@compile_part
+@kernel_part
 def eliminate(table: ChainTable, place: Place, forms: Floats, level: float, solved: Floats) -> None:
     """Minimise all turns out, from the leaves to the root; of the root's form, what is said of its shift is left."""
     for limb in range(len(table.parents) - 1, 0, -1):
@@ -195,7 +228,7 @@ def eliminate(table: ChainTable, place: Place, forms: Floats, level: float, solv
     take_turn(forms, 0, level, solved)
 
 
-@compile_part
+@kernel_part
 def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     """Minimise a free turn out of a limb's form."""
     covariance = inverse(symmetric(forms, limb, 0), level)
@@ -211,7 +244,7 @@ def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     add_vector(forms, limb, PULL, (-dot(p, torque), -dot(q, torque), -dot(r, torque)))
 
 
-@compile_part
+@kernel_part
 def world_axis(table: ChainTable, place: Place, limb: int, axis: int) -> Vector:
     """Return an axis of a limb's joint in the world, the first fixed in the parent, a second in the limb."""
     if axis == 0:
@@ -219,7 +252,7 @@ def world_axis(table: ChainTable, place: Place, limb: int, axis: int) -> Vector:
     return turned(matrix(place.rotations, limb), vector(table.in_child, limb, 0))
 
 
-@compile_part
+@kernel_part
 def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floats, first: int) -> None:
     """Minimise a turn about an axis out of a limb's form."""
     along = by_symmetric(symmetric(forms, limb, 0), axis)
@@ -243,7 +276,7 @@ def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floa
     add_vector(forms, limb, PULL, times(-rest, sideways))
 
 
-@compile_part
+@kernel_part
 def carry_form(table: ChainTable, place: Place, forms: Floats, limb: int) -> None:
     """Add what is said of a limb to what is said of its parent."""
     link = vector(place.links, limb, 0)
@@ -253,7 +286,7 @@ def carry_form(table: ChainTable, place: Place, forms: Floats, limb: int) -> Non
         carry(forms, limb, table.parents[limb], link)
 
 
-@compile_part
+@kernel_part
 def carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     """Add what is said of the point of a parent at `link`, the origin of a limb that turns freely."""
     shift, pull = symmetric(forms, limb, SHIFT), vector(forms, limb, PULL)
@@ -267,7 +300,7 @@ def carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     add_vector(forms, parent, PULL, pull)
 
 
-@compile_part
+@kernel_part
 def carry(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     """Add what is said of a limb whose turn counts as its parent's own."""
     carry_point(forms, limb, parent, link)
@@ -279,7 +312,7 @@ def carry(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     add_vector(forms, parent, TORQUE, vector(forms, limb, TORQUE))
 
 
-@compile_part
+@kernel_part
 def levered(link: Vector, a: Vector, b: Vector, c: Vector) -> Matrix:
     """Return -[a b c] @ [link]x, of which each row is link x that of [a b c]."""
     return (
@@ -289,7 +322,7 @@ def levered(link: Vector, a: Vector, b: Vector, c: Vector) -> Matrix:
     )
 
 
-@compile_part
+@kernel_part
 def add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> None:
     """Add columns to those of a mixed matrix."""
     add_vector(forms, limb, MIXED, a)
@@ -297,7 +330,7 @@ def add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> No
     add_vector(forms, limb, MIXED + 6, c)
 
 
-@compile_part
+@kernel_part
 def walk(
     table: ChainTable,
     here: Place,
@@ -335,7 +368,7 @@ def walk(
     return size
 
 
-@compile_part
+@kernel_part
 def free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
     """Return the turn of a limb below a ball joint whose origin is shifted."""
     x = times(shift[0], vector(solved, limb, FOLLOW))
@@ -344,7 +377,7 @@ def free_turn(solved: Floats, limb: int, shift: Vector) -> Vector:
     return minus(minus(minus(vector(solved, limb, FREE_REST), x), y), z)
 
 
-@compile_part
+@kernel_part
 def turn_about(solved: Floats, limb: int, first: int, turn: Vector, shift: Vector) -> Vector:
     """Return the turn about an axis of a limb that is turned and shifted already."""
     by_turn, by_shift = vector(solved, limb, first + BY_TURN), vector(solved, limb, first + BY_SHIFT)

@@ -1,7 +1,4 @@
-"""Compiled loops over frames of two bodies and a point of both; `plain_ball` is the NumPy twin.
-
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-"""
+"""Two bodies and a point of both, over frames."""
 
 from __future__ import annotations
 
@@ -9,13 +6,27 @@ import math
 
 import numpy as np
 
-from skelgen.compiling import compile_function
+from skelgen._kernels import kernel
 from skelgen.model.arrays import Floats
 
 
-@compile_function
+@kernel
 def fixed_point_sums(first: Floats, second: Floats, weights: Floats) -> tuple[Floats, Floats, Floats, float, int]:
-    """Return what frames say of a point that is fixed in two bodies; see `plain_ball.fixed_point_sums`."""
+    """Return what frames say of a point that is fixed in two bodies.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (n_frames, 4, 4)
+        world_from_body of both; NaN where unknown.
+    weights : ndarray, shape (n_frames,)
+        Of the frames, not negative.
+
+    Returns
+    -------
+    tuple
+        Weighted means over the frames that show both: of the rotations first from second, shape (3, 3), of the way
+        between the origins in both bodies [mm], shape (3,), and of its square [mm^2]; and how many frames these are.
+    """
     relative, seen_from_first, seen_from_second = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
     between, total, square, n_frames = np.empty(3), 0.0, 0.0, 0
     for frame in range(len(weights)):
@@ -37,9 +48,22 @@ def fixed_point_sums(first: Floats, second: Floats, weights: Floats) -> tuple[Fl
     return relative / total, seen_from_first / total, seen_from_second / total, square / total, n_frames
 
 
-@compile_function
+@kernel
 def both_images(first: Floats, second: Floats, in_first: Floats, in_second: Floats) -> tuple[Floats, Floats]:
-    """Return the middle of a point's two images, and the square of their distance; see `plain_ball.both_images`."""
+    """Return where a point of two bodies is in the world.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (n_frames, 4, 4)
+        world_from_body of both; NaN where unknown.
+    in_first, in_second : ndarray, shape (3,), mm
+        The point in both.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n_frames, 3) [mm] and (n_frames,) [mm^2]
+        The middle of both images, or the one that is known, and the square of their distance; NaN where unknown.
+    """
     middles, gaps = np.empty((len(first), 3)), np.empty(len(first))
     for frame in range(len(first)):
         gaps[frame] = 0.0
@@ -56,9 +80,17 @@ def both_images(first: Floats, second: Floats, in_first: Floats, in_second: Floa
     return middles, gaps
 
 
-@compile_function
+@kernel
 def mean_distances(joint: Floats, markers: Floats) -> tuple[Floats, Floats]:
-    """Return mean and standard deviation of markers' distances to a joint; see `plain_ball.mean_distances`."""
+    """Return mean and standard deviation over frames of each marker's distance [mm] to a joint, shapes (n_markers,).
+
+    Parameters
+    ----------
+    joint : ndarray, shape (n_frames, 3), mm
+        Where it is.
+    markers : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    """
     n_frames, n_markers = markers.shape[:2]
     means, spreads, counts = np.zeros(n_markers), np.zeros(n_markers), np.zeros(n_markers)
     distances = np.empty((n_frames, n_markers))

@@ -1,20 +1,13 @@
-"""The compiled loop that follows points from frame to frame; `plain` is its NumPy twin.
-
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-Both twins move tracks by the same operations in the same order, so that their results agree bit for bit.
-"""
+"""The loop that follows points from frame to frame."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 
-from skelgen.compiling import compile_function
-from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.compiled_matching import (
+from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.track_matching import (
     difference,
     find_doubts,
     find_pairs,
@@ -22,7 +15,7 @@ from skelgen.stages.labels.compiled_matching import (
     match,
     rising_order,
 )
-from skelgen.stages.labels.tracks import (
+from skelgen._kernels.tracks import (
     AGE,
     ALIVE,
     CALM,
@@ -41,11 +34,12 @@ from skelgen.stages.labels.tracks import (
     SLOPE,
     Rules,
 )
+from skelgen.model.arrays import Bools, Floats, Ints
 
 _State = tuple[Floats, Ints, Ints]
 
 
-@compile_function
+@kernel_part
 def _end_tracks(tracks: _State, step: int, max_gap: int) -> None:
     """Drop the tracks that were last seen too long ago."""
     motion, counters, totals = tracks
@@ -57,7 +51,7 @@ def _end_tracks(tracks: _State, step: int, max_gap: int) -> None:
     totals[ALIVE] = n_kept
 
 
-@compile_function
+@kernel_part
 def _keep_as(motion: Floats, counters: Ints, track: int, place: int) -> None:
     """Move a track's state to another place."""
     for row in range(N_MOTION):
@@ -67,7 +61,7 @@ def _keep_as(motion: Floats, counters: Ints, track: int, place: int) -> None:
         counters[place, column] = counters[track, column]
 
 
-@compile_function
+@kernel_part
 def _expect(tracks: _State, step: int, rules: Rules) -> tuple[Floats, Floats]:
     """Where each track is expected; and its reach, gain there, squared width, and exponent."""
     motion, counters, totals = tracks
@@ -91,7 +85,7 @@ def _expect(tracks: _State, step: int, rules: Rules) -> tuple[Floats, Floats]:
     return expected, terms
 
 
-@compile_function
+@kernel_part
 def _move(
     tracks: _State, track: int, expected: Floats, points: Floats, point: int, weight: float, step: int, rules: Rules
 ) -> float:
@@ -116,7 +110,7 @@ def _move(
     return squared
 
 
-@compile_function
+@kernel_part
 def _own(counters: Ints, track: int) -> int:
     """Identity that the track gives to its point of this frame: -1 while it is muted."""
     if counters[track, MUTED] > 0:
@@ -125,7 +119,7 @@ def _own(counters: Ints, track: int) -> int:
     return int(counters[track, IDENTITY])
 
 
-@compile_function
+@kernel_part
 def _continue_tracks(
     points: Floats,
     weights: Floats,
@@ -168,7 +162,7 @@ def _continue_tracks(
     return lost
 
 
-@compile_function
+@kernel_part
 def _has_double(points: Floats, point: int, order: Ints, placed: Bools, near: float) -> bool:
     """Whether a point with a track is so near that this one is the same marker."""
     for rank in range(first_not_below(points, order, points[point, 0] - near), len(order)):
@@ -181,7 +175,7 @@ def _has_double(points: Floats, point: int, order: Ints, placed: Bools, near: fl
     return False
 
 
-@compile_function
+@kernel_part
 def _begin(tracks: _State, n_old: int, track: int, points: Floats, point: int, slope_gain: float) -> None:
     """Begin a track at a point, with the slope of the nearest track that is seen and has a slope."""
     motion, counters, _ = tracks
@@ -205,7 +199,7 @@ def _begin(tracks: _State, n_old: int, track: int, points: Floats, point: int, s
     counters[track, MISSED] = 0
 
 
-@compile_function
+@kernel_part
 def _begin_tracks(points: Floats, order: Ints, placed: Bools, tracks: _State, rules: Rules, owner: Ints) -> Ints:
     """Begin a track at each point that has none and is not the double of one that has; returns these points."""
     _, counters, totals = tracks
@@ -227,7 +221,7 @@ def _begin_tracks(points: Floats, order: Ints, placed: Bools, tracks: _State, ru
     return begun[:n_begun]
 
 
-@compile_function
+@kernel_part
 def _mute_jumps(
     points: Floats, begun: Ints, expected: Floats, lost: Bools, tracks: _State, mute: int, owner: Ints
 ) -> None:
@@ -247,7 +241,7 @@ def _mute_jumps(
         owner[begun[nearest]] = -1
 
 
-@compile_function
+@kernel
 def follow_frames(
     points: Floats,
     frame_starts: Ints,
@@ -259,7 +253,29 @@ def follow_frames(
     steps: Ints,
     told: Floats,
 ) -> None:
-    """Follow all points through some frames; arguments as `plain.follow_frames`."""
+    """Follow all points through some frames; `tracks`, `owner`, `surprise` and `told` are written to.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        All points of the take.
+    frame_starts : ndarray of intp, shape (n_frames + 1,)
+        Points of the frames to follow; a slice of the take's.
+    tracks : tuple of ndarray
+        The arrays of `Tracks`: motion, counters, totals; carried on from the frames before.
+    rules : Rules
+        How to follow.
+    owner : ndarray of intp, shape (n_points,)
+        Receives the identity of each point's track; -1 while that is muted, for doubles, and in frames left out.
+    surprise : ndarray, shape (n_points,), mm^2
+        Receives the squared distance between each point and where it was expected; NaN where nothing was expected.
+    weights : ndarray, shape (n_points,), optional
+        How far to believe each point, at most 1; 1 if left out.
+    steps : ndarray of intp, shape (n_frames,), optional
+        Steps of time since the frame before; 1 if left out.
+    told : ndarray, shape (n_points, 5), optional
+        Receives slope [mm] and calm of each point's track after it; nothing is told if it is left out or empty.
+    """
     _, counters, totals = tracks
     for frame in range(len(frame_starts) - 1):
         first, last = frame_starts[frame], frame_starts[frame + 1]
@@ -300,10 +316,3 @@ def follow_frames(
             placed[point] = track_of_point[point] >= 0
         begun = _begin_tracks(own, order, placed, tracks, rules, owner[first:last])
         _mute_jumps(own, begun, expected, lost, tracks, rules.mute, owner[first:last])
-
-
-def is_compiled() -> bool:
-    """Whether this process or an earlier one has compiled the loop."""
-    loop = cast(Any, follow_frames)
-    kept = Path(loop.stats.cache_path).glob(f"{Path(__file__).stem}.{follow_frames.__name__}-*.nbi")
-    return bool(loop.signatures) or any(kept)

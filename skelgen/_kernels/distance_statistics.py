@@ -1,7 +1,4 @@
-"""Compiled loops that sum distances between each two markers; `pair_sums` is the NumPy twin and says what they return.
-
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-"""
+"""Sums over frames of the distances between each two markers, with and without those that are far."""
 
 from __future__ import annotations
 
@@ -9,16 +6,39 @@ import math
 
 import numpy as np
 
-from skelgen.compiling import compile_function
+from skelgen._kernels import kernel, kernel_part
 from skelgen.model.arrays import Floats
-from skelgen.stages.limbs.pair_sums import CLIPPINGS, FAR, FAR_PART
+
+FAR = 3.0
+"""Standard deviations beyond which a distance is far from the others."""
+
+FAR_PART = 0.05
+"""Part of the distances that may be left out as far: a joint that moves for longer is a joint."""
+
+CLIPPINGS = 3
+"""Turns of leaving out what is far: wrong labels hide behind the deviation that they make themselves."""
+
 
 _Moments = tuple[float, float, float]
 
 
-@compile_function
+@kernel
 def pair_sums(positions: Floats, shift: Floats) -> tuple[Floats, Floats]:
-    """Number, sum and sum of squares of all distances, above the diagonal, with and without those that are far."""
+    """Number, sum and sum of squares of all distances, above the diagonal.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    shift : ndarray, shape (n_markers, n_markers), mm
+        What is subtracted from each distance, so that sums of squares stay exact; where it is NaN, the first distance
+        is filled in.
+
+    Returns
+    -------
+    plain, steady : ndarray, shape (3, n_markers, n_markers)
+        Of all distances, and without those that are far from the others; in mm and mm^2.
+    """
     n_frames, n_markers = positions.shape[:2]
     sums, steady_sums = np.zeros((3, n_markers, n_markers)), np.zeros((3, n_markers, n_markers))
     values = np.empty(n_frames)
@@ -37,7 +57,7 @@ def pair_sums(positions: Floats, shift: Floats) -> tuple[Floats, Floats]:
     return sums, steady_sums
 
 
-@compile_function
+@kernel_part
 def _fill_known_lengths(values: Floats, positions: Floats, first: int, second: int) -> int:
     """Put the distances in frames that show both one after the other, and return how many they are."""
     n_known = 0
@@ -52,7 +72,7 @@ def _fill_known_lengths(values: Floats, positions: Floats, first: int, second: i
     return n_known
 
 
-@compile_function
+@kernel_part
 def _steady_moments(values: Floats, plain: _Moments) -> _Moments:
     """Return the moments of what is not far from the others; those of all where much would be."""
     steady = plain
@@ -63,7 +83,7 @@ def _steady_moments(values: Floats, plain: _Moments) -> _Moments:
     return steady if steady[0] >= (1 - FAR_PART) * plain[0] else plain
 
 
-@compile_function
+@kernel_part
 def _moments(values: Floats, middle: float, limit: float) -> _Moments:
     """Number, sum and sum of squares of the values whose squared distance from a middle is within a limit."""
     count, total, squares = 0.0, 0.0, 0.0

@@ -1,7 +1,4 @@
-"""Compiled loops over frames that tell what kind a joint is; `plain_kinds` is the NumPy twin.
-
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-"""
+"""Models of a joint fitted to its rotations, over frames: rigid, hinge, universal."""
 
 from __future__ import annotations
 
@@ -9,26 +6,38 @@ import math
 
 import numpy as np
 
-from skelgen.compiling import compile_function
-from skelgen.geometry.rotations import SMALL_ANGLE
-from skelgen.kinematics.chain.schur_complement import OWN_RIDGE, RANK_TOLERANCE, STEP_PARTS
-from skelgen.kinematics.compiled_small import (
+from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.small_matrices import (
+    SMALL_ANGLE,
     TINY,
     turn_to_axes,
     write_inverse_root,
     write_product,
     write_times_transposed,
 )
-from skelgen.kinematics.joints.closed_form import UNIVERSAL_RIDGE
-from skelgen.kinematics.joints.rotations import Parts
 from skelgen.model.arrays import Floats
+
+STEP_PARTS = (1.0, 0.3, 0.1, 0.01)
+"""Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
+
+RANK_TOLERANCE = 1e-12
+"""Directions whose information is below this part of the largest are not determined: double precision ends there."""
+
+OWN_RIDGE = 1e-14
+"""Of a frame's own normal matrix: keeps angles that nothing measures in place."""
+
+UNIVERSAL_RIDGE = 1e-6
+"""Of unit variance: axes that never move against each other make no universal joint."""
+
+Parts = tuple[Floats, Floats, float, Floats]
+"""Joint's frames in the parent and in the child, shape (3, 3), the angle between the axes, and the frames' angles."""
 
 Eliminated = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]
 
 
-@compile_function
+@kernel
 def whitened(covariances: Floats) -> Floats:
-    """Return matrices W with W^T W = covariance^-1; see `plain_kinds.whitened`."""
+    """Return matrices W with W^T W = covariance^-1, shape (n_frames, n, n)."""
     out, room = np.zeros_like(covariances), np.empty_like(covariances[0])
     for frame in range(len(covariances)):
         room[:] = covariances[frame]
@@ -36,9 +45,23 @@ def whitened(covariances: Floats) -> Floats:
     return out
 
 
-@compile_function
+@kernel
 def eliminate(residuals: Floats, constants: Floats, angles: Floats) -> Eliminated:
-    """Take the frames' own unknowns out of a least squares problem; see `plain_kinds.eliminate`."""
+    """Take the frames' own unknowns out of a least squares problem.
+
+    Parameters
+    ----------
+    residuals, constants, angles : ndarray
+        See `arrow.Linear`.
+
+    Returns
+    -------
+    tuple of ndarray
+        Inverse normal matrices of the frames' own unknowns, shape (n_frames, n_angles, n_angles); how these follow the
+        constants, shape (n_frames, n_angles, n_constants), and what they are without, shape (n_frames, n_angles); the
+        constants' slopes and the residuals that they leave, shapes (n_frames, n_rows, n_constants) and
+        (n_frames, n_rows); the constants' normal matrix and right-hand side.
+    """
     n_frames, n_rows, n_constants = constants.shape
     n_angles = angles.shape[2]
     inverse, follow = np.zeros((n_frames, n_angles, n_angles)), np.zeros((n_frames, n_angles, n_constants))
@@ -62,7 +85,7 @@ def eliminate(residuals: Floats, constants: Floats, angles: Floats) -> Eliminate
     return inverse, follow, alone, reduced, left, normal, pull
 
 
-@compile_function
+@kernel_part
 def _follow(
     angles: Floats, inverse: Floats, constants: Floats, residuals: Floats, follow: Floats, alone: Floats
 ) -> None:
@@ -77,7 +100,7 @@ def _follow(
                 follow[a, c] += gain * constants[row, c]
 
 
-@compile_function
+@kernel_part
 def _invert_own(slopes: Floats, out: Floats) -> None:
     """Write the inverse of slopes^T slopes, its diagonal a little raised: Gauss and Jordan without exchanges."""
     n_rows, size = slopes.shape
@@ -104,11 +127,26 @@ def _invert_own(slopes: Floats, out: Floats) -> None:
                     out[i, j] -= factor * out[pivot, j]
 
 
-@compile_function
+@kernel
 def linearised(
     in_parent: Floats, in_child: Floats, between: float, angles: Floats, rotations: Floats, weight: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Return whitened errors of rotations and how a joint's rotations follow its unknowns; see `plain_kinds`."""
+    """Return whitened errors of rotations, and how a joint's rotations follow its constants and angles.
+
+    Parameters
+    ----------
+    in_parent, in_child, between, angles
+        `Turning.parts` of a rigid joint, hinge or universal joint.
+    rotations : ndarray, shape (n_frames, 3, 3)
+        Measured, parent from child.
+    weight : ndarray, shape (n_frames, 3, 3)
+        Whitening of small turns.
+
+    Returns
+    -------
+    tuple of ndarray
+        Shapes (n_frames, 3), (n_frames, 3, 3 + n_angles) and (n_frames, 3, n_angles).
+    """
     n_frames, n_angles = angles.shape
     residuals = np.empty((n_frames, 3))
     constants, own = np.empty((n_frames, 3, 3 + n_angles)), np.empty((n_frames, 3, n_angles))
@@ -139,7 +177,7 @@ def linearised(
     return residuals, constants, own
 
 
-@compile_function
+@kernel
 def descended(
     in_parent: Floats,
     in_child: Floats,
@@ -150,7 +188,20 @@ def descended(
     max_rounds: int,
     least_gain: float,
 ) -> Parts:
-    """Return the parts of the joint that comes nearest to some rotations; see `plain_kinds.descended`."""
+    """Fit a joint to rotations by the steps of `arrow.descend`.
+
+    Parameters
+    ----------
+    in_parent, in_child, between, angles, rotations, weight
+        See `linearised`; the joint is a first guess.
+    max_rounds, least_gain
+        See `arrow.descend`.
+
+    Returns
+    -------
+    tuple
+        `Turning.parts` of the joint that comes nearest.
+    """
     state = (in_parent, in_child, between, angles)
     residuals, constants, own = linearised(in_parent, in_child, between, angles, rotations, weight)
     squares = (residuals**2).sum()
@@ -179,7 +230,7 @@ def descended(
     return state
 
 
-@compile_function
+@kernel_part
 def _stepped(
     in_parent: Floats, in_child: Floats, between: float, angles: Floats, constants: Floats, own: Floats
 ) -> Parts:
@@ -196,14 +247,14 @@ def _stepped(
     return parent, child, between + (constants[4] if n_angles == 2 else 0.0), angles + own
 
 
-@compile_function
+@kernel_part
 def _tilt(frame: Floats, about_x: float, about_y: float, out: Floats) -> None:
     turn = np.empty((3, 3))
     _write_turn(about_x, about_y, 0.0, turn)
     write_product(frame, turn, out)
 
 
-@compile_function
+@kernel_part
 def _write_turn(x: float, y: float, z: float, out: Floats) -> None:
     """Write the rotation of a rotation vector (Rodrigues)."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -214,7 +265,7 @@ def _write_turn(x: float, y: float, z: float, out: Floats) -> None:
     out[2, 0], out[2, 1], out[2, 2] = half * x * z - sine * y, half * y * z + sine * x, 1.0 - half * (x * x + y * y)
 
 
-@compile_function
+@kernel_part
 def _solved(normal: Floats, pull: Floats) -> Floats:
     """Solve for a step along the directions that are determined; see `arrow.pseudo_inverse`."""
     size = len(pull)
@@ -238,7 +289,7 @@ def _solved(normal: Floats, pull: Floats) -> Floats:
     return out
 
 
-@compile_function
+@kernel_part
 def _turn(frame: Floats, start: int, cosine: float, sine: float, out: Floats) -> None:
     """Write a frame turned in the plane of two neighbouring axes: about z or x; both may be the same array."""
     other, still = start + 1, 2 - 2 * start
@@ -247,9 +298,17 @@ def _turn(frame: Floats, start: int, cosine: float, sine: float, out: Floats) ->
         out[i, start], out[i, other], out[i, still] = cosine * x + sine * y, cosine * y - sine * x, frame[i, still]
 
 
-@compile_function
+@kernel
 def relative_vectors(first: Floats, second: Floats) -> Floats:
-    """Return the rotation vectors of first^T second; see `plain_kinds.relative_vectors`."""
+    """Return the rotation vectors [rad] of first^T second, shape (n, 3).
+
+    Parameters
+    ----------
+    first : ndarray, shape (m, 3, 3)
+        Rotations, repeated as often as m goes into n.
+    second : ndarray, shape (n, 3, 3)
+        Rotations.
+    """
     out, between = np.empty((len(second), 3)), np.empty((3, 3))
     for frame in range(len(second)):
         before = first[frame % len(first)]
@@ -261,7 +320,7 @@ def relative_vectors(first: Floats, second: Floats) -> Floats:
     return out
 
 
-@compile_function
+@kernel_part
 def _write_vector(m: Floats, out: Floats) -> None:
     """Write the rotation vector of a rotation: the largest part of its quaternion is found first (Shepperd 1978)."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
@@ -284,7 +343,7 @@ def _write_vector(m: Floats, out: Floats) -> None:
     out[0], out[1], out[2] = factor * x, factor * y, factor * z
 
 
-@compile_function
+@kernel_part
 def _write_slopes(in_parent: Floats, first: Floats, both: Floats, n_angles: int, out: Floats) -> None:
     """Write how a turn follows the constants of its kind, then the frame's angles."""
     for i in range(3):
@@ -299,9 +358,24 @@ def _write_slopes(in_parent: Floats, first: Floats, both: Floats, n_angles: int,
                 out[i, 4], out[i, 5], out[i, 6] = first[i, 0], in_parent[i, 2], both[i, 2]
 
 
-@compile_function
+@kernel
 def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> tuple[Floats, Floats]:
-    """Return axes in the child before the last of some rounds, and variances after it; see `plain_kinds.alternated`."""
+    """Find two axes whose angle hardly changes, one at a time.
+
+    Parameters
+    ----------
+    moments, mean
+        See `universal.best_partners`.
+    starts : ndarray, shape (n, 3)
+        First guesses of the axis in the child.
+    n_rounds : int
+        How often each of the two axes is found.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (n, 3) and (n,)
+        The axes in the child before the last round, and the angles' variances after it.
+    """
     before, variances = starts.copy(), np.empty(len(starts))
     first, second = np.empty(3), np.empty(3)
     room = np.empty((4, 3, 3))
@@ -314,7 +388,7 @@ def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> 
     return before, variances
 
 
-@compile_function
+@kernel_part
 def _write_partner(moments: Floats, mean: Floats, known: Floats, back: bool, room: Floats, out: Floats) -> float:
     """Write the axis that keeps its angle to a known one best, and return the angle's variance."""
     spread, root, turned, vectors = room[0], room[1], room[2], room[3]

@@ -1,19 +1,13 @@
-"""How residuals pull at the constants of a chain, frame by frame, compiled; `plain_pull` is the twin.
-
-Importing this module imports numba, and raises `RuntimeError` where numba finds no folder to write its cache to.
-"""
+"""Gradient of the squared residuals with respect to a chain's constants, frame by frame."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from skelgen.compiling import compile_function, compile_part
-from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.chain_table import ChainTable, chain_table, fresh
-from skelgen.kinematics.compiled_information import Columns, columns_of, tilted
-from skelgen.kinematics.compiled_posing import Place, new_place, put
-from skelgen.kinematics.compiled_vectors import (
+from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels.information import Columns, tilted
+from skelgen._kernels.posing import ChainTable, Place, new_place, put
+from skelgen._kernels.small_matrices import (
     Vector,
     add_vector,
     cross,
@@ -30,17 +24,7 @@ from skelgen.kinematics.compiled_vectors import (
 from skelgen.model.arrays import Floats
 
 
-def summed(chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats) -> Floats:
-    """Return the pull of some frames; parameters are those of the plain twin."""
-    columns, places = columns_of(chain, articulation)
-    total, result = np.zeros(len(places)), np.empty(len(places))
-    measured = fresh(positions), fresh(weights)
-    add_pulls(chain_table(chain, articulation), columns, fresh(poses.root), fresh(poses.rotations), *measured, total)
-    result[places] = total
-    return result
-
-
-@compile_function
+@kernel
 def add_pulls(
     table: ChainTable,
     columns: Columns,
@@ -67,7 +51,7 @@ def add_pulls(
                 pull_at_joint(table, columns, place, limb, sums, total)
 
 
-@compile_part
+@kernel_part
 def pull_at_offsets(
     table: ChainTable, columns: Columns, weights: Floats, place: Place, limb: int, sums: Floats, total: Floats
 ) -> None:
@@ -86,7 +70,7 @@ def pull_at_offsets(
     set_vector(sums, limb, 3, torque)
 
 
-@compile_part
+@kernel_part
 def pull_at_joint(table: ChainTable, columns: Columns, place: Place, limb: int, sums: Floats, total: Floats) -> None:
     """Add the pull at a limb's joint and axes, and what it does to the parent."""
     parent, force, torque = table.parents[limb], vector(sums, limb, 0), vector(sums, limb, 3)
@@ -99,7 +83,7 @@ def pull_at_joint(table: ChainTable, columns: Columns, place: Place, limb: int, 
         add_vector(sums, parent, 3, torque)
 
 
-@compile_part
+@kernel_part
 def add_to(total: Floats, first: int, value: Vector) -> None:
     """Add three numbers to those in a row."""
     for axis in range(3):
