@@ -251,5 +251,6 @@ def test_points_of_which_the_file_says_nothing_weigh_one(attributes):
 def test_a_doubted_point_loses_to_one_that_is_as_near():
     expected, points = np.zeros((1, 3)), np.array([[1.0, 0, 0], [-1.0, 0, 0]])
     terms = np.array([[10.0, 20.0, 4.0, 4.0]])  # reach, gain there, squared width, exponent
-    _, gains, _ = find_pairs(expected, terms, points, np.array([1.0, 0.1]), rising_order(points[:, 0]))
-    assert 0 < gains[1] < gains[0]
+    pairs, gains, _ = find_pairs(expected, terms, points, np.array([1.0, 0.1]), rising_order(points[:, 0]))
+    gain_of_point = dict(zip(pairs[:, 1].tolist(), gains.tolist(), strict=True))
+    assert 0 < gain_of_point[1] < gain_of_point[0]

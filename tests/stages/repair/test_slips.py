@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from skelgen.stages.repair.steps import changes, jumps
 
+from skelgen._kernels.marker_steps import changes, jumps
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.repair import find_slips, repair_take, split_slipped
 from skelgen.stages.repair.leaps import leaps
