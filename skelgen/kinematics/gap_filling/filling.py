@@ -8,7 +8,7 @@ is done in the frame of a neighbouring limb, or in the world.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from skelgen.progress import SILENT, Monitor, with_progress
 
 _FEWEST_TOGETHER = 25  # frames in which a marker and its predictors are seen, to learn from
 _FEWEST_KNOWN = 10  # frames in which a marker is seen, to tell how far it strays from them
-_OWN_VARIANCES = 20  # frames to fill, from which on variances are estimated for their own set of predictors
+_OWN_VARIANCES = 20  # frames to fill, from which on variances are estimated for each set of predictors
 
 
 def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, monitor: Monitor = SILENT) -> Filled:
@@ -51,7 +51,7 @@ def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, mo
     motion : Motion
         Their poses in every frame.
     monitor : Monitor
-        Told of progress; may cancel.
+        Is told of progress; may cancel.
 
     Returns
     -------
@@ -78,24 +78,37 @@ def fill_gaps(trajectories: Trajectories, skeleton: Skeleton, motion: Motion, mo
     return Filled(trajectories, work.positions, work.source, work.std)
 
 
+@dataclass(frozen=True, eq=False)
+class _Gaps:
+    """One marker, the frames from which its motion is learnt, and the frames that are filled."""
+
+    marker: int
+    known: Ints
+    targets: Ints
+
+
 class _Work:
     """The arrays that are being filled."""
 
     def __init__(self, trajectories: Trajectories, skeleton: Skeleton, motion: Motion) -> None:
         self.trajectories, self.skeleton, self.motion = trajectories, skeleton, motion
-        self.own_poses = PosesByMarkers(trajectories, skeleton, motion)
+        self.poses = PosesByMarkers(trajectories, skeleton, motion)
         self.seen = trajectories.seen
         self.with_gaps = np.asarray(self.seen.any(axis=0) & ~self.seen.all(axis=0))
         self.positions = trajectories.positions.copy()
         self.source = np.where(self.seen, Source.MEASURED, Source.NONE).astype(np.intp)
         self.std = np.where(self.seen, 0.0, np.nan)
-        self.clock = TimeCovariance(trajectories.n_frames, trajectories.rate)
+        self.time_covariance = TimeCovariance(trajectories.n_frames, trajectories.rate)
 
-    def put(self, marker: int, frames: Ints, world: Floats, std: Floats, source: Source) -> None:
-        """Store filled values [mm]."""
-        self.positions[frames, marker] = world
-        self.std[frames, marker] = std
-        self.source[frames, marker] = source
+    def store(self, gaps: _Gaps, world: Floats, std: Floats, source: Source) -> None:
+        """Store filled positions [mm] and their deviations [mm]."""
+        self.positions[gaps.targets, gaps.marker] = world
+        self.std[gaps.targets, gaps.marker] = std
+        self.source[gaps.targets, gaps.marker] = source
+
+    def needed_frames(self, gaps: _Gaps) -> Ints:
+        """Frames that the prediction of gaps rests on."""
+        return needed_frames(gaps.known, gaps.targets, self.trajectories.rate)
 
 
 def _fill_limb(work: _Work, limb: int) -> None:
@@ -103,100 +116,78 @@ def _fill_limb(work: _Work, limb: int) -> None:
     markers = work.skeleton.markers_of(limb)
     if not work.with_gaps[markers].any():
         return
-    predictors = find_predictors(work.own_poses, limb)
+    predictors = find_predictors(work.poses, limb)
     for index in np.flatnonzero(work.with_gaps[markers]).tolist():
         frames = np.flatnonzero(~work.seen[:, markers[index]])
         usable = predictors.usable[frames]
         usable[:, index] = False
-        with_firm = usable[:, predictors.firm].any(axis=1)
-        usable[with_firm] &= predictors.firm
-        enough = predictors.posed_by(usable)
+        with_independent = usable[:, predictors.is_independent].any(axis=1)
+        usable[with_independent] &= predictors.is_independent
+        enough = predictors.fix_pose(usable)
         usable[enough, predictors.n_markers :] = False
         patterns, pattern_of, counts = np.unique(usable, axis=0, return_inverse=True, return_counts=True)
-        shares, which = None, (int(markers[index]), index)
+        variances = None
         for number in np.argsort(-counts, kind="stable").tolist():
             of_pattern = pattern_of.ravel() == number
             if patterns[number].any():
                 source = Source.LIMB if enough[of_pattern][0] else Source.JOINT
                 chosen = np.flatnonzero(patterns[number])
-                shares = _fill_from(work, which, predictors, chosen, frames[of_pattern], source, shares)
-
-
-def _fill_from(
-    work: _Work,
-    which: tuple[int, int],
-    predictors: Predictors,
-    chosen: Ints,
-    targets: Ints,
-    source: Source,
-    shares: Floats | None,
-) -> Floats | None:
-    """Fill one marker, given by its index in the take and on the limb; return the shares of its variance."""
-    marker, index = which
-    known = np.flatnonzero(predictors.usable[:, chosen].all(axis=1) & predictors.usable[:, index])
-    if len(known) < _FEWEST_TOGETHER:  # too few to learn from: the place on the limb, with the marker's deviation
-        base = MovingFrame(targets, chosen, *predictors.frames_through(chosen, targets))
-        world = base.world(np.tile(predictors.places[index], (len(targets), 1)), np.arange(len(targets)))
-        work.put(marker, targets, world, np.full(len(targets), work.skeleton.marker_std[marker]), source)
-        return shares
-    frames = needed_frames(known, targets, work.clock.rate)
-    base = MovingFrame(frames, chosen, *predictors.frames_through(chosen, frames))
-    values, std, shares = _predicted_in(work, marker, base, predictors, known, targets, shares)
-    work.put(marker, targets, values, std, source)
-    return shares
+                known = np.flatnonzero(predictors.usable[:, chosen].all(axis=1) & predictors.usable[:, index])
+                gaps = _Gaps(int(markers[index]), known, frames[of_pattern])
+                if len(known) < _FEWEST_TOGETHER:
+                    world = predictors.moving_frame(chosen, gaps.targets).world(predictors.offsets[index])
+                    work.store(gaps, world, np.full(len(world), work.skeleton.marker_std[gaps.marker]), source)
+                    continue
+                frame = predictors.moving_frame(chosen, work.needed_frames(gaps))
+                values, std, variances = _predicted_in(work, gaps, frame, predictors, variances)
+                work.store(gaps, values, std, source)
 
 
 def _predicted_in(
-    work: _Work,
-    marker: int,
-    base: MovingFrame,
-    predictors: Predictors,
-    known: Ints,
-    targets: Ints,
-    shares: Floats | None,
+    work: _Work, gaps: _Gaps, frame: MovingFrame, predictors: Predictors, variances: Floats | None
 ) -> tuple[Floats, Floats, Floats]:
-    """World positions and deviations of a marker, learnt in a moving frame; and the shares of its variance."""
-    features = features_of(work.trajectories, work.skeleton, work.motion, predictors, base)
-    local = base.local(np.nan_to_num(work.trajectories.positions[base.frames, marker]))
-    values, std, shares = _predicted(Series(base.frames, local, features), known, targets, work.clock, shares)
-    return base.world(values, np.searchsorted(base.frames, targets)), std, shares
+    """World positions and deviations of a marker, learnt in a moving frame; and the variances of the process."""
+    features = features_of(work.poses, predictors, frame)
+    local = frame.local(np.nan_to_num(work.trajectories.positions[frame.frames, gaps.marker]))
+    values, std, variances = _predicted(work, gaps, Series(frame.frames, local, features), variances)
+    return frame.at(np.searchsorted(frame.frames, gaps.targets)).world(values), std, variances
 
 
-def _predicted(
-    series: Series, known: Ints, targets: Ints, clock: TimeCovariance, shares: Floats | None
-) -> tuple[Floats, Floats, Floats]:
-    """Values and deviations of a series in target frames, and the shares of its variance."""
-    learnt = np.searchsorted(series.frames, learnt_frames(known))
+def _predicted(work: _Work, gaps: _Gaps, series: Series, variances: Floats | None) -> tuple[Floats, Floats, Floats]:
+    """Values and deviations of a series in the frames to fill, and the variances of the process."""
+    learnt = np.searchsorted(series.frames, learnt_frames(gaps.known))
     series = replace(series, features=series.features.scaled(learnt))
-    if shares is None or len(targets) >= _OWN_VARIANCES:
-        shares = fit_variances(series, learnt, clock)
-    return *predict(series, known, targets, clock, shares), shares
+    if variances is None or len(gaps.targets) >= _OWN_VARIANCES:
+        variances = fit_variances(series, learnt, work.time_covariance)
+    return *predict(series, gaps.known, gaps.targets, work.time_covariance, variances), variances
 
 
 def _fill_rest(work: _Work, marker: int) -> None:
-    """Fill what nothing of the limb helps with, in the world or in the frame of the limb's reference."""
+    """Fill frames that show nothing of the limb, in the world or in the frame of the nearest limb with a pose."""
     targets, known = np.flatnonzero(work.source[:, marker] == Source.NONE), np.flatnonzero(work.seen[:, marker])
     if len(known) < _FEWEST_KNOWN or not len(targets):
         return
-    frames = needed_frames(known, targets, work.clock.rate)
+    gaps = _Gaps(marker, known, targets)
+    frames = work.needed_frames(gaps)
     series = Series(frames, np.nan_to_num(work.trajectories.positions[frames, marker]), Features())
-    values, std, _ = _predicted(series, known, targets, work.clock, None)
-    work.put(marker, targets, values, std, Source.INTERPOLATED)
+    values, std, _ = _predicted(work, gaps, series, None)
+    work.store(gaps, values, std, Source.INTERPOLATED)
     if work.skeleton.limb_of_marker[marker] >= 0:
-        _fill_by_reference(work, marker, known, targets)
+        _fill_by_reference(work, gaps)
 
 
-def _fill_by_reference(work: _Work, marker: int, known: Ints, targets: Ints) -> None:
-    """Fill a marker in the frame of the nearest limb that its own markers pose, where this is surer."""
-    limb = int(work.skeleton.limb_of_marker[marker])
-    predictors = find_predictors(work.own_poses, limb)
+def _fill_by_reference(work: _Work, gaps: _Gaps) -> None:
+    """Fill a marker in the frame of the nearest limb that has a pose, where this is surer."""
+    limb = int(work.skeleton.limb_of_marker[gaps.marker])
+    predictors = find_predictors(work.poses, limb)
     posed = work.motion.limb_seen[:, predictors.reference]
-    known, targets = known[posed[known]], targets[posed[targets]]
-    if predictors.reference == limb or len(known) < _FEWEST_TOGETHER or not len(targets):
+    gaps = _Gaps(gaps.marker, gaps.known[posed[gaps.known]], gaps.targets[posed[gaps.targets]])
+    if predictors.reference == limb or len(gaps.known) < _FEWEST_TOGETHER or not len(gaps.targets):
         return
-    frames = needed_frames(known, targets, work.clock.rate)
+    frames = work.needed_frames(gaps)
     origin = work.motion.world_from_limb[frames, predictors.reference, :3, 3]
-    base = MovingFrame(frames, np.zeros(0, dtype=np.intp), predictors.guess[frames], origin)
-    values, std, _ = _predicted_in(work, marker, base, predictors, known, targets, None)
-    better = std < work.std[targets, marker]
-    work.put(marker, targets[better], values[better], std[better], Source.INTERPOLATED)
+    frame = MovingFrame(frames, np.zeros(0, dtype=np.intp), predictors.default_rotations[frames], origin)
+    values, std, _ = _predicted_in(work, gaps, frame, predictors, None)
+    better = std < work.std[gaps.targets, gaps.marker]
+    surer = replace(gaps, targets=gaps.targets[better])
+    work.store(surer, values[better], std[better], Source.INTERPOLATED)

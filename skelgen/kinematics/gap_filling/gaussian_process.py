@@ -21,18 +21,17 @@ _DECAYS = (0.05, 0.2, 1.0, 5.0)  # s: from the jitter of labels to a slow drift
 _PERIODS = (0.5, 0.65, 0.85, 1.1, 1.5, 2.0, 2.8)  # s: skin swings with steps and reaches, 0.35 to 2 Hz
 _DAMPING = 1.5  # periods after which a wave has lost its phase
 _WIDTHS = (0.5, 1.0)  # of bells over features, whose mean square length is 1
-_FORGOTTEN = 12.0  # longest decay times, after which nothing is left of it
+_VANISHED = 12.0  # longest decay times, after which nothing is left of it
 _ROUNDS = 12  # of the iteration: few, so that shapes that hardly matter keep a small part
 _LEARNT_FRAMES = 126  # that variances rest on: the work grows with their cube
 _ANYWHERE_FRAMES = 130  # all over the take, that predictions rest on
 _CLUSTER = (0, 1, 3, 7, 15, 31)  # frames that are looked at together, to see short and long times
 _NEAREST, _NEARER, _EVERY = 30, 120, 3  # known frames about a gap: all of the nearest, then every third
-_WHOLE = 70  # of the frames that a prediction rests on lie about the gap, the rest anywhere
 _TOGETHER_SECONDS = 2.0  # gaps within this time are predicted together
-_JITTER = 1e-9  # of the variance, keeps the equations of noiseless series solvable
+_RIDGE = 1e-9  # of the variance, keeps the equations of noiseless series solvable
 _LEAST_VARIANCE = 1e-12  # mm^2, so that a constant series is no division by zero
 _STILL = 1e-9  # features that vary less say nothing
-_CALM = 30.0  # values that the take as a whole counts for beside those near a gap, where deviations are checked
+_PRIOR_VALUES = 30.0  # values that the take as a whole counts for beside those near a gap, where deviations are checked
 _CHECKED = 70  # known frames nearest to a gap on which the deviation is checked
 
 
@@ -42,22 +41,22 @@ class Features:
 
     Attributes
     ----------
-    straight : tuple of ndarray, shape (n_frames, n_values)
+    linear : tuple of ndarray, shape (n_frames, n_values)
         Groups of values that the series may follow in proportion.
-    curved : tuple of ndarray, shape (n_frames, n_values)
+    smooth : tuple of ndarray, shape (n_frames, n_values)
         Groups that it may follow along any smooth curve.
     """
 
-    straight: tuple[Floats, ...] = ()
-    curved: tuple[Floats, ...] = ()
+    linear: tuple[Floats, ...] = ()
+    smooth: tuple[Floats, ...] = ()
 
     def at(self, frames: Ints) -> Features:
         """These features in some frames."""
-        return Features(tuple(x[frames] for x in self.straight), tuple(x[frames] for x in self.curved))
+        return Features(tuple(x[frames] for x in self.linear), tuple(x[frames] for x in self.smooth))
 
     def scaled(self, known: Ints) -> Features:
         """Each group centred and of mean square length 1 over the known rows."""
-        return Features(tuple(_scaled(x, known) for x in self.straight), tuple(_scaled(x, known) for x in self.curved))
+        return Features(tuple(_scaled(x, known) for x in self.linear), tuple(_scaled(x, known) for x in self.smooth))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +79,18 @@ class Series:
 
 
 class TimeCovariance:
-    """Covariances of two values by the time between them, one row per shape."""
+    """Covariances of two values by the time between them, one row per shape.
+
+    Parameters
+    ----------
+    n_frames : int
+        Frames of the take.
+    rate : float, Hz
+        Its frame rate.
+    """
 
     def __init__(self, n_frames: int, rate: float) -> None:
-        longest = int(_FORGOTTEN * _DECAYS[-1] * rate) + 2
+        longest = int(_VANISHED * _DECAYS[-1] * rate) + 2
         lags = np.arange(min(n_frames, longest)) / rate
         rows = []
         for decay in _DECAYS:
@@ -95,12 +102,26 @@ class TimeCovariance:
         self._rows = np.array(rows)
 
     def shapes(self, first: Ints, second: Ints) -> Floats:
-        """Each shape between all pairs of frames, shape (n_shapes, n_first, n_second)."""
+        """Return each shape between all pairs of frames, shape (n_shapes, n_first, n_second).
+
+        Parameters
+        ----------
+        first, second : ndarray of intp, shapes (n_first,) and (n_second,)
+            Frames.
+        """
         return np.asarray(self._rows[:, self._lags(first, second)])
 
-    def sum(self, shares: Floats, first: Ints, second: Ints) -> Floats:
-        """Sum of the shapes, each times its share, shape (n_first, n_second)."""
-        return np.asarray((shares @ self._rows)[self._lags(first, second)])
+    def sum(self, variances: Floats, first: Ints, second: Ints) -> Floats:
+        """Return the sum of the shapes, each times its variance, shape (n_first, n_second).
+
+        Parameters
+        ----------
+        variances : ndarray, shape (n_shapes,), mm^2
+            From `fit_variances`.
+        first, second : ndarray of intp, shapes (n_first,) and (n_second,)
+            Frames.
+        """
+        return np.asarray((variances @ self._rows)[self._lags(first, second)])
 
     @property
     def n_shapes(self) -> int:
@@ -112,20 +133,36 @@ class TimeCovariance:
 
 
 def needed_frames(known: Ints, targets: Ints, rate: float) -> Ints:
-    """Frames that a prediction of `targets` rests on or is made for, rising; a small part of a long take."""
+    """Return the frames that a prediction rests on or is made for, rising: a small part of a long take.
+
+    Parameters
+    ----------
+    known, targets : ndarray of intp, rising
+        Frames with a value, and those to predict.
+    rate : float, Hz
+        Frame rate.
+    """
     near = [_around(known, targets[part]) for part in _gaps_together(targets, rate)]
-    return np.unique(np.concatenate([learnt_frames(known), _anywhere(known), targets, *near]))
+    return np.unique(np.concatenate([learnt_frames(known), learnt_frames(known, _ANYWHERE_FRAMES), targets, *near]))
 
 
 def learnt_frames(known: Ints, most: int = _LEARNT_FRAMES) -> Ints:
-    """Known frames in clusters all over the take, at most `most`."""
+    """Return known frames in clusters all over the take.
+
+    Parameters
+    ----------
+    known : ndarray of intp, rising
+        Frames with a value.
+    most : int
+        Number of frames at most.
+    """
     if len(known) <= most:
         return known
     starts = np.linspace(0, len(known) - 1 - _CLUSTER[-1], most // len(_CLUSTER)).astype(np.intp)
     return np.unique(known[starts[:, np.newaxis] + np.array(_CLUSTER)])
 
 
-def fit_variances(series: Series, rows: Ints, clock: TimeCovariance) -> Floats:
+def fit_variances(series: Series, rows: Ints, time_covariance: TimeCovariance) -> Floats:
     """Estimate how much of a series' variance each shape contributes.
 
     Parameters
@@ -134,8 +171,8 @@ def fit_variances(series: Series, rows: Ints, clock: TimeCovariance) -> Floats:
         With scaled features.
     rows : ndarray of intp
         Known rows to learn from.
-    clock : TimeCovariance
-        Of the take.
+    time_covariance : TimeCovariance
+        That of the take.
 
     Returns
     -------
@@ -145,25 +182,27 @@ def fit_variances(series: Series, rows: Ints, clock: TimeCovariance) -> Floats:
     values = series.values[rows] - series.values[rows].mean(axis=0)
     variance = float((values**2).mean())
     inner, frames = series.features.at(rows), series.frames[rows]
-    flat = clock.shapes(frames, frames).reshape(clock.n_shapes, -1)
-    if inner.straight or inner.curved:
+    flat = time_covariance.shapes(frames, frames).reshape(time_covariance.n_shapes, -1)
+    if inner.linear or inner.smooth:
         flat = np.concatenate([flat, _shapes(inner, inner).reshape(-1, flat.shape[1])])
-    shares = np.full(len(flat) + 1, variance / (len(flat) + 1))
+    variances = np.full(len(flat) + 1, variance / (len(flat) + 1))
     if variance == 0.0:
-        return shares
+        return variances
     diagonal = np.arange(len(rows))
     for _ in range(_ROUNDS):
-        covariance = (shares[:-1] @ flat).reshape(len(rows), len(rows))
-        covariance[diagonal, diagonal] += shares[-1] + _JITTER * variance
+        covariance = (variances[:-1] @ flat).reshape(len(rows), len(rows))
+        covariance[diagonal, diagonal] += variances[-1] + _RIDGE * variance
         inverse = _inverse(covariance)
         weights = inverse @ values
         found = np.append(flat @ (weights @ weights.T).ravel(), (weights**2).sum()) / values.shape[1]
         expected = np.append(flat @ inverse.ravel(), np.trace(inverse))
-        shares = shares * np.sqrt(np.maximum(found, 0.0) / np.maximum(expected, np.finfo(float).tiny))
-    return shares
+        variances = variances * np.sqrt(np.maximum(found, 0.0) / np.maximum(expected, np.finfo(float).tiny))
+    return variances
 
 
-def predict(series: Series, known: Ints, targets: Ints, clock: TimeCovariance, shares: Floats) -> tuple[Floats, Floats]:
+def predict(
+    series: Series, known: Ints, targets: Ints, time_covariance: TimeCovariance, variances: Floats
+) -> tuple[Floats, Floats]:
     """Predict a series in frames where it is not known.
 
     The deviation is that of the model times how much larger or smaller errors are than it says, where known values
@@ -175,9 +214,9 @@ def predict(series: Series, known: Ints, targets: Ints, clock: TimeCovariance, s
         With scaled features.
     known, targets : ndarray of intp, rising
         Frames with a value, and those to predict; those of `needed_frames` must be in the series.
-    clock : TimeCovariance
-        Of the take.
-    shares : ndarray, shape (n_shapes,), mm^2
+    time_covariance : TimeCovariance
+        That of the take.
+    variances : ndarray, shape (n_shapes,), mm^2
         From `fit_variances`.
 
     Returns
@@ -186,16 +225,16 @@ def predict(series: Series, known: Ints, targets: Ints, clock: TimeCovariance, s
         The values, and the standard deviation of each coordinate of what would have been measured.
     """
     values, deviation = np.empty((len(targets), series.values.shape[1])), np.empty(len(targets))
-    anywhere = _anywhere(known)
-    for part in _gaps_together(targets, clock.rate):
+    anywhere = learnt_frames(known, _ANYWHERE_FRAMES)
+    for part in _gaps_together(targets, time_covariance.rate):
         frames = np.union1d(_around(known, targets[part]), anywhere)
         rows, aims = np.searchsorted(series.frames, frames), np.searchsorted(series.frames, targets[part])
-        values[part], deviation[part] = _predict_from(series, rows, aims, clock, shares)
+        values[part], deviation[part] = _predict_from(series, rows, aims, time_covariance, variances)
     return values, deviation
 
 
 def left_out_errors(precision: Floats, values: Floats) -> Floats:
-    """Errors in stated deviations where each few neighbouring values are predicted from all others.
+    """Return prediction errors in units of their predicted deviations, a few neighbouring values left out at a time.
 
     Parameters
     ----------
@@ -221,36 +260,32 @@ def left_out_errors(precision: Floats, values: Floats) -> Floats:
 
 
 def _predict_from(
-    series: Series, rows: Ints, targets: Ints, clock: TimeCovariance, shares: Floats
+    series: Series, rows: Ints, targets: Ints, time_covariance: TimeCovariance, variances: Floats
 ) -> tuple[Floats, Floats]:
-    frames, aims, n_times = series.frames[rows], series.frames[targets], clock.n_shapes
+    frames, aims, n_times = series.frames[rows], series.frames[targets], time_covariance.n_shapes
     there, own = series.features.at(rows), series.features.at(targets)
     mean = series.values[rows].mean(axis=0)
     values = series.values[rows] - mean
-    of_features, noise = shares[n_times:-1], float(shares[-1])
-    among = clock.sum(shares[:n_times], frames, frames) + _sum(of_features, there, there)
+    of_features, noise = variances[n_times:-1], float(variances[-1])
+    among = time_covariance.sum(variances[:n_times], frames, frames) + _sum(of_features, there, there)
     diagonal = np.arange(len(rows))
-    among[diagonal, diagonal] += noise + _JITTER * max(float(shares.sum()), _LEAST_VARIANCE)
-    towards = clock.sum(shares[:n_times], aims, frames) + _sum(of_features, own, there)
+    among[diagonal, diagonal] += noise + _RIDGE * max(float(variances.sum()), _LEAST_VARIANCE)
+    towards = time_covariance.sum(variances[:n_times], aims, frames) + _sum(of_features, own, there)
     precision = _inverse(among)
     weights = precision @ towards.T
-    total = shares[:n_times].sum() + _own_variances(of_features, own) + noise
+    total = variances[:n_times].sum() + _own_variances(of_features, own) + noise
     variance = np.maximum(total - (weights * towards.T).sum(axis=0), noise)
-    factor = _liveliness(left_out_errors(precision, values), frames, aims)
+    factor = _error_ratio(left_out_errors(precision, values), frames, aims)
     return mean + weights.T @ values, factor * np.sqrt(variance)
 
 
-def _liveliness(errors: Floats, frames: Ints, targets: Ints) -> float:
-    """How much larger errors are near the gap than stated; where little is known there, the take as a whole counts."""
+def _error_ratio(errors: Floats, frames: Ints, targets: Ints) -> float:
+    """How much larger errors near the gap are than predicted; where few values are near, the whole take counts."""
     squares = (errors**2).mean(axis=1)
     away = np.maximum(np.maximum(targets[0] - frames, frames - targets[-1]), 0)
     near = squares[np.argsort(away, kind="stable")[:_CHECKED]]
     usual = max(float(squares.mean()), 1.0)
-    return float(np.sqrt((_CALM * usual + near.sum()) / (_CALM + len(near))))
-
-
-def _anywhere(known: Ints) -> Ints:
-    return learnt_frames(known, _ANYWHERE_FRAMES)
+    return float(np.sqrt((_PRIOR_VALUES * usual + near.sum()) / (_PRIOR_VALUES + len(near))))
 
 
 def _inverse(covariance: Floats) -> Floats:
@@ -265,33 +300,33 @@ def _inverse(covariance: Floats) -> Floats:
 
 
 def _shapes(first: Features, second: Features) -> Floats:
-    """Shapes of features: products of all groups, then bells over the curved ones."""
-    found = [a @ b.T for a, b in zip(first.straight + first.curved, second.straight + second.curved, strict=True)]
-    for a, b in zip(first.curved, second.curved, strict=True):
+    """Shapes of features: products of all groups, then bells over the smooth ones."""
+    found = [a @ b.T for a, b in zip(first.linear + first.smooth, second.linear + second.smooth, strict=True)]
+    for a, b in zip(first.smooth, second.smooth, strict=True):
         square = _squares(a, b)
         found += [np.exp(-0.5 * square / width**2) for width in _WIDTHS]
     return np.array(found)
 
 
-def _sum(shares: Floats, first: Features, second: Features) -> Floats | float:
-    """Sum of the shapes of features, each times its share."""
-    if not len(shares):
+def _sum(variances: Floats, first: Features, second: Features) -> Floats | float:
+    """Sum of the shapes of features, each times its variance."""
+    if not len(variances):
         return 0.0
-    n_groups = len(first.straight + first.curved)
-    weighted = [share * x for share, x in zip(shares, first.straight + first.curved, strict=False)]
-    total = np.hstack(weighted) @ np.hstack(second.straight + second.curved).T
-    for index, (a, b) in enumerate(zip(first.curved, second.curved, strict=True)):
+    n_groups = len(first.linear + first.smooth)
+    weighted = [variance * x for variance, x in zip(variances, first.linear + first.smooth, strict=False)]
+    total = np.hstack(weighted) @ np.hstack(second.linear + second.smooth).T
+    for index, (a, b) in enumerate(zip(first.smooth, second.smooth, strict=True)):
         square = _squares(a, b)
-        for share, width in zip(shares[n_groups + index * len(_WIDTHS) :], _WIDTHS, strict=False):
-            if share > 0.0:
-                total += share * np.exp(square / -(width**2) / 2)
+        for variance, width in zip(variances[n_groups + index * len(_WIDTHS) :], _WIDTHS, strict=False):
+            if variance > 0.0:
+                total += variance * np.exp(square / -(width**2) / 2)
     return np.asarray(total)
 
 
-def _own_variances(shares: Floats, features: Features) -> Floats | float:
-    groups = features.straight + features.curved
-    straight = sum(share * (x**2).sum(axis=1) for share, x in zip(shares, groups, strict=False))
-    return np.asarray(straight + shares[len(groups) :].sum())
+def _own_variances(variances: Floats, features: Features) -> Floats | float:
+    groups = features.linear + features.smooth
+    linear = sum(variance * (x**2).sum(axis=1) for variance, x in zip(variances, groups, strict=False))
+    return np.asarray(linear + variances[len(groups) :].sum())
 
 
 def _squares(first: Floats, second: Floats) -> Floats:
