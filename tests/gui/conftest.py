@@ -20,6 +20,15 @@ from skelgen_gui.project.session import Session
 import skelgen
 
 
+@pytest.fixture(scope="module", autouse=True)
+def frozen():
+    """What other tests and libraries left in memory is not searched after each test: that takes a second and more."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
+
+
 @pytest.fixture(autouse=True)
 def collected():
     """Python ends widgets that refer to each other between tests, and not amid their events, in any order."""
