@@ -19,7 +19,7 @@ from skelgen.kinematics.joints.fit import KindChoice, choose, fit_kind
 from skelgen.kinematics.joints.joint_type import KNOWN_KINDS, KindLimits
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.topology import outward_order, parents_from_names
+from skelgen.model.topology import outward_order, parents_from_names, spanning_forest
 
 LOOP_GAP = 3.0
 """Joints outside the tree are looked at if their gap is below this many times the median gap of the tree's joints."""
@@ -172,7 +172,7 @@ def find_hierarchy(
     """
     gaps = joint_gaps(poses)
     if parents is None:
-        tree = spanning_parents(gaps, None if root is None else body_index(poses, root))
+        tree = spanning_forest(gaps, root=None if root is None else body_index(poses, root))
     else:
         tree = parents_from_names(poses.names, parents)
     wanted, size = _known_kinds(poses, kinds or {}), noise_size(poses) if size is None else size
@@ -225,56 +225,11 @@ def joint_gaps(poses: Poses) -> Floats:
     return gaps
 
 
-def spanning_parents(gaps: Floats, root: int | None = None) -> Ints:
-    """Return the parents in the minimum spanning forest of joint gaps (Prim).
-
-    Parameters
-    ----------
-    gaps : ndarray, shape (n_bodies, n_bodies), mm
-        Symmetric weights; NaN where two bodies cannot be joined.
-    root : int, optional
-        Root of its tree; by default, and for all other trees, the body with most joints.
-    """
-    n_bodies = len(gaps)
-    joined = np.zeros((n_bodies, n_bodies), dtype=bool)
-    weights = np.where(np.isnan(gaps), np.inf, gaps)
-    inside = np.zeros(n_bodies, dtype=bool)
-    for start in range(n_bodies):
-        if inside[start]:
-            continue
-        tree = np.arange(n_bodies) == start
-        while True:
-            across = np.where(tree[:, np.newaxis] & ~(tree | inside), weights, np.inf)
-            first, second = np.unravel_index(np.argmin(across), across.shape)
-            if not np.isfinite(across[first, second]):
-                break
-            joined[first, second] = joined[second, first] = tree[second] = True
-        inside |= tree
-    return _rooted(joined, root)
-
-
 def _known_kinds(poses: Poses, kinds: Mapping[str, str]) -> dict[int, str]:
     for name, kind in kinds.items():
         if name not in poses.names or kind not in KNOWN_KINDS:
             raise InputError(f"kinds: {name}={kind} names no body or no kind; kinds are {', '.join(KNOWN_KINDS)}")
     return {poses.names.index(name): kind for name, kind in kinds.items()}
-
-
-def _rooted(joined: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], root: int | None) -> Ints:
-    parents = np.full(len(joined), -1, dtype=np.intp)
-    order = sorted(range(len(joined)), key=lambda body: (body != root, -int(joined[body].sum()), body))
-    known: set[int] = set()
-    for start in order:
-        if start in known:
-            continue
-        queue = [start]
-        for body in queue:
-            known.add(body)
-            for other in np.flatnonzero(joined[body]).tolist():
-                if other not in known:
-                    parents[other] = body
-                    queue.append(other)
-    return parents
 
 
 def _loops(hierarchy: Hierarchy, relate: Callable[[int, int], RelativePoses]) -> tuple[tuple[int, int], ...]:

@@ -1,14 +1,22 @@
-"""Which marker sits on which rigid limb."""
+"""Which marker sits on which rigid limb, and how the limbs are joined: a graph of limbs with its spanning tree.
+
+networkx takes a fifth of a second to import: it is imported where a graph is asked for.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, Ints, check_floats, check_ints
+
+if TYPE_CHECKING:
+    from networkx import Graph
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +114,35 @@ class Topology:
             if len(pair) != 2 or not all(0 <= limb < n_limbs for limb in pair):
                 raise InputError(f"a loop joins two of {n_limbs} limbs, not {pair}")
 
+    @cached_property
+    def graph(self) -> Graph:
+        """All joints that are possible, as a `networkx.Graph` that cannot be changed.
+
+        Nodes are limbs. An edge has its ``cost`` [mm^2]; ``in_tree`` says whether the spanning tree uses it, and
+        ``closes_loop`` whether the limbs seem joined although the tree does not join them.
+        """
+        from networkx import freeze  # noqa: PLC0415 - see the module's docstring
+
+        graph = graph_of_costs(self.joint_costs)
+        for pairs, in_tree in ((self.edges.tolist(), True), (self.loops, False)):
+            for first, second in pairs:
+                cost = float(self.joint_costs[first, second])
+                graph.add_edge(first, second, cost=cost, in_tree=in_tree, closes_loop=not in_tree)
+        return freeze(graph)
+
+    @cached_property
+    def tree(self) -> Graph:
+        """The edges of `graph` that the spanning tree uses, and all limbs."""
+        from networkx import subgraph_view  # noqa: PLC0415 - see the module's docstring
+
+        return subgraph_view(self.graph, filter_edge=lambda first, second: self.graph.edges[first, second]["in_tree"])
+
+    def limbs_of_tree(self, limb: int) -> set[int]:
+        """Return the limbs of the tree that a limb belongs to."""
+        from networkx import node_connected_component  # noqa: PLC0415 - see the module's docstring
+
+        return set(node_connected_component(self.tree, limb))
+
     def for_take(self, n_frames: int) -> Topology:
         """Return the same tree for another take, where joints were not sought frame by frame."""
         return replace(self, raw_joint_positions=np.full((n_frames, self.n_joints, 3), np.nan))
@@ -151,6 +188,60 @@ class Topology:
         found = cheapest_rivals(self.parents, self.joint_costs)
         parents, children = self.parents[self.children], self.children
         return np.array([found[int(child)][1] for child in children]) - self.joint_costs[parents, children]
+
+
+def graph_of_costs(costs: Floats) -> Graph:
+    """Return limbs and possible joints as a graph; edges have a `cost`, and are neither in a tree nor in a loop.
+
+    Parameters
+    ----------
+    costs : ndarray, shape (n_limbs, n_limbs), mm^2
+        Symmetric joint costs; NaN or infinite where two limbs cannot be joined.
+    """
+    from networkx import Graph  # noqa: PLC0415 - see the module's docstring
+
+    graph = Graph()
+    graph.add_nodes_from(range(len(costs)))
+    for first, second in np.argwhere(np.triu(np.isfinite(costs), 1)).tolist():
+        graph.add_edge(first, second, cost=float(costs[first, second]), in_tree=False, closes_loop=False)
+    return graph
+
+
+def spanning_forest(costs: Floats, sizes: Ints | None = None, root: int | None = None) -> Ints:
+    """Return the parent of each limb in the minimum spanning forest over joint costs, by Prim's algorithm (1957).
+
+    Parameters
+    ----------
+    costs : ndarray, shape (n_limbs, n_limbs)
+        Symmetric joint costs; NaN or infinite where two limbs cannot be joined.
+    sizes : ndarray of intp, shape (n_limbs,), optional
+        Number of markers on each limb. The root of a tree is the limb with most joints, of several the largest.
+    root : int, optional
+        Limb that is the root of its tree in any case.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_limbs,)
+        -1 for a root; limbs that no finite cost connects belong to separate trees.
+
+    Examples
+    --------
+    >>> spanning_forest(np.array([[0.0, 3.0, 1.0], [3.0, 0.0, 2.0], [1.0, 2.0, 0.0]]))
+    array([ 2,  2, -1])
+    """
+    from networkx import bfs_edges, minimum_spanning_tree  # noqa: PLC0415 - see the module's docstring
+
+    tree = minimum_spanning_tree(graph_of_costs(costs), weight="cost", algorithm="prim")
+    sizes = np.zeros(len(costs), dtype=np.intp) if sizes is None else sizes
+    parents = np.full(len(costs), -1, dtype=np.intp)
+    placed: set[int] = set()
+    for start in sorted(tree, key=lambda limb: (limb != root, -tree.degree[limb], -sizes[limb], limb)):
+        if start not in placed:
+            placed.add(start)
+            for parent, child in bfs_edges(tree, start):
+                parents[child] = parent
+                placed.add(child)
+    return parents
 
 
 def outward_order(parents: Ints) -> Ints:

@@ -14,10 +14,10 @@ import numpy as np
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.topology import outward_order
+from skelgen.model.topology import outward_order, spanning_forest
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.constraints import Pair, limb_pairs, obeyed_costs
-from skelgen.stages.joints.costs import comparable_costs, spanning_tree
+from skelgen.stages.joints.costs import comparable_costs
 from skelgen.stages.joints.pairs import MIN_COMMON, JointGuess, guess_joint, map_pairs
 from skelgen.stages.joints.parameters import JointParameters
 from skelgen.stages.joints.placing import (
@@ -91,7 +91,7 @@ def find_joints(
     costs = obeyed_costs(judged.costs, wanted, refused)
     cut: list[tuple[int, int]] = []
     if parents is None:
-        parents = spanning_tree(costs, sizes, root)
+        parents = spanning_forest(costs, sizes, root)
         if parameters.separate:
             false = false_joints(parents, judged, guesses, usual_radius([track[frames] for track in tracks]))
             cut = [edge for edge in false if (min(edge), max(edge)) not in wanted]
@@ -125,7 +125,7 @@ def _without(cut: list[tuple[int, int]], parents: Ints, costs: Floats, sizes: In
     for child in np.flatnonzero(parents >= 0):
         if (int(parents[child]), int(child)) not in cut:
             kept[child, parents[child]] = kept[parents[child], child] = costs[child, parents[child]]
-    return spanning_tree(kept, sizes, root)
+    return spanning_forest(kept, sizes, root)
 
 
 def _all_pairs(

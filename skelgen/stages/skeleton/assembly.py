@@ -50,7 +50,8 @@ class Body:
 
 def cut_out(trajectories: Trajectories, limbs: Limbs, topology: Topology, root: int) -> Body:
     """Cut the tree with one root out of a take, its limbs in order outward from the root."""
-    order = [limb for limb in outward_order(topology.parents) if _root_of(topology, int(limb)) == root]
+    tree = topology.limbs_of_tree(root)
+    order = [limb for limb in outward_order(topology.parents).tolist() if limb in tree]
     index = {int(limb): position for position, limb in enumerate(order)}
     parents = np.array([index.get(int(topology.parents[limb]), -1) for limb in order], dtype=np.intp)
     markers = np.flatnonzero([int(limb) in index for limb in limbs.limb_of_marker])
@@ -66,12 +67,6 @@ def cut_out(trajectories: Trajectories, limbs: Limbs, topology: Topology, root: 
         positions=trajectories.positions[:, markers],
         raw_joints=raw,
     )
-
-
-def _root_of(topology: Topology, limb: int) -> int:
-    while (parent := int(topology.parents[limb])) >= 0:
-        limb = parent
-    return limb
 
 
 def assemble(body: Body, parameters: SkeletonParameters, rotator: Rotator, frames: Ints) -> tuple[Chain, int]:

@@ -98,7 +98,7 @@ def wanted_rings(
     for first, second in pairs:
         if topology.parents[first] == second or topology.parents[second] == first:
             raise InputError(f"limb {first} and limb {second} are joined by the tree already: they close no ring")
-        if _root_of(topology, first) != _root_of(topology, second):
+        if second not in topology.limbs_of_tree(first):
             raise InputError(f"limb {first} and limb {second} are on separate bodies: they close no ring")
     return pairs
 
@@ -171,9 +171,3 @@ def ring_sentences(rings: BodyRings, limbs: Ints) -> Iterator[str]:
             f"limb {first} and limb {second} form no ring: the joint between them would be {gap:.3g} mm apart, more "
             "than noise explains; it stays open"
         )
-
-
-def _root_of(topology: Topology, limb: int) -> int:
-    while topology.parents[limb] >= 0:
-        limb = int(topology.parents[limb])
-    return limb
