@@ -118,7 +118,7 @@ def test_a_click_goes_to_the_frame_and_the_hover_says_its_values(curves, session
     place = curves.panel_rect(0).center()
     qtbot.mouseClick(curves, Qt.MouseButton.LeftButton, pos=place.toPoint())
     assert abs(session.frame - 200) <= 1
-    told = curves.told_at(QPointF(place))
+    told = curves.tip_at(QPointF(place))
     assert told.startswith("Residual, frame ")
     assert "mean: " in told
 

@@ -75,7 +75,7 @@ def test_a_click_on_a_line_of_the_tree_selects_the_joint(view, session, qtbot, t
 def test_hover_over_a_joint_tells_cost_margin_rival_kind_and_range(view, topology, walked):
     view.layout_box.setCurrentIndex(1)
     joint = next(index for index, one in enumerate(walked[0].skeleton.joints) if one.kind == "hinge")
-    told = view.told_at(middle(view, topology.edges[joint]).toPointF())
+    told = view.tip_at(middle(view, topology.edges[joint]).toPointF())
     first, second = topology.rivals[joint]
     assert ": hinge" in told
     assert f"best other joint: limb {first} – limb {second}" in told

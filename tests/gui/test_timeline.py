@@ -104,14 +104,14 @@ def test_a_doubt_can_be_seen_and_says_its_reason(qtbot, shown, has_colour, small
     session.change(replace(small_project, _labelling=labelling))
     qtbot.waitUntil(lambda: not lanes.deriver.is_busy)
     assert has_colour(lanes, doubt_colour(lanes.palette()), 20)
-    told = lanes.told_at(lanes.place_of(lanes.lanes.markers.tolist().index(1), 4))
+    told = lanes.tip_at(lanes.place_of(lanes.lanes.markers.tolist().index(1), 4))
     assert "M<1>&" in told
     assert "it is off its place" in told
 
 
 def test_a_name_tells_marker_and_limb_without_a_frame(timeline, walked):
     lanes = timeline.lane_view
-    told = lanes.told_at(QPointF(30, lanes.place_of(0, 0).y()))
+    told = lanes.tip_at(QPointF(30, lanes.place_of(0, 0).y()))
     assert told == f"{walked[0].trajectories.names[lanes.lanes.markers[0]]} · limb {lanes.lanes.limbs[0]}"
 
 

@@ -70,7 +70,7 @@ def look(views):
         asked = view.lane_view if isinstance(view, Timeline) else view
         for x in range(0, SIZE[0], 50):
             for y in range(0, SIZE[1], 25):
-                assert asked.told_at(QPointF(x, y))
+                assert asked.tip_at(QPointF(x, y))
 
 
 @pytest.mark.parametrize("state", STATES)

@@ -1,1 +1,1 @@
-"""Capturing in the window: live pictures, points and angles, recording, and the assistant that calibrates cameras."""
+"""The Capture page: live pictures and numbers, recording, and the steps that calibrate cameras, targets and joints."""

@@ -3,40 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFileDialog, QPushButton, QWidget
 
+from skelgen.app.capture_jobs.board_views import ENOUGH, View, ViewCollection, gaps
+from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, FoundInSpace
+from skelgen.progress import Monitor
 from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, ViewList
 from skelgen_gui.capture.forms import BoardForm
-from skelgen_gui.capture.messages import GatheringOrders
-from skelgen_gui.capture.space import Found
 from skelgen_gui.capture.steps import Step, row_of
-from skelgen_gui.capture.views import ENOUGH, View, ViewBook, gaps
 from skelgen_gui.project.jobs import Jobs
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
 
 
-_CAMERAS = ("firewire:", "gige:", "gentl:")
-"""Sources that are cameras: the next capture comes from them too."""
-
-
-class Assistant(Step):
-    """Gathers views, calibrates, says what it is worth, and saves settings.
+class CameraStep(Step[BoardShot]):
+    """Collects views, calibrates, says what the calibration is worth, and saves settings.
 
     Signals
     -------
     calibrated(object, object)
-        The rig that was found, and the boards in space, a `Found`.
+        The rig that was found, and the boards in space, a `FoundInSpace`.
 
     Parameters
     ----------
-    jobs, tell_error
+    jobs, report_error
         As of `Step`.
     settings : callable () -> str
         The settings file that is in use, whose bodies and joints are kept; empty if there is none.
@@ -49,16 +44,15 @@ class Assistant(Step):
     def __init__(
         self,
         jobs: Jobs,
-        tell_error: Callable[[Exception], None],
+        report_error: Callable[[Exception], None],
         settings: Callable[[], str],
         parent: QWidget | None = None,
     ) -> None:
-        super().__init__(jobs, tell_error, parent)
+        super().__init__(jobs, report_error, parent)
         self._settings = settings
-        self._orders: GatheringOrders | None = None
         self._fits: dict[str, Fit] = {}
         self.found: StereoCalibration | None = None
-        self.book = ViewBook()
+        self.collection = ViewCollection()
         self.form, self.take = BoardForm(self), QPushButton(self)
         self.coverage, self.views = CoverageView(self), ViewList(self)
         self.remove, self.clear = QPushButton(self.tr("Remove"), self), QPushButton(self.tr("Clear"), self)
@@ -85,33 +79,33 @@ class Assistant(Step):
         """Look for the board in the images of the source."""
         if self._jobs.is_busy:
             return
-        board, text, book, feed = self.form.board, self.form.source.source, self.book, self.feed
+        board, text, collection, feed = self.form.board, self.form.source.source, self.collection, self.feed
         title = self.tr("Looking for the board")
         if not text:
             self.verdict.show_problem(self.tr("Choose where the images come from, or the simulated board."))
             return
         self._forget_result()
-        orders = self._orders = GatheringOrders()
+        control = CollectingControl()
 
-        def work(monitor: Any) -> None:
-            from skelgen_gui.capture.gathering import Gathering  # noqa: PLC0415 - loads what captures need
+        def work(monitor: Monitor) -> None:
+            from skelgen.app.capture_jobs.collecting import BoardCollector  # noqa: PLC0415 - loads what captures need
 
-            Gathering(text, board, book, orders, feed).run(title, monitor)
+            BoardCollector(text, board, collection, control, feed).run(title, monitor)
 
-        self.gather(title, orders.stop, work, lambda _: None)
+        self.collect(title, control, work, lambda _: None)
 
     def run_calibration(self) -> None:
         """Calibrate with the views that are there."""
-        views, board = self.book.views, self.form.board
+        views, board = self.collection.views, self.form.board
         if self._jobs.is_busy or not views:
             return
 
         title = self.tr("Calibrating")
 
-        def work(monitor: Any) -> tuple[StereoCalibration, Found]:
+        def work(monitor: Monitor) -> tuple[StereoCalibration, FoundInSpace]:
             monitor.begin(title)
+            from skelgen.app.capture_jobs.collecting import boards_in_space  # noqa: PLC0415 - loads what captures need
             from skelgen.capture.calibration.stereo import calibrate_views  # noqa: PLC0415
-            from skelgen_gui.capture.boards import boards_in_space  # noqa: PLC0415
 
             seen = [(view.left, view.right) for view in views]
             found = calibrate_views([view.name for view in views], seen, board, views[0].size)
@@ -134,14 +128,16 @@ class Assistant(Step):
         if found is None:
             return
 
-        def work(_: Any) -> int:
-            return _write(found, before, source, path)
+        def work(_: Monitor) -> int:
+            from skelgen.app.capture_jobs.settings import save_cameras  # noqa: PLC0415 - lxml costs 50 ms
+
+            return save_cameras(found.rig, path, Path(before) if before else None, source)
 
         def done(n_kept: int) -> None:
-            told = self.tr("Saved: {0}.").format(path)
+            sentence = self.tr("Saved: {0}.").format(path)
             if n_kept:
-                told += " " + self.tr("Its {0} bodies and joints are those of the settings before.").format(n_kept)
-            self.state.setText(told)
+                sentence += " " + self.tr("Its {0} bodies and joints are those of the settings before.").format(n_kept)
+            self.state.setText(sentence)
             self.saved.emit(path)
 
         self.run(self.tr("Saving"), work, done)
@@ -182,16 +178,16 @@ class Assistant(Step):
             self.start()
 
     def _start_over(self) -> None:
-        self.book.clear()
+        self.collection.clear()
         self._forget_result()
         self._show_views()
 
     def _take_this(self) -> None:
-        if self._orders is not None:
-            self._orders.take.set()
+        if self._control is not None:
+            self._control.keep_next.set()
 
     def _remove(self, views: list[View]) -> None:
-        self.book.remove(views)
+        self.collection.remove(views)
         self._forget_result()
         self._show_views()
 
@@ -200,14 +196,14 @@ class Assistant(Step):
         self.coverage.mark_views(self.views.selected_views)
         self.follow()
 
-    def hear(self) -> None:
+    def show_newest(self) -> None:
         """Show the newest pair, and the views that there are by now."""
         newest, _ = self.feed.take()
         if newest is not None:
             self.shot.emit(newest)
         self._show_views()
 
-    def _show_found(self, result: tuple[StereoCalibration, Found]) -> None:
+    def _show_found(self, result: tuple[StereoCalibration, FoundInSpace]) -> None:
         self.found, boards = result
         found = self.found
         self._fits = {pair.name: (pair.left_rms, pair.right_rms, pair.is_used) for pair in found.pairs}
@@ -219,51 +215,37 @@ class Assistant(Step):
 
     def _forget_result(self) -> None:
         self.found, self._fits = None, {}
-        self.views.show_views(self.book.views, self._fits)
+        self.views.show_views(self.collection.views, self._fits)
         self.verdict.clear()
         self.cameras.hide()
 
     def _show_views(self) -> None:
-        views = self.book.views
+        views = self.collection.views
         self.views.show_views(views, self._fits)
         self.coverage.show_views(views)
-        self.state.setText(self._told(views))
+        self.state.setText(self._summary(views))
         self.follow()
 
-    def _told(self, views: tuple[View, ...]) -> str:
+    def _summary(self, views: tuple[View, ...]) -> str:
         """How many views there are, and what is missing."""
         n_whole = sum(view.is_whole for view in views)
         if not n_whole:
             return self.tr("Hold the board so that both cameras see it whole, and still for a moment.")
-        told = [self.tr("{0} good views; {1} to {2} are needed.").format(n_whole, ENOUGH, 2 * ENOUGH)]
+        sentences = [self.tr("{0} good views; {1} to {2} are needed.").format(n_whole, ENOUGH, 2 * ENOUGH)]
         for side, missing in zip((self.tr("left"), self.tr("right")), gaps(views), strict=True):
             if missing:
-                told.append(self.tr("Still empty in the {0} image: {1}.").format(side, ", ".join(missing)))
-        return " ".join(told)
+                sentences.append(self.tr("Still empty in the {0} image: {1}.").format(side, ", ".join(missing)))
+        return " ".join(sentences)
 
     def follow(self) -> None:
-        """What can be done depends on what runs and what is there."""
+        """Enable what can be done now."""
         super().follow()
-        is_busy, has_views = self._jobs.is_busy, bool(self.book.views)
-        self.go.setAccessibleName(self.tr("Stop looking") if self.is_gathering else self.tr("Look for the board"))
+        is_busy, has_views = self._jobs.is_busy, bool(self.collection.views)
+        self.go.setAccessibleName(self.tr("Stop looking") if self.is_collecting else self.tr("Look for the board"))
         self.go.setToolTip(self.go.accessibleName())
-        self.take.setEnabled(self.is_gathering)
+        self.take.setEnabled(self.is_collecting)
         self.form.setEnabled(not is_busy)
         self.clear.setEnabled(has_views)
         self.remove.setEnabled(bool(self.views.selected_views))
         self.calibrate.setEnabled(has_views and not is_busy)
         self.save.setEnabled(self.found is not None and not is_busy)
-
-
-def _write(found: StereoCalibration, before: str, source: str, path: Path) -> int:
-    """Write settings, with the source if that is cameras; bodies and joints of those before stay: returns how many."""
-    from skelgen_formats.capture_settings import write_settings  # noqa: PLC0415 - lxml costs 50 ms
-
-    from skelgen.app.capture import read_capture_settings  # noqa: PLC0415
-    from skelgen.model.rig import CaptureSettings  # noqa: PLC0415
-
-    settings = CaptureSettings(found.rig, source=source if source.startswith(_CAMERAS) else "")
-    if before and Path(before).exists():
-        settings = replace(read_capture_settings(Path(before)), rig=found.rig)
-    write_settings(settings, path)
-    return len(settings.bodies) + len(settings.joints)

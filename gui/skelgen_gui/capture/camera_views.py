@@ -11,11 +11,11 @@ from PySide6.QtCore import QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QKeyEvent, QKeySequence, QPainter, QPaintEvent, QPalette, QPen
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
-from skelgen.capture.calibration.board import LEAST_CORNERS, coverage
+from skelgen.app.capture_jobs.board_views import View, sides
+from skelgen.capture.calibration.board import LEAST_CORNERS, BoardView, coverage
 from skelgen.capture.calibration.verdict import REPEAT, Verdict
 from skelgen.model.arrays import Floats
 from skelgen_gui.capture.results import ValueTable
-from skelgen_gui.capture.views import Side, View, sides
 from skelgen_gui.widgets.painting import draw_points
 from skelgen_gui.widgets.theme import PROBLEM_ROLE, blended, is_dark
 
@@ -148,7 +148,7 @@ class ViewList(ValueTable):
         for row, view in enumerate(views):
             left, right, is_used = fits.get(view.name, (math.nan, math.nan, None))
             used = "" if is_used is None else self.tr("yes") if is_used else self.tr("no")
-            self.show_row(row, (self._told(view.left, left), self._told(view.right, right), used))
+            self.show_row(row, (self._cell(view.left, left), self._cell(view.right, right), used))
         if views:
             self.scrollToBottom()
 
@@ -165,7 +165,7 @@ class ViewList(ValueTable):
         else:
             super().keyPressEvent(event)
 
-    def _told(self, side: Side, rms: float) -> str:
+    def _cell(self, side: BoardView | None, rms: float) -> str:
         if side is None:
             return self.tr("no board")
         return self.tr("board") if math.isnan(rms) else f"{rms:.2f}"

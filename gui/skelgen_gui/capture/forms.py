@@ -21,9 +21,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from skelgen.app.capture_jobs.messages import SIMULATED, CaptureOptions
 from skelgen.capture.calibration.board import Board
 from skelgen.capture.sources import SOURCES
-from skelgen_gui.capture.messages import SIMULATED, LiveWish
 
 
 class FileField(QWidget):
@@ -209,12 +209,12 @@ class LiveChoice(QWidget):
         self.simulated.clicked.connect(self.choose_simulation)
 
     @property
-    def wish(self) -> LiveWish:
+    def options(self) -> CaptureOptions:
         """What the form says."""
-        return LiveWish(self.settings.path, self.source.source, self.predicts.isChecked())
+        return CaptureOptions(self.settings.path, self.source.source, self.predicts.isChecked())
 
     def choose_simulation(self) -> None:
-        """Fill in the simulated rig, and wish for its start."""
+        """Fill in the simulated rig, and ask for its start."""
         self.settings.show_path("")
         self.source.show_source(SIMULATED)
         self.simulation_wanted.emit()
@@ -263,12 +263,12 @@ class SourceForm(QWidget):
         self.folder.chosen.connect(self.take_source)
 
     @property
-    def wish(self) -> LiveWish:
+    def options(self) -> CaptureOptions:
         """What the form says."""
-        return LiveWish(self.settings.path, self.source.source)
+        return CaptureOptions(self.settings.path, self.source.source)
 
     def take_source(self, source: str) -> None:
-        """Fill in a source, and wish for its start."""
+        """Fill in a source, and ask for its start."""
         self.source.show_source(source)
         self.start_wanted.emit()
 
@@ -306,7 +306,7 @@ class TargetForm(SourceForm):
         return self.balls.value() if self.balls.value() > self.balls.minimum() else None
 
     def choose_simulation(self, name: str) -> None:
-        """Fill in a target of the simulated arm, and wish for its start."""
+        """Fill in a target of the simulated arm, and ask for its start."""
         self.name.setText(name)
         self.balls.setValue(self.balls.minimum())
         self.take_source(SIMULATED_TARGET.format(name))
@@ -391,7 +391,7 @@ class BoardForm(QWidget):
         self.source.show_hint(self.tr("cameras, a folder, a list or videos"))
         self.simulated.setText(self.tr("Simulated board"))
         self.simulated.setAccessibleName(self.tr("Look at a simulated board"))
-        self.simulated.setToolTip(self.tr("Try the assistant without cameras: a board moves before the simulated rig"))
+        self.simulated.setToolTip(self.tr("Try it without cameras: a board moves before the simulated rig"))
 
     def _lay_out(self) -> None:
         corners, sources = QHBoxLayout(), QHBoxLayout()

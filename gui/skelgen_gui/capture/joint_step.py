@@ -5,90 +5,84 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from threading import Event
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
 from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
+from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, JointRequest, TargetShot
 from skelgen.errors import SkelgenError
+from skelgen.model.rig import CaptureSettings
 from skelgen_gui.capture.forms import JointForm
 from skelgen_gui.capture.measured import JointTable, MotionTable, RowTable, TurnView
-from skelgen_gui.capture.messages import JointProgress
 from skelgen_gui.capture.steps import AddingStep, Plan, row_of
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
 
 if TYPE_CHECKING:
+    from skelgen.app.capture_jobs.collecting import JointCollector
     from skelgen.capture.calibration.joints import JointCalibration
-    from skelgen.model.rig import CaptureSettings
 
 
-class JointStep(AddingStep):
+class JointStep(AddingStep["JointCollector", "JointCalibration", JointProgress]):
     """Takes pairs of images of targets that move, calibrates their joints, adds these to the settings.
 
     Parameters
     ----------
-    jobs, tell_error, parent
+    jobs, report_error, parent
         As of `Step`.
     """
 
-    def __init__(self, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
-        super().__init__(JointForm(), jobs, tell_error, parent)
-        self.wishes, self.motions, self.turns = WishList(self), MotionTable(self), TurnView(self)
+    def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
+        super().__init__(JointForm(), jobs, report_error, parent)
+        self.requests, self.motions, self.turns = RequestList(self), MotionTable(self), TurnView(self)
         self.joints = JointTable(self)
         self._reader = Deriver(self)
         self.results = (self.joints,)
         self.add.setToolTip(self.tr("Write the joints into the settings, in place of those of the same names"))
         heading = QLabel(self.tr("Joints (found if none is named)"), self)
-        parts = (self.form, heading, self.wishes, self.go, self.state, self.motions, self.turns)
+        parts = (self.form, heading, self.requests, self.go, self.state, self.motions, self.turns)
         self.lay_out((*parts, row_of(self.calibrate, self.add), self.verdict, self.joints))
         self.form.settings.changed.connect(self.read_targets)
         self.motions.itemSelectionChanged.connect(self._show_chosen)
         self.follow()
 
     def read_targets(self) -> None:
-        """Look which targets the settings have by now."""
-        self._reader.derive(partial(_targets_in, self.form.settings.path), self.wishes.show_targets)
+        """Read which targets the settings have by now."""
+        self._reader.derive(partial(_targets_in, self.form.settings.path), self.requests.show_targets)
 
     @property
     def invitation(self) -> str:
-        """What to do, before anything is seen."""
+        """What the user is asked to do, before anything is seen."""
         return self.tr(
             "Begin in the pose whose angles shall be zero, press Start, and move all joints as far as they go, balls "
             "about all axes."
         )
 
-    def plan(self) -> Plan:
+    def plan(self) -> Plan[JointCollector, JointCalibration, JointProgress]:
         """Return what is to be done as the form says now."""
-        wish, wished = self.form.wish, self.wishes.wishes
+        options, requests = self.form.options, self.requests.requests
 
-        def take(stop: Event, feed: Any) -> Any:
-            from skelgen.capture.calibration.joints import JointWish  # noqa: PLC0415 - with what captures need, a second
-            from skelgen_gui.capture.taking import JointsTaking  # noqa: PLC0415
+        def collector(control: CollectingControl, feed: Feed[TargetShot[JointProgress]]) -> JointCollector:
+            from skelgen.app.capture_jobs.collecting import JointCollector  # noqa: PLC0415 - loads what captures need
 
-            return JointsTaking(wish, stop, feed, [JointWish(*one) for one in wished])
+            return JointCollector(options, control, feed, requests)
 
-        def calibrate(taking: Any, _: Any) -> Any:
-            from skelgen.capture.calibration.joints import JointWish  # noqa: PLC0415
-
-            return taking.calibrate([JointWish(*one) for one in wished])
-
-        return Plan(take, calibrate)
+        return Plan(collector, lambda collector, _: collector.calibrate(requests))
 
     def show_progress(self, progress: JointProgress) -> None:
         """Show how far it is."""
         if progress.n_found:
-            self.wishes.show_targets(list(progress.n_found))
+            self.requests.show_targets(list(progress.n_found))
         self.motions.show_motions(progress.motions)
         self._show_chosen()
-        told = [self.tr("{0} pairs of images.").format(progress.n_frames)]
+        sentences = [self.tr("{0} pairs of images.").format(progress.n_frames)]
         for name, count in progress.n_found.items():
             if 2 * count < progress.n_frames:
                 share = 100 * count / progress.n_frames
-                told.append(self.tr("{0} is seen in {1:.0f} % of them.").format(name, share))
-        self.state.setText(" ".join([*told, self._advice(progress)]).strip())
+                sentences.append(self.tr("{0} is seen in {1:.0f} % of them.").format(name, share))
+        self.state.setText(" ".join([*sentences, self._advice(progress)]).strip())
 
     def show_found(self, found: JointCalibration | None) -> None:
         """Show what came out."""
@@ -99,26 +93,26 @@ class JointStep(AddingStep):
             self.motions.show_motions(found.motions)
             self._show_chosen()
 
-    def change(self, told: list[str]) -> Callable[[CaptureSettings], CaptureSettings]:
+    def adding(self, found: JointCalibration) -> Callable[[Path, CaptureSettings], tuple[str, ...]]:
         """Return what adds the joints to settings."""
-        found = self.found
 
-        def added(settings: CaptureSettings) -> CaptureSettings:
-            from skelgen.app.capture import with_joints  # noqa: PLC0415
+        def add(path: Path, used: CaptureSettings) -> tuple[str, ...]:
+            from skelgen.app.capture_jobs.settings import add_joints  # noqa: PLC0415 - lxml costs 50 ms
 
-            return with_joints(settings, found)
+            add_joints(path, used, found)
+            return ()
 
-        return added
+        return add
 
     def _advice(self, progress: JointProgress) -> str:
         """What is still to be done: for the joints that were named, or for any motion at all."""
-        kinds = {(wish.parent, wish.child): wish.kind for wish in self.wishes.wishes}
+        kinds = {(request.parent, request.child): request.kind for request in self.requests.requests}
         if not kinds:
             is_moved = any(not motion.advice() for motion in progress.motions)
             return "" if is_moved else self.tr("Move all joints as far as they go.")
         advice = [motion.advice(kinds.get((motion.parent, motion.child), "")) for motion in progress.motions]
-        told = next(filter(None, advice), "")
-        return f"{told[0].upper()}{told[1:]}." if told else self.tr("That is enough.")
+        first = next(filter(None, advice), "")
+        return f"{first[0].upper()}{first[1:]}." if first else self.tr("That is enough.")
 
     def _show_chosen(self) -> None:
         self.turns.show_motion(self.motions.chosen)
@@ -136,16 +130,7 @@ def _targets_in(path: str) -> tuple[str, ...]:
         return ()  # the reason is told when the settings are used
 
 
-class Wished(NamedTuple):
-    """A joint that the user names; its kind is empty if it is to be found."""
-
-    name: str
-    parent: str
-    child: str
-    kind: str = ""
-
-
-class WishTable(RowTable):
+class RequestTable(RowTable):
     """The joints that were named; Delete takes the chosen ones away.
 
     Signals
@@ -170,7 +155,7 @@ class WishTable(RowTable):
             super().keyPressEvent(event)
 
 
-class WishList(QWidget):
+class RequestList(QWidget):
     """A row to name a joint, and the joints that were named.
 
     Signals
@@ -188,9 +173,9 @@ class WishList(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.wishes: tuple[Wished, ...] = ()
+        self.requests: tuple[JointRequest, ...] = ()
         self.name, self.parent_box, self.child_box = QLineEdit(self), QComboBox(self), QComboBox(self)
-        self.kind, self.more, self.table = QComboBox(self), QPushButton(self.tr("Name joint"), self), WishTable(self)
+        self.kind, self.more, self.table = QComboBox(self), QPushButton(self.tr("Name joint"), self), RequestTable(self)
         self.less = QPushButton(self.tr("Remove joint"), self)
         self._kinds = {self.tr("kind is found"): "", self.tr("ball"): "ball", self.tr("hinge"): "hinge"}
         self._describe()
@@ -220,7 +205,7 @@ class WishList(QWidget):
                 box.clear()
                 box.addItems(list(names))
                 box.setCurrentIndex(max(box.findText(chosen), -1))
-        self._show(tuple(wish for wish in self.wishes if wish.parent in names and wish.child in names))
+        self._show(tuple(request for request in self.requests if request.parent in names and request.child in names))
 
     def _describe(self) -> None:
         self.name.setPlaceholderText(self.tr("Joint, such as elbow"))
@@ -255,30 +240,30 @@ class WishList(QWidget):
             button.setToolTip(tip)
 
     @property
-    def _wish(self) -> Wished:
+    def _request(self) -> JointRequest:
         """What the fields say."""
         kind = self._kinds[self.kind.currentText()]
-        return Wished(self.name.text().strip(), self.parent_box.currentText(), self.child_box.currentText(), kind)
+        return JointRequest(self.name.text().strip(), self.parent_box.currentText(), self.child_box.currentText(), kind)
 
     def _follow(self) -> None:
-        name, parent, child, _ = self._wish
-        is_new = bool(name) and name not in [wish.name for wish in self.wishes]
+        name, parent, child, _ = self._request
+        is_new = bool(name) and name not in [request.name for request in self.requests]
         self.more.setEnabled(is_new and bool(parent) and bool(child) and parent != child)
-        self.less.setVisible(bool(self.wishes))
+        self.less.setVisible(bool(self.requests))
         self.less.setEnabled(bool(self.table.selectedIndexes()))
 
     def _add(self) -> None:
-        self._show((*self.wishes, self._wish))
+        self._show((*self.requests, self._request))
         self.name.clear()
 
     def _remove(self) -> None:
         rows = {index.row() for index in self.table.selectedIndexes()}
-        self._show(tuple(wish for row, wish in enumerate(self.wishes) if row not in rows))
+        self._show(tuple(request for row, request in enumerate(self.requests) if row not in rows))
 
-    def _show(self, wishes: tuple[Wished, ...]) -> None:
-        if wishes != self.wishes:
-            self.wishes = wishes
+    def _show(self, requests: tuple[JointRequest, ...]) -> None:
+        if requests != self.requests:
+            self.requests = requests
             kinds = {kind: title for title, kind in self._kinds.items()}
-            self.table.show_rows([(*wish[:3], kinds[wish.kind]) for wish in wishes])
+            self.table.show_rows([(*request[:3], kinds[request.kind]) for request in requests])
             self.changed.emit()
         self._follow()

@@ -5,18 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QFileDialog, QGridLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
-from skelgen_gui.capture.feed import Feed
+from skelgen.app.capture_jobs.messages import CaptureControl, CaptureEnd, Feed, LiveShot
+from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import LiveChoice
-from skelgen_gui.capture.messages import Ended, Orders, Shot
-from skelgen_gui.capture.results import AngleTable, BodyTable, Numbers, Sentences
+from skelgen_gui.capture.results import AngleTable, BodyTable, Notices, Numbers
 from skelgen_gui.project.jobs import Jobs
 
-_LEAST_HEIGHT = 48  # px, of the sentences: two lines
+_LEAST_HEIGHT = 48  # px, of the notices: two lines
 
 
 class LivePanel(QWidget):
@@ -24,9 +23,9 @@ class LivePanel(QWidget):
 
     Signals
     -------
-    shot(Shot)
+    shot(LiveShot)
         The newest pair and what was found in it.
-    ended(Ended)
+    ended(CaptureEnd)
         A capture ended.
     open_wanted(Path)
         A recording shall be opened.
@@ -35,7 +34,7 @@ class LivePanel(QWidget):
     ----------
     jobs : Jobs
         Where captures run.
-    tell_error : callable (error)
+    report_error : callable (error)
         Shows faults that nobody foresaw.
     parent : QWidget, optional
         Parent widget.
@@ -44,21 +43,22 @@ class LivePanel(QWidget):
     shot = Signal(object)
     ended = Signal(object)
     open_wanted = Signal(object)
+    _arrived = Signal()
 
-    def __init__(self, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
+    def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._jobs, self._tell_error = jobs, tell_error
-        self._orders: Orders | None = None
-        self.feed: Feed[Shot] = Feed(self)
+        self._jobs, self._tell_error = jobs, report_error
+        self._control: CaptureControl | None = None
+        self.feed: Feed[LiveShot] = Feed(self._arrived.emit)
         self.choice, self.go = LiveChoice(self), QPushButton(self)
         self.recorder = RecordRow(self)
         self.numbers, self.angles, self.bodies = Numbers(self), AngleTable(self), BodyTable(self)
-        self.sentences = Sentences(self)
+        self.notices = Notices(self)
         self._lay_out()
-        self.feed.arrived.connect(self._take)
+        self._arrived.connect(self._show_newest)
         self.go.clicked.connect(self._start_or_stop)
         self.choice.simulation_wanted.connect(self.start)
-        self.recorder.changed.connect(self._order_recording)
+        self.recorder.changed.connect(self._set_recording)
         self.recorder.open_wanted.connect(self.open_wanted)
         jobs.begun.connect(self._follow)
         jobs.ended.connect(self._follow)
@@ -67,38 +67,38 @@ class LivePanel(QWidget):
     @property
     def is_running(self) -> bool:
         """Whether a capture runs."""
-        return self._orders is not None
+        return self._control is not None
 
     def start(self) -> None:
         """Start what the form says, unless something runs."""
         if self._jobs.is_busy:
             return
-        wish, orders, feed = self.choice.wish, Orders(), self.feed
+        options, control, feed = self.choice.options, CaptureControl(), self.feed
         loading = self.tr("Loading; the first time this takes a minute")
         running = self.tr("Capturing")
 
-        def work(monitor: Any) -> Ended:
+        def work(monitor: Monitor) -> CaptureEnd:
             monitor.begin(loading)
-            from skelgen_gui.capture.running import LiveRun  # noqa: PLC0415 - a second; not on the window's thread
+            from skelgen.app.capture_jobs.live import LiveCapture  # noqa: PLC0415 - a second; not on the window's thread
 
-            return LiveRun(wish, orders, feed, running).run(monitor)
+            return LiveCapture(options, control, feed, running).run(monitor)
 
-        self._orders = orders
-        self.sentences.clear()
+        self._control = control
+        self.notices.clear()
         self.numbers.setText(loading)
-        if not self._jobs.start(running, work, self._finish, self._break):
-            self._orders = None
+        if not self._jobs.start(running, work, self._finish, self._fail):
+            self._control = None
         self._follow()
 
     def stop(self) -> None:
         """Let the capture end after this pair."""
-        if self._orders is not None:
-            self._orders.stop.set()
+        if self._control is not None:
+            self._control.stop.set()
             self.go.setEnabled(False)
             self.go.setText(self.tr("Stopping…"))
 
     def _lay_out(self) -> None:
-        self.sentences.setMinimumHeight(_LEAST_HEIGHT)
+        self.notices.setMinimumHeight(_LEAST_HEIGHT)
         layout = QVBoxLayout(self)
         for widget, share in (
             (self.choice, 0),
@@ -108,7 +108,7 @@ class LivePanel(QWidget):
             (self.angles, 4),
             (self.bodies, 3),
             (QLabel(self.tr("What to know"), self), 0),
-            (self.sentences, 1),
+            (self.notices, 1),
         ):
             layout.addWidget(widget, share)
 
@@ -118,38 +118,38 @@ class LivePanel(QWidget):
         else:
             self.start()
 
-    def _order_recording(self, target: Path | None) -> None:
-        if self._orders is not None:
-            self._orders.record = target
+    def _set_recording(self, target: Path | None) -> None:
+        if self._control is not None:
+            self._control.record = target
 
-    def _take(self) -> None:
-        newest, said = self.feed.take()
-        for sentence in said:
-            self.sentences.say(sentence)
+    def _show_newest(self) -> None:
+        newest, notices = self.feed.take()
+        for sentence in notices:
+            self.notices.add(sentence)
         if newest is not None:
             self.numbers.show_shot(newest)
             self.angles.show_shot(newest)
             self.bodies.show_shot(newest)
             self.shot.emit(newest)
 
-    def _finish(self, ended: Ended) -> None:
-        self._orders = None
-        self._take()
+    def _finish(self, ended: CaptureEnd) -> None:
+        self._control = None
+        self._show_newest()
         self.recorder.stop()
         if ended.recorded:
             self.recorder.keep(ended.recorded[-1].path)
         for recorded in ended.recorded:
-            self.sentences.say(self.tr("Recorded: {0}, {1} frames.").format(recorded.path, recorded.n_frames))
+            self.notices.add(self.tr("Recorded: {0}, {1} frames.").format(recorded.path, recorded.n_frames))
         if ended.error is not None:
-            self.sentences.say(str(ended.error))
-        told = self.tr("{0} frames captured, {1} dropped.").format(ended.n_frames, ended.n_dropped)
-        self.numbers.setText(self.tr("The capture broke off. {0}").format(told) if ended.error else told)
+            self.notices.add(str(ended.error))
+        counts = self.tr("{0} frames captured, {1} dropped.").format(ended.n_frames, ended.n_dropped)
+        self.numbers.setText(self.tr("The capture broke off. {0}").format(counts) if ended.error else counts)
         self._follow()
         self.ended.emit(ended)
 
-    def _break(self, error: Exception) -> None:
-        """An error that nobody foresaw: what was recorded is whole all the same."""
-        self._orders = None
+    def _fail(self, error: Exception) -> None:
+        """Report an error that nobody foresaw; what was recorded is whole all the same."""
+        self._control = None
         self.recorder.stop()
         self.numbers.clear()
         self._follow()
@@ -158,7 +158,7 @@ class LivePanel(QWidget):
     def _follow(self) -> None:
         """What can be done depends on what runs."""
         if not self._jobs.is_busy:
-            self._orders = None  # one that was cancelled before it began says nothing
+            self._control = None  # one that was cancelled before it began says nothing
         is_running = self.is_running
         self.go.setText(self.tr("Stop") if is_running else self.tr("Start"))
         self.go.setAccessibleName(self.tr("Stop the capture") if is_running else self.tr("Start the capture"))

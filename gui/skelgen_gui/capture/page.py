@@ -9,20 +9,19 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QSplitter, QTabWidget, QVBoxLayout, QWidget
 
-from skelgen_gui.capture.camera_step import Assistant
+from skelgen.app.capture_jobs.messages import BoardShot, CaptureEnd, FoundInSpace, JointProgress, LiveShot, TargetShot
+from skelgen.model.rig import StereoRig
+from skelgen_gui.capture.camera_step import CameraStep
 from skelgen_gui.capture.forms import FileField
 from skelgen_gui.capture.joint_step import JointStep
 from skelgen_gui.capture.live import LivePanel
-from skelgen_gui.capture.messages import Shot
 from skelgen_gui.capture.pictures import PicturePair
-from skelgen_gui.capture.space import Found, Space
+from skelgen_gui.capture.space import Space
 from skelgen_gui.capture.target_step import TargetStep
 from skelgen_gui.project.context import Context
 
 if TYPE_CHECKING:
-    from skelgen.model.rig import StereoRig
-    from skelgen_gui.capture.messages import BoardShot, Ended, TakenShot
-    from skelgen_gui.capture.space import Found
+    from skelgen.capture.calibration.taking import BodyProgress
 
 
 class CapturePage(QWidget):
@@ -44,18 +43,18 @@ class CapturePage(QWidget):
         self.setObjectName("page-capture")
         self._cameras = context.cameras
         self.view = CaptureView()
-        self.live = LivePanel(context.jobs, context.tell_error, self)
+        self.live = LivePanel(context.jobs, context.report_error, self)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
         self.tabs.setUsesScrollButtons(False)
         self.tabs.setAccessibleName(self.tr("Capture or calibrate"))
         self.tabs.setToolTip(self.tr("Calibrate cameras, targets and joints in this order, then capture with them"))
-        self.assistant = Assistant(context.jobs, context.tell_error, lambda: self.live.choice.settings.path, self)
-        self.target = TargetStep(context.jobs, context.tell_error, self)
-        self.joints = JointStep(context.jobs, context.tell_error, self)
+        self.camera_step = CameraStep(context.jobs, context.report_error, lambda: self.live.choice.settings.path, self)
+        self.target = TargetStep(context.jobs, context.report_error, self)
+        self.joints = JointStep(context.jobs, context.report_error, self)
         for panel, title, tip in (
             (self.live, self.tr("Live"), self.tr("Capture, see and record")),
-            (self.assistant, self.tr("Cameras"), self.tr("Measure the cameras with a chessboard")),
+            (self.camera_step, self.tr("Cameras"), self.tr("Measure the cameras with a chessboard")),
             (self.target, self.tr("Rigid body"), self.tr("Measure the balls of a target")),
             (self.joints, self.tr("Joints"), self.tr("Measure the joints between targets")),
         ):
@@ -66,17 +65,17 @@ class CapturePage(QWidget):
         self.live.shot.connect(self.view.show_shot)
         self.live.open_wanted.connect(context.files.open)
         self.live.ended.connect(self._remember)
-        self.assistant.shot.connect(self._show_board)
-        self.assistant.calibrated.connect(self._show_calibrated)
+        self.camera_step.shot.connect(self._show_board)
+        self.camera_step.calibrated.connect(self._show_calibrated)
         self._fields = [one.settings for one in (self.live.choice, self.target.form, self.joints.form)]
         for field in self._fields:
             field.changed.connect(partial(self._share, field))
         for step in (self.target, self.joints):
-            step.shot.connect(self._show_taken)
-        for saving in (self.assistant, self.target, self.joints):
+            step.shot.connect(self._show_target)
+        for saving in (self.camera_step, self.target, self.joints):
             saving.saved.connect(self._use)
 
-    def _remember(self, ended: Ended) -> None:
+    def _remember(self, ended: CaptureEnd) -> None:
         """Let the 3-D view know which cameras took the recordings, for when they are opened."""
         for recorded in ended.recorded:
             if ended.settings is not None:
@@ -85,11 +84,11 @@ class CapturePage(QWidget):
     def _show_board(self, shot: BoardShot) -> None:
         self.view.pictures.show_pair(shot.left, shot.right)
 
-    def _show_calibrated(self, rig: StereoRig, boards: Found) -> None:
+    def _show_calibrated(self, rig: StereoRig, boards: FoundInSpace) -> None:
         self.view.space.show_rig(rig)
         self.view.space.show_found(boards)
 
-    def _show_taken(self, shot: TakenShot) -> None:
+    def _show_target(self, shot: TargetShot[BodyProgress] | TargetShot[JointProgress]) -> None:
         self.view.pictures.show_pair(shot.left, shot.right)
         self.view.space.show_rig(shot.rig)
         self.view.space.show_found(shot.found)
@@ -124,8 +123,8 @@ class CaptureView(QSplitter):
         self.setStretchFactor(1, 1)
         self.setAccessibleName(self.tr("Capture"))
 
-    def show_shot(self, shot: Shot) -> None:
+    def show_shot(self, shot: LiveShot) -> None:
         """Show a pair of images and what was found in it."""
         self.pictures.show_pair(shot.left, shot.right)
         self.space.show_rig(shot.settings.rig)
-        self.space.show_found(Found(shot.points, shot.groups, shot.bodies))
+        self.space.show_found(shot.found)

@@ -7,10 +7,10 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QImage, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
+from skelgen.app.capture_jobs.messages import NO_BODY, CameraImage
 from skelgen.app.drawing.colours import limb_colour
 from skelgen.capture.values import Image
 from skelgen.model.arrays import Floats
-from skelgen_gui.capture.overlay import NO_BODY, Eye
 from skelgen_gui.widgets.painting import draw_lines
 
 LOOSE = QColor("#f2c94c")
@@ -41,26 +41,26 @@ class PicturePair(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._eyes: tuple[Eye, Eye] | None = None
+        self._images: tuple[CameraImage, CameraImage] | None = None
         self._idle = self.tr("Pictures of both cameras are shown here")
         self.setAccessibleName(self.tr("Pictures of both cameras"))
         self.setToolTip(self.tr("Rings are balls that were found, in the colours of their bodies"))
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
 
-    def show_pair(self, left: Eye, right: Eye) -> None:
+    def show_pair(self, left: CameraImage, right: CameraImage) -> None:
         """Show other pictures; they replace those before."""
-        self._eyes = left, right
+        self._images = left, right
         self.update()
 
     def forget(self, why: str) -> None:
         """Show a sentence instead of pictures."""
-        self._eyes, self._idle = None, why
+        self._images, self._idle = None, why
         self.update()
 
     def place_of(self, side: int, x: float, y: float) -> QPointF:
         """Return where a place [px] in the left (0) or right (1) picture is in this widget."""
-        eye = self._eyes[side] if self._eyes is not None else None
-        box, scale = self._box(side, eye)
+        seen = self._images[side] if self._images is not None else None
+        box, scale = self._box(side, seen)
         return box.topLeft() + QPointF((x + 0.5) * scale, (y + 0.5) * scale)
 
     def sizeHint(self) -> QSize:
@@ -75,23 +75,23 @@ class PicturePair(QWidget):
         """Paint both pictures."""
         with QPainter(self) as painter:
             painter.fillRect(self.rect(), _GROUND)
-            if self._eyes is None:
+            if self._images is None:
                 painter.setPen(_TEXT)
                 flags = Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap
                 painter.drawText(self.rect().adjusted(12, 12, -12, -12), flags, self._idle)
                 return
             for side, title in enumerate((self.tr("left"), self.tr("right"))):
-                box, scale = self._box(side, self._eyes[side])
+                box, scale = self._box(side, self._images[side])
                 painter.save()
                 painter.setClipRect(box)
-                _paint_eye(painter, self._eyes[side], box, scale)
+                _paint_image(painter, self._images[side], box, scale)
                 painter.setPen(_TEXT)
                 painter.drawText(box.adjusted(8, 5, -8, -5), Qt.AlignmentFlag.AlignLeft, title)
                 painter.restore()
 
-    def _box(self, side: int, eye: Eye | None) -> tuple[QRectF, float]:
+    def _box(self, side: int, seen: CameraImage | None) -> tuple[QRectF, float]:
         """Where a picture goes, and how many pixels of the widget one of its own takes."""
-        height, width = (480, 640) if eye is None else eye.image.shape
+        height, width = (480, 640) if seen is None else seen.image.shape
         half = (self.width() - _GAP) / 2
         scale = min(half / width, self.height() / height)
         left = side * (half + _GAP) + (half - scale * width) / 2
@@ -105,25 +105,25 @@ def grey_image(image: Image) -> QImage:
     return QImage(image.data, width, height, width, QImage.Format.Format_Grayscale8)
 
 
-def _paint_eye(painter: QPainter, eye: Eye, box: QRectF, scale: float) -> None:
-    image = np.ascontiguousarray(eye.image)  # kept in a name: the picture shares its memory
+def _paint_image(painter: QPainter, seen: CameraImage, box: QRectF, scale: float) -> None:
+    image = np.ascontiguousarray(seen.image)  # kept in a name: the picture shares its memory
     painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
     painter.drawImage(box, grey_image(image))
     painter.setPen(_FRAME)
     painter.drawRect(box.adjusted(0, 0, -1, -1))
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-    places = np.array([box.left(), box.top()]) + (eye.places + 0.5) * scale
-    if eye.is_board:
+    places = np.array([box.left(), box.top()]) + (seen.places + 0.5) * scale
+    if seen.is_board:
         _paint_board(painter, places)
         return
-    for (x, y), group in zip(places.tolist(), eye.groups.tolist(), strict=True):
+    for (x, y), group in zip(places.tolist(), seen.groups.tolist(), strict=True):
         painter.setPen(QPen(group_colour(group), _INK))
         painter.drawEllipse(QPointF(x, y), _RING, _RING)
-    for name in eye.names:
-        painter.setPen(group_colour(name.group))
-        place = box.topLeft() + QPointF((name.x + 0.5) * scale, (name.y + 0.5) * scale)
-        shift = QPointF(-painter.fontMetrics().horizontalAdvance(name.text) / 2, -2 * _RING)
-        painter.drawText(place + shift, name.text)
+    for label in seen.labels:
+        painter.setPen(group_colour(label.group))
+        place = box.topLeft() + QPointF((label.x + 0.5) * scale, (label.y + 0.5) * scale)
+        shift = QPointF(-painter.fontMetrics().horizontalAdvance(label.text) / 2, -2 * _RING)
+        painter.drawText(place + shift, label.text)
 
 
 def _paint_board(painter: QPainter, places: Floats) -> None:

@@ -1,4 +1,4 @@
-"""What a capture tells in numbers: speed and losses, bodies, joint angles with their deviations, and sentences."""
+"""Results of a capture: speed and losses, bodies, joint angles with their deviations, and notices."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from skelgen.app.capture_jobs.messages import LiveShot
 from skelgen.model.rig import CaptureSettings, TargetJoint
-from skelgen_gui.capture.messages import Shot
 
-MOST_SENTENCES = 200
-"""Sentences that are kept: a loose plug must not fill the memory."""
+MOST_NOTICES = 200
+"""Notices that are kept: a loose plug must not fill the memory."""
 
 _NOTHING = "–"
 
@@ -47,14 +47,14 @@ class Numbers(QLabel):
             )
         )
 
-    def show_shot(self, shot: Shot) -> None:
+    def show_shot(self, shot: LiveShot) -> None:
         """Show the numbers of a pair."""
         lines = [
             self.tr("{0:.1f} frames/s, {1} dropped, {2:.1f} ms latency").format(
                 shot.rate, shot.n_dropped, 1000 * shot.latency
             ),
             self.tr("frame {3}: {0} and {1} balls, {2} points").format(
-                len(shot.left.places), len(shot.right.places), len(shot.points), shot.index
+                len(shot.left.places), len(shot.right.places), len(shot.found.points), shot.index
             ),
         ]
         if shot.recorded is not None:
@@ -129,7 +129,7 @@ class ShotTable(ValueTable):
         super().__init__(parent)
         self._settings: CaptureSettings | None = None
 
-    def show_shot(self, shot: Shot) -> None:
+    def show_shot(self, shot: LiveShot) -> None:
         """Show the numbers of a pair."""
         if shot.settings is not self._settings:
             self._settings = shot.settings
@@ -141,7 +141,7 @@ class ShotTable(ValueTable):
         """Return the names of the rows."""
         raise NotImplementedError
 
-    def texts_of(self, shot: Shot) -> Iterator[tuple[str, ...]]:
+    def texts_of(self, shot: LiveShot) -> Iterator[tuple[str, ...]]:
         """Yield the numbers of each row; none for what is not seen."""
         raise NotImplementedError
 
@@ -162,7 +162,7 @@ class AngleTable(ShotTable):
         """Return a name for each angle."""
         return [name for joint in settings.joints for name in _angle_names(joint)]
 
-    def texts_of(self, shot: Shot) -> Iterator[tuple[str, ...]]:
+    def texts_of(self, shot: LiveShot) -> Iterator[tuple[str, ...]]:
         """Yield each angle with its deviation; the gap once for a joint."""
         for joint in shot.settings.joints:
             angle = shot.angles.get(joint.name)
@@ -190,10 +190,10 @@ class BodyTable(ShotTable):
         """Return the names of the bodies."""
         return [body.name for body in settings.bodies]
 
-    def texts_of(self, shot: Shot) -> Iterator[tuple[str, ...]]:
+    def texts_of(self, shot: LiveShot) -> Iterator[tuple[str, ...]]:
         """Yield the place of each body, and its deviation."""
         for body in shot.settings.bodies:
-            found = shot.bodies.get(body.name)
+            found = shot.found.bodies.get(body.name)
             if found is None:
                 yield ()
                 continue
@@ -201,7 +201,7 @@ class BodyTable(ShotTable):
             yield *(f"{value:.1f}" for value in found.world_from_body[:3, 3].tolist()), f"{spread:.2f}"
 
 
-class Sentences(QListWidget):
+class Notices(QListWidget):
     """What the user should know, the newest first.
 
     Parameters
@@ -216,12 +216,12 @@ class Sentences(QListWidget):
         self.setAccessibleName(self.tr("What to know of the rig"))
         self.setToolTip(self.tr("Lost cameras, dark or glaring images, cameras that do not fit the settings"))
 
-    def say(self, sentence: str) -> None:
+    def add(self, sentence: str) -> None:
         """Put a sentence at the top, unless it stands there."""
         top = self.item(0)
         if top is None or top.text() != sentence:
             self.insertItem(0, sentence)
-            while self.count() > MOST_SENTENCES:
+            while self.count() > MOST_NOTICES:
                 self.takeItem(self.count() - 1)
 
 

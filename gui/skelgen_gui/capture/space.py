@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
-from skelgen.model.arrays import Floats, Ints
+from skelgen.app.capture_jobs.messages import NO_BODY, FoundInSpace
+from skelgen.model.arrays import Floats
 from skelgen.model.rig import StereoRig
-from skelgen_gui.capture.overlay import NO_BODY
 from skelgen_gui.model.picture import Canvas
 from skelgen_gui.model.viewpoint import Viewpoint
 from skelgen_gui.project.cameras import DEPTH, cameras_of
@@ -25,9 +23,6 @@ from skelgen_gui.view3d.view import Drag, DragKind
 from skelgen_gui.widgets.painting import draw_lines
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour
 
-if TYPE_CHECKING:
-    from skelgen.capture.values import FoundBody
-
 _SHOWN_FROM_RIG = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """A rig's x right, y down, z away, turned to x right, y away, z up, as viewers stand."""
 
@@ -37,25 +32,6 @@ _RADIUS = 5.0  # px, of a point
 _TURN, _KEY_TURN, _KEY_SHIFT, _WHEEL, _ZOOM = math.radians(0.4), math.radians(6), 40.0, 1.0012, 1.2
 _ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
 _ZOOMS = {Qt.Key.Key_Plus: _ZOOM, Qt.Key.Key_Equal: _ZOOM, Qt.Key.Key_Minus: 1 / _ZOOM}
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What was found in space.
-
-    Attributes
-    ----------
-    points : ndarray, shape (n, 3), mm
-        Points in the rig's world.
-    groups : ndarray of intp, shape (n,)
-        The body of each, or `NO_BODY`.
-    bodies : mapping of str to FoundBody
-        Bodies.
-    """
-
-    points: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    groups: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    bodies: Mapping[str, FoundBody] = field(default_factory=dict)
 
 
 class Space(QWidget):
@@ -72,7 +48,7 @@ class Space(QWidget):
         self._canvas = Canvas(_HOME, 1, 1)
         self._rig: StereoRig | None = None
         self._frustums: Floats = np.zeros((0, 2, 3))
-        self._found = Found()
+        self._found = FoundInSpace()
         self._is_home = True
         self._drag: Drag | None = None
         self._sprites = Sprites(1.0)
@@ -86,11 +62,11 @@ class Space(QWidget):
         """Show the cameras of a rig, and what they look at."""
         if rig is self._rig:
             return
-        self._rig, self._is_home, self._found = rig, True, Found()
+        self._rig, self._is_home, self._found = rig, True, FoundInSpace()
         self._canvas = replace(self._canvas, viewpoint=_HOME)
         self._lay_frustums(_working_distance(rig))
 
-    def show_found(self, found: Found) -> None:
+    def show_found(self, found: FoundInSpace) -> None:
         """Show what was found in a pair of images."""
         is_first = not len(self._found.points) and len(found.points) > 0
         self._found = found
@@ -236,7 +212,7 @@ class Space(QWidget):
 
 
 def _working_distance(rig: StereoRig) -> float:
-    """How far [mm] a rig usually looks, before anything was seen: twice its base, as the seed's."""
+    """How far [mm] a rig usually looks, before anything was seen: twice its baseline."""
     return 2 * rig.baseline
 
 

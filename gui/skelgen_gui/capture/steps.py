@@ -1,12 +1,11 @@
-"""What the calibration steps have in common: a job takes frames until it is told to stop, then calibrates."""
+"""What the calibration steps have in common: a job collects images until it is told to stop, then calibrates."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Event
-from typing import TYPE_CHECKING, Any
+from typing import Generic, Protocol, TypeVar
 
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import (
@@ -21,19 +20,20 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
+from skelgen.capture.calibration.verdict import Verdict
 from skelgen.errors import Cancelled, SkelgenError
+from skelgen.model.rig import CaptureSettings
+from skelgen.progress import Monitor
 from skelgen_gui.capture.camera_views import VerdictLabel
-from skelgen_gui.capture.feed import Feed
 from skelgen_gui.capture.forms import SourceForm
 from skelgen_gui.project.jobs import Jobs
 
-if TYPE_CHECKING:
-    from skelgen.model.rig import CaptureSettings
-    from skelgen_gui.capture.messages import TakenShot
-    from skelgen_gui.capture.taking import Taking
+_T = TypeVar("_T")
+_Shot = TypeVar("_Shot")
 
 
-class Step(QWidget):
+class Step(QWidget, Generic[_Shot]):
     """One step: a button that starts and stops, a sentence on how far it is, a verdict.
 
     Signals
@@ -58,7 +58,7 @@ class Step(QWidget):
     ----------
     jobs : Jobs
         Where the work is done.
-    tell_error : callable (error)
+    report_error : callable (error)
         Shows faults that nobody foresaw.
     parent : QWidget, optional
         Parent widget.
@@ -66,70 +66,99 @@ class Step(QWidget):
 
     shot = Signal(object)
     saved = Signal(object)
+    _arrived = Signal()
 
-    def __init__(self, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
+    def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._jobs, self._tell_error = jobs, tell_error
-        self._stop: Event | None = None
-        self.feed: Feed[Any] = Feed(self)
+        self._jobs, self._report_error = jobs, report_error
+        self._control: CollectingControl | None = None
+        self.feed: Feed[_Shot] = Feed(self._arrived.emit)
         self.go, self.state, self.verdict = QPushButton(self), QLabel(self), VerdictLabel(self)
         self.state.setWordWrap(True)
         self.state.setTextFormat(Qt.TextFormat.PlainText)
         self.results: tuple[QWidget, ...] = ()
         self._area = QScrollArea(self)
-        self.feed.arrived.connect(self.hear)
+        self._arrived.connect(self.show_newest)
         self.go.clicked.connect(self._start_or_stop)
         jobs.begun.connect(self.follow)
         jobs.ended.connect(self.follow)
 
     @property
-    def is_gathering(self) -> bool:
-        """Whether frames are being taken."""
-        return self._stop is not None
+    def is_collecting(self) -> bool:
+        """Whether images are being collected."""
+        return self._control is not None
 
     def start(self) -> None:
-        """Take frames as the form says, unless something runs."""
+        """Collect images as the form says, unless something runs."""
         raise NotImplementedError
 
-    def hear(self) -> None:
-        """Show what came newest."""
+    def show_newest(self) -> None:
+        """Show the newest pair of images."""
         raise NotImplementedError
 
     def follow(self) -> None:
-        """What can be done depends on what runs and what is there."""
+        """Enable what can be done now."""
         if not self._jobs.is_busy:
-            self._stop = None  # one that was cancelled before it began says nothing
-        self.go.setText(self.tr("Stop") if self.is_gathering else self.tr("Start"))
-        self.go.setEnabled(self.is_gathering or not self._jobs.is_busy)
+            self._control = None  # a job that was cancelled before it began says nothing
+        self.go.setText(self.tr("Stop") if self.is_collecting else self.tr("Start"))
+        self.go.setEnabled(self.is_collecting or not self._jobs.is_busy)
 
     def stop(self) -> None:
         """End after this pair."""
-        if self._stop is not None:
-            self._stop.set()
+        if self._control is not None:
+            self._control.stop.set()
             self.go.setEnabled(False)
 
-    def run(self, title: str, work: Callable[[Any], Any], done: Callable[[Any], None]) -> None:
-        """Do some work as a job; what it cannot do is told where the verdict stands."""
+    def run(self, title: str, work: Callable[[Monitor], _T], done: Callable[[_T], None]) -> None:
+        """Do some work as a job; an error is shown where the verdict stands.
+
+        Parameters
+        ----------
+        title : str
+            Progress is told under this name.
+        work : callable (monitor) -> result
+            Runs on another thread.
+        done : callable (result)
+            Is called in the window's thread.
+        """
         self._jobs.start(title, work, done, self._fail)
 
-    def gather(self, title: str, stop: Event, work: Callable[[Any], Any], done: Callable[[Any], None]) -> None:
-        """Take frames as a job, until `stop` is set."""
+    def collect(
+        self,
+        title: str,
+        control: CollectingControl,
+        work: Callable[[Monitor], _T],
+        done: Callable[[_T | None], None],
+    ) -> None:
+        """Collect images as a job, until the control says stop.
 
-        def until_cancelled(monitor: Any) -> Any:
+        Parameters
+        ----------
+        title : str
+            Progress is told under this name.
+        control : CollectingControl
+            Tells the job to stop.
+        work : callable (monitor) -> result
+            Runs on another thread.
+        done : callable (result or None)
+            Is called in the window's thread; None if the job was cancelled.
+        """
+
+        def until_cancelled(monitor: Monitor) -> _T | None:
             try:
                 return work(monitor)
             except Cancelled:  # as good an end as any: what was taken stays
                 return None
 
-        def finish(result: Any) -> None:
-            self._stop = None
-            self.hear()
+        def finish(result: _T | None) -> None:
+            self._control = None
+            self.show_newest()
             done(result)
             self.follow()
 
-        self._stop = stop
+        self._control = control
         if not self._jobs.start(title, until_cancelled, finish, self._fail):
-            self._stop = None
+            self._control = None
         self.follow()
 
     def show_end(self) -> None:
@@ -162,19 +191,19 @@ class Step(QWidget):
         layout.addWidget(area)
 
     def _start_or_stop(self) -> None:
-        if self.is_gathering:
+        if self.is_collecting:
             self.stop()
         else:
             self.start()
 
     def _fail(self, error: Exception) -> None:
-        self._stop = None
-        self.hear()
+        self._control = None
+        self.show_newest()
         if isinstance(error, SkelgenError):
             self.verdict.show_problem(str(error))
             self.show_end()
         else:
-            self._tell_error(error)
+            self._report_error(error)
         self.follow()
 
 
@@ -186,58 +215,64 @@ def row_of(*widgets: QWidget) -> QHBoxLayout:
     return row
 
 
+class _Calibration(Protocol):
+    @property
+    def verdict(self) -> Verdict: ...
+
+
+class _Collector(Protocol):
+    @property
+    def settings(self) -> CaptureSettings | None: ...
+
+    def run(self, title: str, monitor: Monitor) -> None: ...
+
+
+_CollectorT = TypeVar("_CollectorT", bound=_Collector)
+_CalibrationT = TypeVar("_CalibrationT", bound=_Calibration)
+_ProgressT = TypeVar("_ProgressT")
+
+
 @dataclass(frozen=True)
-class Plan:
+class Plan(Generic[_CollectorT, _CalibrationT, _ProgressT]):
     """What a step does on another thread; made of what its form says, without widgets.
 
     Attributes
     ----------
-    take : callable (stop, feed) -> Taking
-        Begins to take frames.
-    calibrate : callable (taking, monitor) -> calibration
-        Computes what they tell.
+    collector : callable (control, feed) -> collector
+        Makes the job that collects images.
+    calibrate : callable (collector, monitor) -> calibration
+        Calibrates from what was collected.
     """
 
-    take: Callable[[Event, Any], Taking]
-    calibrate: Callable[[Any, Any], Any]
+    collector: Callable[[CollectingControl, Feed[TargetShot[_ProgressT]]], _CollectorT]
+    calibrate: Callable[[_CollectorT, Monitor], _CalibrationT]
 
 
-@dataclass(eq=False)
-class _Kept:
-    """What was taken, whatever ended it."""
-
-    taking: Taking | None = None
-
-
-class AddingStep(Step):
-    """Takes frames until it is told to stop, calibrates at once, and adds the result to the settings.
+class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _CalibrationT, _ProgressT]):
+    """Collects images until it is told to stop, calibrates at once, and adds the result to the settings.
 
     Attributes
     ----------
     form : SourceForm
         Settings and source.
     calibrate, add : QPushButton
-        Calibrate once more with the same frames; write the result.
+        Calibrate once more with the same images; write the result.
     found : calibration or None
         What came out.
 
     Parameters
     ----------
     form : SourceForm
-        What the step is told.
-    jobs, tell_error, parent
+        Settings and source.
+    jobs, report_error, parent
         As of `Step`.
     """
 
     def __init__(
-        self,
-        form: SourceForm,
-        jobs: Jobs,
-        tell_error: Callable[[Exception], None],
-        parent: QWidget | None = None,
+        self, form: SourceForm, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None
     ) -> None:
-        super().__init__(jobs, tell_error, parent)
-        self.form: Any = form
+        super().__init__(jobs, report_error, parent)
+        self.form = form
         self.calibrate, self.add = QPushButton(self.tr("Calibrate"), self), QPushButton(self)
         self.add.setText(self.tr("Add to settings"))
         self.add.setAccessibleName(self.add.text())
@@ -245,114 +280,114 @@ class AddingStep(Step):
         self.calibrate.setToolTip(self.tr("Compute once more from the pairs of images that were taken last"))
         self.state.setAccessibleName(self.tr("How far it is"))
         self.state.setText(self.invitation)
-        self._kept = _Kept()
-        self.found: Any = None
-        self._said = ""
+        self._collectors: list[_CollectorT] = []
+        self.found: _CalibrationT | None = None
+        self._notice = ""
         self.calibrate.clicked.connect(self.run_calibration)
         self.add.clicked.connect(self.add_to_settings)
         form.start_wanted.connect(self.start)
 
     @property
     def invitation(self) -> str:
-        """What to do, before anything is seen."""
+        """What the user is asked to do, before anything is seen."""
         raise NotImplementedError
 
-    def plan(self) -> Plan:
+    def plan(self) -> Plan[_CollectorT, _CalibrationT, _ProgressT]:
         """Return what is to be done as the form says now."""
         raise NotImplementedError
 
-    def show_progress(self, progress: Any) -> None:
+    def show_progress(self, progress: _ProgressT) -> None:
         """Show how far it is."""
         raise NotImplementedError
 
-    def show_found(self, found: Any) -> None:
+    def show_found(self, found: _CalibrationT | None) -> None:
         """Show what came out; None if nothing has yet."""
         raise NotImplementedError
 
-    def change(self, told: list[str]) -> Callable[[CaptureSettings], CaptureSettings]:
-        """Return what adds the result to settings, on another thread; what the user should know goes to `told`."""
+    def adding(self, found: _CalibrationT) -> Callable[[Path, CaptureSettings], tuple[str, ...]]:
+        """Return what adds a result to settings on another thread; it returns what the user should know."""
         raise NotImplementedError
 
     def start(self) -> None:
-        """Take frames as the form says, from the beginning."""
+        """Collect images as the form says, from the beginning."""
         if self._jobs.is_busy:
             return
-        plan, stop, feed, kept = self.plan(), Event(), self.feed, _Kept()
+        plan, control, feed = self.plan(), CollectingControl(), self.feed
+        collectors = self._collectors = []
         loading, title, computing = self.tr("Loading"), self.tr("Taking pairs of images"), self.tr("Calibrating")
 
-        def work(monitor: Any) -> Any:
+        def work(monitor: Monitor) -> _CalibrationT:
             monitor.begin(loading)
-            kept.taking = plan.take(stop, feed)
-            kept.taking.run(title, monitor)
+            collector = plan.collector(control, feed)
+            collectors.append(collector)  # at once: what it takes stays, whatever ends it
+            collector.run(title, monitor)
             monitor.begin(computing)
-            return plan.calibrate(kept.taking, monitor)
+            return plan.calibrate(collector, monitor)
 
         self._forget()
-        self._kept, self._said = kept, ""
+        self._notice = ""
         self.state.setText(self.invitation)
-        self.gather(title, stop, work, self._show)
+        self.collect(title, control, work, self._show)
 
     def run_calibration(self) -> None:
-        """Calibrate with the frames that were taken."""
-        taking, plan, title = self._kept.taking, self.plan(), self.tr("Calibrating")
-        if self._jobs.is_busy or taking is None:
+        """Calibrate with the images that were collected."""
+        collector, plan, title = self._collector, self.plan(), self.tr("Calibrating")
+        if self._jobs.is_busy or collector is None:
             return
 
-        def work(monitor: Any) -> Any:
+        def work(monitor: Monitor) -> _CalibrationT:
             monitor.begin(title)
-            return plan.calibrate(taking, monitor)
+            return plan.calibrate(collector, monitor)
 
         self._forget()
         self.run(title, work, self._show)
 
     def add_to_settings(self) -> None:
         """Write what was found into the settings; ask for a file if none is in use."""
-        path = self.form.settings.path or self._asked()
-        taking = self._kept.taking
-        if not path or taking is None or taking.settings is None or self.found is None:
+        path, collector = self.form.settings.path or self._asked_path(), self._collector
+        if not path or collector is None or collector.settings is None or self.found is None:
             return
-        told: list[str] = []
-        change, seen_with = self.change(told), taking.settings
+        add, used = self.adding(self.found), collector.settings
 
-        def work(_: Any) -> None:
-            from skelgen_gui.capture.saving import add_to_settings  # noqa: PLC0415 - lxml costs 50 ms
+        def work(_: Monitor) -> tuple[str, ...]:
+            return add(Path(path), used)
 
-            add_to_settings(Path(path), seen_with, change)
-
-        def done(_: None) -> None:
-            self.state.setText("\n".join([self.tr("Added to {0}.").format(path), *told]))
+        def done(notices: tuple[str, ...]) -> None:
+            self.state.setText("\n".join([self.tr("Added to {0}.").format(path), *notices]))
             self.saved.emit(Path(path))
 
         self.run(self.tr("Saving"), work, done)
 
-    def hear(self) -> None:
+    def show_newest(self) -> None:
         """Show the newest pair, and how far it is."""
-        newest, said = self.feed.take()
-        self._said = said[-1] if said else self._said
+        newest, notices = self.feed.take()
+        self._notice = notices[-1] if notices else self._notice
         if newest is not None:
-            self._show_shot(newest)
+            self.shot.emit(newest)
+            self.show_progress(newest.progress)
+            if self._notice:
+                self.state.setText(f"{self.state.text()} {self._notice}")
 
     def follow(self) -> None:
-        """What can be done depends on what runs and what is there."""
+        """Enable what can be done now."""
         super().follow()
         is_busy = self._jobs.is_busy
         self.go.setAccessibleName(
-            self.tr("Stop and calibrate") if self.is_gathering else self.tr("Take pairs of images")
+            self.tr("Stop and calibrate") if self.is_collecting else self.tr("Take pairs of images")
         )
         self.go.setToolTip(self.go.accessibleName())
         self.form.setEnabled(not is_busy)
-        taking = self._kept.taking
-        self.calibrate.setEnabled(taking is not None and taking.settings is not None and not is_busy)
+        collector = self._collector
+        self.calibrate.setEnabled(collector is not None and collector.settings is not None and not is_busy)
         self.add.setEnabled(self.found is not None and not is_busy)
 
-    def _show_shot(self, shot: TakenShot) -> None:
-        self.shot.emit(shot)
-        self.show_progress(shot.progress)
-        if self._said:
-            self.state.setText(f"{self.state.text()} {self._said}")
+    @property
+    def _collector(self) -> _CollectorT | None:
+        """The job that collected images last; its images stay, whatever ended it."""
+        return self._collectors[-1] if self._collectors else None
 
-    def _show(self, found: Any) -> None:
-        """Show what came out; nothing does of what was cancelled."""
+    def _show(self, found: _CalibrationT | None) -> None:
+        """Show what came out; None if it was cancelled."""
         if found is None:
             return
         self.found = found
@@ -366,7 +401,7 @@ class AddingStep(Step):
         self.verdict.clear()
         self.show_found(None)
 
-    def _asked(self) -> str:
+    def _asked_path(self) -> str:
         title, kinds = self.tr("Save the settings of the capture"), self.tr("Settings (*.xml)")
         name, _ = QFileDialog.getSaveFileName(self, title, "rig.xml", kinds)
         return name if not name or Path(name).suffix else f"{name}.xml"

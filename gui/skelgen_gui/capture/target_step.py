@@ -4,33 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from threading import Event
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from PySide6.QtWidgets import QWidget
 
+from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
+from skelgen.model.rig import CaptureSettings
 from skelgen_gui.capture.forms import TargetForm
 from skelgen_gui.capture.measured import BallTable
 from skelgen_gui.capture.steps import AddingStep, Plan, row_of
 from skelgen_gui.project.jobs import Jobs
 
 if TYPE_CHECKING:
+    from skelgen.app.capture_jobs.collecting import BodyCollector
     from skelgen.capture.calibration.body import BodyCalibration
     from skelgen.capture.calibration.taking import BodyProgress
-    from skelgen.model.rig import CaptureSettings
 
 
-class TargetStep(AddingStep):
+class TargetStep(AddingStep["BodyCollector", "BodyCalibration", "BodyProgress"]):
     """Takes pairs of images of one target, calibrates it, says what it is worth, adds it to the settings.
 
     Parameters
     ----------
-    jobs, tell_error, parent
+    jobs, report_error, parent
         As of `Step`.
     """
 
-    def __init__(self, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
-        super().__init__(TargetForm(), jobs, tell_error, parent)
+    form: TargetForm
+
+    def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
+        super().__init__(TargetForm(), jobs, report_error, parent)
         self.balls = BallTable(self)
         self.results = (self.balls,)
         self.add.setToolTip(self.tr("Write the target into the settings, in place of one of the same name"))
@@ -40,22 +44,22 @@ class TargetStep(AddingStep):
 
     @property
     def invitation(self) -> str:
-        """What to do, before anything is seen."""
+        """What the user is asked to do, before anything is seen."""
         return self.tr(
             "Press Start, hold one target before the cameras, nothing else that shines, and turn it slowly to all "
             "sides."
         )
 
-    def plan(self) -> Plan:
+    def plan(self) -> Plan[BodyCollector, BodyCalibration, BodyProgress]:
         """Return what is to be done as the form says now."""
-        wish, name, n_balls = self.form.wish, self._name, self.form.n_balls
+        options, name, n_balls = self.form.options, self._name, self.form.n_balls
 
-        def take(stop: Event, feed: Any) -> Any:
-            from skelgen_gui.capture.taking import TargetTaking  # noqa: PLC0415 - loads what captures need
+        def collector(control: CollectingControl, feed: Feed[TargetShot[BodyProgress]]) -> BodyCollector:
+            from skelgen.app.capture_jobs.collecting import BodyCollector  # noqa: PLC0415 - loads what captures need
 
-            return TargetTaking(wish, stop, feed, name, n_balls)
+            return BodyCollector(options, control, feed, name, n_balls)
 
-        return Plan(take, lambda taking, monitor: taking.calibrate(name, n_balls, monitor))
+        return Plan(collector, lambda collector, monitor: collector.calibrate(name, n_balls, monitor))
 
     def show_progress(self, progress: BodyProgress) -> None:
         """Show how far it is."""
@@ -66,10 +70,10 @@ class TargetStep(AddingStep):
         if not progress.n_balls:
             self.state.setText(self.tr("No target is seen in {0} pairs of images.").format(progress.n_frames))
             return
-        told = self.tr("{0} balls, seen alone in {1} of {2} pairs of images; turned by {3:.0f}°.")
-        told = told.format(progress.n_balls, progress.n_alone, progress.n_frames, progress.turn)
+        counts = self.tr("{0} balls, seen alone in {1} of {2} pairs of images; turned by {3:.0f}°.")
+        counts = counts.format(progress.n_balls, progress.n_alone, progress.n_frames, progress.turn)
         more = self.tr("That is enough.") if progress.is_enough else self.tr("Turn it further, to all sides.")
-        self.state.setText(f"{told} {more}")
+        self.state.setText(f"{counts} {more}")
 
     def show_found(self, found: BodyCalibration | None) -> None:
         """Show what came out."""
@@ -78,20 +82,19 @@ class TargetStep(AddingStep):
         else:
             self.balls.show_calibration(found)
 
-    def change(self, told: list[str]) -> Callable[[CaptureSettings], CaptureSettings]:
+    def adding(self, found: BodyCalibration) -> Callable[[Path, CaptureSettings], tuple[str, ...]]:
         """Return what adds the target to settings, under the name that stands in the form by now."""
-        target = replace(self.found.target, name=self._name)
+        target = replace(found.target, name=self._name)
 
-        def added(settings: CaptureSettings) -> CaptureSettings:
-            from skelgen.app.capture import outdated, with_body  # noqa: PLC0415
+        def add(path: Path, used: CaptureSettings) -> tuple[str, ...]:
+            from skelgen.app.capture_jobs.settings import add_body  # noqa: PLC0415 - lxml costs 50 ms
 
-            told.extend(outdated(settings, target.name))
-            return with_body(settings, target)
+            return add_body(path, used, target)
 
-        return added
+        return add
 
     def follow(self) -> None:
-        """What can be done depends on what runs and what is there."""
+        """Enable what can be done now."""
         super().follow()
         self.add.setEnabled(self.add.isEnabled() and bool(self.form.name.text().strip()))
 

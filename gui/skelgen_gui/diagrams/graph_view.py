@@ -102,7 +102,7 @@ class GraphView(QWidget):
         self._zoom, self._shift = 1.0, QPointF(0, 0)
         self.update()
 
-    def told_at(self, place: QPointF) -> str:
+    def tip_at(self, place: QPointF) -> str:
         """Return what is told of a limb, a joint or a pair of limbs at a place."""
         limb, joint, pair = self._found_at(place)
         project = self._facts_of
@@ -118,7 +118,7 @@ class GraphView(QWidget):
 
     def event(self, event: QEvent) -> bool:
         """Say what lies under the pointer."""
-        return tell(self, event, self.told_at) or super().event(event)
+        return tell(self, event, self.tip_at) or super().event(event)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Select a limb or a joint, or begin to pan."""

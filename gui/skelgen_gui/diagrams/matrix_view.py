@@ -57,7 +57,7 @@ class MatrixView(QWidget):
         """Return the middle of a cell in this widget; rows and columns are ordered by limb."""
         return self._placed.block(row, row + 1, column, column + 1).center()
 
-    def told_at(self, place: QPointF) -> str:
+    def tip_at(self, place: QPointF) -> str:
         """Return what is told of a place: the pair, and how much its distance varies."""
         cell = self._placed.cell_at(place)
         if self._matrix is None or cell is None:
@@ -68,7 +68,7 @@ class MatrixView(QWidget):
         """Name the pair under the pointer."""
         if event.type() == QEvent.Type.Leave:
             self._point_at(None)
-        return tell(self, event, self.told_at) or super().event(event)
+        return tell(self, event, self.tip_at) or super().event(event)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Begin a click or a square."""

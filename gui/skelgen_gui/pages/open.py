@@ -99,7 +99,7 @@ class OpenPage(QWidget):
         def done(changed: Project) -> None:
             self._context.document.change(self.tr("identities of {0}").format(path.name), changed)
 
-        self._context.jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._context.tell_error)
+        self._context.jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._context.report_error)
 
     def _follow_jobs(self) -> None:
         """One thing is done at a time."""

@@ -187,7 +187,7 @@ class StagePage(QWidget):
         def done(result: Project) -> None:
             document.change(self.tr("take a saved result"), result)
 
-        self._context.jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._context.tell_error)
+        self._context.jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._context.report_error)
 
     def _choose(self) -> None:
         title = self.tr("Project file with the saved result")

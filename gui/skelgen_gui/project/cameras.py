@@ -61,7 +61,7 @@ class Cameras(QObject):
 
     Parameters
     ----------
-    tell_error : callable (error)
+    report_error : callable (error)
         Shows what went wrong.
     window : QWidget
         Parent of the dialog.
@@ -69,9 +69,9 @@ class Cameras(QObject):
 
     changed = Signal()
 
-    def __init__(self, tell_error: Callable[[Exception], None], window: QWidget) -> None:
+    def __init__(self, report_error: Callable[[Exception], None], window: QWidget) -> None:
         super().__init__(window)
-        self._tell_error, self._window = tell_error, window
+        self._tell_error, self._window = report_error, window
         self._shown: tuple[SeeingCamera, ...] = ()
         self._known: dict[Path, StereoRig] = {}
         self._reader = Deriver(self)

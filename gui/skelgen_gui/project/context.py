@@ -35,7 +35,7 @@ class Context:
         Runs stages.
     preferences : Preferences
         What is kept between runs.
-    tell_error : callable (error)
+    report_error : callable (error)
         Shows what went wrong.
     files : FileCare
         Opens recordings and projects.
@@ -48,7 +48,7 @@ class Context:
     jobs: Jobs
     runner: Runner
     preferences: Preferences
-    tell_error: Callable[[Exception], None]
+    report_error: Callable[[Exception], None]
     files: FileCare
     cameras: Cameras
 

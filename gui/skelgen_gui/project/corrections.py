@@ -42,17 +42,17 @@ class CorrectionActions(QObject):
         What is corrected.
     runner : Runner
         Computes again what a correction made invalid.
-    tell_error : callable (error)
+    report_error : callable (error)
         Shows what went wrong.
     window : QWidget
         Parent of questions.
     """
 
     def __init__(
-        self, document: Document, runner: Runner, tell_error: Callable[[Exception], None], window: QWidget
+        self, document: Document, runner: Runner, report_error: Callable[[Exception], None], window: QWidget
     ) -> None:
         super().__init__(window)
-        self._document, self._runner, self._tell_error, self._window = document, runner, tell_error, window
+        self._document, self._runner, self._tell_error, self._window = document, runner, report_error, window
 
     def fill(self, menu: QMenu, selection: Selection | None = None) -> None:
         """Fill a menu with what the selection allows."""

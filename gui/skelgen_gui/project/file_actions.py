@@ -38,7 +38,7 @@ class FileCare(QObject):
         Remembers files.
     view : callable () -> mapping
         What the window shows, for the project file.
-    tell_error : callable (error)
+    report_error : callable (error)
         Shows what went wrong.
     window : QWidget
         Parent of questions.
@@ -60,12 +60,12 @@ class FileCare(QObject):
         jobs: Jobs,
         preferences: Preferences,
         view: Callable[[], Mapping[str, Any]],
-        tell_error: Callable[[Exception], None],
+        report_error: Callable[[Exception], None],
         window: QWidget,
     ) -> None:
         super().__init__(window)
         self._document, self._jobs, self._preferences = document, jobs, preferences
-        self._view, self._tell_error, self._window = view, tell_error, window
+        self._view, self._tell_error, self._window = view, report_error, window
 
     @property
     def has_unsaved_work(self) -> bool:

@@ -25,7 +25,7 @@ class Runner(QObject):
         Whose project is computed.
     jobs : Jobs
         Where.
-    tell_error : callable (error)
+    report_error : callable (error)
         Shows what went wrong.
     parent : QObject, optional
         Owner.
@@ -42,10 +42,10 @@ class Runner(QObject):
     values_changed = Signal()
 
     def __init__(
-        self, document: Document, jobs: Jobs, tell_error: Callable[[Exception], None], parent: QObject | None = None
+        self, document: Document, jobs: Jobs, report_error: Callable[[Exception], None], parent: QObject | None = None
     ) -> None:
         super().__init__(parent)
-        self._document, self._jobs, self._tell_error = document, jobs, tell_error
+        self._document, self._jobs, self._tell_error = document, jobs, report_error
         self._values: dict[str, Mapping[str, Any]] = {}
         self.computes_at_once = True
 

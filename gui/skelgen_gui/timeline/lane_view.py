@@ -90,9 +90,9 @@ class LaneView(QWidget):
 
     def event(self, event: QEvent) -> bool:
         """Say what lies under the pointer."""
-        return tell(self, event, self.told_at) or super().event(event)
+        return tell(self, event, self.tip_at) or super().event(event)
 
-    def told_at(self, place: QPointF) -> str:
+    def tip_at(self, place: QPointF) -> str:
         """Return what is told of a place: the marker, and how it is known in the frame there."""
         lane, project = self._lane_at(place.y()), self._lanes_of
         if lane is None or self._lanes is None or project is None:

@@ -75,9 +75,9 @@ class PlotView(QWidget):
 
     def event(self, event: QEvent) -> bool:
         """Say what lies under the pointer."""
-        return tell(self, event, self.told_at) or super().event(event)
+        return tell(self, event, self.tip_at) or super().event(event)
 
-    def told_at(self, place: QPointF) -> str:
+    def tip_at(self, place: QPointF) -> str:
         """Return the values of the frame at a place, and what the panel's note says."""
         found = (panel for index, panel in enumerate(self._panels) if self._holds(index, place))
         panel = next(found, None)

@@ -92,7 +92,7 @@ def pixmap_of(pixels: NDArray[np.uint8], ratio: float) -> QPixmap:
     return pixmap
 
 
-def tell(widget: QWidget, event: QEvent, told_at: Callable[[QPointF], str]) -> bool:
+def tell(widget: QWidget, event: QEvent, tip_at: Callable[[QPointF], str]) -> bool:
     """Show what is told of the place under the pointer, if that is what an event asks for.
 
     Parameters
@@ -101,7 +101,7 @@ def tell(widget: QWidget, event: QEvent, told_at: Callable[[QPointF], str]) -> b
         Whose event it is.
     event : QEvent
         Any.
-    told_at : callable
+    tip_at : callable
         Gives lines of plain text for a place in the widget.
 
     Returns
@@ -111,7 +111,7 @@ def tell(widget: QWidget, event: QEvent, told_at: Callable[[QPointF], str]) -> b
     """
     if event.type() != QEvent.Type.ToolTip or not isinstance(event, QHelpEvent):
         return False
-    QToolTip.showText(event.globalPos(), rich(told_at(QPointF(event.pos()))), widget)
+    QToolTip.showText(event.globalPos(), rich(tip_at(QPointF(event.pos()))), widget)
     return True
 
 

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from skelgen_gui.capture.camera_views import COVERED
-from skelgen_gui.capture.joint_step import Wished, WishList
+from PySide6.QtGui import QColor
+from skelgen_gui.capture.camera_views import COVERED, CoverageView
+from skelgen_gui.capture.joint_step import RequestList
 from skelgen_gui.capture.measured import MotionTable, TurnView
 from skelgen_gui.widgets.theme import is_dark, theme_palette
 
+from skelgen.app.capture_jobs.board_views import View
+from skelgen.app.capture_jobs.messages import JointRequest
+from skelgen.capture.calibration.board import BoardView
 from skelgen.capture.calibration.joints import JointMotion
 
 NAMES = ["torso", "upper arm", "lower arm"]
@@ -48,41 +52,55 @@ def test_motions_are_rows_whose_numbers_change(qtbot, shown):
 
 
 @pytest.fixture
-def wishes(shown):
-    wishes = shown(WishList())
-    wishes.show_targets(NAMES)
-    return wishes
+def requests(shown):
+    requests = shown(RequestList())
+    requests.show_targets(NAMES)
+    return requests
 
 
-def names(qtbot, wishes, name, parent, child):
-    wishes.name.setText(name)
-    wishes.parent_box.setCurrentText(parent)
-    wishes.child_box.setCurrentText(child)
-    qtbot.mouseClick(wishes.more, Qt.MouseButton.LeftButton)
+def names(qtbot, requests, name, parent, child):
+    requests.name.setText(name)
+    requests.parent_box.setCurrentText(parent)
+    requests.child_box.setCurrentText(child)
+    qtbot.mouseClick(requests.more, Qt.MouseButton.LeftButton)
 
 
-def test_joints_are_named_once_between_two_targets(qtbot, wishes):
-    names(qtbot, wishes, "elbow", "upper arm", "upper arm")
-    assert wishes.wishes == ()
-    names(qtbot, wishes, "elbow", "upper arm", "lower arm")
-    names(qtbot, wishes, "elbow", "torso", "lower arm")
-    assert wishes.wishes == (Wished("elbow", "upper arm", "lower arm"),)
-    assert wishes.table.item(0, 3).text() == "kind is found"
+def test_joints_are_named_once_between_two_targets(qtbot, requests):
+    names(qtbot, requests, "elbow", "upper arm", "upper arm")
+    assert requests.requests == ()
+    names(qtbot, requests, "elbow", "upper arm", "lower arm")
+    names(qtbot, requests, "elbow", "torso", "lower arm")
+    assert requests.requests == (JointRequest("elbow", "upper arm", "lower arm"),)
+    assert requests.table.item(0, 3).text() == "kind is found"
 
 
-def test_joints_of_targets_that_are_gone_go_with_them(qtbot, wishes):
-    names(qtbot, wishes, "elbow", "upper arm", "lower arm")
-    names(qtbot, wishes, "shoulder", "torso", "upper arm")
-    with qtbot.waitSignal(wishes.changed):
-        wishes.show_targets(NAMES[:2])
-    assert [wish.name for wish in wishes.wishes] == ["shoulder"]
-    assert wishes.parent_box.currentText() == "torso"
+def test_joints_of_targets_that_are_gone_go_with_them(qtbot, requests):
+    names(qtbot, requests, "elbow", "upper arm", "lower arm")
+    names(qtbot, requests, "shoulder", "torso", "upper arm")
+    with qtbot.waitSignal(requests.changed):
+        requests.show_targets(NAMES[:2])
+    assert [request.name for request in requests.requests] == ["shoulder"]
+    assert requests.parent_box.currentText() == "torso"
 
 
-def test_the_chosen_joint_is_taken_away(qtbot, wishes):
-    names(qtbot, wishes, "elbow", "upper arm", "lower arm")
-    assert not wishes.less.isEnabled()
-    wishes.table.selectRow(0)
-    qtbot.mouseClick(wishes.less, Qt.MouseButton.LeftButton)
-    assert wishes.wishes == ()
-    assert wishes.table.isHidden()
+def test_the_chosen_joint_is_taken_away(qtbot, requests):
+    names(qtbot, requests, "elbow", "upper arm", "lower arm")
+    assert not requests.less.isEnabled()
+    requests.table.selectRow(0)
+    qtbot.mouseClick(requests.less, Qt.MouseButton.LeftButton)
+    assert requests.requests == ()
+    assert requests.table.isHidden()
+
+
+def test_covered_parts_are_coloured_on_light_and_dark_windows(shown, has_colour):
+    for dark in (False, True):
+        corners = np.array([250, 200]) + 15.0 * np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), axis=-1).reshape(
+            -1, 2
+        )
+        board = BoardView(corners, 3.0)
+        picture = CoverageView()
+        picture.setPalette(theme_palette(dark=dark))
+        shown(picture, 340, 126)
+        assert not has_colour(picture, QColor(COVERED[dark]))
+        picture.show_views([View("one", board, board, (640, 480))])
+        assert has_colour(picture, QColor(COVERED[dark]), least=5)

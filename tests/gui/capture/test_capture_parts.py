@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
-from skelgen_gui.capture.feed import Feed
 from skelgen_gui.capture.live import free_path
-from skelgen_gui.capture.overlay import Eye, eye_with_balls, eye_with_board
 from skelgen_gui.capture.pictures import BOARD, LOOSE, PicturePair, group_colour
-from skelgen_gui.capture.results import MOST_SENTENCES, Sentences
-from skelgen_gui.capture.space import Found, Space
+from skelgen_gui.capture.results import MOST_NOTICES, Notices
+from skelgen_gui.capture.space import Space
 from skelgen_gui.project.cameras import cameras_of
 
+from skelgen.app.capture_jobs.messages import CameraImage, FoundInSpace
 from skelgen.capture.calibration.board import BoardView
 from skelgen.capture.optics.projection import project
 from skelgen.capture.reference_rig import reference_rig
@@ -32,41 +29,12 @@ def body_of(points, name="wand"):
     return FoundBody(name, np.eye(4), np.eye(6), np.array(points), 0.1)
 
 
-def test_only_the_newest_result_is_handed_over_and_no_sentence_is_lost(qtbot):
-    feed = Feed()
-    with qtbot.waitSignal(feed.arrived):
-        for number in range(50):
-            feed.put(number)
-            feed.say(str(number))
-    newest, said = feed.take()
-    assert newest == 49
-    assert said == tuple(map(str, range(50)))
-    assert feed.take() == (None, ())
-
-
-def test_results_from_another_thread_do_not_pile_up(qtbot):
-    feed, heard = Feed(), []
-    feed.arrived.connect(lambda: heard.append(feed.take()[0]))
-    thread = threading.Thread(target=lambda: [feed.put(number) for number in range(10_000)])
-    thread.start()
-    thread.join()
-    qtbot.wait(20)
-    assert len(heard) == 1  # told once, however many came
-
-
-def test_balls_of_a_body_are_in_its_group_and_named():
-    eye = eye_with_balls(BLACK, balls_at((10, 20), (30, 40), (50, 60)), [(2, body_of([1, -1, 0]))], np.array([2, 0]))
-    assert eye.groups.tolist() == [2, -1, 2]
-    assert eye.names[0].text == "wand"
-    assert (eye.names[0].x, eye.names[0].y) == (30.0, 20.0)
-
-
 def test_pictures_show_balls_bodies_and_boards_in_their_colours(shown, has_colour):
     pair = shown(PicturePair())
     corners = np.stack(np.meshgrid(np.arange(100.0, 500, 50), np.arange(100.0, 400, 50)), axis=-1).reshape(-1, 2)
     pair.show_pair(
-        eye_with_balls(BLACK, balls_at((100, 100), (300, 200)), [(0, body_of([0]))], np.array([0])),
-        eye_with_board(BLACK, BoardView(corners, 3.0)),
+        CameraImage.of_balls(BLACK, balls_at((100, 100), (300, 200)), {0: body_of([0])}, np.array([0])),
+        CameraImage.of_board(BLACK, BoardView(corners, 3.0)),
     )
     for colour in (LOOSE, group_colour(0), BOARD):
         assert has_colour(pair, colour, least=5)
@@ -76,7 +44,7 @@ def test_a_bright_pixel_is_painted_at_its_place(shown):
     image = BLACK.copy()
     image[235:245, 315:325] = 255
     pair = shown(PicturePair())
-    pair.show_pair(Eye(BLACK), Eye(image))
+    pair.show_pair(CameraImage(BLACK), CameraImage(image))
     place = pair.place_of(1, 319.5, 239.5).toPoint()
     assert pair.grab().toImage().pixelColor(place).lightness() > 200
     assert pair.grab().toImage().pixelColor(pair.place_of(0, 319.5, 239.5).toPoint()).lightness() < 50
@@ -101,7 +69,7 @@ def test_space_shows_cameras_points_and_axes_of_bodies(qtbot, shown, has_colour)
     pose = np.eye(4)
     pose[:3, 3] = (200, 0, 1000)
     body = FoundBody("wand", pose, np.eye(6), np.array([0]), 0.1)
-    space.show_found(Found(np.array([[200.0, 0, 1000], [300, 50, 900]]), np.array([0, -1]), {"wand": body}))
+    space.show_found(FoundInSpace(np.array([[200.0, 0, 1000], [300, 50, 900]]), np.array([0, -1]), {"wand": body}))
     assert space.grab().toImage() != before
     x_axis = next(iter(_axes(space)))
     assert has_colour(space, x_axis, least=5)
@@ -141,20 +109,20 @@ def test_a_recording_gets_a_name_that_is_free(tmp_path):
     assert free_path(path) == tmp_path / "take-3.mfml"
 
 
-def test_sentences_are_not_repeated_and_do_not_grow_for_ever(qtbot, shown):
-    listed = shown(Sentences())
+def test_notices_are_not_repeated_and_do_not_grow_for_ever(qtbot, shown):
+    listed = shown(Notices())
     for _ in range(3):
-        listed.say("the left image is black")
+        listed.add("the left image is black")
     assert listed.count() == 1
-    for number in range(2 * MOST_SENTENCES):
-        listed.say(f"sentence {number}")
-    assert listed.count() == MOST_SENTENCES
-    assert listed.item(0).text() == f"sentence {2 * MOST_SENTENCES - 1}"
+    for number in range(2 * MOST_NOTICES):
+        listed.add(f"sentence {number}")
+    assert listed.count() == MOST_NOTICES
+    assert listed.item(0).text() == f"sentence {2 * MOST_NOTICES - 1}"
 
 
 def test_a_picture_is_placed_within_the_widget(shown):
     pair = shown(PicturePair(), 800, 300)
-    pair.show_pair(Eye(BLACK), Eye(BLACK))
+    pair.show_pair(CameraImage(BLACK), CameraImage(BLACK))
     for side in (0, 1):
         for corner in ((0, 0), (639, 479)):
             place = pair.place_of(side, *corner)

@@ -18,7 +18,7 @@ NOTHING = Shown(**dict.fromkeys(("filled", "trails", "bones", "joints", "uncerta
 LEFT, NONE, NO_KEY = Qt.MouseButton.LeftButton, Qt.MouseButton.NoButton, Qt.KeyboardModifier.NoModifier
 
 
-class Eye:
+class CameraImage:
     """Looks at views."""
 
     MARKERS, BARE = NOTHING, replace(NOTHING, markers=False)
@@ -92,7 +92,7 @@ class Hand:
 
 @pytest.fixture
 def eye():
-    return Eye()
+    return CameraImage()
 
 
 @pytest.fixture

@@ -47,8 +47,8 @@ def texts(table, column):
     return [table.item(row, column).text() for row in range(table.rowCount())]
 
 
-def sentences(page):
-    return [page.live.sentences.item(row).text() for row in range(page.live.sentences.count())]
+def notices(page):
+    return [page.live.notices.item(row).text() for row in range(page.live.notices.count())]
 
 
 def test_one_click_captures_the_simulated_rig(qtbot, window, page, has_colour):
@@ -117,7 +117,7 @@ def test_a_source_that_fails_is_told_in_a_sentence(qtbot, page, tmp_path):
     page.live.choice.source.setEditText(f"folder:{tmp_path / 'nowhere'}")
     with qtbot.waitSignal(page.live.ended, timeout=WAIT):
         qtbot.mouseClick(page.live.go, Qt.MouseButton.LeftButton)
-    assert "no such folder" in sentences(page)[0]
+    assert "no such folder" in notices(page)[0]
     assert page.live.go.isEnabled()
     assert page.live.go.text() == "Start"
 
@@ -125,7 +125,7 @@ def test_a_source_that_fails_is_told_in_a_sentence(qtbot, page, tmp_path):
 def test_without_settings_and_source_the_page_says_what_to_choose(qtbot, page):
     with qtbot.waitSignal(page.live.ended, timeout=WAIT):
         qtbot.mouseClick(page.live.go, Qt.MouseButton.LeftButton)
-    assert sentences(page) == ["choose a settings file, or the simulated rig, which needs none"]
+    assert notices(page) == ["choose a settings file, or the simulated rig, which needs none"]
 
 
 def test_a_camera_that_is_unplugged_keeps_what_was_recorded(qtbot, page, starts, monkeypatch, tmp_path):
@@ -148,7 +148,7 @@ def test_a_camera_that_is_unplugged_keeps_what_was_recorded(qtbot, page, starts,
     qtbot.waitUntil(lambda: "recording" in page.live.numbers.text(), timeout=WAIT)
     with qtbot.waitSignal(page.live.ended, timeout=WAIT):
         pulled.append(True)
-    assert sentences(page)[0].startswith("the left camera does not answer any more")
+    assert notices(page)[0].startswith("the left camera does not answer any more")
     assert skelgen.read(tmp_path / "take.c3d").n_frames > 0
     assert page.live.recorder.open.isEnabled()
 

@@ -182,20 +182,20 @@ def test_named_joints_have_their_names_and_kinds(qtbot, page, takes, clicks, arm
     step = page.joints
     page.tabs.setCurrentWidget(step)
     step.form.settings.show_path(str(arm))
-    wishes = step.wishes
-    qtbot.waitUntil(lambda: wishes.parent_box.count() == 3, timeout=WAIT)
+    requests = step.requests
+    qtbot.waitUntil(lambda: requests.parent_box.count() == 3, timeout=WAIT)
     for name, parent, child, kind in (
         ("shoulder", "torso", "upper arm", "ball"),
         ("elbow", "upper arm", "lower arm", "kind is found"),
         ("wrist", "lower arm", "torso", "hinge"),
     ):
-        qtbot.keyClicks(wishes.name, name)
-        wishes.parent_box.setCurrentText(parent)
-        wishes.child_box.setCurrentText(child)
-        wishes.kind.setCurrentText(kind)
-        qtbot.mouseClick(wishes.more, Qt.MouseButton.LeftButton)
-    wishes.table.selectRow(2)
-    qtbot.keyClick(wishes.table, Qt.Key.Key_Delete)
+        qtbot.keyClicks(requests.name, name)
+        requests.parent_box.setCurrentText(parent)
+        requests.child_box.setCurrentText(child)
+        requests.kind.setCurrentText(kind)
+        qtbot.mouseClick(requests.more, Qt.MouseButton.LeftButton)
+    requests.table.selectRow(2)
+    qtbot.keyClick(requests.table, Qt.Key.Key_Delete)
     takes(step, ARM, arm)
     clicks(step.add)
     joints = read_settings(arm).joints
@@ -211,13 +211,13 @@ def test_joints_without_targets_give_a_sentence(page, takes, path):
 
 
 def test_a_joint_that_hardly_moves_is_told(page, takes, arm):
-    wishes = page.joints.wishes
-    wishes.show_targets(["torso", "upper arm", "lower arm"])
-    wishes.name.setText("elbow")
-    wishes.parent_box.setCurrentText("upper arm")
-    wishes.child_box.setCurrentText("lower arm")
-    wishes.kind.setCurrentText("hinge")
-    wishes.more.click()
+    requests = page.joints.requests
+    requests.show_targets(["torso", "upper arm", "lower arm"])
+    requests.name.setText("elbow")
+    requests.parent_box.setCurrentText("upper arm")
+    requests.child_box.setCurrentText("lower arm")
+    requests.kind.setCurrentText("hinge")
+    requests.more.click()
     takes(page.joints, "simulated:arm?frames=30&rate=200", arm)
     assert "move the joint further" in page.joints.verdict.text()
     assert "Lower arm turned by" in page.joints.verdict.text()

@@ -1,4 +1,4 @@
-"""A capture as the window runs it, on a thread of its own: no Qt here but the feed that it fills."""
+"""A live capture as a job: it runs until it is told to stop, and records when it is told to."""
 
 from __future__ import annotations
 
@@ -11,15 +11,22 @@ from threading import Event
 import numpy as np
 
 from skelgen.app.capture import Recording, capture, read_capture_settings, source_of
+from skelgen.app.capture_jobs.messages import (
+    CameraImage,
+    CaptureControl,
+    CaptureEnd,
+    CaptureOptions,
+    Feed,
+    FoundInSpace,
+    LiveShot,
+    Recorded,
+)
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.prediction import PredictionParameters
 from skelgen.capture.values import FrameSource
 from skelgen.errors import Cancelled, InputError, SkelgenError
 from skelgen.model.rig import CaptureSettings
 from skelgen.progress import Monitor
-from skelgen_gui.capture.feed import Feed
-from skelgen_gui.capture.messages import Ended, LiveWish, Orders, Recorded, Shot
-from skelgen_gui.capture.overlay import eye_with_balls, groups_of_points
 
 SPEED_FRAMES = 60
 """Pairs over which their number a second and their latency are averaged."""
@@ -27,31 +34,32 @@ SPEED_FRAMES = 60
 _IS_WARM = Event()
 
 
-class LiveRun:
+class LiveCapture:
     """One capture, from its start to its end.
 
     Parameters
     ----------
-    wish : LiveWish
+    options : CaptureOptions
         What is captured.
-    orders : Orders
-        What it is told while it runs.
+    control : CaptureControl
+        Tells it to stop and to record.
     feed : Feed
         Where results go.
     title : str
-        What the user is told while pairs come.
+        Progress is told under this name.
     """
 
-    def __init__(self, wish: LiveWish, orders: Orders, feed: Feed[Shot], title: str = "capturing") -> None:
-        self._title = title
-        self._wish, self._orders, self._feed = wish, orders, feed
+    def __init__(
+        self, options: CaptureOptions, control: CaptureControl, feed: Feed[LiveShot], title: str = "capturing"
+    ) -> None:
+        self._options, self._control, self._feed, self._title = options, control, feed, title
         self._times: deque[float] = deque(maxlen=SPEED_FRAMES)
         self._latencies: deque[float] = deque(maxlen=SPEED_FRAMES)
         self._settings: CaptureSettings | None = None
-        self._tape: _Tape | None = None
+        self._recorder: _Recorder | None = None
         self._n_frames = self._n_dropped = 0
 
-    def run(self, monitor: Monitor) -> Ended:
+    def run(self, monitor: Monitor) -> CaptureEnd:
         """Capture until it is told to stop, the source ends, or something breaks."""
         error: SkelgenError | None = None
         try:
@@ -60,51 +68,48 @@ class LiveRun:
             pass
         except SkelgenError as broken:
             error = broken
-        kept: tuple[Recorded, ...] = ()
-        if self._tape is not None:
-            self._tape.close()
-            kept = self._tape.kept
-        return Ended(self._n_frames, self._n_dropped, kept, error, self._settings)
+        recorded: tuple[Recorded, ...] = ()
+        if self._recorder is not None:
+            self._recorder.close()
+            recorded = tuple(self._recorder.ended)
+        return CaptureEnd(self._n_frames, self._n_dropped, recorded, error, self._settings)
 
     def _run(self, monitor: Monitor) -> None:
-        settings, source = opened(self._wish)
+        settings, source = open_capture(self._options)
         warm_up(monitor)
-        self._settings, self._tape = settings, _Tape(settings, source.rate, self._feed)
-        prediction = PredictionParameters() if self._wish.predicts else None
+        self._settings, self._recorder = settings, _Recorder(settings, source.rate, self._feed)
+        prediction = PredictionParameters() if self._options.predicts else None
         total = source.n_frames or 0
         with closing(capture(settings, source, prediction=prediction)) as stream:
             for captured in stream:
                 if self._n_frames == 0:
                     monitor.begin(self._title)
-                self._take(captured, settings, self._tape)
+                self._take(captured, settings, self._recorder)
                 monitor.advance(captured.pair.index if total else 0, total or 1)
-                if self._orders.stop.is_set():
+                if self._control.stop.is_set():
                     return
 
-    def _take(self, captured: Captured, settings: CaptureSettings, tape: _Tape) -> None:
-        tape.follow(self._orders.record)
-        tape.add(captured)
+    def _take(self, captured: Captured, settings: CaptureSettings, recorder: _Recorder) -> None:
+        recorder.record_into(self._control.record)
+        recorder.add(captured)
         self._n_frames += 1
         self._n_dropped += captured.pair.dropped
         self._times.append(time.monotonic())
         self._latencies.append(captured.latency)
-        told_by_count = 1 if captured.pair.dropped else 0  # the first notice is of lost pairs: the window counts them
-        for sentence in captured.notices[told_by_count:]:
-            self._feed.say(sentence)
-        if self._feed.is_waited_for:
-            self._feed.put(self._shot(captured, settings, tape.running))
+        n_counted = 1 if captured.pair.dropped else 0  # the first notice is of lost pairs: the window counts them
+        for sentence in captured.notices[n_counted:]:
+            self._feed.notice(sentence)
+        if self._feed.is_waiting:
+            self._feed.put(self._shot(captured, settings, recorder.running))
 
-    def _shot(self, captured: Captured, settings: CaptureSettings, recorded: Recorded | None) -> Shot:
-        bodies = [
-            (group, captured.bodies[b.name]) for group, b in enumerate(settings.bodies) if b.name in captured.bodies
-        ]
+    def _shot(self, captured: Captured, settings: CaptureSettings, recorded: Recorded | None) -> LiveShot:
+        names, found = [body.name for body in settings.bodies], captured.bodies
+        bodies = {group: found[name] for group, name in enumerate(names) if name in found}
         points, pair = captured.points, captured.pair
-        return Shot(
-            eye_with_balls(pair.left.copy(), captured.left, bodies, points.left),
-            eye_with_balls(pair.right.copy(), captured.right, bodies, points.right),
-            points.points,
-            groups_of_points(points, bodies),
-            captured.bodies,
+        return LiveShot(
+            CameraImage.of_balls(pair.left.copy(), captured.left, bodies, points.left),
+            CameraImage.of_balls(pair.right.copy(), captured.right, bodies, points.right),
+            FoundInSpace.of(points, bodies),
             captured.angles,
             settings,
             pair.index,
@@ -119,37 +124,32 @@ class LiveRun:
         return (len(self._times) - 1) / span if span > 0 else 0.0
 
 
-class _Tape:
+class _Recorder:
     """Begins and ends recordings while pairs go by; one that fails ends itself, and never the capture."""
 
-    def __init__(self, settings: CaptureSettings, rate: float | None, feed: Feed[Shot]) -> None:
+    def __init__(self, settings: CaptureSettings, rate: float | None, feed: Feed[LiveShot]) -> None:
         self._settings, self._rate, self._feed = settings, rate, feed
-        self._wanted: Path | None = None
+        self._path: Path | None = None
         self._recording: Recording | None = None
         self._n_frames = 0
-        self._kept: list[Recorded] = []
+        self.ended: list[Recorded] = []
 
     @property
     def running(self) -> Recorded | None:
         """What is being recorded."""
         return None if self._recording is None else Recorded(self._recording.path, self._n_frames)
 
-    @property
-    def kept(self) -> tuple[Recorded, ...]:
-        """Recordings that ended."""
-        return tuple(self._kept)
-
-    def follow(self, wanted: Path | None) -> None:
+    def record_into(self, path: Path | None) -> None:
         """Record into another file, or into none."""
-        if wanted == self._wanted:
+        if path == self._path:
             return
         self.close()
-        self._wanted = wanted
-        if wanted is not None:
+        self._path = path
+        if path is not None:
             try:
-                self._recording = Recording(wanted, self._settings, self._rate)
+                self._recording = Recording(path, self._settings, self._rate)
             except SkelgenError as error:
-                self._feed.say(str(error))
+                self._feed.notice(str(error))
 
     def add(self, captured: Captured) -> None:
         """Append a pair, if something is recorded."""
@@ -159,7 +159,7 @@ class _Tape:
             self._recording.add(captured)
             self._n_frames += 1
         except SkelgenError as error:
-            self._feed.say(str(error))
+            self._feed.notice(str(error))
             self.close()
 
     def close(self) -> None:
@@ -170,17 +170,17 @@ class _Tape:
         try:
             recording.close()
         except SkelgenError as error:
-            self._feed.say(str(error))
+            self._feed.notice(str(error))
         if self._n_frames and recording.path.exists():
-            self._kept.append(Recorded(recording.path, self._n_frames))
+            self.ended.append(Recorded(recording.path, self._n_frames))
         self._n_frames = 0
 
 
 def warm_up(monitor: Monitor) -> None:
-    """Capture one simulated pair: what is compiled then is not compiled while the first pairs come, and are lost."""
+    """Capture one simulated pair, so that no kernel is compiled, and no pair is lost, when the first pairs come."""
     if _IS_WARM.is_set():
         return
-    from skelgen.capture.simulated_rig import simulated_rig  # noqa: PLC0415 - loads compiled loops
+    from skelgen.capture.simulated_rig import simulated_rig  # noqa: PLC0415 - loads kernels
 
     rig = simulated_rig("arm", n_frames=1)
     monitor.advance(1, 4)
@@ -193,27 +193,27 @@ def warm_up(monitor: Monitor) -> None:
     _IS_WARM.set()
 
 
-def opened(wish: LiveWish) -> tuple[CaptureSettings, FrameSource]:
-    """Return settings and source of a wish.
+def open_capture(options: CaptureOptions) -> tuple[CaptureSettings, FrameSource]:
+    """Return settings and source that options name.
 
     Raises
     ------
     SkelgenError
-        If they cannot be read or opened, or if cameras that are not calibrated are asked for.
+        If they cannot be read or opened, or if the options name cameras that are not calibrated.
     """
-    if wish.settings:
-        stated = read_capture_settings(Path(wish.settings))
-        return stated, source_of(stated, wish.source)
-    if not wish.source:
+    if options.settings:
+        settings = read_capture_settings(Path(options.settings))
+        return settings, source_of(settings, options.source)
+    if not options.source:
         raise InputError("choose a settings file, or the simulated rig, which needs none")
-    source = source_of_text(wish.source)
-    settings: object = getattr(source, "settings", None)
-    if not isinstance(settings, CaptureSettings):
+    source = source_of_text(options.source)
+    own: object = getattr(source, "settings", None)
+    if not isinstance(own, CaptureSettings):
         raise InputError(
             "of these cameras nothing is known: choose the settings file that their calibration wrote, or calibrate "
             "them on the tab Cameras"
         )
-    return settings, source
+    return own, source
 
 
 def source_of_text(text: str) -> FrameSource:

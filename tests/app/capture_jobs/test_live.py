@@ -1,15 +1,14 @@
-"""A capture beside the window: what it hands over, how it ends, what it records."""
+"""A capture as a job: what it hands over, how it ends, what it records."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from skelgen_formats.capture_settings import write_settings
-from skelgen_gui.capture.feed import Feed
-from skelgen_gui.capture.messages import LiveWish, Orders
-from skelgen_gui.capture.running import LiveRun, opened
 
 import skelgen
+from skelgen.app.capture_jobs.live import LiveCapture, open_capture
+from skelgen.app.capture_jobs.messages import CaptureControl, CaptureOptions, Feed
 from skelgen.capture.simulated_rig import simulated_rig
 from skelgen.errors import InputError
 from skelgen.model.rig import CaptureSettings
@@ -19,70 +18,73 @@ N_FRAMES = 12
 SHORT = f"simulated:arm?frames={N_FRAMES}"
 
 
-def run(qtbot, wish, orders=None):
-    feed = Feed()
-    ended = LiveRun(wish, orders or Orders(), feed).run(SILENT)
+def run(options, control=None):
+    """Capture to the end: how it ended, the newest result, and the notices."""
+    feed = Feed(lambda: None)
+    ended = LiveCapture(options, control or CaptureControl(), feed).run(SILENT)
     return ended, *feed.take()
 
 
 @pytest.mark.parametrize("predicts", [False, True])
-def test_the_simulated_rig_is_captured_to_its_end(qtbot, predicts):
-    ended, shot, said = run(qtbot, LiveWish("", SHORT, predicts))
+def test_the_simulated_rig_is_captured_to_its_end(predicts):
+    ended, shot, notices = run(CaptureOptions("", SHORT, predicts))
     assert (ended.n_frames, ended.n_dropped, ended.error) == (N_FRAMES, 0, None)
-    assert said == ()
-    assert set(shot.bodies) == {"torso", "upper arm", "lower arm"}
+    assert notices == ()
+    assert set(shot.found.bodies) == {"torso", "upper arm", "lower arm"}
     assert set(shot.angles) == {"upper arm", "lower arm"}
-    assert (shot.groups >= 0).sum() >= 12
-    assert sorted(shot.left.groups[shot.left.groups >= 0].tolist()) == sorted(shot.groups[shot.groups >= 0].tolist())
+    assert (shot.found.groups >= 0).sum() >= 12
+    assert sorted(shot.left.groups[shot.left.groups >= 0].tolist()) == sorted(
+        shot.found.groups[shot.found.groups >= 0].tolist()
+    )
 
 
-def test_settings_files_are_read_and_name_their_source(qtbot, tmp_path):
+def test_settings_files_are_read_and_name_their_source(tmp_path):
     known = simulated_rig("arm", n_frames=1).settings
     path = tmp_path / "rig.xml"
     write_settings(CaptureSettings(known.rig, known.bodies, known.joints, SHORT), path)
-    ended, shot, _ = run(qtbot, LiveWish(str(path), ""))
+    ended, shot, _ = run(CaptureOptions(str(path), ""))
     assert ended.n_frames == N_FRAMES
     np.testing.assert_allclose(shot.settings.rig.left.matrix, known.rig.left.matrix)
 
 
 def test_cameras_of_which_nothing_is_known_are_refused(tmp_path):
     with pytest.raises(InputError, match="choose the settings file that their calibration wrote"):
-        opened(LiveWish("", "simulated:board?frames=2"))
+        open_capture(CaptureOptions("", "simulated:board?frames=2"))
 
 
 @pytest.mark.parametrize("suffix", [".mfml", ".c3d"])
-def test_everything_is_recorded_that_was_captured_meanwhile(qtbot, tmp_path, suffix):
-    orders = Orders(record=tmp_path / f"take{suffix}")
-    ended, _, _ = run(qtbot, LiveWish("", SHORT), orders)
+def test_everything_is_recorded_that_was_captured_meanwhile(tmp_path, suffix):
+    control = CaptureControl(record=tmp_path / f"take{suffix}")
+    ended, _, _ = run(CaptureOptions("", SHORT), control)
     (recorded,) = ended.recorded
     assert recorded.n_frames == N_FRAMES == skelgen.read(recorded.path).n_frames
 
 
-def test_a_recording_that_cannot_be_written_is_told_and_the_capture_goes_on(qtbot, tmp_path):
-    ended, _, said = run(qtbot, LiveWish("", SHORT), Orders(record=tmp_path / "take.txt"))
+def test_a_recording_that_cannot_be_written_is_told_and_the_capture_goes_on(tmp_path):
+    ended, _, notices = run(CaptureOptions("", SHORT), CaptureControl(record=tmp_path / "take.txt"))
     assert (ended.n_frames, ended.recorded, ended.error) == (N_FRAMES, (), None)
-    assert "cannot be recorded: its suffix must be one of .mfml, .c3d" in said[0]
+    assert "cannot be recorded: its suffix must be one of .mfml, .c3d" in notices[0]
 
 
-def test_a_rig_that_sees_nothing_is_told_in_a_sentence(qtbot, tmp_path):
+def test_a_rig_that_sees_nothing_is_told_in_a_sentence(tmp_path):
     cv2 = pytest.importorskip("cv2")
     for name in ("left1.png", "right1.png", "left2.png", "right2.png"):
         cv2.imwrite(str(tmp_path / name), np.zeros((480, 640), np.uint8))
     path = tmp_path / "rig.xml"
     known = simulated_rig("arm", n_frames=1).settings
     write_settings(CaptureSettings(known.rig, known.bodies, known.joints), path)
-    ended, shot, said = run(qtbot, LiveWish(str(path), f"folder:{tmp_path}"))
+    ended, shot, notices = run(CaptureOptions(str(path), f"folder:{tmp_path}"))
     assert ended.n_frames == 2
-    assert len(shot.points) == 0
-    assert any("left image" in sentence for sentence in said)
+    assert len(shot.found.points) == 0
+    assert any("left image" in sentence for sentence in notices)
 
 
-def test_images_of_another_size_than_the_settings_say_end_it_with_a_sentence(qtbot, tmp_path):
+def test_images_of_another_size_than_the_settings_say_end_it_with_a_sentence(tmp_path):
     cv2 = pytest.importorskip("cv2")
     for name in ("left1.png", "right1.png"):
         cv2.imwrite(str(tmp_path / name), np.zeros((100, 200), np.uint8))
     path = tmp_path / "rig.xml"
     write_settings(CaptureSettings(simulated_rig("arm", n_frames=1).rig), path)
-    ended, _, _ = run(qtbot, LiveWish(str(path), f"folder:{tmp_path}"))
+    ended, _, _ = run(CaptureOptions(str(path), f"folder:{tmp_path}"))
     assert "these settings are of another rig" in str(ended.error)
     assert ended.n_frames == 0

@@ -1,13 +1,10 @@
-"""Which views of a board are kept, and what the picture of their coverage shows."""
+"""Which views of a board are kept, and what they cover."""
 
 from __future__ import annotations
 
 import numpy as np
-from PySide6.QtGui import QColor
-from skelgen_gui.capture.camera_views import COVERED, CoverageView
-from skelgen_gui.capture.views import View, ViewBook, gaps, is_new, is_steady
-from skelgen_gui.widgets.theme import theme_palette
 
+from skelgen.app.capture_jobs.board_views import View, ViewCollection, gaps, is_new, is_steady
 from skelgen.capture.calibration.board import BoardView
 
 SIZE = (640, 480)
@@ -52,19 +49,9 @@ def test_gaps_are_told_for_each_image():
 
 
 def test_views_are_named_by_numbers_that_none_had():
-    book = ViewBook()
+    collection = ViewCollection()
     for _ in range(2):
-        book.add(view_at(10, 10, name=book.next_name))
-    book.remove(book.views[:1])
-    book.add(view_at(10, 10, name=book.next_name))
-    assert [view.name for view in book.views] == ["2", "3"]
-
-
-def test_covered_parts_are_coloured_on_light_and_dark_windows(shown, has_colour):
-    for dark in (False, True):
-        picture = CoverageView()
-        picture.setPalette(theme_palette(dark=dark))
-        shown(picture, 340, 126)
-        assert not has_colour(picture, QColor(COVERED[dark]))
-        picture.show_views([view_at(250, 200, step=15.0)])
-        assert has_colour(picture, QColor(COVERED[dark]), least=5)
+        collection.add(view_at(10, 10, name=collection.next_name))
+    collection.remove(collection.views[:1])
+    collection.add(view_at(10, 10, name=collection.next_name))
+    assert [view.name for view in collection.views] == ["2", "3"]

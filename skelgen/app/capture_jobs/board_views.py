@@ -1,4 +1,4 @@
-"""Views of a chessboard that are gathered for a calibration: which are worth keeping, and what they cover."""
+"""Views of a chessboard that are collected for a calibration: which are worth keeping, and what they cover."""
 
 from __future__ import annotations
 
@@ -20,8 +20,6 @@ STEADY = 0.003
 NEW = 0.06
 """Part of the width of the image by which corners must differ in the mean from all views that are there: 40 of 640."""
 
-Side = BoardView | None
-
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -38,8 +36,8 @@ class View:
     """
 
     name: str
-    left: Side
-    right: Side
+    left: BoardView | None
+    right: BoardView | None
     size: tuple[int, int]
 
     @property
@@ -48,8 +46,8 @@ class View:
         return self.left is not None and self.right is not None
 
 
-class ViewBook:
-    """The views that were gathered; the window and the thread that gathers both use it."""
+class ViewCollection:
+    """The views that were collected; the window and the thread that collects both use it."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -86,7 +84,15 @@ class ViewBook:
 
 
 def is_steady(before: View | None, now: View) -> bool:
-    """Tell whether the board was held still from one pair to the next."""
+    """Tell whether the board was held still from one pair to the next.
+
+    Parameters
+    ----------
+    before : View or None
+        The pair before, if there is one.
+    now : View
+        The pair.
+    """
     if before is None or not (before.is_whole and now.is_whole):
         return False
     pairs = ((before.left, now.left), (before.right, now.right))
@@ -94,7 +100,15 @@ def is_steady(before: View | None, now: View) -> bool:
 
 
 def is_new(view: View, others: Sequence[View]) -> bool:
-    """Tell whether the board is elsewhere, or leans otherwise, than in all other views."""
+    """Tell whether the board is elsewhere, or leans otherwise, than in all other views.
+
+    Parameters
+    ----------
+    view : View
+        The view.
+    others : sequence of View
+        The others.
+    """
     return all(
         other.left is None or view.left is None or _moved(other.left, view.left) > NEW * view.size[0]
         for other in others

@@ -1,0 +1,390 @@
+"""What a window and the jobs of a capture hand to each other: options, controls, images with what was found."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from skelgen.errors import SkelgenError
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.rig import CaptureSettings, StereoRig
+
+if TYPE_CHECKING:
+    from skelgen.capture.angles import JointAngle
+    from skelgen.capture.calibration.board import BoardView
+    from skelgen.capture.calibration.joints import JointMotion
+    from skelgen.capture.values import Balls, FoundBody, Image, StereoPoints
+
+_T = TypeVar("_T")
+_Progress = TypeVar("_Progress")
+
+SIMULATED = "simulated:arm?paced=yes&rate=30&frames=3600"
+"""The simulated rig as cameras would deliver it, for two minutes."""
+
+NO_BODY = -1
+"""Group of balls that belong to no body."""
+
+INTERVAL = 1 / 40
+"""s between two results that a feed announces: more pictures a second cost time and show nothing."""
+
+
+class Feed(Generic[_T]):
+    """The newest result of a job, handed from its thread to the window's; one that nobody has looked at is replaced.
+
+    Parameters
+    ----------
+    announce : callable ()
+        Is called, in the thread of the job, when there is something new: once until it is taken.
+    """
+
+    def __init__(self, announce: Callable[[], None]) -> None:
+        self._announce = announce
+        self._lock = threading.Lock()
+        self._newest: _T | None = None
+        self._notices: list[str] = []
+        self._is_announced = False
+        self._announced_at = 0.0
+
+    def put(self, newest: _T) -> None:
+        """Replace the result; from any thread."""
+        with self._lock:
+            self._newest = newest
+            announces = self._is_due
+            if announces:
+                self._is_announced, self._announced_at = True, time.monotonic()
+        if announces:
+            self._announce()
+
+    def notice(self, sentence: str) -> None:
+        """Add a sentence, which waits until it is taken; from any thread."""
+        with self._lock:
+            self._notices.append(sentence)
+
+    def take(self) -> tuple[_T | None, tuple[str, ...]]:
+        """Return the newest result, None if it was taken already, and the notices since."""
+        with self._lock:
+            newest, notices = self._newest, tuple(self._notices)
+            self._newest, self._is_announced = None, False
+            self._notices.clear()
+        return newest, notices
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a result would be announced now; others need not be made."""
+        with self._lock:
+            return self._is_due
+
+    @property
+    def _is_due(self) -> bool:
+        return not self._is_announced and time.monotonic() - self._announced_at >= INTERVAL
+
+
+@dataclass(frozen=True)
+class CaptureOptions:
+    """What shall be captured.
+
+    Attributes
+    ----------
+    settings : str
+        The settings file; empty takes what the simulated rig knows of itself.
+    source : str
+        Where images come from; empty takes the source of the settings.
+    predicts : bool
+        Whether poses are predicted and smoothed.
+    """
+
+    settings: str
+    source: str
+    predicts: bool = False
+
+
+@dataclass(eq=False)
+class CaptureControl:
+    """What the window tells a capture that runs.
+
+    Attributes
+    ----------
+    stop : Event
+        It shall end.
+    record : Path or None
+        The file that shall be recorded now; None records nothing.
+    """
+
+    stop: Event = field(default_factory=Event)
+    record: Path | None = None
+
+
+@dataclass(eq=False)
+class CollectingControl:
+    """What the window tells a job that collects images for a calibration.
+
+    Attributes
+    ----------
+    stop : Event
+        It shall end.
+    keep_next : Event
+        The next pair that shows the whole board shall be kept, whether or not it moves or is like others.
+    """
+
+    stop: Event = field(default_factory=Event)
+    keep_next: Event = field(default_factory=Event)
+
+
+class JointRequest(NamedTuple):
+    """A joint that the user names.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    parent, child : str
+        Names of two targets.
+    kind : str
+        ``ball`` or ``hinge``; empty if it is to be found.
+    """
+
+    name: str
+    parent: str
+    child: str
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class ImageLabel:
+    """A text beside a place in an image.
+
+    Attributes
+    ----------
+    text : str
+        The text.
+    x, y : float, px
+        The place.
+    group : int
+        The body whose colour it has.
+    """
+
+    text: str
+    x: float
+    y: float
+    group: int
+
+
+@dataclass(frozen=True, eq=False)
+class CameraImage:
+    """What one camera sees, and what was found in it.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (height, width)
+        The picture; nobody else writes to it.
+    places : ndarray, shape (n, 2), px
+        Balls, or corners of a board.
+    groups : ndarray of intp, shape (n,)
+        The body of each ball, `NO_BODY` if it belongs to none.
+    labels : tuple of ImageLabel
+        Names of bodies.
+    is_board : bool
+        Whether the places are the corners of a board, in the order of its rows.
+    """
+
+    image: Image
+    places: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    groups: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    labels: tuple[ImageLabel, ...] = ()
+    is_board: bool = False
+
+    @classmethod
+    def of_balls(cls, image: Image, balls: Balls, bodies: Mapping[int, FoundBody], ball_of_point: Ints) -> CameraImage:
+        """Return an image with its balls, those of bodies in their groups.
+
+        Parameters
+        ----------
+        image : ndarray of uint8, shape (height, width)
+            The picture.
+        balls : Balls
+            What was detected in it.
+        bodies : mapping of int to FoundBody
+            Bodies by their groups.
+        ball_of_point : ndarray of intp, shape (n_points,)
+            The ball in this image that each point in space rests on.
+        """
+        groups = np.full(len(balls), NO_BODY, dtype=np.intp)
+        labels = []
+        for group, body in bodies.items():
+            own = ball_of_point[body.points[body.points >= 0]]
+            groups[own] = group
+            x, y = float(balls.centres[own, 0].mean()), float(balls.centres[own, 1].min())
+            labels.append(ImageLabel(body.name, x, y, group))
+        return cls(image, balls.centres, groups, tuple(labels))
+
+    @classmethod
+    def of_board(cls, image: Image, view: BoardView | None) -> CameraImage:
+        """Return an image with the corners of a board, if one was found in it.
+
+        Parameters
+        ----------
+        image : ndarray of uint8, shape (height, width)
+            The picture.
+        view : BoardView or None
+            The board.
+        """
+        return cls(image) if view is None else cls(image, view.corners, is_board=True)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundInSpace:
+    """What was found in space.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n, 3), mm
+        Points in the rig's world.
+    groups : ndarray of intp, shape (n,)
+        The body of each, or `NO_BODY`.
+    bodies : mapping of str to FoundBody
+        Bodies by their names.
+    """
+
+    points: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    groups: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    bodies: Mapping[str, FoundBody] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, points: StereoPoints, bodies: Mapping[int, FoundBody]) -> FoundInSpace:
+        """Return points with their bodies.
+
+        Parameters
+        ----------
+        points : StereoPoints
+            Points of a pair of images.
+        bodies : mapping of int to FoundBody
+            Bodies by their groups.
+        """
+        groups = np.full(len(points), NO_BODY, dtype=np.intp)
+        for group, body in bodies.items():
+            groups[body.points[body.points >= 0]] = group
+        return cls(points.points, groups, {body.name: body for body in bodies.values()})
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording: its file, and how many pairs are in it."""
+
+    path: Path
+    n_frames: int
+
+
+@dataclass(frozen=True, eq=False)
+class LiveShot:
+    """All that the window shows of one pair of images of a live capture.
+
+    Attributes
+    ----------
+    left, right : CameraImage
+        Both pictures.
+    found : FoundInSpace
+        Points and bodies; the group of a body is its index in the settings.
+    angles : mapping of str to JointAngle
+        Joints of which both bodies were found.
+    settings : CaptureSettings
+        What it was found with.
+    index : int
+        Number of the pair.
+    rate, latency : float, Hz and s
+        Pairs captured in a second, and the time that one takes, lately.
+    n_dropped : int
+        Pairs lost so far.
+    recorded : Recorded or None
+        What is being recorded.
+    """
+
+    left: CameraImage
+    right: CameraImage
+    found: FoundInSpace
+    angles: Mapping[str, JointAngle]
+    settings: CaptureSettings
+    index: int
+    rate: float
+    latency: float
+    n_dropped: int
+    recorded: Recorded | None
+
+
+@dataclass(frozen=True, eq=False)
+class CaptureEnd:
+    """How a capture ended.
+
+    Attributes
+    ----------
+    n_frames, n_dropped : int
+        Pairs captured, and pairs lost.
+    recorded : tuple of Recorded
+        What was recorded.
+    error : SkelgenError or None
+        What broke it off.
+    settings : CaptureSettings or None
+        What it was captured with; None if it never began.
+    """
+
+    n_frames: int
+    n_dropped: int
+    recorded: tuple[Recorded, ...]
+    error: SkelgenError | None
+    settings: CaptureSettings | None
+
+
+@dataclass(frozen=True, eq=False)
+class BoardShot:
+    """What the window shows of one pair of images of a board."""
+
+    left: CameraImage
+    right: CameraImage
+
+
+@dataclass(frozen=True)
+class JointProgress:
+    """How far the collecting of images of joints is.
+
+    Attributes
+    ----------
+    n_frames : int
+        Frames that came.
+    n_found : mapping of str to int
+        In how many of them each target was found, in the order of the settings.
+    motions : tuple of JointMotion
+        How far targets have moved against each other.
+    """
+
+    n_frames: int = 0
+    n_found: Mapping[str, int] = field(default_factory=dict)
+    motions: tuple[JointMotion, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class TargetShot(Generic[_Progress]):
+    """What the window shows of one pair of images while a target or joints are calibrated.
+
+    Attributes
+    ----------
+    left, right : CameraImage
+        Both pictures.
+    found : FoundInSpace
+        Points and targets.
+    rig : StereoRig
+        The cameras.
+    progress : BodyProgress or JointProgress
+        How far it is.
+    """
+
+    left: CameraImage
+    right: CameraImage
+    found: FoundInSpace
+    rig: StereoRig
+    progress: _Progress
