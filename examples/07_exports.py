@@ -11,6 +11,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
+from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format
 
 import skelgen
@@ -39,7 +40,7 @@ def main() -> None:
             continue
         files = skelgen.write(project, folder / name, **options)
         print(f"{name}: {', '.join(path.name for path in files)}")
-    for sentence in find_format("bvh").remarks(project, {}):
+    for sentence in find_format("bvh").remarks(project, Options()):
         print(f"what BVH cannot hold: {sentence}")
 
 

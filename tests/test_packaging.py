@@ -30,7 +30,6 @@ HEAVY = [
     "numba",
     "matplotlib",
     "lxml",
-    "ezc3d",
     "jinja2",
     "joblib",
     "cv2",

@@ -2,7 +2,7 @@
 
 from skelgen_formats.acclaim import FORMAT as ACCLAIM
 from skelgen_formats.bvh import FORMAT as BVH
-from skelgen_formats.c3d.reader import C3D, C3D_JOINTS
+from skelgen_formats.c3d import C3D, C3D_JOINTS
 from skelgen_formats.cal3d import FORMAT as CAL3D
 from skelgen_formats.classic_xml import FORMAT as CLASSIC_XML
 from skelgen_formats.csm import FORMAT as CSM

@@ -9,32 +9,19 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.geometry.xyz_angles import gimbal_distance, xyz_angles
-from skelgen.model import Joint, Motion, Project, Take
+from skelgen.model import Joint, Motion, Project
 from skelgen.model.arrays import Floats
-from skelgen.model.filled import Filled
-from skelgen_formats.bones import parent_from_child
-from skelgen_formats.motion_csv import joint_names
-from skelgen_formats.options import Option
+from skelgen_formats.bones import joint_names, parent_from_child
+from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options, Writable
 from skelgen_formats.parts import finished_project
-
-AS_MOVED, AS_FOUND = "as-moved", "as-found"
-JOINTS = Option(
-    "joints",
-    AS_MOVED,
-    "Joints that the motion does not hold to their kinds: free as they moved, or of the kinds found, poses changed.",
-    (AS_MOVED, AS_FOUND),
-    reading=False,
-)
-"""The option of every writer that poses a skeleton by angles."""
 
 M_PER_MM = 1e-3
 """These formats are in metres."""
@@ -97,7 +84,7 @@ class Link:
         return tuple(f"{self.joint}_{name}" for name in _ANGLE_NAMES.get(self.kind, ("rx", "ry", "rz")))
 
 
-def articulated_project(value: Project | Take | Filled, title: str) -> Project:
+def articulated_project(value: Writable, title: str) -> Project:
     """Return a finished project with at least one limb and one frame; parameters and errors as `finished_project`."""
     project = finished_project(value, title)
     if project.skeleton.n_limbs == 0 or project.motion.n_frames == 0:
@@ -171,19 +158,19 @@ def plain_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(distinct)
 
 
-def remarks_on_joints(project: Project, options: Mapping[str, Any], *, by_three_angles: bool) -> tuple[str, ...]:
+def remarks_on_joints(project: Project, options: Options, *, by_three_angles: bool) -> tuple[str, ...]:
     """Say what becomes of joints that wobble, of rings, and of balls where three angles do not tell a turn apart.
 
     Parameters
     ----------
     project : Project
         What will be written.
-    options : mapping of str to value
-        With or without `JOINTS`.
+    options : Options
+        With the choice of joints.
     by_three_angles : bool
         Whether the format turns balls by three angles.
     """
-    wish = options.get(JOINTS.name, JOINTS.default)
+    wish = options.joints
     links = links_of(project, wish)
     said = [*_on_wobble(project, links, wish)]
     if project.skeleton.loops:

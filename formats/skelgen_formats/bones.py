@@ -14,10 +14,9 @@ import numpy as np
 
 from skelgen.errors import FormatError, ParameterError, WriteError
 from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
-from skelgen.model import Project, Skeleton, Take
+from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.filled import Filled
-from skelgen_formats.options import AUTO, MM_PER_UNIT
+from skelgen_formats.options import AUTO, MM_PER_UNIT, Writable
 from skelgen_formats.parts import finished_project
 
 
@@ -142,7 +141,7 @@ _LARGEST = float(np.finfo(np.float32).max)
 _SHORTEST_TIP = 1.0  # mm: importers turn a bone of no length into none, or into one of a metre
 
 
-def animated_project(value: Project | Take | Filled, title: str) -> Project:
+def animated_project(value: Writable, title: str) -> Project:
     """Return a project whose skeleton moves.
 
     Raises
@@ -168,6 +167,11 @@ def check_single_precision(project: Project, title: str) -> None:
 def bone_name(limb: int) -> str:
     """Return the name of a limb's bone, as all formats of animations have it."""
     return f"limb{limb}"
+
+
+def joint_names(skeleton: Skeleton) -> tuple[str, ...]:
+    """Return a name for each joint, such as ``limb0-limb1`` (parent, child)."""
+    return tuple(f"limb{joint.parent}-limb{joint.child}" for joint in skeleton.joints)
 
 
 def bone_tip(skeleton: Skeleton, limb: int) -> Floats:

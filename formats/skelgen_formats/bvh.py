@@ -30,17 +30,16 @@ them are written with an OFFSET of zero, where both are the same. Several roots 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skelgen.errors import FormatError, ParameterError
 from skelgen.files import replacing
 from skelgen.geometry.euler import matrix_from_turns, zxy_from_matrix
-from skelgen.model import Project, Skeleton, Take
+from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen.progress import SILENT, Monitor, with_progress
@@ -54,7 +53,7 @@ from skelgen_formats.bones import (
     distinct_names,
     lost_in_animations,
 )
-from skelgen_formats.options import AUTO, AXES, MM_PER_UNIT, RATE, UNIT, per_mm
+from skelgen_formats.options import AUTO, AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
 from skelgen_formats.registry import Format
 from skelgen_formats.text import count_in, number_in, parse_rows, read_lines
 
@@ -67,7 +66,7 @@ _DECIMALS_OF_MM = 6
 _DECIMALS_OF_DEGREES = 7  # 2e-9 rad: on a chain of a hundred metres less than a thousandth of a millimetre
 
 
-def write_bvh(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+def write_bvh(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write skeleton and motion of a finished project, every root with its place, every joint with three angles.
 
     Raises
@@ -160,8 +159,8 @@ def _template(unit: str) -> str:
     return " ".join([f"%.{decimals}f"] * 3)
 
 
-def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
-    unit = options.get(UNIT.name, UNIT.default)
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
+    unit = options.unit
     said = [f"BVH files name neither unit nor axes: lengths are in {unit}; most programs take y to be up."]
     if len(project.skeleton.roots) > 1:
         said.append(f"{len(project.skeleton.roots)} bodies hang on one root, {_WORLD!r}, that stays still.")
@@ -416,7 +415,7 @@ FORMAT = Format(
     suffixes=(".bvh",),
     holds="skeleton",
     read_motion=read_bvh,
-    write=write_bvh,
+    write=lambda value, path, options, monitor: write_bvh(value, path, options.unit, monitor),
     check=lambda value, options: animated_project(value, _TITLE),
     keeps=("joints", "motion"),
     remarks=_remarks,

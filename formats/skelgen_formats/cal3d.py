@@ -9,18 +9,17 @@ Cal3D rotates a vector as v' = q* v q. The files therefore hold the conjugate of
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skelgen.files import replacing
-from skelgen.model import Project, Skeleton, Take
+from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import animated_project, bone_name, bone_transforms, check_single_precision, xyzw_from_matrix
-from skelgen_formats.options import AXES, RATE, UNIT, per_mm
+from skelgen_formats.options import AXES, RATE, UNIT, Options, Writable, per_mm
 from skelgen_formats.registry import Format
 
 _TITLE = "Cal3D"
@@ -30,7 +29,7 @@ _VERSION = 910  # of the 0.9 era: also the later forks accept it
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 
 
-def write_cal3d(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+def write_cal3d(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write skeleton and animation beside each other, whichever of the two `path` names.
 
     Raises
@@ -116,8 +115,8 @@ def _template(name: str, length: int) -> str:
     return f"<{name}>{places}</{name}>\n"
 
 
-def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
-    unit = options.get(UNIT.name, UNIT.default)
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
+    unit = options.unit
     return (f"Cal3D files name neither unit nor axes: remember that lengths are in {unit}.",)
 
 
@@ -126,7 +125,7 @@ FORMAT = Format(
     title="Cal3D skeleton and animation",
     suffixes=(SKELETON_SUFFIX, ANIMATION_SUFFIX),
     holds="skeleton",
-    write=write_cal3d,
+    write=lambda value, path, options, monitor: write_cal3d(value, path, options.unit, monitor),
     check=lambda value, options: animated_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("joints", "motion"),

@@ -23,17 +23,15 @@ numbers have as many digits as give the same float64 back.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.files import replacing
-from skelgen.model import PointCloud, Project, Take, Trajectories
+from skelgen.model import PointCloud, Project, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import (
     check_frames,
@@ -48,7 +46,7 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Option, per_mm
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Option, Options, Writable, per_mm
 from skelgen_formats.registry import Format
 from skelgen_formats.text import count_in, decoded_head, number_in, rate_in, read_lines
 
@@ -96,7 +94,7 @@ def read_csm(path: Path, dropout: str = "word") -> Trajectories | PointCloud:
 
 
 def write_csm(
-    value: Project | Take | Filled,
+    value: Writable,
     path: Path,
     dropout: str = "word",
     filled: bool = False,
@@ -242,10 +240,10 @@ def _sniff(head: bytes, path: Path) -> bool:
     return bool(words) and words[0].startswith("$") and any(keyword in words for keyword in _KNOWN_FIRST)
 
 
-def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     names = trajectories_of(project, _TITLE).names
     blanks = [name for name in names if name != _clean(name)]
-    without_unit = f"The file does not say its unit: lengths are in {options.get(UNIT.name, UNIT.default)}."
+    without_unit = f"The file does not say its unit: lengths are in {options.unit}."
     if not blanks:
         return (without_unit,)
     return without_unit, f"Names are written without blanks, such as {blanks[0]!r} as {_clean(blanks[0])!r}."
@@ -257,10 +255,12 @@ FORMAT = Format(
     suffixes=(".csm",),
     holds="markers",
     sniff=_sniff,
-    read=read_csm,
-    write=write_csm,
-    check=lambda value, options: check_markers(value, _TITLE, bool(options.get(FILLED.name))),
-    files=marker_files,
+    read=lambda path, options: read_csm(path, options.dropout),
+    write=lambda value, path, options, monitor: write_csm(
+        value, path, options.dropout, options.filled, options.unit, monitor
+    ),
+    check=lambda value, options: check_markers(value, _TITLE, options.filled),
+    files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),
     remarks=_remarks,
     options=(Option("dropout", "word", "How an unseen marker is written.", ("word", "zero")), AXES, UNIT, RATE, FILLED),

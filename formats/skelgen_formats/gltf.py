@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.geometry.rotations import transform_from
-from skelgen.model import Joint, Project, Skeleton, Take
+from skelgen.model import Joint, Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
@@ -34,7 +33,7 @@ from skelgen_formats.bones import (
     lost_in_animations,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, RATE, UNIT, Option, per_mm
+from skelgen_formats.options import AXES, RATE, UNIT, Option, Options, Writable, per_mm
 from skelgen_formats.registry import Format
 
 _TITLE = "glTF"
@@ -50,7 +49,7 @@ _POINTS = 0
 _SKELETON_NODE = 0
 
 
-def write_gltf(value: Project | Take, path: Path, unit: str = "m", monitor: Monitor = SILENT) -> list[Path]:
+def write_gltf(value: Writable, path: Path, unit: str = "m", monitor: Monitor = SILENT) -> list[Path]:
     """Write skeleton, motion and markers of a finished project.
 
     Raises
@@ -200,9 +199,9 @@ def _inverse(poses: Floats) -> Floats:
     return transform_from(back, -(back @ poses[..., :3, 3, np.newaxis])[..., 0])
 
 
-def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     said = ["glTF takes y to be up: where z is up in the recording, choose axes z-to-y."]
-    unit = options.get(_METRES.name, _METRES.default)
+    unit = options.unit
     if unit != _METRES.default:
         said.append(f"glTF demands metres: other programs will take the {unit} in the file for metres.")
     said.append("Markers ride on their limbs, where the skeleton has them; measured positions and gaps are not held.")
@@ -214,7 +213,7 @@ FORMAT = Format(
     title="glTF 2.0, binary",
     suffixes=(".glb",),
     holds="skeleton",
-    write=write_gltf,
+    write=lambda value, path, options, monitor: write_gltf(value, path, options.unit, monitor),
     check=lambda value, options: animated_project(value, _TITLE),
     keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,

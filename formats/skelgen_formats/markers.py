@@ -5,19 +5,18 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skelgen.errors import FormatError, MissingResultError, WriteError
 from skelgen.files import replacing
-from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.filled import Filled, Source
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.options import FILLED, MM_PER_UNIT
+from skelgen_formats.options import MM_PER_UNIT, Writable
 
 FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
@@ -148,7 +147,7 @@ def cloud_from_markers(positions: Floats, rate: float, name: str, notices: Seque
     return PointCloud(positions[seen], starts, times, name=name, notices=tuple(notices))
 
 
-def trajectories_of(value: Project | Take, title: str) -> Trajectories:
+def trajectories_of(value: Writable, title: str) -> Trajectories:
     """Return the labelled markers of a project or take, or raise `WriteError` that says what would work."""
     if isinstance(value, Trajectories):
         return value
@@ -211,7 +210,7 @@ TABLE_SUFFIX = ".filled.csv"
 """What follows the stem in the name of the table."""
 
 
-def check_markers(value: Project | Take | Filled, title: str, filled: bool) -> None:
+def check_markers(value: Writable, title: str, filled: bool) -> None:
     """Raise if a writer of markers cannot take a value; see `markers_to_write`."""
     if isinstance(value, Filled):
         return
@@ -225,9 +224,7 @@ def check_markers(value: Project | Take | Filled, title: str, filled: bool) -> N
         raise MissingResultError(f"{title}: gaps are filled from a skeleton: run the stage 'skeleton' first")
 
 
-def markers_to_write(
-    value: Project | Take | Filled, title: str, filled: bool, monitor: Monitor = SILENT
-) -> Trajectories | Filled:
+def markers_to_write(value: Writable, title: str, filled: bool, monitor: Monitor = SILENT) -> Trajectories | Filled:
     """Return what a writer is to write: measured markers, or `Filled` if filled positions are wanted.
 
     Parameters
@@ -280,9 +277,9 @@ def write_table(markers: Trajectories | Filled, path: Path) -> list[Path]:
     return [table]
 
 
-def marker_files(path: Path, options: Mapping[str, Any]) -> tuple[Path, ...]:
+def marker_files(path: Path, filled: bool) -> tuple[Path, ...]:
     """Return the files that a writer of markers will make of a path."""
-    return (path, table_of(path)) if options.get(FILLED.name) else (path,)
+    return (path, table_of(path)) if filled else (path,)
 
 
 def table_of(path: Path) -> Path:

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError, WriteError
-from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
+from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, cloud_from_markers
 from skelgen_formats.mfml_stream import (
@@ -23,7 +24,7 @@ from skelgen_formats.mfml_stream import (
     iterate_mfml,
     write_frames,
 )
-from skelgen_formats.options import Option
+from skelgen_formats.options import Option, Writable
 from skelgen_formats.registry import Format
 
 _HEADER_ROW = [("start", np.intp), ("count", np.intp), ("stamp", np.uint64)]
@@ -77,7 +78,7 @@ def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") ->
 
 
 def write_mfml(
-    value: Project | Take,
+    value: Writable,
     path: Path,
     id_width: str = "auto",
     timestamp_unit: str = "us",
@@ -143,13 +144,13 @@ def _plain_ids(ids: Markers, notices: list[str]) -> Floats:
     return numbers.reshape(-1).astype(np.float64)
 
 
-def _cloud_of(value: Project | Take) -> PointCloud:
+def _cloud_of(value: Writable) -> PointCloud:
     take = _take_of(value)
     return take if isinstance(take, PointCloud) else cloud_from_markers(take.positions, take.rate, take.name)
 
 
-def _take_of(value: Project | Take) -> PointCloud | Trajectories:
-    take = value.take if isinstance(value, Project) else value
+def _take_of(value: Writable) -> PointCloud | Trajectories:
+    take = value.take if isinstance(value, Project) else value.measured if isinstance(value, Filled) else value
     if isinstance(take, Poses):
         raise WriteError("mfml holds points and this value has bodies with orientation: write them as poses-csv")
     return take
@@ -196,8 +197,10 @@ FORMAT = Format(
     suffixes=(".mfml",),
     holds="points",
     sniff=_sniff,
-    read=read_mfml,
-    write=write_mfml,
+    read=lambda path, options: read_mfml(path, options.id_width, options.timestamp_unit),
+    write=lambda value, path, options, monitor: write_mfml(
+        value, path, options.id_width, options.timestamp_unit, monitor
+    ),
     check=lambda value, options: _take_of(value),
     keeps=("points", "markers"),
     remarks=lambda project, options: (

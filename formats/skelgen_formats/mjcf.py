@@ -9,18 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from skelgen.files import arriving_together
 from skelgen.geometry.rotations import quaternion_from_matrix
-from skelgen.model import Project, Take
+from skelgen.model import Project
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import (
-    JOINTS,
     M_PER_MM,
     Link,
     articulated_project,
@@ -30,7 +28,7 @@ from skelgen_formats.articulated import (
     remarks_on_joints,
 )
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AXES, RATE
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
 from skelgen_formats.registry import Format
 from skelgen_formats.xml_files import number_text, write_tree
 
@@ -40,9 +38,7 @@ _TITLE = "MJCF"
 _BONE_RADIUS_M, _SITE_RADIUS_M = "0.01", "0.005"
 
 
-def write_mjcf(
-    value: Project | Take, path: Path, joints: str = JOINTS.default, monitor: Monitor = SILENT
-) -> list[Path]:
+def write_mjcf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Monitor = SILENT) -> list[Path]:
     """Write the model, and a table with the coordinates of every frame.
 
     Raises
@@ -124,7 +120,7 @@ def _coordinates(link: Link) -> Floats:
     return np.concatenate([link.translations * M_PER_MM, quaternions], axis=1)
 
 
-def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     return (
         "Masses are those of thin capsules, nothing of them was measured; the deviations of angles are not written.",
         *remarks_on_joints(project, options, by_three_angles=False),
@@ -136,7 +132,7 @@ FORMAT = Format(
     title="MJCF model of MuJoCo and its motion",
     suffixes=(MODEL_SUFFIX, ".mjcf"),
     holds="skeleton",
-    write=write_mjcf,
+    write=lambda value, path, options, monitor: write_mjcf(value, path, options.joints, monitor),
     check=lambda value, options: articulated_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),

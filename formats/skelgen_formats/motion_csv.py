@@ -16,11 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.files import replacing
-from skelgen.model import Project, Skeleton, Take
+from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
+from skelgen_formats.bones import joint_names
 from skelgen_formats.digits import fixed_rows
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, per_mm
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Writable, per_mm
 from skelgen_formats.parts import finished_project
 from skelgen_formats.registry import Format
 
@@ -29,12 +30,7 @@ _JOINT_CHUNK = 2000
 _JOINTS_TITLE = "Joint positions, CSV"
 
 
-def joint_names(skeleton: Skeleton) -> tuple[str, ...]:
-    """Return a name for each joint, such as ``limb0-limb1`` (parent, child)."""
-    return tuple(f"limb{joint.parent}-limb{joint.child}" for joint in skeleton.joints)
-
-
-def write_joints_csv(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+def write_joints_csv(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write the joint positions of a finished project, to a millionth of a millimetre.
 
     Raises
@@ -67,7 +63,7 @@ JOINTS_CSV = Format(
     title=_JOINTS_TITLE,
     suffixes=(".joints.csv", ".csv"),
     holds="joints",
-    write=write_joints_csv,
+    write=lambda value, path, options, monitor: write_joints_csv(value, path, options.unit, monitor),
     check=lambda value, options: finished_project(value, _JOINTS_TITLE),
     keeps=("joints",),
     options=(AXES, UNIT, RATE),
@@ -80,7 +76,7 @@ _ANGLE_CHUNK = 2000
 _DECIMALS = 6
 
 
-def write_angles_csv(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
+def write_angles_csv(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write the joint angles of a finished project and their standard deviations [deg].
 
     Raises
@@ -121,7 +117,7 @@ ANGLES_CSV = Format(
     title=_ANGLES_TITLE,
     suffixes=(".angles.csv",),
     holds="joints",
-    write=write_angles_csv,
+    write=lambda value, path, options, monitor: write_angles_csv(value, path, monitor),
     check=lambda value, options: finished_project(value, _ANGLES_TITLE),
     keeps=("angles",),
     options=(RATE,),

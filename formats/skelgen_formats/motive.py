@@ -171,6 +171,6 @@ FORMAT = Format(
     suffixes=(".csv",),
     holds="markers",
     sniff=_sniff,
-    read=read_motive,
+    read=lambda path, options: read_motive(path),
     note="Export with Marker columns, any length unit; y stays up; bodies and bones are left out with a notice.",
 )

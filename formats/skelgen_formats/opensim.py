@@ -9,21 +9,19 @@ mm, as .trc says.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from skelgen.files import arriving_together
 from skelgen.geometry.xyz_angles import xyz_angles
-from skelgen.model import Project, Take
+from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.articulated import (
-    JOINTS,
     M_PER_MM,
     Link,
     articulated_project,
@@ -33,7 +31,7 @@ from skelgen_formats.articulated import (
     plain_names,
     remarks_on_joints,
 )
-from skelgen_formats.options import AXES, RATE
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
 from skelgen_formats.registry import Format
 from skelgen_formats.trc import write_trc
 from skelgen_formats.xml_files import number_text, write_tree
@@ -55,9 +53,7 @@ _JOINT_TYPES = {
 }
 
 
-def write_opensim(
-    value: Project | Take, path: Path, joints: str = JOINTS.default, monitor: Monitor = SILENT
-) -> list[Path]:
+def write_opensim(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Monitor = SILENT) -> list[Path]:
     """Write model, motion, markers and setup beside each other, whichever of the first two `path` names.
 
     Raises
@@ -203,9 +199,9 @@ def _add(parent: Element, name: str, text: str) -> None:
     SubElement(parent, name).text = text
 
 
-def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     own = ["Masses and inertias are placeholders, and angles come without their deviations."]
-    if not options.get(AXES.name, AXES.default).endswith("-y"):
+    if not options.axes.endswith("-y"):
         own.append("OpenSim takes y as up: if z is up in the recording, choose the axes z-to-y.")
     names = project.trajectories.names
     if plain_names(names) != names:
@@ -218,7 +214,7 @@ FORMAT = Format(
     title="OpenSim model, motion and markers",
     suffixes=SUFFIXES[:2],
     holds="skeleton",
-    write=write_opensim,
+    write=lambda value, path, options, monitor: write_opensim(value, path, options.joints, monitor),
     check=lambda value, options: articulated_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("markers", "names", "limbs", "joints", "angles", "kinds", "motion"),

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from skelgen.geometry.frame_rate import AS_RECORDED_RATE
 from skelgen.geometry.up_axis import AS_RECORDED, TURNS
+from skelgen.model import Project, Take
+from skelgen.model.filled import Filled
 from skelgen.parameters import Declaration
 
 MM_PER_UNIT = {
@@ -35,18 +36,61 @@ MM_PER_UNIT = {
 """Length units that files name, in mm."""
 
 AUTO = "auto"
-"""The wish that the unit be told from the size of the body."""
+"""Find the unit from the size of the body."""
+
+
+OptionValue = str | float | bool
+
+Writable = Project | Take | Filled
+"""What writers are given; each says which of these it can hold."""
+
+AS_MOVED, AS_FOUND = "as-moved", "as-found"
+"""Choices of `JOINTS`."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user chose about a file; each format offers some of these, declared as an `Option` of the same name.
+
+    Attributes
+    ----------
+    axes : str
+        Axes of the world, one of `TURNS`.
+    rate : float, Hz
+        Frame rate of the file; 0 as recorded.
+    unit : str
+        Unit of the lengths in the file.
+    filled : bool
+        Whether gaps are filled, and the filled positions written.
+    joints : str
+        Whether joints keep the kinds found (`AS_FOUND`) or move freely where the motion does (`AS_MOVED`).
+    dropout : str
+        How CSM writes an unseen marker: ``word`` or ``zero``.
+    id_width : str
+        Bytes of a unique id in mfml, or `AUTO`.
+    timestamp_unit : str
+        Unit of the time stamps in mfml.
+    """
+
+    axes: str = AS_RECORDED
+    rate: float = AS_RECORDED_RATE
+    unit: str = "mm"
+    filled: bool = False
+    joints: str = AS_MOVED
+    dropout: str = "word"
+    id_width: str = AUTO
+    timestamp_unit: str = "us"
 
 
 @dataclass(frozen=True)
 class Option:
-    """A choice that a reader or writer offers; given by name to `read_take` and `write_file`.
+    """One choice that a reader or writer offers; given by name to `read_take` and `write_file`.
 
     Attributes
     ----------
     name : str
-        Keyword, e.g. ``timestamp_unit``.
-    default : object
+        Field of `Options`, e.g. ``timestamp_unit``.
+    default : str, float or bool
         Value when nobody says otherwise.
     help : str
         One sentence for the user.
@@ -61,7 +105,7 @@ class Option:
     """
 
     name: str
-    default: Any
+    default: OptionValue
     help: str
     choices: tuple[str, ...] = ()
     reading: bool = True
@@ -72,9 +116,10 @@ class Option:
     @property
     def declaration(self) -> Declaration:
         """The option as parameters are declared: for forms, and to check values."""
-        kind = str if self.default is None else type(self.default)
-        bounds: dict[str, Any] = {"unit": self.unit, "low": self.low, "high": self.high}
-        return Declaration(self.name, kind, self.default, self.help, choices=self.choices, **bounds)
+        kind = type(self.default)
+        return Declaration(
+            self.name, kind, self.default, self.help, self.unit, self.low, self.high, choices=self.choices
+        )
 
 
 AXES = Option(
@@ -84,10 +129,10 @@ AXES = Option(
     tuple(TURNS),
     reading=False,
 )
-"""Obeyed by the registry, for every format that has it among its options."""
+"""The registry turns the value before it is written, for every format that offers this."""
 
 UNIT = Option("unit", "mm", "Unit of the lengths in the file.", ("mm", "cm", "m"), reading=False)
-"""Obeyed by each writer."""
+"""Each writer scales by itself."""
 
 RATE = Option(
     "rate",
@@ -98,7 +143,7 @@ RATE = Option(
     low=0.0,
     high=1e5,
 )
-"""Obeyed by the registry, for every format that has it among its options."""
+"""The registry resamples the value before it is written, for every format that offers this."""
 
 
 FILLED = Option(
@@ -108,6 +153,16 @@ FILLED = Option(
     reading=False,
 )
 """The option of every writer of markers."""
+
+
+JOINTS = Option(
+    "joints",
+    AS_MOVED,
+    "Joints that the motion does not hold to their kinds: free as they moved, or of the kinds found, poses changed.",
+    (AS_MOVED, AS_FOUND),
+    reading=False,
+)
+"""The option of every writer that poses a skeleton by angles."""
 
 
 def per_mm(unit: str) -> float:

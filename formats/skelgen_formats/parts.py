@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from skelgen.errors import WriteError
-from skelgen.model import PointCloud, Poses, Project, Take, Trajectories
-from skelgen.model.filled import Filled
+from skelgen.model import PointCloud, Poses, Project, Trajectories
+from skelgen_formats.options import Writable
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def parts_in(project: Project) -> tuple[Part, ...]:
     return tuple(part for part in PARTS if part.is_in(project))
 
 
-def finished_project(value: Project | Take | Filled, title: str) -> Project:
+def finished_project(value: Writable, title: str) -> Project:
     """Return a project that has its skeleton and its motion.
 
     Parameters

@@ -26,11 +26,11 @@ import numpy as np
 from skelgen.errors import FormatError, WriteError
 from skelgen.files import replacing
 from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
-from skelgen.model import Poses, Project, Take
+from skelgen.model import Poses, Project
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
-from skelgen_formats.options import AXES, RATE, UNIT, per_mm
+from skelgen_formats.options import AXES, RATE, UNIT, Writable, per_mm
 from skelgen_formats.registry import Format
 from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
 
@@ -73,7 +73,7 @@ def read_poses(path: Path) -> Poses:
     return Poses(transforms[:, ever], kept, rate, path.name, notices)
 
 
-def write_poses(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write bodies with orientation; quaternions with scalar first.
 
     Raises
@@ -92,7 +92,7 @@ def write_poses(value: Project | Take, path: Path, unit: str = "mm", monitor: Mo
     return [path]
 
 
-def _poses_of(value: Project | Take) -> Poses:
+def _poses_of(value: Writable) -> Poses:
     take = value.take if isinstance(value, Project) else value
     if isinstance(take, Poses):
         return take
@@ -166,8 +166,8 @@ FORMAT = Format(
     suffixes=(".poses.csv",),
     holds="poses",
     sniff=_sniff,
-    read=read_poses,
-    write=write_poses,
+    read=lambda path, options: read_poses(path),
+    write=lambda value, path, options, monitor: write_poses(value, path, options.unit, monitor),
     check=lambda value, options: _poses_of(value),
     keeps=("bodies",),
     options=(AXES, UNIT, RATE),

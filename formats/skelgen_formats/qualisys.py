@@ -113,6 +113,6 @@ FORMAT = Format(
     suffixes=(".tsv",),
     holds="markers",
     sniff=_sniff,
-    read=read_qualisys,
+    read=lambda path, options: read_qualisys(path),
     note="3D export of Qualisys Track Manager, in mm; empty cells and three zeros are unseen; no 6DOF.",
 )

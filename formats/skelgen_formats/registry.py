@@ -7,20 +7,19 @@ generated from `FORMATS`. A file is recognised by its content first and by its s
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from skelgen.errors import FormatError, WriteError
-from skelgen.geometry.frame_rate import AS_RECORDED_RATE, with_rate
-from skelgen.geometry.up_axis import AS_RECORDED, with_up_axis
+from skelgen.geometry.frame_rate import with_rate
+from skelgen.geometry.up_axis import with_up_axis
 from skelgen.model import Project, Take
 from skelgen.model.arrays import check_rate
-from skelgen.model.filled import Filled
 from skelgen.model.takes import BoneMotion
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.markers import table_of
-from skelgen_formats.options import AUTO, AXES, RATE, Option
+from skelgen_formats.options import AUTO, Option, Options, OptionValue, Writable
 from skelgen_formats.parts import PARTS
 
 SNIFF_BYTES = 4096
@@ -43,12 +42,12 @@ class Format:
         File endings, lower case with the dot, the usual one first.
     sniff : callable (head, path) -> bool
         Whether the first `SNIFF_BYTES` bytes look like this format; must not read the file.
-    read : callable ``(path, **options) -> Take``, or None
+    read : callable (path, options) -> Take, or None
         Reader.
-    write : callable ``(value, path, *, monitor, **options) -> list of Path``, or None
-        Writer; `value` is a `Project` or a `Take`. Writes atomically and returns the files written.
+    write : callable (value, path, options, monitor) -> list of Path, or None
+        Writer. Writes atomically and returns the files written.
     check : callable (value, options)
-        Raises a sentence if the writer cannot take the value: `WriteError` or `MissingResultError`. Quick.
+        Raises `WriteError` or `MissingResultError` if the writer cannot take the value. Quick.
     files : callable (path, options) -> tuple of Path
         The files that the writer will make of a path.
     keeps : tuple of str
@@ -61,8 +60,6 @@ class Format:
         What reader and writer can be told.
     note : str
         One sentence for the docs table.
-    states_axes : bool
-        Whether the writer is told the option ``axes``, obeyed already, since the file states which axis is up.
     read_motion : callable (path, skeleton, unit) -> BoneMotion, or None
         Reader of bones in motion, which are no take; see `read_motion`.
     filled_mark : str
@@ -74,16 +71,15 @@ class Format:
     suffixes: tuple[str, ...]
     holds: str
     sniff: Callable[[bytes, Path], bool] = lambda head, path: False
-    read: Callable[..., Take] | None = None
-    write: Callable[..., list[Path]] | None = None
-    options: tuple[Option, ...] = field(default=())
+    read: Callable[[Path, Options], Take] | None = None
+    write: Callable[[Writable, Path, Options, Monitor], list[Path]] | None = None
+    options: tuple[Option, ...] = ()
     note: str = ""
-    check: Callable[[Project | Take, Mapping[str, Any]], object] = lambda value, options: None
-    files: Callable[[Path, Mapping[str, Any]], tuple[Path, ...]] = lambda path, options: (path,)
+    check: Callable[[Writable, Options], object] = lambda value, options: None
+    files: Callable[[Path, Options], tuple[Path, ...]] = lambda path, options: (path,)
     keeps: tuple[str, ...] = ()
-    remarks: Callable[[Project, Mapping[str, Any]], tuple[str, ...]] = lambda project, options: ()
-    states_axes: bool = False
-    read_motion: Callable[..., BoneMotion] | None = None
+    remarks: Callable[[Project, Options], tuple[str, ...]] = lambda project, options: ()
+    read_motion: Callable[[Path, Path | None, str], BoneMotion] | None = None
     filled_mark: str = ""
 
 
@@ -135,7 +131,7 @@ def recognise(path: Path) -> Format:
     raise FormatError(path, "", f"neither content nor suffix belongs to a known format; known are {names}")
 
 
-def read_take(path: Path | str, format_name: str | None = None, **options: Any) -> Take:
+def read_take(path: Path | str, format_name: str | None = None, **options: OptionValue) -> Take:
     """Read a take from a file of any registered format.
 
     Parameters
@@ -145,7 +141,7 @@ def read_take(path: Path | str, format_name: str | None = None, **options: Any) 
     format_name : str, optional
         Skip the recognition and read as this format.
     **options
-        Options of the format's reader; unknown ones are errors.
+        Options of the format's reader by name; unknown ones are errors.
 
     Raises
     ------
@@ -156,16 +152,16 @@ def read_take(path: Path | str, format_name: str | None = None, **options: Any) 
     entry = find_format(format_name) if format_name else recognise(path)
     if entry.read is None:
         raise FormatError(path, "", f"the format {entry.name} can only be written")
-    return entry.read(path, **checked_options(entry, options, reading=True))
+    return entry.read(path, options_of(entry, options, reading=True))
 
 
 def write_file(
-    value: Project | Take | Filled,
+    value: Writable,
     path: Path | str,
     format_name: str | None = None,
     *,
     monitor: Monitor = SILENT,
-    **options: Any,
+    **options: OptionValue,
 ) -> list[Path]:
     """Write a project, a take or filled markers in the format named or of the suffix, and return the files written.
 
@@ -178,9 +174,9 @@ def write_file(
     format_name : str, optional
         Name of the format; that of the suffix if left out.
     monitor : Monitor
-        Told of progress; may cancel, which leaves what was there before.
+        Shows progress; may cancel, which leaves what was there before.
     **options
-        Options of the format's writer; unknown ones are errors.
+        Options of the format's writer by name; unknown ones are errors.
 
     Raises
     ------
@@ -191,27 +187,34 @@ def write_file(
     """
     path = Path(path)
     entry = format_for_writing(path, format_name)
-    return write_as(entry, value, path, options, monitor)
+    return write_as(entry, value, path, options_of(entry, options), monitor)
 
 
-def write_as(
-    entry: Format,
-    value: Project | Take | Filled,
-    path: Path,
-    options: Mapping[str, Any],
-    monitor: Monitor = SILENT,
-) -> list[Path]:
-    """Write in a format that is found already; see `write_file`."""
+def write_as(entry: Format, value: Writable, path: Path, options: Options, monitor: Monitor = SILENT) -> list[Path]:
+    """Write in a format that is found already.
+
+    Parameters
+    ----------
+    entry : Format
+        The format.
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        What to write.
+    path : Path
+        The file.
+    options : Options
+        From `options_of`.
+    monitor : Monitor
+        Shows progress; may cancel.
+
+    Raises
+    ------
+    WriteError
+        If the format is only read, or cannot hold the value.
+    """
     if entry.write is None:
         raise WriteError(f"the format {entry.name} can only be read")
-    clean = checked_options(entry, options)
     monitor.begin(f"writing {path.name}")
-    timed = with_rate(value, clean.pop(RATE.name, AS_RECORDED_RATE))
-    axes = clean.pop(AXES.name, AS_RECORDED)
-    turned = with_up_axis(timed, axes)
-    if entry.states_axes:
-        clean[AXES.name] = axes
-    return entry.write(turned, path, monitor=monitor, **clean)
+    return entry.write(with_up_axis(with_rate(value, options.rate), options.axes), path, options, monitor)
 
 
 def format_for_writing(path: Path, format_name: str | None = None) -> Format:
@@ -225,8 +228,17 @@ def format_for_writing(path: Path, format_name: str | None = None) -> Format:
     return find_format(format_name) if format_name else _by_suffix_for_writing(path)
 
 
-def checked_options(entry: Format, options: Mapping[str, Any], *, reading: bool = False) -> dict[str, Any]:
-    """Return options of a writer, or of a reader, in their declared types.
+def options_of(entry: Format, given: Mapping[str, object], *, reading: bool = False) -> Options:
+    """Return the options of a writer, or of a reader: what the user gave, and the format's defaults for the rest.
+
+    Parameters
+    ----------
+    entry : Format
+        The format.
+    given : mapping of str to value
+        Values, or their texts, by the names of options.
+    reading : bool
+        Whether these are the options of the reader.
 
     Raises
     ------
@@ -235,12 +247,18 @@ def checked_options(entry: Format, options: Mapping[str, Any], *, reading: bool 
     ParameterError
         If a value is not allowed.
     """
-    known = {option.name: option for option in entry.options if option.reading or not reading}
-    for name in options:
-        if name not in known:
-            raise WriteError(f"the format {entry.name} has no option {name!r}; it has {', '.join(known) or 'none'}")
+    defaults = {option.name: option.default for option in entry.options}
+    return Options(**(defaults | checked_options(entry, given, reading=reading)))
+
+
+def checked_options(entry: Format, given: Mapping[str, object], *, reading: bool = False) -> dict[str, Any]:
+    """Return what the user gave in the declared types; parameters and errors as `options_of`."""
+    declared = {option.name: option for option in entry.options if option.reading or not reading}
+    for name in given:
+        if name not in declared:
+            raise WriteError(f"the format {entry.name} has no option {name!r}; it has {', '.join(declared) or 'none'}")
     where = f"the format {entry.name}"
-    return {name: known[name].declaration.check(value, where) for name, value in options.items()}
+    return {name: declared[name].declaration.check(value, where) for name, value in given.items()}
 
 
 def _by_suffix_for_writing(path: Path) -> Format:
@@ -281,7 +299,7 @@ def read_motion(
     motions = [entry for entry in known_formats() if entry.read_motion is not None]
     for entry in motions:
         if entry.read_motion is not None and path.name.lower().endswith(entry.suffixes):
-            motion = entry.read_motion(path, skeleton=Path(skeleton) if skeleton else None, unit=unit)
+            motion = entry.read_motion(path, Path(skeleton) if skeleton else None, unit)
             return motion if rate is None else replace(motion, rate=check_rate(rate, path.name))
     known = ", ".join(f"{entry.title} ({' '.join(entry.suffixes)})" for entry in motions)
     raise FormatError(path, "", f"no motion of bones is known by this suffix; there are {known}")

@@ -21,14 +21,15 @@ from skelgen.files import replacing
 from skelgen.model import Limbs, PointCloud, Project, Skeleton, Take
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.motion_csv import joint_names
+from skelgen_formats.bones import joint_names
+from skelgen_formats.options import Writable
 from skelgen_formats.registry import Format
 
 SCHEMA = "skelgen-summary-1"
 _PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn", "numba")
 
 
-def write_summary_json(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
+def write_summary_json(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write `summary` of a project, finished or not.
 
     Raises
@@ -43,7 +44,7 @@ def write_summary_json(value: Project | Take, path: Path, monitor: Monitor = SIL
     return [path]
 
 
-def _project(value: Project | Take) -> Project:
+def _project(value: Writable) -> Project:
     if isinstance(value, Project):
         return value
     raise WriteError("summary-json tells the results of a project, not a take; run the stages first")
@@ -253,7 +254,7 @@ FORMAT = Format(
     title="Summary, JSON",
     suffixes=(".summary.json", ".json"),
     holds="summary",
-    write=write_summary_json,
+    write=lambda value, path, options, monitor: write_summary_json(value, path, monitor),
     check=lambda value, options: _project(value),
     keeps=("names", "confidence", "limbs", "kinds", "uncertainty"),
     note="Limbs, tree, joints, lengths, residuals, parameters, times and versions.",

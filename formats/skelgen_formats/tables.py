@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from skelgen.errors import WriteError
 from skelgen.files import arriving_together, replacing
-from skelgen.model import Project, Take
+from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.motion_csv import joint_names, write_csv
-from skelgen_formats.options import AXES, RATE, UNIT, per_mm
+from skelgen_formats.bones import joint_names
+from skelgen_formats.motion_csv import write_csv
+from skelgen_formats.options import AXES, RATE, UNIT, Writable, per_mm
 from skelgen_formats.parts import finished_project
 from skelgen_formats.registry import Format
 
@@ -34,7 +35,7 @@ Columns = dict[str, NDArray[Any]]
 """Some rows of a table: each column's name and values."""
 
 
-def write_csv_tables(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+def write_csv_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write the three tables as CSV.
 
     Raises
@@ -47,14 +48,14 @@ def write_csv_tables(value: Project | Take, path: Path, unit: str = "mm", monito
     return _write(value, path, CSV_SUFFIX, unit, monitor, _write_csv)
 
 
-def write_parquet_tables(value: Project | Take, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+def write_parquet_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write the three tables as Parquet; errors as `write_csv_tables`, and without pyarrow."""
     _check_parquet(value)
     return _write(value, path, PARQUET_SUFFIX, unit, monitor, _write_parquet)
 
 
 def _write(
-    value: Project | Take,
+    value: Writable,
     path: Path,
     suffix: str,
     unit: str,
@@ -177,7 +178,7 @@ def _write_parquet(path: Path, chunks: Iterator[Columns]) -> None:
             writer.write_table(table_of(chunk))
 
 
-def _check_parquet(value: Project | Take) -> None:
+def _check_parquet(value: Writable) -> None:
     finished_project(value, "A table")
     try:
         import pyarrow  # noqa: F401, PLC0415 - whether it is there
@@ -196,7 +197,7 @@ CSV = Format(
     name="table-csv",
     title="Long tables, CSV",
     suffixes=(CSV_SUFFIX,),
-    write=write_csv_tables,
+    write=lambda value, path, options, monitor: write_csv_tables(value, path, options.unit, monitor),
     check=lambda value, options: finished_project(value, "A table"),
     files=lambda path, options: _files(path, CSV_SUFFIX),
     note=_NOTE,
@@ -206,7 +207,7 @@ PARQUET = Format(
     name="table-parquet",
     title="Long tables, Parquet",
     suffixes=(PARQUET_SUFFIX,),
-    write=write_parquet_tables,
+    write=lambda value, path, options, monitor: write_parquet_tables(value, path, options.unit, monitor),
     check=lambda value, options: _check_parquet(value),
     files=lambda path, options: _files(path, PARQUET_SUFFIX),
     note=_NOTE + " Needs the extra `tables`.",

@@ -23,9 +23,8 @@ import numpy as np
 
 from skelgen.errors import FormatError
 from skelgen.files import replacing
-from skelgen.model import PointCloud, Project, Take, Trajectories
+from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import (
     check_markers,
@@ -39,7 +38,7 @@ from skelgen_formats.markers import (
     write_table,
     zeros_unseen,
 )
-from skelgen_formats.options import AXES, FILLED, RATE, UNIT, per_mm
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Writable, per_mm
 from skelgen_formats.registry import Format
 from skelgen_formats.text import (
     count_in,
@@ -92,7 +91,7 @@ def read_trc(path: Path) -> Trajectories | PointCloud:
 
 
 def write_trc(
-    value: Project | Take | Filled, path: Path, filled: bool = False, unit: str = "mm", monitor: Monitor = SILENT
+    value: Writable, path: Path, filled: bool = False, unit: str = "mm", monitor: Monitor = SILENT
 ) -> list[Path]:
     """Write labelled markers as TRC; unseen markers are empty cells.
 
@@ -190,10 +189,10 @@ FORMAT = Format(
     suffixes=(".trc",),
     holds="markers",
     sniff=_sniff,
-    read=read_trc,
-    write=write_trc,
-    check=lambda value, options: check_markers(value, _TITLE, bool(options.get(FILLED.name))),
-    files=marker_files,
+    read=lambda path, options: read_trc(path),
+    write=lambda value, path, options, monitor: write_trc(value, path, options.filled, options.unit, monitor),
+    check=lambda value, options: check_markers(value, _TITLE, options.filled),
+    files=lambda path, options: marker_files(path, options.filled),
     keeps=("markers", "names"),
     options=(AXES, UNIT, RATE, FILLED),
     note="Units mm, cm, m from the header; empty cells and three zeros are unseen; written with full precision.",

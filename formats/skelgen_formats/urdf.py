@@ -7,20 +7,19 @@ frames have the orientation of the world in the reference pose, where every angl
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from skelgen.files import arriving_together
 from skelgen.geometry.xyz_angles import xyz_angles
-from skelgen.model import Project, Take
+from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import (
-    JOINTS,
     M_PER_MM,
     Link,
     articulated_project,
@@ -32,7 +31,7 @@ from skelgen_formats.articulated import (
     remarks_on_joints,
 )
 from skelgen_formats.motion_csv import write_motion
-from skelgen_formats.options import AXES, RATE
+from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
 from skelgen_formats.registry import Format
 from skelgen_formats.xml_files import number_text, write_tree
 
@@ -53,9 +52,7 @@ class _Single(NamedTuple):
     unit: str
 
 
-def write_urdf(
-    value: Project | Take, path: Path, joints: str = JOINTS.default, monitor: Monitor = SILENT
-) -> list[Path]:
+def write_urdf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Monitor = SILENT) -> list[Path]:
     """Write the robot, and a table with the value of each joint in every frame.
 
     Raises
@@ -150,7 +147,7 @@ def _shifts(link: Link) -> Iterator[_Single]:
             yield _Single(f"{link.joint}_t{letter}", "prismatic", axis, values, "m")
 
 
-def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     return (
         "URDF has no balls, universal joints or free bodies: they become three, two and six joints in a row.",
         "Limits are the range of this motion; masses, and the deviations of angles, are not written.",
@@ -163,7 +160,7 @@ FORMAT = Format(
     title="URDF robot and its motion",
     suffixes=(MODEL_SUFFIX,),
     holds="skeleton",
-    write=write_urdf,
+    write=lambda value, path, options, monitor: write_urdf(value, path, options.joints, monitor),
     check=lambda value, options: articulated_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("names", "limbs", "joints", "angles", "motion"),

@@ -11,7 +11,6 @@ USD transforms rows: its matrices are the transposes of the usual ones.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ import numpy as np
 from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.geometry.up_axis import AS_RECORDED
-from skelgen.model import Project, Skeleton, Take, Trajectories
+from skelgen.model import Project, Skeleton, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
@@ -32,7 +31,7 @@ from skelgen_formats.bones import (
     lost_in_animations,
     xyzw_from_matrix,
 )
-from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, per_mm
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
 from skelgen_formats.registry import Format
 
 _TITLE = "USD"
@@ -42,7 +41,7 @@ _MM_PER_METRE = 1000.0
 
 
 def write_usd(
-    value: Project | Take, path: Path, unit: str = "mm", axes: str = AS_RECORDED, monitor: Monitor = SILENT
+    value: Writable, path: Path, unit: str = "mm", axes: str = AS_RECORDED, monitor: Monitor = SILENT
 ) -> list[Path]:
     """Write skeleton, motion and measured markers of a finished project; the suffix tells text from binary.
 
@@ -82,7 +81,7 @@ def write_usd(
     return [path]
 
 
-def _project(value: Project | Take) -> Project:
+def _project(value: Writable) -> Project:
     project = animated_project(value, _TITLE)
     if find_spec("pxr") is None:
         raise WriteError("USD files are written with Pixar's library: pip install 'skelgen[usd]'")
@@ -203,9 +202,9 @@ def _vectors(places: Floats) -> Any:
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(places, dtype=np.float32))
 
 
-def _remarks(project: Project, options: Mapping[str, Any]) -> tuple[str, ...]:
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     said = []
-    if options.get(AXES.name, AS_RECORDED) == AS_RECORDED:
+    if options.axes == AS_RECORDED:
         said.append("The file states that z is up; where y is up in the recording, choose axes y-to-z.")
     return (*said, *lost_in_animations(project, _TITLE))
 
@@ -215,11 +214,10 @@ FORMAT = Format(
     title="USD (UsdSkel)",
     suffixes=(".usdc", ".usda", ".usd"),
     holds="skeleton",
-    write=write_usd,
+    write=lambda value, path, options, monitor: write_usd(value, path, options.unit, options.axes, monitor),
     check=lambda value, options: _project(value),
     keeps=("markers", "names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
     options=(AXES, UNIT, RATE),
-    states_axes=True,
     note="Skeleton, animation and measured markers as points; needs `skelgen[usd]`; .usda is text.",
 )

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from skelgen_formats.markers import trajectories_of
-from skelgen_formats.options import FILLED, RATE
+from skelgen_formats.options import FILLED, Options, Writable
 from skelgen_formats.parts import PARTS, parts_in
 from skelgen_formats.registry import (
     Format,
-    checked_options,
     format_for_writing,
     known_formats,
     marking_sentence,
+    options_of,
     write_as,
     write_file,
 )
@@ -23,15 +22,17 @@ from skelgen_formats.registry import (
 from skelgen.app.drawing.wording import counted, listed
 from skelgen.errors import SkelgenError, WriteError
 from skelgen.files import arriving_together
-from skelgen.geometry.frame_rate import AS_RECORDED_RATE, n_frames_at
-from skelgen.model import PointCloud, Poses, Project, Take
+from skelgen.geometry.frame_rate import n_frames_at
+from skelgen.model import PointCloud, Poses, Project
 from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor
 
 
-def _write_report(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
+def _write_report(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     from skelgen.app.report import write_report  # noqa: PLC0415 - its templates take time to load
 
+    if isinstance(value, Filled):
+        value = value.measured
     return [write_report(value if isinstance(value, Project) else Project(value), path, monitor)]
 
 
@@ -40,7 +41,7 @@ REPORT = Format(
     title="Report, HTML",
     suffixes=(".html",),
     holds="report",
-    write=_write_report,
+    write=lambda value, path, options, monitor: _write_report(value, path, monitor),
     keeps=tuple(part.name for part in PARTS),
     note="One page with figures and tables of everything that was found, for reading and printing.",
 )
@@ -90,10 +91,10 @@ def export_formats() -> tuple[Format, ...]:
     return (*(entry for entry in known_formats() if entry.write is not None), REPORT)
 
 
-def obstacle_to(project: Project, entry: Format, options: Mapping[str, Any]) -> str:
+def obstacle_to(project: Project, entry: Format, options: Mapping[str, object]) -> str:
     """Return one sentence on why a project cannot be written in a format; empty if it can."""
     try:
-        entry.check(project, checked_options(entry, options))
+        entry.check(project, options_of(entry, options))
     except SkelgenError as error:
         return str(error)
     return ""
@@ -112,7 +113,7 @@ def export_path(folder: Path, name: str, entry: Format) -> Path:
     return folder / (name + entry.suffixes[0])
 
 
-def preview_export(project: Project, entry: Format, path: Path, options: Mapping[str, Any]) -> Preview:
+def preview_export(project: Project, entry: Format, path: Path, options: Mapping[str, object]) -> Preview:
     """Tell what `export_project` will do, without doing it.
 
     Parameters
@@ -129,20 +130,19 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
     obstacle = obstacle_to(project, entry, options)
     if obstacle:
         return Preview(obstacle=obstacle)
-    files = tuple(Planned(file, file.exists()) for file in entry.files(path, options))
-    remarks = remarks_on(project, entry, path, options)
-    rate = float(checked_options(entry, options).get(RATE.name, AS_RECORDED_RATE))
-    return Preview(files, _contents(project, entry, rate), remarks)
+    chosen = options_of(entry, options)
+    files = tuple(Planned(file, file.exists()) for file in entry.files(path, chosen))
+    return Preview(files, _contents(project, entry, chosen.rate), remarks_on(project, entry, path, chosen))
 
 
-def remarks_on(project: Project, entry: Format, path: Path, options: Mapping[str, Any]) -> tuple[str, ...]:
+def remarks_on(project: Project, entry: Format, path: Path, options: Options) -> tuple[str, ...]:
     """Return sentences on what a format cannot hold of a project, and on what becomes of the rest; see `Preview`."""
-    marking = (marking_sentence(entry, path) + ".",) if options.get(FILLED.name) else ()
+    marking = (marking_sentence(entry, path) + ".",) if options.filled else ()
     return (*_lost(project, entry), *entry.remarks(project, options), *marking)
 
 
 def export_project(
-    project: Project, entry: Format, path: Path, options: Mapping[str, Any], monitor: Monitor = SILENT
+    project: Project, entry: Format, path: Path, options: Mapping[str, object], monitor: Monitor = SILENT
 ) -> list[Path]:
     """Write a project; all files of the format arrive together, or none.
 
@@ -170,7 +170,7 @@ def export_project(
         If the format cannot hold the project, or its files cannot be written.
     """
     with arriving_together(path.parent) as temporary:
-        files = write_as(entry, project, temporary / path.name, options, monitor)
+        files = write_as(entry, project, temporary / path.name, options_of(entry, options), monitor)
     return [path.parent / file.name for file in files]
 
 

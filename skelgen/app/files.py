@@ -21,6 +21,7 @@ from skelgen_formats.registry import (
     format_row,
     formats_table,
     known_formats,
+    options_of,
     read_take,
     recognise,
     write_file,
@@ -151,7 +152,8 @@ def _remarks(value: Project | Take, target: Path, to_format: str | None, options
 
     if not isinstance(value, Project) or _is_project(target, to_format):
         return ()
-    return remarks_on(value, format_for_writing(target, to_format), target, options)
+    entry = format_for_writing(target, to_format)
+    return remarks_on(value, entry, target, options_of(entry, options))
 
 
 def name_of_format(path: Path) -> str:
@@ -247,7 +249,7 @@ STEREO = Format(
     suffixes=(".xml",),
     holds="points",
     sniff=_sniff,
-    read=read_stereo,
+    read=lambda path, options: read_stereo(path),
     options=(
         Option("source", "", "where images come from; empty takes what the settings say"),
         Option("frames", 0, "pairs of images at most; 0 takes all", low=0),

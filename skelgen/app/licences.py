@@ -15,7 +15,6 @@ _REQUIREMENT = re.compile(r"^\s*([A-Za-z0-9._-]+)\s*(?:\[([^\]]*)\])?")
 _EXTRA = re.compile(r"""extra\s*==\s*['"]([^'"]+)['"]""")
 _CLASSIFIER = "License :: OSI Approved :: "
 _LONGEST_NAME = 60  # characters; what is longer is the text of a licence where its name belongs
-_SILENT = {"ezc3d": "MIT"}  # packages whose metadata name no licence, and what the licence file of their source is
 _TEXTS = (
     ("Permission is hereby granted, free of charge", "MIT"),
     ("Redistribution and use in source and binary forms", "BSD"),
@@ -120,7 +119,7 @@ def _installed(name: str) -> metadata.Distribution | None:
 def _described(distribution: metadata.Distribution) -> Dependency:
     told = cast(Message, distribution.metadata)
     name = str(told["Name"])
-    return Dependency(name, _licence(told) or _SILENT.get(_normal(name), "not stated"), _page(told))
+    return Dependency(name, _licence(told) or "not stated", _page(told))
 
 
 def _licence(told: Message) -> str:

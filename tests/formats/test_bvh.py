@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from skelgen_formats.bvh import write_bvh
+from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
 from skelgen.benchmark.judges import bones_of_bvh
@@ -117,12 +118,12 @@ def test_limb_without_markers_still_has_an_end(small_project, tmp_path):
 
 def test_what_is_not_told_is_said(small_project, make_project):
     entry = find_format("bvh")
-    unit, interpolated = entry.remarks(small_project, {"unit": "cm"})
+    unit, interpolated = entry.remarks(small_project, Options(unit="cm"))
     assert "lengths are in cm" in unit
     assert interpolated == "BVH cannot tell that in 1 of 12 frames some limb is not seen but interpolated."
     ring = replace(small_project.skeleton, loops=(small_project.skeleton.joints[0],))
-    assert "1 joint closing rings" in entry.remarks(replace(small_project, _skeleton=ring), {})[1]
-    assert "2 bodies hang on one root" in entry.remarks(make_project(parents=(-1, 0, -1)), {})[1]
+    assert "1 joint closing rings" in entry.remarks(replace(small_project, _skeleton=ring), Options())[1]
+    assert "2 bodies hang on one root" in entry.remarks(make_project(parents=(-1, 0, -1)), Options())[1]
 
 
 def test_take_and_project_without_frames_are_refused(small_project, tmp_path):

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from skelgen_formats.gltf import write_gltf
+from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
 from skelgen.benchmark.judges import GltfPoses
@@ -142,9 +143,11 @@ def test_number_beyond_single_precision_is_refused_and_leaves_nothing(small_proj
 
 def test_what_is_not_told_is_said(small_project):
     remarks = find_format("gltf").remarks
-    assert any("choose axes z-to-y" in sentence for sentence in remarks(small_project, {}))
-    assert not any("demands metres" in sentence for sentence in remarks(small_project, {}))
-    assert any("take the mm in the file for metres" in sentence for sentence in remarks(small_project, {"unit": "mm"}))
+    assert any("choose axes z-to-y" in sentence for sentence in remarks(small_project, Options(unit="m")))
+    assert not any("demands metres" in sentence for sentence in remarks(small_project, Options(unit="m")))
+    assert any(
+        "take the mm in the file for metres" in sentence for sentence in remarks(small_project, Options(unit="mm"))
+    )
 
 
 def test_take_is_refused(small_project, tmp_path):

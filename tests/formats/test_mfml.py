@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skelgen_formats.mfml import read_mfml, write_frames
-from skelgen_formats.mfml_stream import FRAME_HEADER, MARKER_DTYPES, iterate_mfml
+from skelgen_formats.mfml import read_mfml
+from skelgen_formats.mfml_stream import FRAME_HEADER, MARKER_DTYPES, iterate_mfml, write_frames
 from skelgen_formats.registry import read_take, write_file
 
 from skelgen.errors import WriteError

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from skelgen_formats.articulated import plain_names
+from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
 from skelgen.benchmark.judges import opensim_columns, opensim_postures
@@ -70,15 +71,15 @@ def test_inverse_kinematics_of_opensim_returns_the_angles(files, tmp_path, monke
 
 def test_joint_that_wobbles_becomes_a_ball_and_the_export_says_so(small_project, tmp_path):
     entry = find_format("opensim")
-    assert any("wobble" in remark and "limb1-limb0" in remark for remark in entry.remarks(small_project, {}))
+    assert any("wobble" in remark and "limb1-limb0" in remark for remark in entry.remarks(small_project, Options()))
     model = opensim.Model(str(write_file(small_project, tmp_path / "w.osim")[0]))
     assert model.getJointSet().get("limb1-limb0").getConcreteClassName() == "BallJoint"
 
 
 def test_joint_that_wobbles_stays_a_hinge_on_wish_and_the_export_says_what_it_costs(small_project, tmp_path):
-    wish = {"joints": "as-found"}
-    assert any("move markers by up to" in remark for remark in find_format("opensim").remarks(small_project, wish))
-    model = opensim.Model(str(write_file(small_project, tmp_path / "w.osim", **wish)[0]))
+    remarks = find_format("opensim").remarks(small_project, Options(joints="as-found"))
+    assert any("move markers by up to" in remark for remark in remarks)
+    model = opensim.Model(str(write_file(small_project, tmp_path / "w.osim", joints="as-found")[0]))
     assert model.getJointSet().get("limb1-limb0").getConcreteClassName() == "PinJoint"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 
 from skelgen.benchmark.judges import read_columns
@@ -94,9 +95,9 @@ def test_any_motion_of_joints_that_wobble_is_kept(small_project, tmp_path, name)
 
 
 def test_export_says_what_robots_cannot_hold(jointed_project):
-    urdf = " ".join(find_format("urdf").remarks(jointed_project, {}))
+    urdf = " ".join(find_format("urdf").remarks(jointed_project, Options()))
     assert "three, two and six joints in a row" in urdf
-    assert "deviations of angles are not written" in " ".join(find_format("mjcf").remarks(jointed_project, {}))
+    assert "deviations of angles are not written" in " ".join(find_format("mjcf").remarks(jointed_project, Options()))
 
 
 @pytest.mark.parametrize("name", ["walk.urdf", "walk.mjcf.xml", "walk.mjcf"])

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 from skelgen_formats import tables
-from skelgen_formats.motion_csv import joint_names
+from skelgen_formats.bones import joint_names
 from skelgen_formats.registry import write_file
 
 from skelgen.errors import WriteError

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from skelgen_formats import usd
+from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 from skelgen_formats.usd import write_usd
 
@@ -115,7 +116,7 @@ def test_marker_that_is_never_seen_hinders_nothing(small_project, tmp_path):
 def test_missing_library_is_said_before_and_while_writing(small_project, tmp_path, monkeypatch):
     monkeypatch.setattr(usd, "find_spec", lambda name: None)
     for attempt in (
-        lambda: find_format("usd").check(small_project, {}),
+        lambda: find_format("usd").check(small_project, Options()),
         lambda: write_usd(small_project, tmp_path / "w.usdc"),
     ):
         with pytest.raises(WriteError, match=r"pip install 'skelgen\[usd\]'"):
@@ -140,8 +141,8 @@ def test_number_beyond_single_precision_is_refused(small_project, tmp_path):
 
 def test_axis_taken_for_up_is_said(small_project):
     remarks = find_format("usd").remarks
-    assert "choose axes y-to-z" in remarks(small_project, {})[0]
-    assert not any("axes" in sentence for sentence in remarks(small_project, {"axes": "z-to-y"}))
+    assert "choose axes y-to-z" in remarks(small_project, Options())[0]
+    assert not any("axes" in sentence for sentence in remarks(small_project, Options(axes="z-to-y")))
 
 
 def test_take_is_refused(small_project, tmp_path):

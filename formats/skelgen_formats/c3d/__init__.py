@@ -1,5 +1,157 @@
-"""C3D: `layout` is what a file says of itself, `reader` and `writer` its frames."""
+"""C3D, the exchange format of motion capture: read and written as takes, and written with joints as virtual points.
 
-from skelgen_formats.c3d.reader import C3D, C3D_JOINTS, read_c3d, write_c3d, write_c3d_joints
+`layout` is what a file states of itself, `reader` reads its points, `writer` writes them as a stream. ezc3d is not used
+because it trusts headers: a single damaged byte can end the whole process or fill the memory, which no caller can
+catch, it stops after 65535 frames, and it keeps every array that it is given. The tests compare with it, and with the
+package `c3d`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.model import Project
+from skelgen.model.filled import Filled, Source
+from skelgen.progress import SILENT, Monitor
+from skelgen_formats.bones import joint_names
+from skelgen_formats.c3d.layout import MAGIC, MOST_HEADER_FRAMES
+from skelgen_formats.c3d.reader import read_c3d
+from skelgen_formats.c3d.writer import write_points
+from skelgen_formats.markers import (
+    check_markers,
+    marker_files,
+    markers_to_write,
+    positions_of,
+    trajectories_of,
+    write_table,
+)
+from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Options, Writable
+from skelgen_formats.parts import finished_project
+from skelgen_formats.registry import Format
 
 __all__ = ["C3D", "C3D_JOINTS", "read_c3d", "write_c3d", "write_c3d_joints"]
+
+_TITLE, _JOINTS_TITLE = "C3D", "C3D with joints"
+_FIRST_PRINTABLE = 0x20  # block numbers lie below; above, "P" as second byte is text
+
+
+def write_c3d(
+    value: Writable, path: Path, filled: bool = False, unit: str = "mm", monitor: Monitor = SILENT
+) -> list[Path]:
+    """Write labelled markers as C3D: f32, unseen markers with residual -1.
+
+    Parameters
+    ----------
+    value : Project, Trajectories or Filled
+        What to write.
+    path : Path
+        The file.
+    filled : bool
+        Whether filled positions are written, with residual 0 and no camera, as c3d.org has it for points that are not
+        measured; measured ones then have residual 1 and camera 1, because nobody knows which cameras saw them.
+    unit : str
+        Of the lengths in the file.
+    monitor : Monitor
+        Shows the progress of filling; may cancel.
+
+    Raises
+    ------
+    WriteError
+        If the value has no labelled markers, or a name is longer than 127 bytes.
+    """
+    markers = markers_to_write(value, _TITLE, filled, monitor)
+    write_points(positions_of(markers), path, unit, markers.source if isinstance(markers, Filled) else None)
+    return [path, *write_table(markers, path)]
+
+
+def _sniff(head: bytes, path: Path) -> bool:
+    return len(head) > 1 and head[1] == MAGIC and 0 < head[0] < _FIRST_PRINTABLE
+
+
+def _remarks(project: Project, options: Options) -> tuple[str, ...]:
+    take = trajectories_of(project, _TITLE)
+    far = float(np.nanmax(np.abs(take.positions), initial=0.0))
+    rounded = f"Positions are rounded to single precision, to {np.spacing(np.float32(far)):.1g} mm."
+    if take.n_frames <= MOST_HEADER_FRAMES:
+        return (rounded,)
+    return (
+        rounded,
+        f"Some programs show only the first {MOST_HEADER_FRAMES} of the {take.n_frames} frames of a C3D file.",
+    )
+
+
+C3D = Format(
+    name="c3d",
+    title=_TITLE,
+    suffixes=(".c3d",),
+    holds="markers",
+    sniff=_sniff,
+    read=lambda path, options: read_c3d(path),
+    write=lambda value, path, options, monitor: write_c3d(value, path, options.filled, options.unit, monitor),
+    check=lambda value, options: check_markers(value, _TITLE, options.filled),
+    files=lambda path, options: marker_files(path, options.filled),
+    keeps=("markers", "names"),
+    remarks=_remarks,
+    filled_mark="filled positions have residual 0 and no camera, measured ones residual 1 and one camera",
+    options=(AXES, UNIT, RATE, FILLED),
+    note="Units from the file; residual below 0 and all zeros are unseen; any number of labels and frames; f32 in mm.",
+)
+
+
+def write_c3d_joints(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
+    """Write measured markers and joints as the points of a C3D file.
+
+    Joints have residual 0 and no camera, as c3d.org has it for points that are computed; measured markers have residual
+    1 and camera 1, unseen ones residual -1.
+
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        The file.
+    unit : str
+        Of the lengths in the file.
+    monitor : Monitor
+        May cancel before the file is written.
+
+    Raises
+    ------
+    WriteError
+        If the value is no project, a marker is called like a joint, or as for C3D.
+    MissingResultError
+        If the project has no skeleton yet.
+    """
+    project = finished_project(value, _JOINTS_TITLE)
+    markers, joints = project.trajectories, project.motion.joint_positions
+    points = replace(
+        markers,
+        positions=np.concatenate([markers.positions, joints], axis=1),
+        names=(*markers.names, *joint_names(project.skeleton)),
+    )
+    measured = np.where(markers.seen, Source.MEASURED, Source.NONE)
+    computed = np.full(joints.shape[:2], Source.JOINT)
+    write_points(points, path, unit, np.concatenate([measured, computed], axis=1))
+    return [path]
+
+
+def _remarks_on_joints(project: Project, options: Options) -> tuple[str, ...]:
+    told_apart = "Joints have residual 0 and no camera, measured markers residual 1 and one camera."
+    return (told_apart, *C3D.remarks(project, options))
+
+
+C3D_JOINTS = Format(
+    name="c3d-joints",
+    title=_JOINTS_TITLE,
+    suffixes=(".joints.c3d",),
+    holds="joints",
+    write=lambda value, path, options, monitor: write_c3d_joints(value, path, options.unit, monitor),
+    check=lambda value, options: finished_project(value, _JOINTS_TITLE),
+    keeps=("markers", "names", "joints"),
+    remarks=_remarks_on_joints,
+    options=(AXES, RATE, UNIT),
+    note="Markers as measured, and the joints' centres as virtual points named after parent and child limb.",
+)

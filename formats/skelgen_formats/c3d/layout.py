@@ -44,7 +44,7 @@ from skelgen.errors import FormatError
 BLOCK = 512
 MAGIC = 0x50
 MOST_HEADER_FRAMES = 65535
-_WORDS_PER_POINT = 4
+WORDS_PER_POINT = 4
 _PROCESSORS = {84: "<", 85: "<", 86: ">"}  # DEC words are little-endian; only its f32 differ
 _DEC = 85
 _END_OF_CHAIN = 0
@@ -95,7 +95,7 @@ class C3dLayout:
     @property
     def frame_words(self) -> int:
         """Values per frame."""
-        return _WORDS_PER_POINT * self.n_points + self.n_analog
+        return WORDS_PER_POINT * self.n_points + self.n_analog
 
     @property
     def word_bytes(self) -> int:
@@ -218,7 +218,7 @@ def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Paramete
     used = _number(parameters, ("POINT", "USED"), n_points)
     if used % (MOST_HEADER_FRAMES + 1) != n_points:
         raise FormatError(path, "byte 2", f"the header says {n_points} points and POINT:USED {used:g}; one is damaged")
-    frame_bytes = (_WORDS_PER_POINT * n_points + n_analog) * (4 if scale < 0 else 2)
+    frame_bytes = (WORDS_PER_POINT * n_points + n_analog) * (4 if scale < 0 else 2)
     held = (size - data_start) // frame_bytes
     n_frames = _announced_frames(path, first, last, parameters, order)
     if n_frames is not None and n_frames > held:

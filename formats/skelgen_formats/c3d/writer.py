@@ -1,83 +1,229 @@
-"""The frames of a C3D file that ezc3d has begun: header, parameters and the first frame are its own.
+"""Write C3D: one stream of frames, for takes that are there and for recordings that grow.
 
-ezc3d 1.7 keeps a copy of every array that it is given until the process ends (its pull request 404 mends that), which a
-program that writes thousands of files cannot bear. What comes out is byte for byte what ezc3d writes. The fourth word
-of a point holds its residual, and 256 times the mask of the cameras that saw it; below 0 the point is unseen.
+Data are f32, so positions keep 7 digits. A point that was not seen has residual -1 and lies at (0, 0, 0). Header and
+parameters state how many frames there are; `C3dStream.settle` puts these numbers right, so that a recording is whole
+whenever it ends. More than 65535 frames are stated in TRIAL:ACTUAL_END_FIELD, as Vicon does, and in POINT:LONG_FRAMES,
+as c3d.org proposes; programs that know neither, ezc3d 1.7 among them, show the first 65535 frames. More than 255 labels
+go on in POINT:LABELS2 and so forth.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skelgen.errors import WriteError
+from skelgen.files import replacing
+from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Source
-from skelgen_formats.c3d.layout import BLOCK, MOST_HEADER_FRAMES
+from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_PER_POINT
+from skelgen_formats.markers import check_writable_names
+from skelgen_formats.options import per_mm
+
+MEASURED_WORD, COMPUTED_WORD, UNSEEN_WORD = 257.0, 0.0, -1.0
+"""Fourth word of a point: its residual, and 256 times the mask of the cameras that saw it (residual 1, camera 1)."""
 
 _FRAMES_AT_ONCE = 4096
-_MEASURED, _UNSEEN = 257.0, -1.0  # residual 1 by the first camera
-_WORDS = 4  # of a point
-_LAST_FRAME, _DATA_BLOCK = 8, 16  # bytes of the header
-_NUMBER = struct.pack("<hbB", 7, 2, 0)  # of a parameter: bytes to the next one, i16, no dimension
-_COUNTS = 2**16
+_MOST_TEXTS = 255  # per parameter; more go on in LABELS2 and so forth
+_LONGEST_NAME = 127  # the format has signed bytes for some lengths
+_MOST_POINTS = 65535
+_MOST_BLOCKS = 255  # that the parameters can state; readers find the data by the header
+_INTEL, _FLOATS, _INTS, _TEXT = 84, 4, 2, -1
+_LAST_FRAME_AT, _RATE_AT = 8, 20  # bytes of the header
+_MAX_GAP = 10  # frames that a reader may interpolate; a number belongs there
+
+Words = NDArray[np.float32]
 
 
-def write_frames(path: Path, positions: Floats, source: Ints | None) -> None:
-    """Give a C3D file of one frame all its frames.
+def write_points(take: Trajectories, path: Path, unit: str, source: Ints | None = None) -> None:
+    """Write the points of a C3D file.
 
     Parameters
     ----------
+    take : Trajectories
+        The points.
     path : Path
-        As ezc3d wrote it, little-endian, without analogue data and rotations.
-    positions : ndarray, shape (n_frames, n_points, 3)
-        In the file's unit.
-    source : ndarray of intp, shape (n_frames, n_points), optional
-        A `Source` of each.
+        The file.
+    unit : str
+        Of the lengths in it.
+    source : ndarray of intp, shape (n_frames, n_markers), optional
+        A `Source` of each, by which computed points differ from measured ones: these have residual 1 and camera 1,
+        computed ones residual 0 and no camera. Without it all points have residual 0.
 
     Raises
     ------
-    ValueError
-        If the file is no such file.
-    OSError
-        If it cannot be written.
+    WriteError
+        If there is no frame, there are too many points, a name is too long or twice there, or the disk is full.
     """
-    n_frames, n_points = positions.shape[:2]
-    n_bytes = n_frames * n_points * _WORDS * np.float32().itemsize
-    padding = -n_bytes % BLOCK or BLOCK
-    with path.open("r+b") as stream:
-        head = bytearray(stream.read(BLOCK))
-        start = (struct.unpack_from("<H", head.ljust(BLOCK, b"\0"), _DATA_BLOCK)[0] - 1) * BLOCK
-        head += stream.read(max(start - BLOCK, 0))
-        if len(head) != start:
-            raise ValueError("header and parameters are cut off")
-        stated = min(n_frames, MOST_HEADER_FRAMES)
-        struct.pack_into("<H", head, _LAST_FRAME, stated)
-        _set(head, b"FRAMES", stated)
-        _set(head, b"DATA_START", (start + n_bytes + padding) // BLOCK + 1)  # of the rotations, which would come next
-        stream.seek(0)
-        stream.write(head)
-        for first in range(0, n_frames, _FRAMES_AT_ONCE):
+    names = check_point_names(path, take.names)
+    if take.n_frames == 0:
+        raise WriteError(f"{path}: a C3D file needs at least one frame")
+    with replacing(path) as temporary, temporary.open("wb") as content:
+        stream = C3dStream(content, names, take.rate, unit)
+        for first in range(0, take.n_frames, _FRAMES_AT_ONCE):
             chosen = slice(first, first + _FRAMES_AT_ONCE)
-            stream.write(_words(positions[chosen], None if source is None else source[chosen]).tobytes())
-        stream.write(bytes(padding))
-        stream.truncate()
+            positions = take.positions[chosen] * per_mm(unit)
+            stream.append(point_words(positions, None if source is None else source[chosen]))
+        stream.settle()
 
 
-def _words(positions: Floats, source: Ints | None) -> NDArray[np.float32]:
-    """Return x, y, z and the fourth word of points, shape (n_frames, n_points, 4)."""
-    words = np.zeros((*positions.shape[:2], _WORDS), dtype="<f4")
+def check_point_names(path: Path, names: Sequence[str]) -> list[str]:
+    """Return names that a C3D file can hold, stripped.
+
+    Raises
+    ------
+    WriteError
+        If there are too many, or one is too long or twice there; the error begins with `path`.
+    """
+    stripped = check_writable_names(path, names, "", str.strip)
+    too_long = [name for name in stripped if len(name.encode()) > _LONGEST_NAME]
+    if too_long or len(names) > _MOST_POINTS:
+        what = f"the name {too_long[0]!r} is too long" if too_long else f"{len(names)} markers are too many"
+        raise WriteError(f"{path}: {what} for C3D; csm or trc can hold it")
+    return stripped
+
+
+def point_words(positions: Floats, source: Ints | None = None) -> Words:
+    """Return x, y, z and the fourth word of points as they stand in a file, shape (n_frames, n_points, 4).
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_points, 3)
+        In the file's unit; NaN where unseen.
+    source : ndarray of intp, shape (n_frames, n_points), optional
+        A `Source` of each.
+    """
+    unseen = np.isnan(positions).any(axis=-1)
+    words = np.zeros((*positions.shape[:2], WORDS_PER_POINT), dtype="<f4")
     words[..., :3] = positions
+    words[unseen, :3] = 0.0
     if source is not None:
-        unseen = source == Source.NONE
-        words[unseen, :3] = 0.0
-        words[..., 3] = np.where(source == Source.MEASURED, _MEASURED, np.where(unseen, _UNSEEN, 0.0))
+        words[..., 3] = np.where(source == Source.MEASURED, MEASURED_WORD, COMPUTED_WORD)
+    words[unseen, 3] = UNSEEN_WORD
     return words
 
 
-def _set(head: bytearray, name: bytes, value: int) -> None:
-    """Write the value of the last parameter of a name."""
-    place = head.rindex(name + _NUMBER) + len(name) + len(_NUMBER)
-    struct.pack_into("<H", head, place, value % _COUNTS)
+class C3dStream:
+    """Header and parameters of a C3D file, and its frames as they come.
+
+    Parameters
+    ----------
+    content : binary stream
+        Open for writing, at its beginning; the caller closes it.
+    names : sequence of str
+        Of the points, from `check_point_names`.
+    rate : float, Hz
+        Frame rate.
+    unit : str
+        Of the lengths.
+
+    Attributes
+    ----------
+    n_frames : int
+        Frames appended so far.
+    """
+
+    def __init__(self, content: BinaryIO, names: Sequence[str], rate: float, unit: str) -> None:
+        self._content, self.n_frames = content, 0
+        records = _Records(names, rate, unit)
+        n_blocks = -(-len(records.chain) // BLOCK)
+        records.put("POINT:DATA_START", struct.pack("<H", 2 + n_blocks))
+        header = (2, MAGIC, len(names), 0, 1, 0, _MAX_GAP, -1.0, 2 + n_blocks, 0, rate)
+        records.chain[:4] = bytes([1, MAGIC, min(n_blocks, _MOST_BLOCKS), _INTEL])
+        content.write(struct.pack("<BBHHHHHfHHf", *header).ljust(BLOCK, b"\0"))
+        content.write(records.chain.ljust(n_blocks * BLOCK, b"\0"))
+        self._place_of = {name: BLOCK + place for name, place in records.place_of.items()}
+        self._end = BLOCK * (1 + n_blocks)
+
+    def append(self, words: Words) -> None:
+        """Append frames, shape (n_frames, n_points, 4): from `point_words`."""
+        self._content.write(words.tobytes())
+        self._end += words.nbytes
+        self.n_frames += len(words)
+
+    def settle(self, rate: float | None = None) -> None:
+        """State how many frames there are, and fill the last block; more frames may follow.
+
+        Parameters
+        ----------
+        rate : float, Hz, optional
+            A better frame rate than that of the beginning.
+        """
+        stated = struct.pack("<H", min(self.n_frames, MOST_HEADER_FRAMES))
+        self._put(_LAST_FRAME_AT, stated)
+        self._put(self._place_of["POINT:FRAMES"], stated)
+        self._put(self._place_of["POINT:LONG_FRAMES"], struct.pack("<f", self.n_frames))
+        high, low = divmod(self.n_frames, MOST_HEADER_FRAMES + 1)
+        self._put(self._place_of["TRIAL:ACTUAL_END_FIELD"], struct.pack("<HH", low, high))
+        if rate is not None:
+            for place in (_RATE_AT, self._place_of["POINT:RATE"]):
+                self._put(place, struct.pack("<f", rate))
+        self._put(self._end, bytes(-self._end % BLOCK))
+        self._content.seek(self._end)
+        self._content.flush()
+
+    def _put(self, place: int, content: bytes) -> None:
+        self._content.seek(place)
+        self._content.write(content)
+
+
+class _Records:
+    """The chain of groups and parameters behind four bytes of its own, with the place of each parameter's values."""
+
+    def __init__(self, names: Sequence[str], rate: float, unit: str) -> None:
+        self.chain, self.place_of = bytearray(4), dict[str, int]()
+        self._group, self._number = "", 0
+        self._add_group("POINT")
+        self._add("USED", _INTS, struct.pack("<H", len(names)))
+        self._add("SCALE", _FLOATS, struct.pack("<f", -1.0))
+        self._add("RATE", _FLOATS, struct.pack("<f", rate))
+        self._add("DATA_START", _INTS, bytes(2))
+        self._add("FRAMES", _INTS, bytes(2))
+        self._add("LONG_FRAMES", _FLOATS, bytes(4))
+        self._add("UNITS", _TEXT, unit.encode(), len(unit.encode()))
+        for number, first in enumerate(range(0, len(names), _MOST_TEXTS), start=1):
+            self._add_texts(names[first : first + _MOST_TEXTS], "" if number == 1 else str(number))
+        self._add_group("ANALOG")
+        self._add("USED", _INTS, bytes(2))
+        for empty in ("LABELS", "DESCRIPTIONS", "UNITS"):
+            self._add(empty, _TEXT, b"", 0, 0)
+        self._add("GEN_SCALE", _FLOATS, struct.pack("<f", 1.0))
+        self._add("SCALE", _FLOATS, b"", 0)
+        self._add("OFFSET", _INTS, b"", 0)
+        self._add("RATE", _FLOATS, bytes(4))
+        self._add_group("FORCE_PLATFORM")
+        self._add("USED", _INTS, bytes(2))
+        self._add_group("TRIAL")
+        self._add("ACTUAL_START_FIELD", _INTS, struct.pack("<HH", 1, 0), 2)
+        self._add("ACTUAL_END_FIELD", _INTS, bytes(4), 2)
+        self.chain += bytes(4)  # an empty record ends the chain
+
+    def put(self, name: str, values: bytes) -> None:
+        """Replace the values of a parameter, such as ``POINT:DATA_START``."""
+        place = self.place_of[name]
+        self.chain[place : place + len(values)] = values
+
+    def _add_texts(self, names: Sequence[str], number: str) -> None:
+        coded = [name.encode() for name in names]
+        width = max(map(len, coded))
+        self._add(f"LABELS{number}", _TEXT, b"".join(name.ljust(width) for name in coded), width, len(coded))
+        self._add(f"DESCRIPTIONS{number}", _TEXT, b"", 0, len(coded))
+
+    def _add_group(self, name: str) -> None:
+        self._group, self._number = name, self._number + 1
+        self._record(name, -self._number, b"")
+
+    def _add(self, name: str, kind: int, values: bytes, *dimensions: int) -> None:
+        head = struct.pack("<bB", kind, len(dimensions)) + bytes(dimensions)
+        self.place_of[f"{self._group}:{name}"] = len(self.chain) + 2 + len(name) + 2 + len(head)
+        self._record(name, self._number, head + values)
+
+    def _record(self, name: str, number: int, content: bytes) -> None:
+        rest = content + b"\0"  # no description
+        self.chain += struct.pack("<bb", len(name), number) + name.encode() + struct.pack("<H", 2 + len(rest)) + rest

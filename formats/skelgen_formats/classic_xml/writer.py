@@ -19,11 +19,12 @@ import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.files import replacing
-from skelgen.model import Project, Skeleton, Take
+from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import bone_transforms, xyzw_from_matrix
 from skelgen_formats.classic_xml.contents import JointStats, MarkerDistance
+from skelgen_formats.options import Writable
 from skelgen_formats.parts import finished_project
 
 ROOT = "MotionCapture"
@@ -45,7 +46,7 @@ _TOLD_EVERY = 1000  # texts, of which some thousands are written per second
 _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 x 40 x 3 of them are about 2 MB
 
 
-def write_classic_xml(value: Project | Take, path: Path, monitor: Monitor = SILENT) -> list[Path]:
+def write_classic_xml(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write a finished project; the file is described in `skelgen_formats.classic_xml`.
 
     Raises

@@ -28,7 +28,7 @@ from skelgen.errors import SkelgenError
 
 translate = QCoreApplication.translate
 
-_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba", "ezc3d")
+_PACKAGES = ("numpy", "scipy", "scikit-learn", "numba")
 
 
 def sentence_of(error: BaseException) -> str:
