@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 from skelgen_formats.articulated import links_of, plain_names, posed, remarks_on_joints
+from skelgen_formats.options import Options
 
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import Joint
@@ -40,8 +41,8 @@ def test_rings_and_gimbal_positions_are_said(jointed_project):
         _skeleton=dataclasses.replace(project.skeleton, loops=(ring,)),
         _motion=dataclasses.replace(project.motion, world_from_limb=poses),
     )
-    assert remarks_on_joints(project, {}, by_three_angles=True) == ()
-    rings, gimbal = remarks_on_joints(changed, {}, by_three_angles=True)
+    assert remarks_on_joints(project, Options(), by_three_angles=True) == ()
+    rings, gimbal = remarks_on_joints(changed, Options(), by_three_angles=True)
     assert "rings are left out" in rings
     assert "limb3-limb8" in gimbal
-    assert remarks_on_joints(changed, {}, by_three_angles=False) == (rings,)
+    assert remarks_on_joints(changed, Options(), by_three_angles=False) == (rings,)
