@@ -82,7 +82,7 @@ def corrected_labels(
     """Apply the corrections of labels to what the stage has found."""
     if not any(correction.kind in EDITS for correction in project.corrections):
         return trajectories, labelling
-    from skelgen.stages.labels.user_labels.corrections import edited, judged_again  # noqa: PLC0415 - loads scipy
+    from skelgen.stages.labels import edited, judged_again  # noqa: PLC0415 - loads scipy
 
     edits = edited(trajectories, project.corrections)
     for sentence in (*_said(project, "labels"), *edits.notices):
@@ -144,7 +144,7 @@ def known_kinds(project: Project, monitor: Monitor) -> dict[int, str]:
 
 def _labels_edited(project: Project, correction: Correction) -> Project:
     """The labels with one more correction; a new name changes nothing else."""
-    from skelgen.stages.labels.user_labels.corrections import edited, judged_again  # noqa: PLC0415 - loads scipy
+    from skelgen.stages.labels import edited, judged_again  # noqa: PLC0415 - loads scipy
 
     edits = edited(project.trajectories, (correction,))
     if correction.kind == "rename":

@@ -116,9 +116,9 @@ def _found_labels(
 ) -> tuple[Trajectories, Labelling | None]:
     take = project.take
     if isinstance(take, PointCloud):
-        from skelgen.stages.labels import label_and_judge  # noqa: PLC0415 - see the module's docstring
+        from skelgen.stages.labels import label_with_quality  # noqa: PLC0415 - see the module's docstring
 
-        return label_and_judge(
+        return label_with_quality(
             take,
             parameters,
             n_markers=wishes.n_markers or number_of(project, "n_markers"),
@@ -134,16 +134,9 @@ def _found_labels(
             "its axes), named body:o, body:x, body:-x and so on"
         )
         return trajectories_from_poses(take), None
-    from skelgen.stages.labels import labelling_of_markers  # noqa: PLC0415 - see the module's docstring
-    from skelgen.stages.repair import repair_take  # noqa: PLC0415
+    from skelgen.stages.labels import check_labels  # noqa: PLC0415 - see the module's docstring
 
-    repair = repair_take(take, parameters, monitor=monitor)
-    repaired = repair.trajectories
-    if project.identities is not None:
-        from skelgen.stages.labels.user_labels.constraints import obey_in_labelled  # noqa: PLC0415
-
-        repaired = obey_in_labelled(take, repaired, project.identities, parameters, monitor)
-    return repaired, labelling_of_markers(repaired, take, repair.findings)
+    return check_labels(take, parameters, identities=project.identities, monitor=monitor)
 
 
 def _attach_labels(

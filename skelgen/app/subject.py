@@ -17,8 +17,7 @@ from skelgen.model import Labelling, Limbs, PointCloud, Poses, Project, StageRep
 from skelgen.model.arrays import Floats
 from skelgen.model.skeleton import Skeleton
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels import labelling_of_markers
-from skelgen.stages.labels.confidence.label_quality import Origin, history_of, labelling_of_cloud
+from skelgen.stages.labels import PointLabels, history_of, labelling_of_cloud, labelling_of_markers
 from skelgen.stages.skeleton import SkeletonParameters
 from skelgen.stages.subject import KnownFit, Seat, fit_known, known_motion, pose_known, reseated
 
@@ -114,8 +113,8 @@ def _account(project: Project, fit: KnownFit) -> Labelling:
     take = project.take
     if isinstance(take, PointCloud):
         tracked = fit.labels.points
-        origin = Origin(tracked.cloud, tracked.tracks, fit.labels.marker_of_point)
-        return labelling_of_cloud(fit.trajectories, history_of(origin, fit.trajectories.n_markers))
+        points = PointLabels(tracked.cloud, tracked.tracks, fit.labels.marker_of_point)
+        return labelling_of_cloud(fit.trajectories, history_of(points, fit.trajectories.n_markers))
     return labelling_of_markers(fit.trajectories, fit.trajectories)
 
 

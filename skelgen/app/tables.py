@@ -86,8 +86,8 @@ def _labelling_facts(project: Project) -> Row:
         facts |= {"left_out": int(labelling.left_out.sum()), "left_out_share": left_out_share(project)}
     if labelling.tracklets is not None:
         facts |= {"tracklets": labelling.tracklets.n_tracklets}
-    if labelling.seed_method is not None:
-        facts |= {"seed_markers": labelling.seed_method.n_markers, "seed_agreement": labelling.seed_method.share}
+    if labelling.classic is not None:
+        facts |= {"seed_markers": labelling.classic.n_markers, "seed_agreement": labelling.classic.share}
     return facts
 
 

@@ -253,7 +253,7 @@ def _show_labelling(screen: Screen, facts: Mapping[str, Any]) -> None:
         parts.append(f"{facts['left_out']} points left out ({100 * facts['left_out_share']:.2g} %)")
     if "seed_markers" in facts:
         agreement = 100 * facts["seed_agreement"]
-        parts.append(f"the seed's method finds {facts['seed_markers']} and agrees in {agreement:.1f} % of the points")
+        parts.append(f"the classic method finds {facts['seed_markers']} and agrees in {agreement:.1f} % of the points")
     screen.say(f"labels: {'; '.join(parts)}")
     for sentence in facts["advice"]:
         screen.say(f"  try: {sentence}")

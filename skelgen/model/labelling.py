@@ -189,8 +189,8 @@ class Labelling:
         Points of each frame that belong to no marker.
     tracklets : Tracklets or None
         As points were followed; None for takes that came with labels.
-    seed_method : Agreement or None
-        What the seed's own method gave, where another one was used; None for takes that came with labels.
+    classic : Agreement or None
+        What the thesis' method gave, where it was asked for beside another one (`labels.compare`).
     findings : tuple of Finding
         Errors of labels that came with the take, in the order of their first frames.
     """
@@ -200,7 +200,7 @@ class Labelling:
     twins: tuple[tuple[int, int], ...]
     left_out: Ints
     tracklets: Tracklets | None = None
-    seed_method: Agreement | None = None
+    classic: Agreement | None = None
     findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +18,7 @@ from skelgen.parameters import StageParameters, declare
 class _Labels(StageParameters):
     stage: ClassVar[str] = "labels"
     config_section: ClassVar[str] = "TemporalCorrespondence"
-    min_range: int = declare(3, "Shortest Marker Set.", unit="frames", low=1, high=100, config_name="MINRANGE")
+    min_range: int = declare(3, "Shortest tracklet.", unit="frames", low=1, high=100, config_name="MINRANGE")
 
 
 @dataclass(frozen=True)
@@ -49,19 +49,19 @@ def _label_markers(cloud, parameters, *, n_markers=None, identities=None, seed=0
     return Trajectories(positions, [f"m{i}" for i in range(n_markers)], cloud.rate, cloud.name)
 
 
-def _label_and_judge(cloud, parameters, **wishes):
+def _label_with_quality(cloud, parameters, **wishes):
     markers = _label_markers(cloud, parameters, **wishes)
-    return markers, _labelling_of_markers(markers, markers)
+    return markers, _labelling(markers)
 
 
-def _labelling_of_markers(trajectories, file, findings=()):
+def _labelling(trajectories):
     confidence = np.where(trajectories.seen, 0.75, np.nan)
     return Labelling(confidence, (), (), np.zeros(trajectories.n_frames, dtype=int))
 
 
-def _repair_take(take, parameters, *, monitor=None):
+def _check_labels(take, parameters, *, identities=None, monitor=None):
     monitor.notice("the markers are labelled already: no exchanged labels are found")
-    return SimpleNamespace(trajectories=take, findings=())
+    return take, _labelling(take)
 
 
 def _find_limbs(trajectories, parameters, *, n_limbs=None, seed=0, monitor=None):
@@ -98,10 +98,9 @@ def stand_ins(monkeypatch):
     parts = {
         "labels": {
             "LabelParameters": _Labels,
-            "label_and_judge": _label_and_judge,
-            "labelling_of_markers": _labelling_of_markers,
+            "label_with_quality": _label_with_quality,
+            "check_labels": _check_labels,
         },
-        "repair": {"repair_take": _repair_take},
         "limbs": {"LimbParameters": _Limbs, "find_limbs": _find_limbs},
         "joints": {"JointParameters": _Joints, "find_joints": _find_joints},
         "skeleton": {"SkeletonParameters": _Skeleton, "fit_skeleton": _fit_skeleton},

@@ -87,10 +87,10 @@ def test_sentence_at_the_top_tells_of_doubts():
 
 
 def test_other_method_is_compared():
-    labels = report_content(build(seed_method=Agreement("sets", 9, 1000, 0.875)))["labels"]
-    assert labels["seed_method"][0][:2] == ("rigidity", "6 markers")
-    assert labels["seed_method"][1][1:3] == ("9 markers", "1000")
-    assert "87.5" in labels["seed_method"][1][3]
+    labels = report_content(build(classic=Agreement("sets", 9, 1000, 0.875)))["labels"]
+    assert labels["classic"][0][:2] == ("rigidity", "6 markers")
+    assert labels["classic"][1][1:3] == ("9 markers", "1000")
+    assert "87.5" in labels["classic"][1][3]
 
 
 def test_long_takes_with_many_tracks_stay_small():

@@ -20,7 +20,7 @@ from skelgen.errors import SkelgenError
 from skelgen.model import PointCloud
 from skelgen.progress import SilentMonitor
 from skelgen.simulation import simulate
-from skelgen.stages.labels import LabelParameters, label_and_judge, label_markers
+from skelgen.stages.labels import LabelParameters, label_markers, label_with_quality
 
 RATE = 200.0  # Hz
 N_MARKERS = 40
@@ -79,7 +79,7 @@ def labelled(n_frames: int, method: str, judged: bool) -> dict:
     with threadpool_limits(limits=1):
         try:
             if judged:
-                markers = label_and_judge(cloud, parameters, monitor=phases)[0].n_markers
+                markers = label_with_quality(cloud, parameters, monitor=phases)[0].n_markers
             else:
                 markers = label_markers(cloud, parameters, monitor=phases).n_markers
         except SkelgenError as error:

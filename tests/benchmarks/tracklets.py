@@ -88,18 +88,18 @@ def _row(name: str, takes: list[tuple[PointCloud, np.ndarray]]) -> tuple[str, ..
 
 def _figures(cloud: PointCloud, marker: np.ndarray) -> tuple[float, ...]:
     started = time.process_time()
-    owner, _ = follow_points(cloud, LabelParameters())
+    track_of_point, _ = follow_points(cloud, LabelParameters())
     speed = cloud.n_frames / (time.process_time() - started)
-    tracked = owner >= 0
-    counts = np.zeros((int(owner.max()) + 1, int(marker.max()) + 2), dtype=np.intp)
-    np.add.at(counts, (owner[tracked], marker[tracked]), 1)  # points of no marker fall into the last column
+    tracked = track_of_point >= 0
+    counts = np.zeros((int(track_of_point.max()) + 1, int(marker.max()) + 2), dtype=np.intp)
+    np.add.at(counts, (track_of_point[tracked], marker[tracked]), 1)  # points of no marker fall into the last column
     of_markers, sizes = counts[:, :-1], counts.sum(axis=1)
     own = of_markers.max(axis=1)
     other, none = of_markers.sum(axis=1) - own, np.where(own > 0, counts[:, -1], 0)
     is_long, real = sizes >= cloud.rate / 2, (marker >= 0).sum()
     n_tracks, n_mixed, n_long = (sizes > 0).sum(), (other > 0).sum(), is_long.sum()
     return (
-        len(owner),
+        len(track_of_point),
         other.sum() / real,
         none.sum() / real,
         n_mixed,

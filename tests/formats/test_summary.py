@@ -100,7 +100,7 @@ def test_doubts_about_labels_are_told_by_name(small_project):
     confidence = np.where(trajectories.seen, 0.5, np.nan)
     doubt = Doubt(1, 2, 4, "rival", 0, 0.25, "because")
     left_out = np.arange(trajectories.n_frames)
-    labelling = Labelling(confidence, (doubt,), (), left_out, seed_method=Agreement("sets", 7, 90, 0.75))
+    labelling = Labelling(confidence, (doubt,), (), left_out, classic=Agreement("sets", 7, 90, 0.75))
     project = Project(small_project.take).with_trajectories(trajectories, StageReport(), labelling)
     told = json.loads(json.dumps(summary(project), allow_nan=False))["labels"]
     assert told["confidence"] == dict.fromkeys(trajectories.names, 0.5)

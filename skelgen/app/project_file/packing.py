@@ -35,6 +35,9 @@ _TAKES = (PointCloud, Trajectories, Poses, Identities, Identity, Correction, Pla
 _RESULTS = (Labelling, Tracklets, Doubt, Finding, Agreement, Limbs, Topology, Skeleton, Joint, Motion)
 _VALUES: dict[str, type] = {cls.__name__: cls for cls in (*_TAKES, *_RESULTS)}
 
+_FIELDS_ON_DISK = {("Labelling", "classic"): "seed_method"}
+"""Fields that files call otherwise, as the first version did: by type and field."""
+
 _ODD_NUMBERS = ("nan", "inf", "-inf")
 
 
@@ -59,9 +62,10 @@ def packed(value: Any, member: str, arrays: dict[str, NDArray[Any]]) -> Any:
     if isinstance(value, tuple | list):
         return [packed(item, f"{member}/{index}", arrays) for index, item in enumerate(value)]
     if dataclasses.is_dataclass(value):
-        names = [field.name for field in dataclasses.fields(value)]
-        fields = {name: packed(getattr(value, name), f"{member}/{name}", arrays) for name in names}
-        return {"type": _type_name(value), "fields": fields}
+        kind = _type_name(value)
+        names = {field.name: _FIELDS_ON_DISK.get((kind, field.name), field.name) for field in dataclasses.fields(value)}
+        fields = {names[name]: packed(getattr(value, name), f"{member}/{names[name]}", arrays) for name in names}
+        return {"type": kind, "fields": fields}
     if isinstance(value, float) and not math.isfinite(value):
         return {"number": str(value)}
     return value
@@ -108,6 +112,9 @@ def _value(type_name: Any, fields: dict[str, Any]) -> Any:
     if type_name not in _VALUES:
         raise ValueError(f"there is no value of type {type_name!r}")
     cls = _VALUES[type_name]
+    for (kind, name), on_disk in _FIELDS_ON_DISK.items():
+        if kind == type_name and on_disk in fields:
+            fields = {name if key == on_disk else key: value for key, value in fields.items()}
     declared = dataclasses.fields(cls)
     needed = {field.name for field in declared if field.default is dataclasses.MISSING}
     known = {field.name for field in declared}

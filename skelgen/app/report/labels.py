@@ -32,7 +32,7 @@ def labels_content(project: Project) -> dict[str, Any]:
         "confidence": confidence_figure(project),
         "tracks": tracks_figure(project, tracklets) if tracklets is not None and tracklets.n_parts else "",
         "owners": owners_figure(project, tracklets) if tracklets is not None and tracklets.n_parts else "",
-        "seed_method": _comparison(project, labelling),
+        "classic": _comparison(project, labelling),
     }
 
 
@@ -85,12 +85,17 @@ def _span(first: str, last: str) -> str:
 
 def _comparison(project: Project, labelling: Labelling) -> list[tuple[str, str, str, str]]:
     """Rows of method, markers, points with a marker, agreement; empty if there is nothing to compare."""
-    seed = labelling.seed_method
-    if seed is None:
+    classic = labelling.classic
+    if classic is None:
         return []
     own = project.trajectories
     method = str(project.reports["labels"].parameters.get("method", "this run")) if "labels" in project.reports else ""
     return [
         (method, counted(own.n_markers, "marker"), str(int(own.seen.sum())), ""),
-        (f"{seed.method} (the seed's)", counted(seed.n_markers, "marker"), str(seed.n_points), percent(seed.share)),
+        (
+            f"{classic.method} (classic)",
+            counted(classic.n_markers, "marker"),
+            str(classic.n_points),
+            percent(classic.share),
+        ),
     ]

@@ -1,12 +1,12 @@
 """How far apart two Marker Sets are at best, once the poses in which they are seen are aligned.
 
 The distance of sets i and j is the least |m_i,a - A m_j,b| over frames a of i and b of j, where A brings the pose of
-frame b onto that of frame a by the sets that both frames share (Kirk, O'Brien and Forsyth 2005; seed, 3.3). The local
-alignment uses only the shared sets nearest to i, because an arm repeats its pose sooner than a whole body (seed, 5.2).
+frame b onto that of frame a by the sets that both frames share (Kirk, O'Brien and Forsyth 2005; Schönauer 2007, 3.3).
+The local alignment uses only the shared sets nearest to i, as an arm repeats its pose sooner than a whole body (5.2).
 
 The minimum over many frames also finds poses that differ and in which the two sets meet by accident. The misfit of the
 aligned poses, the root mean square distance between the sets that both frames share, is therefore added in squares:
-``sqrt(|m_i,a - A m_j,b|^2 + weight misfit^2)``; weight 0 is the seed's distance.
+``sqrt(|m_i,a - A m_j,b|^2 + weight misfit^2)``; with weight 0 it is the distance of the thesis.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from skelgen.geometry.orientation import rotation_by_svd
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.tracking.tracklets import MarkerSets, poses_at
+from skelgen.stages.labels.tracking.tracklets import TrackletPoints, poses_at
 
 # A rotation needs three points off a line; of the shared points' scatter the second axis must have this share.
 _LEAST_SHARED = 3
@@ -43,7 +43,16 @@ class _Best(NamedTuple):
     frame_b: Ints
 
 
-class _How(NamedTuple):
+class _Pairs(NamedTuple):
+    """Pairs of sets i and j, and the frames a and b in which they are compared, shape (n,) each."""
+
+    i: Ints
+    j: Ints
+    frame_a: Ints
+    frame_b: Ints
+
+
+class _Alignment(NamedTuple):
     """How poses are aligned: by how many points at most, and how much their misfit counts."""
 
     n_neighbours: int
@@ -63,7 +72,7 @@ class _Motions(NamedTuple):
 
 
 def find_distances(
-    points: Floats, sets: MarkerSets, overlaps: Bools, parameters: LabelParameters, monitor: Monitor = SILENT
+    points: Floats, sets: TrackletPoints, overlaps: Bools, parameters: LabelParameters, monitor: Monitor = SILENT
 ) -> Floats:
     """Find the distance between each two Marker Sets.
 
@@ -71,14 +80,14 @@ def find_distances(
     ----------
     points : ndarray, shape (n_points, 3), mm
         The cloud's points.
-    sets : MarkerSets
+    sets : TrackletPoints
         What to compare.
     overlaps : ndarray of bool, shape (n_sets, n_sets)
         Sets that cannot be the same marker, and need not be compared.
     parameters : LabelParameters
         `alignment`, `n_neighbours`, `misfit_weight`, `sampling`.
     monitor : Monitor
-        Hears of the progress and may cancel.
+        Receives progress and may cancel.
 
     Returns
     -------
@@ -90,20 +99,20 @@ def find_distances(
     frame_a, frame_b = (np.zeros((n_sets, n_sets), dtype=np.intp) for _ in range(2))
     best = _Best(np.full((n_sets, n_sets), np.inf), frame_a, frame_b)
     n_neighbours = parameters.n_neighbours if parameters.alignment == "local" else n_sets
-    how = _How(n_neighbours, parameters.misfit_weight)
+    alignment = _Alignment(n_neighbours, parameters.misfit_weight)
     if not overlaps.all():
         frames = _sample_frames(sets, parameters.sampling)
         poses = poses_at(points, sets, frames)
         for a in range(len(frames)):
-            _compare_with_all(poses, frames, a, ~overlaps, how, best)
+            _compare_with_all(poses, frames, a, ~overlaps, alignment, best)
             monitor.advance(a + 1, len(frames))
-        _refine(points, sets, parameters.sampling, how, best)
+        _refine(points, sets, parameters.sampling, alignment, best)
     distance = np.minimum(best.distance, best.distance.T)
     np.fill_diagonal(distance, 0.0)
     return distance
 
 
-def _sample_frames(sets: MarkerSets, sampling: int) -> Ints:
+def _sample_frames(sets: TrackletPoints, sampling: int) -> Ints:
     """Frames at the sampling interval, wider if they became too many, and the middle of each set between them."""
     step = max(sampling, -(-sets.n_frames // _MOST_SAMPLES))
     regular = np.arange(0, sets.n_frames, step)
@@ -112,7 +121,7 @@ def _sample_frames(sets: MarkerSets, sampling: int) -> Ints:
     return np.unique(np.concatenate([regular, middles[~found]]))
 
 
-def _compare_with_all(poses: Floats, frames: Ints, a: int, allowed: Bools, how: _How, best: _Best) -> None:
+def _compare_with_all(poses: Floats, frames: Ints, a: int, allowed: Bools, alignment: _Alignment, best: _Best) -> None:
     """Compare the sets seen in sample a with those seen in any other sample."""
     seen = ~np.isnan(poses[..., 0])
     present = np.flatnonzero(seen[a])
@@ -122,12 +131,12 @@ def _compare_with_all(poses: Floats, frames: Ints, a: int, allowed: Bools, how: 
         some_b, some_i = b[batch], i[batch]
         row, j = np.nonzero(come[some_b] & allowed[some_i])
         source = poses[some_b[:, np.newaxis], present]
-        motions = _align(source, poses[np.newaxis, a, present], poses[a, some_i], how)
+        motions = _align(source, poses[np.newaxis, a, present], poses[a, some_i], alignment)
         distance = _distance(motions.taken(row), poses[some_b[row], j], poses[a, some_i[row]])
-        _improve(best, some_i[row], j, distance, np.full(len(j), frames[a]), frames[some_b[row]])
+        _improve(best, _Pairs(some_i[row], j, np.full(len(j), frames[a]), frames[some_b[row]]), distance)
 
 
-def _refine(points: Floats, sets: MarkerSets, sampling: int, how: _How, best: _Best) -> None:
+def _refine(points: Floats, sets: TrackletPoints, sampling: int, alignment: _Alignment, best: _Best) -> None:
     """Look around the best samples of the nearest sets: first at the frames next to a, then at those next to b."""
     nearest = np.argsort(best.distance, axis=1, kind="stable")[:, :_REFINED_NEIGHBOURS]
     i = np.repeat(np.arange(len(sets)), nearest.shape[1])
@@ -143,32 +152,31 @@ def _refine(points: Floats, sets: MarkerSets, sampling: int, how: _How, best: _B
         in_time = np.argsort(frame_a, kind="stable")
         for batch in _batches(len(in_time), len(sets)):
             some = in_time[batch]
-            chosen = (many_i[some], many_j[some], frame_a[some], frame_b[some])
-            distance = _compare_at(points, sets, *chosen, how)
-            _improve(best, chosen[0], chosen[1], distance, chosen[2], chosen[3])
+            pairs = _Pairs(many_i[some], many_j[some], frame_a[some], frame_b[some])
+            _improve(best, pairs, _compare_at(points, sets, pairs, alignment))
 
 
-def _compare_at(points: Floats, sets: MarkerSets, i: Ints, j: Ints, frame_a: Ints, frame_b: Ints, how: _How) -> Floats:
-    """Distance of set i in frame a to set j in frame b, row by row; NaN where not to be told."""
-    frames, where = np.unique(np.concatenate([frame_a, frame_b]), return_inverse=True)
+def _compare_at(points: Floats, sets: TrackletPoints, pairs: _Pairs, alignment: _Alignment) -> Floats:
+    """Distance of set i in frame a to set j in frame b, pair by pair; NaN where it is unknown."""
+    frames, where = np.unique(np.concatenate([pairs.frame_a, pairs.frame_b]), return_inverse=True)
     poses = poses_at(points, sets, frames)
     a, b = np.split(where.ravel(), 2)
     present = np.flatnonzero(~np.isnan(poses[np.unique(a), :, 0]).all(axis=0))
     source, target = poses[b[:, np.newaxis], present], poses[a[:, np.newaxis], present]
-    return _distance(_align(source, target, poses[a, i], how), poses[b, j], poses[a, i])
+    return _distance(_align(source, target, poses[a, pairs.i], alignment), poses[b, pairs.j], poses[a, pairs.i])
 
 
-def _improve(best: _Best, i: Ints, j: Ints, distance: Floats, frame_a: Ints, frame_b: Ints) -> None:
+def _improve(best: _Best, pairs: _Pairs, distance: Floats) -> None:
     """Keep what is nearer than what was found before; NaN never is."""
-    better = np.flatnonzero(distance < best.distance[i, j])
+    better = np.flatnonzero(distance < best.distance[pairs.i, pairs.j])
     better = better[np.argsort(-distance[better], kind="stable")]  # of doublets the last one stays: the least
-    i, j = i[better], j[better]
+    i, j = pairs.i[better], pairs.j[better]
     best.distance[i, j] = distance[better]
-    best.frame_a[i, j] = frame_a[better]
-    best.frame_b[i, j] = frame_b[better]
+    best.frame_a[i, j] = pairs.frame_a[better]
+    best.frame_b[i, j] = pairs.frame_b[better]
 
 
-def _align(source: Floats, target: Floats, centre: Floats, how: _How) -> _Motions:
+def _align(source: Floats, target: Floats, centre: Floats, alignment: _Alignment) -> _Motions:
     """Find the motions that bring `source` onto `target` by the points next to `centre` that both have.
 
     `source` has shape (n, k, 3), `target` (n or 1, k, 3), with NaN where a set is unseen, and `centre` (n, 3), all in
@@ -176,7 +184,7 @@ def _align(source: Floats, target: Floats, centre: Floats, how: _How) -> _Motion
     """
     away = np.linalg.norm(target - centre[:, np.newaxis], axis=2)
     away[np.isnan(away) | np.isnan(source[..., 0])] = np.inf
-    count = min(how.n_neighbours, away.shape[1])
+    count = min(alignment.n_neighbours, away.shape[1])
     nearest = np.argpartition(away, count - 1, axis=1)[:, :count]
     shared = np.isfinite(np.take_along_axis(away, nearest, axis=1))
     n_shared = shared.sum(axis=1)
@@ -185,7 +193,7 @@ def _align(source: Floats, target: Floats, centre: Floats, how: _How) -> _Motion
     target_centre, target = _centred(np.take_along_axis(target, nearest[..., np.newaxis], axis=1), shared)
     rotation = rotation_by_svd(np.swapaxes(target, 1, 2) @ source)
     left = source @ np.swapaxes(rotation, 1, 2) - target
-    misfit = how.misfit_weight * np.sum(left * left, axis=(1, 2)) / np.maximum(n_shared, 1)
+    misfit = alignment.misfit_weight * np.sum(left * left, axis=(1, 2)) / np.maximum(n_shared, 1)
     shift = target_centre - (rotation @ source_centre[..., np.newaxis])[..., 0]
     shift[(n_shared < _LEAST_SHARED) | _on_a_line(source) | _on_a_line(target)] = np.nan
     return _Motions(rotation, shift, misfit)

@@ -1,55 +1,58 @@
-"""The seed's method: Marker Sets that meet when the poses in which they are seen are aligned are one marker.
+"""The labelling of the thesis: Marker Sets that meet when the poses in which they are seen are aligned are one marker.
 
-Kirk, O'Brien and Forsyth 2005; Schönauer 2007, 3.3 and 4.2. It needs the number of markers, given or as many as are
-seen at once.
+Sets that overlap in time never belong together. Either the nearest two groups are joined again and again, or spectral
+clustering with local scaling (Zelnik-Manor and Perona 2004), the best in the thesis, is followed by an assignment that
+keeps overlapping sets apart.
+
+Kirk, O'Brien and Forsyth 2005; Schönauer 2007, 3.3 and 4.2. The method needs the number of markers; unless it is given,
+it is the number of those seen at once.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
-from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.classic.aligned_distances import find_distances
-from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.tracking.follow import typical_spacing
-from skelgen.stages.labels.tracking.tracklets import MarkerSets, count_markers, least_length, stand_alone_frames
+from skelgen.stages.labels.parameters import LabelTask
+from skelgen.stages.labels.tracking.tracklets import TrackletPoints, count_markers, least_length, stand_alone_frames
 
 MOST_SETS = 3000
 """Bounds time and memory, which grow with the square of the number of sets."""
 
 
-def markers_by_sets(
-    cloud: PointCloud,
-    sets: MarkerSets,
-    rate: float,
-    parameters: LabelParameters,
-    *,
-    n_markers: int | None = None,
-    seed: int = 0,
-    monitor: Monitor = SILENT,
-) -> tuple[Ints, int]:
+Table = TypeVar("Table", Floats, Bools)
+
+ROUNDS = (0.05, 0.2, 0.5, 1.0)
+"""Parts of the limit up to which sets are joined, round by round: what is certain first, because every joined set adds
+shared markers by which the poses of the next round are aligned."""
+
+SCALE_NEIGHBOUR = 2
+"""Local scale of a set: its distance to this neighbour. Zelnik-Manor and Perona take the 7th of hundreds of points; a
+marker has but a few sets."""
+
+LEAST_SCALE = 0.01
+"""Of the limit: keeps the scale of a set that meets its neighbours exactly above 0."""
+
+RESTARTS = 10
+"""Starts of k-means."""
+
+
+def markers_by_sets(task: LabelTask, sets: TrackletPoints, monitor: Monitor = SILENT) -> tuple[Ints, int]:
     """Find the marker of each point by joining Marker Sets over aligned poses.
 
     Parameters
     ----------
-    cloud : PointCloud
-        The take.
-    sets : MarkerSets
+    task : LabelTask
+        The take, and how to compare and group sets. Without a number of markers, the largest number of sets seen at
+        once is taken.
+    sets : TrackletPoints
         Its Marker Sets.
-    rate : float, Hz
-        Frame rate.
-    parameters : LabelParameters
-        How to compare and group sets.
-    n_markers : int or None
-        Number of markers; None takes the largest number of sets seen at once.
-    seed : int
-        Seed of spectral clustering.
     monitor : Monitor
-        Hears of progress and may cancel.
+        Receives progress and may cancel.
 
     Returns
     -------
@@ -58,70 +61,38 @@ def markers_by_sets(
     n_removed : int
         Number of Marker Sets that found no marker.
     """
+    cloud, parameters = task.cloud, task.parameters
     n_too_many = max(0, len(sets) - MOST_SETS)
-    sets = _longest(sets)
-    wanted = n_markers or count_markers(sets, least_length(cloud.n_frames, rate, parameters))
-    limit = parameters.remove_distance or typical_spacing(cloud)
-    group, nearest = group_sets(cloud.points, sets, wanted, limit, parameters, seed, monitor)
+    longest = np.zeros(len(sets), dtype=np.bool_)
+    longest[np.argsort(-sets.lengths, kind="stable")[:MOST_SETS]] = True
+    sets = sets.chosen(longest)
+    wanted = task.n_markers or count_markers(sets, least_length(cloud.n_frames, task.rate, parameters))
+    limit = parameters.remove_distance or task.spacing
+    group, nearest = group_sets(task, sets, wanted, limit, monitor)
     markers = sets.merged(group)
-    trusted = (markers.lengths >= stand_alone_frames(cloud.n_frames, rate, parameters)) | (nearest <= limit)
-    kept = _chosen(markers, trusted, wanted)
-    return markers.chosen(kept).set_of_points(cloud.n_points), n_too_many + int((~kept)[group].sum())
-
-
-def _longest(sets: MarkerSets) -> MarkerSets:
-    """Bound the number of sets by leaving the shortest out."""
-    order = np.argsort(-sets.lengths, kind="stable")
-    keep = np.zeros(len(sets), dtype=np.bool_)
-    keep[order[:MOST_SETS]] = True
-    return sets.chosen(keep)
-
-
-def _chosen(markers: MarkerSets, trusted: Bools, wanted: int) -> Bools:
-    """The `wanted` markers that are seen longest, after all trusted ones."""
-    keep = np.zeros(len(markers), dtype=np.bool_)
-    keep[np.lexsort((-markers.lengths, ~trusted))[:wanted]] = True
-    return keep
-
-
-# Shares of the limit up to which sets are joined, round by round: what is certain first, because every joined set
-# adds shared markers by which the poses of the next round are aligned.
-_ROUNDS = (0.05, 0.2, 0.5, 1.0)
-# Local scale of a set: its distance to this neighbour. Zelnik-Manor and Perona take the 7th of hundreds of points; a
-# marker has but a few sets.
-_SCALE_NEIGHBOUR = 2
-# Keeps the scale of a set that meets its neighbours exactly above 0, as a share of the limit.
-_LEAST_SCALE = 0.01
-_RESTARTS = 10
+    trusted = (markers.lengths >= stand_alone_frames(cloud.n_frames, task.rate, parameters)) | (nearest <= limit)
+    kept = np.zeros(len(markers), dtype=np.bool_)
+    kept[np.lexsort((-markers.lengths, ~trusted))[:wanted]] = True  # those seen longest, after all trusted ones
+    return markers.chosen(kept).tracklet_of_all_points(cloud.n_points), n_too_many + int((~kept)[group].sum())
 
 
 def group_sets(
-    points: Floats,
-    sets: MarkerSets,
-    n_groups: int,
-    limit: float,
-    parameters: LabelParameters,
-    seed: int = 0,
-    monitor: Monitor = SILENT,
+    task: LabelTask, sets: TrackletPoints, n_groups: int, limit: float, monitor: Monitor = SILENT
 ) -> tuple[Ints, Floats]:
     """Group Marker Sets into markers.
 
     Parameters
     ----------
-    points : ndarray, shape (n_points, 3), mm
-        The cloud's points.
-    sets : MarkerSets
-        What to group.
+    task : LabelTask
+        The take, and how to compare and group sets.
+    sets : TrackletPoints
+        Its Marker Sets.
     n_groups : int
         Wanted number of groups.
     limit : float, mm
         Sets farther apart are not joined.
-    parameters : LabelParameters
-        How to compare and how to group.
-    seed : int
-        Seed of spectral clustering.
     monitor : Monitor
-        Hears of the progress and may cancel.
+        Receives progress and may cancel.
 
     Returns
     -------
@@ -130,15 +101,16 @@ def group_sets(
     nearest : ndarray, shape (n_found,), mm
         Distance of each group to the nearest one that it could still be joined with; infinite where there is none.
     """
+    parameters = task.parameters
     group, overlaps = np.arange(len(sets)), sets.overlaps
     spectral = parameters.clustering == "spectral"
     distance, n_compared = np.zeros((0, 0)), -1
-    for share in _ROUNDS[-1:] if spectral else _ROUNDS:
+    for share in ROUNDS[-1:] if spectral else ROUNDS:
         if n_compared != len(sets):
             monitor.begin("comparing Marker Sets")
-            distance, n_compared = find_distances(points, sets, overlaps, parameters, monitor), len(sets)
+            distance, n_compared = find_distances(task.cloud.points, sets, overlaps, parameters, monitor), len(sets)
         if spectral:
-            joined = cut_spectrally(distance, overlaps, n_groups, limit, seed)
+            joined = cut_spectrally(distance, overlaps, n_groups, limit, task.seed)
         else:
             joined = join_nearest(distance, overlaps, n_groups, share * limit, parameters.clustering)
         group = joined[group]
@@ -148,11 +120,12 @@ def group_sets(
     return group, np.where(overlaps, np.inf, distance).min(axis=1, initial=np.inf)
 
 
-def _merged(table: Any, group: Ints, combine: np.ufunc) -> Any:
+def _merged(table: Table, group: Ints, combine: np.ufunc) -> Table:
     """Combine the rows and columns of a symmetric table that belong to the same group."""
     order = np.argsort(group, kind="stable")
     starts = np.searchsorted(group[order], np.arange(group.max(initial=-1) + 1))
-    return combine.reduceat(combine.reduceat(table[np.ix_(order, order)], starts, axis=0), starts, axis=1)
+    merged: Table = combine.reduceat(combine.reduceat(table[np.ix_(order, order)], starts, axis=0), starts, axis=1)
+    return merged
 
 
 def join_nearest(distance: Floats, overlaps: Bools, n_groups: int, limit: float, linkage: str) -> Ints:
@@ -212,10 +185,10 @@ def cut_spectrally(distance: Floats, overlaps: Bools, n_groups: int, limit: floa
     n_sets = len(distance)
     if n_sets <= n_groups:
         return np.arange(n_sets)
-    embedded = _embed(distance, n_groups, _LEAST_SCALE * limit)
+    embedded = _embed(distance, n_groups, LEAST_SCALE * limit)
     from sklearn.cluster import KMeans  # noqa: PLC0415 - takes seconds to import
 
-    centres = KMeans(n_groups, n_init=_RESTARTS, random_state=seed).fit(embedded).cluster_centers_
+    centres = KMeans(n_groups, n_init=RESTARTS, random_state=seed).fit(embedded).cluster_centers_
     away = np.linalg.norm(embedded[:, np.newaxis] - centres, axis=2)
     members: list[list[int]] = [[] for _ in range(n_groups)]
     for item in np.argsort(away.min(axis=1), kind="stable"):
@@ -237,7 +210,7 @@ def cut_spectrally(distance: Floats, overlaps: Bools, n_groups: int, limit: floa
 def _embed(distance: Floats, n_groups: int, least_scale: float) -> Floats:
     """Rows of the leading eigenvectors of the normalised affinity at unit length (Ng, Jordan and Weiss 2002)."""
     others = np.sort(np.where(np.eye(len(distance), dtype=np.bool_), np.inf, distance), axis=1)
-    scale = others[:, min(_SCALE_NEIGHBOUR, len(distance)) - 1]
+    scale = others[:, min(SCALE_NEIGHBOUR, len(distance)) - 1]
     scale = np.maximum(np.where(np.isfinite(scale), scale, others[:, 0]), least_scale)
     scale[~np.isfinite(scale)] = least_scale
     with np.errstate(under="ignore"):

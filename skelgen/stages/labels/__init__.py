@@ -1,21 +1,42 @@
-"""The labels stage: unlabelled points in, labelled markers out."""
+"""Stage 1: unlabelled points become labelled markers, and labels of a take that carries some are checked.
 
-from skelgen.stages.labels.confidence.label_quality import labelling_of_markers
-from skelgen.stages.labels.online import Tracker
-from skelgen.stages.labels.online.pose_filter import Chain
-from skelgen.stages.labels.online.skeleton_labels import ModelLabels
+tracking/      points are followed from frame to frame into tracks, and these into tracklets
+merging/       tracklets are merged into markers by the likelihood of their distances
+model_fit/     a skeleton of these markers says which marker every point is
+confidence/    how sure each identity is, and why
+user_labels/   identities that the user states, and corrections
+online/        labels while points arrive
+"""
+
+from skelgen.stages.labels.confidence.label_quality import (
+    PointLabels,
+    history_of,
+    labelling_of_cloud,
+    labelling_of_markers,
+)
+from skelgen.stages.labels.online.pose_filter import PoseFilter
+from skelgen.stages.labels.online.skeleton_labels import SkeletonLabels
+from skelgen.stages.labels.online.tracker import Tracker
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.stage import label_and_judge, label_markers
-from skelgen.stages.labels.tracking.follow import follow_points, typical_spacing
+from skelgen.stages.labels.stage import check_labels, label_markers, label_with_quality
+from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.labels.tracking.take import typical_spacing
+from skelgen.stages.labels.user_labels.corrections import edited, judged_again
 
 __all__ = [
-    "Chain",
     "LabelParameters",
-    "ModelLabels",
+    "PointLabels",
+    "PoseFilter",
+    "SkeletonLabels",
     "Tracker",
+    "check_labels",
+    "edited",
     "follow_points",
-    "label_and_judge",
+    "history_of",
+    "judged_again",
     "label_markers",
+    "label_with_quality",
+    "labelling_of_cloud",
     "labelling_of_markers",
     "typical_spacing",
 ]

@@ -1,43 +1,111 @@
-"""What is odd about a take, said before anybody trusts its labels."""
+"""Checks of an unlabelled take: what cannot be labelled is refused, and what is odd is noticed."""
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
+from skelgen.errors import InputError
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Floats
+from skelgen.stages.labels.parameters import LabelParameters
 
-LATE = 1.5
-"""Of the usual step: between frames farther apart in time, at least one frame is missing."""
+LARGEST_COORDINATE = 1e9
+"""mm; beyond a thousand kilometres a unit is wrong or a file broken, and squares lose the millimetre."""
+
+MISSING_FRAME = 1.5
+"""Of the usual time step: between frames farther apart in time, at least one frame is missing."""
 
 GUESS_SHARE = 0.5
-"""Of the typical spacing: where points surprise by more from frame to frame, the neighbour is as good a guess."""
+"""Of the typical spacing: where points deviate by more from frame to frame, the neighbour is as good a guess."""
 
 SAMPLED_FRAMES = 2000
-"""Frames in which surprise is measured."""
+"""Frames in which the deviation is measured."""
 
 
-def odd_times(cloud: PointCloud) -> tuple[str, ...]:
-    """Say where time stamps jump or repeat: frames are taken as evenly spaced all the same."""
+def check_cloud(cloud: PointCloud, n_markers: int | None) -> None:
+    """Refuse what cannot be labelled.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    n_markers : int or None
+        Number of markers that the user asks for.
+
+    Raises
+    ------
+    InputError
+        If fewer than one marker is asked for, there are no points, or a coordinate is impossibly large.
+    """
+    if n_markers is not None and n_markers < 1:
+        raise InputError(f"{n_markers} markers were asked for; there must be at least 1")
+    if cloud.n_points == 0:
+        raise InputError(f"{cloud.name or 'the take'} holds no points in its {cloud.n_frames} frames")
+    largest = float(np.abs(cloud.points).max())
+    if largest > LARGEST_COORDINATE:
+        raise InputError(f"a coordinate is {largest:g} mm, more than a thousand kilometres; check the unit of the file")
+
+
+def with_jitter(cloud: PointCloud, parameters: LabelParameters, seed: int) -> PointCloud:
+    """Add the test jitter, if it is asked for.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    parameters : LabelParameters
+        Its `add_random` and `max_jitter`.
+    seed : int
+        Random seed.
+    """
+    if not parameters.add_random:
+        return cloud
+    largest = parameters.max_jitter
+    jitter = np.random.default_rng(seed).uniform(-largest, largest, cloud.points.shape)
+    return dataclasses.replace(cloud, points=cloud.points + jitter)
+
+
+def frame_rate(cloud: PointCloud, parameters: LabelParameters) -> tuple[float, tuple[str, ...]]:
+    """Return the frame rate [Hz], and notices of odd time stamps.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    parameters : LabelParameters
+        Its `time_one_frame` counts where time stamps do not rise.
+    """
+    if cloud.n_frames < 2 or cloud.times[-1] > cloud.times[0]:
+        return cloud.rate, _odd_times(cloud)
+    rate = 1000.0 / parameters.time_one_frame
+    return rate, (f"the time stamps do not rise; {parameters.time_one_frame} ms a frame are assumed",)
+
+
+def _odd_times(cloud: PointCloud) -> tuple[str, ...]:
+    """Notices of time stamps that jump or repeat: frames are taken as evenly spaced all the same."""
     steps = np.diff(cloud.times)
     rising = steps[steps > 0]
     if not len(rising):
         return ()
-    said = []
-    jumps = np.flatnonzero(steps > LATE * np.median(rising))
+    notices = []
+    jumps = np.flatnonzero(steps > MISSING_FRAME * np.median(rising))
     if len(jumps):
         longest = jumps[np.argmax(steps[jumps])]
-        said.append(
+        notices.append(
             f"the time stamps jump at {len(jumps)} of {cloud.n_frames} frames, the most before frame {longest + 1}, by "
             f"{steps[longest]:.3g} s; frames are taken as evenly spaced, and gaps in time as none"
         )
     if len(rising) < len(steps):
-        said.append(f"{len(steps) - len(rising)} time stamps repeat the one before; frames are taken as evenly spaced")
-    return tuple(said)
+        notices.append(
+            f"{len(steps) - len(rising)} time stamps repeat the one before; frames are taken as evenly spaced"
+        )
+    return tuple(notices)
 
 
 def guessed_identities(positions: Floats, spacing: float) -> tuple[str, ...]:
-    """Say so if the markers jump about so far that following them was guessing.
+    """Return a notice if the markers jump about so far that following them was guessing.
 
     Parameters
     ----------
@@ -46,24 +114,35 @@ def guessed_identities(positions: Floats, spacing: float) -> tuple[str, ...]:
     spacing : float, mm
         Typical distance of a point to its nearest neighbour.
     """
-    surprise = usual_surprise(positions[: SAMPLED_FRAMES + 2])
-    if not surprise > GUESS_SHARE * spacing:
+    deviation = median_deviation(positions[: SAMPLED_FRAMES + 2])
+    if not deviation > GUESS_SHARE * spacing:
         return ()
     return (
-        f"the markers move by {surprise:.3g} mm otherwise than the frames before tell, and neighbours are "
+        f"the markers move by {deviation:.3g} mm otherwise than the frames before tell, and neighbours are "
         f"{spacing:.3g} mm apart: their identities are guesses, and perhaps none of the points is a marker",
     )
 
 
-def usual_surprise(positions: Floats) -> float:
-    """Median distance [mm] of markers from where the two frames before put them; NaN if there is none."""
-    surprise = np.linalg.norm(positions[2:] - 2 * positions[1:-1] + positions[:-2], axis=2)
-    known = surprise[~np.isnan(surprise)]
+def median_deviation(positions: Floats) -> float:
+    """Median distance [mm] of markers from where the two frames before put them; NaN if there is none.
+
+    `positions` [mm] has shape (n_frames, n_markers, 3).
+    """
+    deviation = np.linalg.norm(positions[2:] - 2 * positions[1:-1] + positions[:-2], axis=2)
+    known = deviation[~np.isnan(deviation)]
     return float(np.median(known)) if len(known) else float("nan")
 
 
 def too_few_wanted(n_markers: int | None, at_once: int) -> tuple[str, ...]:
-    """Say so if the user asked for fewer markers than are seen at once."""
+    """Return a notice if the user asked for fewer markers than are seen at once.
+
+    Parameters
+    ----------
+    n_markers : int or None
+        Number of markers that the user asks for.
+    at_once : int
+        Number of markers seen at once.
+    """
     if n_markers is None or at_once <= n_markers:
         return ()
     return (

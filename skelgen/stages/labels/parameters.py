@@ -1,11 +1,14 @@
-"""What a user can set about labelling, with the seed's names (tables 4.13-4.16)."""
+"""What a user can set about labelling (names of Schönauer 2007, tables 4.13-4.16), and the task of one run."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import ClassVar
 
+from skelgen.model import PointCloud
 from skelgen.parameters import StageParameters, declare
+from skelgen.stages.labels.user_labels.statements import PointConstraints
+from skelgen.stages.repair import RepairParameters
 
 
 @dataclass(frozen=True)
@@ -17,11 +20,13 @@ class LabelParameters(StageParameters):
     assignment, prediction, smoothing, max_jump, mute, max_gap, link_evidence
         How points are followed from frame to frame.
     min_range, trim_range, remove_distance, stand_alone
-        Which Marker Sets are good enough to be used.
+        Which tracklets are good enough to be used.
     alignment, n_neighbours, misfit_weight, sampling
-        How the distance between two Marker Sets is found.
+        How the classic method finds the distance between two Marker Sets.
     clustering
-        How Marker Sets are grouped into markers.
+        How the classic method groups Marker Sets into markers.
+    method, rounds, compare
+        How tracklets become markers, and whether the classic method is compared.
     repair, swap_evidence, slips, slip_seconds, slip_evidence
         How errors are searched for in takes that are labelled already.
     add_random, max_jitter, time_one_frame
@@ -72,86 +77,93 @@ class LabelParameters(StageParameters):
     )
     min_range: int = declare(
         0,
-        "Marker Sets with fewer frames are removed; 0 = half a second, at most a quarter of the take.",
+        "Tracklets with fewer frames are removed; 0 = half a second, at most a quarter of the take.",
         unit="frames",
         low=0,
         config_name="MINRANGE",
     )
     trim_range: int = declare(
         2,
-        "Frames cut off at both ends of every Marker Set, except where the take itself begins or ends.",
+        "Frames cut off at both ends of every tracklet, except where the take itself begins or ends.",
         unit="frames",
         low=0,
         config_name="TRIMRANGE",
     )
     remove_distance: float = declare(
         0.0,
-        "Marker Sets farther apart than this are never joined, and those that are so far from all others go first "
-        "where there are too many; 0 = the median distance between neighbouring markers.",
+        "Classic method: Marker Sets farther apart than this are never joined, and those that are so far from all "
+        "others go first where there are too many; 0 = the median distance between neighbouring markers.",
         unit="mm",
         low=0.0,
     )
-    stand_alone: float = declare(
-        3.0, "Marker Sets at least this long need no partner to be trusted.", unit="s", low=0.0
-    )
+    stand_alone: float = declare(3.0, "Tracklets at least this long need no partner to be trusted.", unit="s", low=0.0)
     alignment: str = declare(
         "local",
-        "What is aligned before two Marker Sets are compared: all markers, or those next to the compared one.",
+        "Classic method: what is aligned before two Marker Sets are compared: all markers, or those next to the "
+        "compared one.",
         choices=("whole", "local"),
     )
-    n_neighbours: int = declare(5, "Markers that the local alignment rests on.", unit="markers", low=3, high=50)
+    n_neighbours: int = declare(
+        5, "Classic method: markers that the local alignment rests on.", unit="markers", low=3, high=50
+    )
     misfit_weight: float = declare(
         1.0,
-        "How much the misfit of the aligned poses counts in the distance of two Marker Sets; 0 = not, as in the seed.",
+        "Classic method: how much the misfit of the aligned poses counts in the distance of two Marker Sets; 0 = not, "
+        "as in the thesis.",
         low=0.0,
         high=100.0,
     )
     sampling: int = declare(
         10,
-        "Interval of the frames that are picked to compare Marker Sets.",
+        "Classic method: interval of the frames that are picked to compare Marker Sets.",
         unit="frames",
         low=1,
         config_name="SAMPLINGMSTC",
     )
     method: str = declare(
         "rigidity",
-        "sets joins Marker Sets over aligned poses, as the seed does; rigidity joins them by the likelihood of their "
-        "distances, and then all points by the skeleton that this implies.",
+        "rigidity merges tracklets by the likelihood of their distances, and then labels all points by the skeleton "
+        "that this implies; sets, the classic method of the thesis, joins them over aligned poses.",
         choices=("sets", "rigidity"),
         basic=True,
     )
     rounds: int = declare(4, "Most turns of skeleton and identities.", low=1, high=100)
     compare: bool = declare(
-        True, "Whether the report also says what the seed's method would have given; not for takes of many sets."
+        False,
+        "Whether the classic method runs too, and the report compares what it gives; not for takes of many tracklets.",
     )
     clustering: str = declare(
         "average",
-        "How Marker Sets are grouped into markers: spectral clustering with local scaling, or joining the nearest two "
-        "groups by their average or largest distance; sets that overlap in time are never joined.",
+        "Classic method: how Marker Sets are grouped into markers: spectral clustering with local scaling, or joining "
+        "the nearest two groups by their average or largest distance; sets that overlap in time are never joined.",
         choices=("spectral", "average", "complete"),
     )
     repair: bool = declare(
-        True,
+        RepairParameters.repair,
         "Whether takes that are labelled already are searched for exchanged labels and for slips.",
         basic=True,
     )
     swap_evidence: float = declare(
-        5.0,
+        RepairParameters.swap_evidence,
         "An exchange of labels is repaired when distances within limbs speak for it by this much.",
         unit="nats",
         low=0.0,
         high=1000.0,
     )
     slips: bool = declare(
-        True,
+        RepairParameters.slips,
         "Whether labelled takes are searched for markers that slip on their limb; those that surely do are split.",
         basic=True,
     )
     slip_seconds: float = declare(
-        1.0, "A marker has slipped when its new place on the limb lasts this long.", unit="s", low=0.05, high=100.0
+        RepairParameters.slip_seconds,
+        "A marker has slipped when its new place on the limb lasts this long.",
+        unit="s",
+        low=0.05,
+        high=100.0,
     )
     slip_evidence: float = declare(
-        6.0,
+        RepairParameters.slip_evidence,
         "A marker may have slipped where it jumps by this many times its usual step against its neighbours.",
         low=3.0,
         high=1000.0,
@@ -167,3 +179,39 @@ class LabelParameters(StageParameters):
         low=1,
         config_name="TIMEONEFRAME",
     )
+
+    @property
+    def repair_parameters(self) -> RepairParameters:
+        """What the search for errors of given labels needs."""
+        return RepairParameters(self.repair, self.swap_evidence, self.slips, self.slip_seconds, self.slip_evidence)
+
+
+@dataclass(frozen=True, eq=False)
+class LabelTask:
+    """What one run of the stage knows of its take when points have been followed.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        The unlabelled take.
+    rate : float, Hz
+        Frame rate.
+    spacing : float, mm
+        Typical distance of a point to its nearest neighbour.
+    parameters : LabelParameters
+        How to label.
+    n_markers : int or None
+        Number of markers, if the user knows it.
+    constraints : PointConstraints or None
+        What the user states of some points.
+    seed : int
+        Random seed.
+    """
+
+    cloud: PointCloud
+    rate: float
+    spacing: float
+    parameters: LabelParameters
+    n_markers: int | None = None
+    constraints: PointConstraints | None = None
+    seed: int = 0

@@ -1,9 +1,10 @@
-"""Labels of points: one marker for each, looked at block of frames by block, so that long takes need little memory."""
+"""Labels of points: the marker of each. Long takes are handled block of frames by block, to need little memory."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,10 @@ BLOCK_FRAMES = 2000
 """Frames that are labelled at once; bounds the memory."""
 
 LONG_BLOCK_FRAMES = 20_000
-"""Frames that are looked at together, where one number a point is enough."""
+"""Frames that are handled together, where one number a point is enough."""
 
 BLOCK_POINTS = 100_000
-"""Points that are looked at together, where frames do not matter."""
+"""Points that are handled together, where frames do not matter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,15 @@ class Block:
 
 
 def blocks_of(cloud: PointCloud, size: int = BLOCK_FRAMES) -> Iterator[Block]:
-    """Cut a take into blocks of frames."""
+    """Cut a take into blocks of frames.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    size : int
+        Frames of a block.
+    """
     for first in range(0, cloud.n_frames, size):
         starts = cloud.frame_starts[first : first + size + 1]
         frames = np.repeat(np.arange(len(starts) - 1, dtype=np.int32), np.diff(starts))
@@ -52,14 +61,34 @@ def blocks_of(cloud: PointCloud, size: int = BLOCK_FRAMES) -> Iterator[Block]:
 
 
 def renumbered(marker_of_point: Ints, keep: Bools) -> Ints:
-    """Number the markers that are kept without holes; points of others get -1."""
+    """Number the markers that are kept without holes; points of others get -1.
+
+    Parameters
+    ----------
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    keep : ndarray of bool, shape (n_markers,)
+        Whether a marker is kept.
+    """
     place = np.full(len(keep) + 1, -1, dtype=np.int32)
     place[:-1][keep] = np.arange(int(keep.sum()))
     return place[marker_of_point]
 
 
 def marker_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int, block: Block) -> Floats:
-    """Positions of markers in a block [mm], NaN where unseen, shape (n_frames, n_markers, 3)."""
+    """Positions of markers in a block [mm], NaN where unseen, shape (n_frames, n_markers, 3).
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point of the take, -1 for none.
+    n_markers : int
+        Number of markers.
+    block : Block
+        The frames.
+    """
     positions = np.full((block.n_frames, n_markers, 3), np.nan)
     marker = marker_of_point[block.points]
     owned = marker >= 0
@@ -67,8 +96,40 @@ def marker_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int, b
     return positions
 
 
+def sampled_positions(cloud: PointCloud, marker_of_point: Ints, frames: Ints) -> Floats:
+    """Positions of markers in some frames [mm], NaN where unseen, shape (len(frames), n_markers, 3).
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point of the take, -1 for none.
+    frames : ndarray of intp
+        Rising frames.
+    """
+    starts, counts = cloud.frame_starts[frames], cloud.points_per_frame[frames]
+    row = np.repeat(np.arange(len(frames)), counts)
+    point = np.arange(int(counts.sum())) + np.repeat(starts - np.cumsum(counts) + counts, counts)
+    marker = marker_of_point[point]
+    owned = marker >= 0
+    positions = np.full((len(frames), int(marker_of_point.max(initial=-1)) + 1, 3), np.nan)
+    positions[row[owned], marker[owned]] = cloud.points[point[owned]]
+    return positions
+
+
 def seen_together(block: Block, marker: Ints, n_markers: int) -> Floats:
-    """Number of frames of a block in which two markers are seen together, shape (n_markers, n_markers)."""
+    """Number of frames of a block in which two markers are seen together, shape (n_markers, n_markers).
+
+    Parameters
+    ----------
+    block : Block
+        The frames.
+    marker : ndarray of intp, shape (n_points,)
+        Marker of each of the block's points, -1 for none.
+    n_markers : int
+        Number of markers.
+    """
     seen = np.zeros((block.n_frames, n_markers))
     owned = marker >= 0
     seen[block.frames[owned], marker[owned]] = 1.0
@@ -81,7 +142,17 @@ def marker_names(n_markers: int) -> tuple[str, ...]:
 
 
 def all_positions(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Floats:
-    """Positions of markers in all frames [mm], NaN where unseen, shape (n_frames, n_markers, 3); read-only."""
+    """Positions of markers in all frames [mm], NaN where unseen, shape (n_frames, n_markers, 3); read-only.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    n_markers : int
+        Number of markers.
+    """
     positions = np.full((cloud.n_frames, n_markers, 3), np.nan)
     for block in blocks_of(cloud):
         part = slice(block.first, block.first + block.n_frames)
@@ -104,7 +175,15 @@ def in_order_of_appearance(marker_of_point: Ints) -> Ints:
 
 
 def one_point_a_frame(cloud: PointCloud, marker_of_point: Ints) -> Ints:
-    """Let markers that were joined keep the first of two points in a frame."""
+    """Let markers that were merged keep the first of two points in a frame.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none; changed in place, and returned.
+    """
     for block in blocks_of(cloud):
         marker = marker_of_point[block.points]
         owned = np.flatnonzero(marker >= 0)[::-1]
@@ -119,6 +198,11 @@ def counts_together(one: Ints, other: Ints) -> Ints:
     """Number of points with each pair of markers of two labellings, -1 for none, shape (n_one + 1, n_other + 1).
 
     Row and column 0 stand for points of no marker.
+
+    Parameters
+    ----------
+    one, other : ndarray of intp, shape (n_points,)
+        Marker of each point by either labelling, -1 for none.
     """
     n_one, n_other = int(one.max(initial=-1)) + 2, int(other.max(initial=-1)) + 2
     counts = np.zeros(n_one * n_other, dtype=np.intp)
@@ -133,7 +217,10 @@ _MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D
 
 _FRAME_MIXER = np.uint64(0xD6E8FEB86659FD93)
 
-Keys = NDArray[np.uint64]
+Scores = NDArray[np.floating[Any]]
+"""How well markers explain points, shape (n_points, n_markers); float32 does."""
+
+_Keys = NDArray[np.uint64]
 
 
 def find_points(cloud: PointCloud, positions: Floats) -> Ints:
@@ -161,7 +248,7 @@ def find_points(cloud: PointCloud, positions: Floats) -> Ints:
     return marker_of_point
 
 
-def _keys(frames: Ints, points: Floats) -> Keys:
+def _keys(frames: Ints, points: Floats) -> _Keys:
     """One number for each point of each frame; equal numbers mean equal points, but for one case in 2^64."""
     bits = np.ascontiguousarray(points + 0.0).view(np.uint64)  # + 0.0: minus zero is zero
     key = frames.astype(np.uint64) * _FRAME_MIXER
@@ -171,7 +258,7 @@ def _keys(frames: Ints, points: Floats) -> Keys:
     return key
 
 
-def _places(keys: Keys, wanted: Keys) -> Ints:
+def _places(keys: _Keys, wanted: _Keys) -> Ints:
     """Index of each wanted key among all keys, each used once; -1 where it is not there."""
     order, turn = np.argsort(keys, kind="stable"), np.argsort(wanted, kind="stable")
     ordered = wanted[turn]

@@ -1,12 +1,12 @@
-"""From unlabelled points to labelled markers (seed, 3.3 and 4.2).
+"""From unlabelled points to labelled markers (Schönauer 2007, 3.3 and 4.2), and the check of takes that carry labels.
 
-Points are followed from frame to frame into Marker Sets; a marker that was lost and found again has several. They are
-joined by rigidity (`by_rigidity`), or as the seed does (`by_sets`).
+Points are followed from frame to frame into tracks; a marker that was lost and found again has several. Their parts
+that can be trusted, the tracklets, are merged into markers by the likelihood of the distances between them. A skeleton
+is then fitted to these markers and says which marker every point is. The method of the thesis, which merges tracklets
+over aligned poses (`skelgen.stages.classic`), runs only where it is asked for.
 """
 
 from __future__ import annotations
-
-import dataclasses
 
 import numpy as np
 
@@ -15,11 +15,16 @@ from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.model.corrections import Identities
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.confidence.label_quality import Origin, history_of, labelling_of_cloud
-from skelgen.stages.labels.input_checks import guessed_identities, odd_times, too_few_wanted
-from skelgen.stages.labels.merging.windows import MOST_KEPT, join_sets
+from skelgen.stages.labels.confidence.label_quality import (
+    PointLabels,
+    history_of,
+    labelling_of_cloud,
+    labelling_of_markers,
+)
+from skelgen.stages.labels.input_checks import check_cloud, frame_rate, guessed_identities, too_few_wanted, with_jitter
+from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import refine_labels
-from skelgen.stages.labels.parameters import LabelParameters
+from skelgen.stages.labels.parameters import LabelParameters, LabelTask
 from skelgen.stages.labels.point_labels import (
     all_positions,
     counts_together,
@@ -27,21 +32,27 @@ from skelgen.stages.labels.point_labels import (
     marker_names,
     renumbered,
 )
-from skelgen.stages.labels.tracking.follow import follow_points, typical_spacing
+from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.labels.tracking.take import typical_spacing
 from skelgen.stages.labels.tracking.tracklets import (
-    MarkerSets,
+    TrackletPoints,
     count_markers,
-    find_marker_sets,
+    find_tracklets,
     least_length,
     stand_alone_frames,
 )
-from skelgen.stages.labels.user_labels.constraints import obey
-from skelgen.stages.labels.user_labels.statements import Fixed, fix_points
+from skelgen.stages.labels.user_labels.constraints import apply_constraints, constrain_labelled
+from skelgen.stages.labels.user_labels.statements import find_constraints
+from skelgen.stages.repair import repair_take
 
-# Coordinates beyond a thousand kilometres are a wrong unit or a broken file, and their squares lose the millimetre.
-_LARGEST_COORDINATE = 1e9
 MOST_COMPARED = 600
-"""Marker Sets up to which the seed's method is tried beside: its time grows with their square."""
+"""Tracklets up to which the classic method is compared: its time grows with their square."""
+
+FREE_MARKER_SHARE = 0.1
+"""Of all frames in which a marker that no limb carries must be seen."""
+
+FREE_POINTS_SHARE = 0.8
+"""A marker is unknown to the skeleton if the skeleton explains less than the rest of its points."""
 
 
 def label_markers(
@@ -66,9 +77,9 @@ def label_markers(
     identities : Identities or None
         What the user states of some points; the result obeys it.
     seed : int
-        Seed of the test jitter and of spectral clustering.
+        Random seed of the test jitter and of the clusterings.
     monitor : Monitor
-        Hears of progress and notices, and may cancel.
+        Receives progress and notices, and may cancel.
 
     Returns
     -------
@@ -81,10 +92,10 @@ def label_markers(
     InputError
         If there are no points, too many in a frame, impossible coordinates, or no marker that is seen long enough.
     """
-    return _labelled(cloud, parameters, n_markers, identities, seed, monitor)[0]
+    return _labelled(cloud, parameters.replace(compare=False), n_markers, identities, seed, monitor)[0]
 
 
-def label_and_judge(
+def label_with_quality(
     cloud: PointCloud,
     parameters: LabelParameters,
     *,
@@ -93,18 +104,48 @@ def label_and_judge(
     seed: int = 0,
     monitor: Monitor = SILENT,
 ) -> tuple[Trajectories, Labelling]:
-    """Do as `label_markers` does, and tell how sure the identities are and what the seed's method would have given."""
-    trajectories, origin, sets = _labelled(cloud, parameters, n_markers, identities, seed, monitor)
-    if parameters.method != "sets" and parameters.compare and len(sets) <= MOST_COMPARED:
-        from skelgen.stages.classic.marker_sets import markers_by_sets  # noqa: PLC0415 - only where it is asked for
+    """Find the identity of each point, and how sure it is.
 
-        theirs, _ = markers_by_sets(
-            origin.cloud, sets, trajectories.rate, parameters, n_markers=n_markers, seed=seed, monitor=monitor
-        )
-        origin = dataclasses.replace(origin, by_sets=theirs)
-    history = history_of(origin, trajectories.n_markers)
-    del sets, origin  # of long takes they are large
+    Parameters
+    ----------
+    cloud, parameters, n_markers, identities, seed, monitor
+        As in `label_markers`.
+
+    Returns
+    -------
+    trajectories : Trajectories
+        As `label_markers` returns them.
+    labelling : Labelling
+        Confidence, doubtful spans, tracklets and points left out; with ``parameters.compare`` also what the classic
+        method gives.
+    """
+    trajectories, points = _labelled(cloud, parameters, n_markers, identities, seed, monitor)
+    history = history_of(points, trajectories.n_markers)
+    del points  # of long takes they are large
     return trajectories, labelling_of_cloud(trajectories, history)
+
+
+def check_labels(
+    take: Trajectories, parameters: LabelParameters, *, identities: Identities | None = None, monitor: Monitor = SILENT
+) -> tuple[Trajectories, Labelling]:
+    """Look for errors in the labels of a take that carries some, repair them, and say how sure the labels are.
+
+    Parameters
+    ----------
+    take : Trajectories
+        The labelled take.
+    parameters : LabelParameters
+        Which errors are looked for.
+    identities : Identities or None
+        What the user states of some points; the result obeys it.
+    monitor : Monitor
+        Receives notices, and may cancel.
+    """
+    repair = repair_take(take, parameters.repair_parameters, monitor=monitor)
+    repaired = repair.trajectories
+    if identities is not None:
+        repaired = constrain_labelled(take, repaired, identities, parameters, monitor)
+    return repaired, labelling_of_markers(repaired, take, repair.findings)
 
 
 def _labelled(
@@ -114,171 +155,77 @@ def _labelled(
     identities: Identities | None,
     seed: int,
     monitor: Monitor,
-) -> tuple[Trajectories, Origin, MarkerSets]:
-    _check(cloud, n_markers)
-    cloud = _jittered(cloud, parameters, seed)
-    rate, notices = _rate(cloud, parameters)
+) -> tuple[Trajectories, PointLabels]:
+    check_cloud(cloud, n_markers)
+    cloud = with_jitter(cloud, parameters, seed)
+    rate, notices = frame_rate(cloud, parameters)
     monitor.begin("following points")
-    owner, _ = follow_points(cloud, parameters, monitor)
-    fixed = fix_points(cloud, owner, identities) if identities else None
-    owner = fixed.owner if fixed else owner
-    sets = _sets(cloud, owner, rate, parameters)
-    n_removed = 0
+    tracks, _ = follow_points(cloud, parameters, monitor)
+    constraints = find_constraints(cloud, tracks, identities) if identities else None
+    tracks = constraints.track_of_point if constraints else tracks
+    task = LabelTask(cloud, rate, typical_spacing(cloud), parameters, n_markers, constraints, seed)
+    tracklets = _tracklets(task, tracks)
+    n_removed, classic = 0, None
     if parameters.method == "sets":
-        from skelgen.stages.classic.marker_sets import markers_by_sets  # noqa: PLC0415 - only where it is asked for
-
-        found, n_removed = markers_by_sets(
-            cloud, sets, rate, parameters, n_markers=n_markers, seed=seed, monitor=monitor
-        )
+        found, n_removed = _classic_markers(task, tracklets, monitor)
     else:
-        found = markers_by_rigidity(
-            cloud, owner, sets, rate, parameters, n_markers=n_markers, fixed=fixed, seed=seed, monitor=monitor
-        )
+        found = _markers(task, tracks, tracklets, monitor)
+        if parameters.compare and len(tracklets) <= MOST_COMPARED:
+            classic, _ = _classic_markers(task, tracklets, monitor)
     found = in_order_of_appearance(found)
     names = marker_names(int(found.max(initial=-1)) + 1)
-    if identities and fixed is not None:
-        found, names = obey(cloud, found, fixed, n_markers=n_markers)
+    if identities and constraints is not None:
+        found, names = apply_constraints(cloud, found, constraints, n_markers=n_markers)
         notices += (f"{len(identities.entries)} identities stated by hand are obeyed",)
-    at_once = count_markers(sets, least_length(cloud.n_frames, rate, parameters))
+    at_once = count_markers(tracklets, least_length(cloud.n_frames, rate, parameters))
     positions = all_positions(cloud, found, len(names))
     notices += _losses(found, len(names), n_removed, n_markers) + too_few_wanted(n_markers, at_once)
-    notices += guessed_identities(positions, typical_spacing(cloud))
+    notices += guessed_identities(positions, task.spacing)
     for sentence in notices:
         monitor.notice(sentence)
+    stated = constraints.name_of_point >= 0 if constraints else None
     trajectories = Trajectories(positions, names, rate, cloud.name, cloud.notices + notices)
-    return trajectories, Origin(cloud, owner, found, None, fixed.who >= 0 if fixed else None), sets
+    return trajectories, PointLabels(cloud, tracks, found, classic, stated)
 
 
-def _sets(cloud: PointCloud, owner: Ints, rate: float, parameters: LabelParameters) -> MarkerSets:
-    """Marker Sets that are long enough; there must be one."""
-    sets = find_marker_sets(cloud, owner, rate, parameters)
-    if len(sets) == 0:
+def _tracklets(task: LabelTask, tracks: Ints) -> TrackletPoints:
+    """Tracklets that are long enough; there must be one."""
+    tracklets = find_tracklets(task.cloud, tracks, task.rate, task.parameters)
+    if len(tracklets) == 0:
+        least = least_length(task.cloud.n_frames, task.rate, task.parameters)
         raise InputError(
-            f"no point can be followed for {least_length(cloud.n_frames, rate, parameters)} frames, so there is no "
-            "marker; lower min_range, raise max_jump, or check the recording"
+            f"no point can be followed for {least} frames, so there is no marker; lower min_range, raise max_jump, or "
+            "check the recording"
         )
-    return sets
+    return tracklets
 
 
-def _check(cloud: PointCloud, n_markers: int | None) -> None:
-    """Refuse what cannot be labelled."""
-    if n_markers is not None and n_markers < 1:
-        raise InputError(f"{n_markers} markers were asked for; there must be at least 1")
-    if cloud.n_points == 0:
-        raise InputError(f"{cloud.name or 'the take'} holds no points in its {cloud.n_frames} frames")
-    largest = float(np.abs(cloud.points).max())
-    if largest > _LARGEST_COORDINATE:
-        raise InputError(f"a coordinate is {largest:g} mm, more than a thousand kilometres; check the unit of the file")
+def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> tuple[Ints, int]:
+    from skelgen.stages.classic.marker_sets import markers_by_sets  # noqa: PLC0415 - runs only where it is asked for
+
+    return markers_by_sets(task, tracklets, monitor)
 
 
-def _jittered(cloud: PointCloud, parameters: LabelParameters, seed: int) -> PointCloud:
-    """Add the test jitter, if asked for."""
-    if not parameters.add_random:
-        return cloud
-    largest = parameters.max_jitter
-    jitter = np.random.default_rng(seed).uniform(-largest, largest, cloud.points.shape)
-    return dataclasses.replace(cloud, points=cloud.points + jitter)
-
-
-def _rate(cloud: PointCloud, parameters: LabelParameters) -> tuple[float, tuple[str, ...]]:
-    """Frame rate [Hz], and what to say about it."""
-    if cloud.n_frames < 2 or cloud.times[-1] > cloud.times[0]:
-        return cloud.rate, odd_times(cloud)
-    rate = 1000.0 / parameters.time_one_frame
-    return rate, (f"the time stamps do not rise; {parameters.time_one_frame} ms a frame are assumed",)
-
-
-def _losses(found: Ints, n_found: int, n_removed: int, n_markers: int | None) -> tuple[str, ...]:
-    """Say what was left out."""
-    notices = []
-    left_out = int((found < 0).sum())
-    if left_out:
-        sentence = (
-            f"{left_out} of {len(found)} points ({100.0 * left_out / len(found):.1f} %) belong to no marker and are "
-            "left out"
-        )
-        notices.append(
-            f"{sentence}, among them {n_removed} Marker Sets that were long enough" if n_removed else sentence
-        )
-    if n_markers is not None and n_found < n_markers:
-        notices.append(f"{n_markers} markers were asked for, but only {n_found} can be told apart")
-    return tuple(notices)
-
-
-STRANGER_SHARE = 0.1
-"""Of all frames in which a marker that no limb carries must be seen."""
-
-FREE_SHARE = 0.8
-"""Sets of which the skeleton explains less than the rest are markers that it does not know."""
-
-
-def markers_by_rigidity(
-    cloud: PointCloud,
-    owner: Ints,
-    sets: MarkerSets,
-    rate: float,
-    parameters: LabelParameters,
-    *,
-    n_markers: int | None = None,
-    fixed: Fixed | None = None,
-    seed: int = 0,
-    monitor: Monitor = SILENT,
-) -> Ints:
-    """Find the marker of each point.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The take.
-    owner : ndarray of intp, shape (n_points,)
-        Track of each point, -1 for none.
-    sets : MarkerSets
-        What the tracks that are long enough gathered.
-    rate : float, Hz
-        Frame rate.
-    parameters : LabelParameters
-        Their `rounds` and `stand_alone`.
-    n_markers : int or None
-        Number of markers, if the user knows it.
-    fixed : Fixed or None
-        What the user states of some points.
-    seed : int
-        Seed of the stages that build the model.
-    monitor : Monitor
-        Hears of progress and may cancel.
-
-    Returns
-    -------
-    ndarray of intp, shape (n_points,)
-        Marker of each point, -1 for none.
-    """
-    monitor.begin("joining Marker Sets")
-    group = join_sets(cloud.points, sets, rate, typical_spacing(cloud), monitor)
-    by_distances = np.append(group, -1).astype(np.int32)[sets.set_of_points(cloud.n_points)]
+def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: Monitor) -> Ints:
+    """Marker of each point, -1 for none: tracklets are merged by their distances, then a skeleton labels all points."""
+    cloud = task.cloud
+    monitor.begin("merging tracklets")
+    group = merge_tracklets(cloud.points, tracklets, task.rate, task.spacing, monitor)
+    by_distances = np.append(group, -1).astype(np.int32)[tracklets.tracklet_of_all_points(cloud.n_points)]
     by_distances = _most_seen(by_distances, MOST_KEPT * max(1, int(np.median(cloud.points_per_frame))))
-    found = refine_labels(
-        cloud,
-        owner,
-        by_distances,
-        rate,
-        parameters,
-        n_markers=n_markers,
-        fixed=fixed,
-        seed=seed,
-        monitor=monitor,
-    )
-    least = max(stand_alone_frames(cloud.n_frames, rate, parameters), STRANGER_SHARE * cloud.n_frames)
-    found = _with_strangers(found, by_distances, least)
-    return found if n_markers is None else _most_seen(found, n_markers)
+    found = refine_labels(task, tracks, by_distances, monitor)
+    least = max(stand_alone_frames(cloud.n_frames, task.rate, task.parameters), FREE_MARKER_SHARE * cloud.n_frames)
+    found = _with_free_markers(found, by_distances, least)
+    return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 
-def _with_strangers(found: Ints, by_distances: Ints, least: float) -> Ints:
+def _with_free_markers(found: Ints, by_distances: Ints, least: float) -> Ints:
     """Add markers that distances found, were seen for long, and of which the skeleton explains next to nothing."""
     together = counts_together(by_distances, found)[1:]
-    free = together[:, 0]
-    strangers = (free >= least) & (free >= FREE_SHARE * together.sum(axis=1))
+    unexplained = together[:, 0]
+    free = (unexplained >= least) & (unexplained >= FREE_POINTS_SHARE * together.sum(axis=1))
     number = np.full(len(free) + 1, -1, dtype=np.int32)
-    number[:-1][strangers] = found.max(initial=-1) + 1 + np.arange(int(strangers.sum()))
+    number[:-1][free] = found.max(initial=-1) + 1 + np.arange(int(free.sum()))
     return np.where(found < 0, number[by_distances], found)
 
 
@@ -288,3 +235,18 @@ def _most_seen(found: Ints, n_markers: int) -> Ints:
     keep = np.zeros(len(counts), dtype=bool)
     keep[np.argsort(-counts, kind="stable")[:n_markers]] = True
     return renumbered(found, keep & (counts > 0))
+
+
+def _losses(found: Ints, n_found: int, n_removed: int, n_markers: int | None) -> tuple[str, ...]:
+    """Notices of what was left out."""
+    notices = []
+    left_out = int((found < 0).sum())
+    if left_out:
+        sentence = (
+            f"{left_out} of {len(found)} points ({100.0 * left_out / len(found):.1f} %) belong to no marker and are "
+            "left out"
+        )
+        notices.append(f"{sentence}, among them {n_removed} tracklets that were long enough" if n_removed else sentence)
+    if n_markers is not None and n_found < n_markers:
+        notices.append(f"{n_markers} markers were asked for, but only {n_found} can be told apart")
+    return tuple(notices)

@@ -1,13 +1,14 @@
-"""Errors of labels: exchanged labels and those on other markers are repaired, slipped markers are split."""
+"""Errors of labels that a take came with: exchanged and moved labels are given back, slipped markers are split."""
 
 from skelgen.stages.repair.moves import Move, find_moves, undo_moves
-from skelgen.stages.repair.repair import Repair, repair_take
+from skelgen.stages.repair.repair import Repair, RepairParameters, repair_take
 from skelgen.stages.repair.slips import Slip, find_slips, split_slipped
 from skelgen.stages.repair.swaps import Swap, find_swaps, indistinguishable_pairs, repair_swaps
 
 __all__ = [
     "Move",
     "Repair",
+    "RepairParameters",
     "Slip",
     "Swap",
     "find_moves",

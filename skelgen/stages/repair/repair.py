@@ -1,4 +1,4 @@
-"""What the labels stage does with takes that are labelled already: errors are looked for, repaired and told."""
+"""The search for errors in labels that a take came with: what is found is repaired, and noticed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from skelgen.model import Trajectories
 from skelgen.model.labelling import Finding
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.repair.limb_distances import robust_limbs
 from skelgen.stages.repair.moves import Move, find_moves, undo_moves
 from skelgen.stages.repair.slips import Slip, find_slips, new_names, split_slipped
@@ -15,6 +14,31 @@ from skelgen.stages.repair.swaps import Swap, find_swaps, indistinguishable_pair
 
 MOST_NAMED = 6
 """Pairs that are named in a notice; the rest is counted."""
+
+
+@dataclass(frozen=True)
+class RepairParameters:
+    """What is looked for.
+
+    Attributes
+    ----------
+    repair : bool
+        Whether anything is looked for.
+    swap_evidence : float, nats
+        By how much distances must speak for an exchange of labels.
+    slips : bool
+        Whether slips are looked for.
+    slip_seconds : float, s
+        How long a marker stays at its new place if it has slipped.
+    slip_evidence : float
+        By how many times its usual step a marker jumps if it has slipped.
+    """
+
+    repair: bool = True
+    swap_evidence: float = 5.0
+    slips: bool = True
+    slip_seconds: float = 1.0
+    slip_evidence: float = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +58,7 @@ class Repair:
 
 
 def repair_take(
-    trajectories: Trajectories, parameters: LabelParameters | None = None, *, monitor: Monitor = SILENT
+    trajectories: Trajectories, parameters: RepairParameters | None = None, *, monitor: Monitor = SILENT
 ) -> Repair:
     """Look for errors in labelled markers and repair them.
 
@@ -42,26 +66,26 @@ def repair_take(
     ----------
     trajectories : Trajectories
         Labelled markers.
-    parameters : LabelParameters, optional
-        With `repair` off nothing is looked for.
+    parameters : RepairParameters, optional
+        What is looked for.
     monitor : Monitor
-        Told of every change.
+        Receives a notice of every change.
 
     Returns
     -------
     Repair
         The take and what was found.
     """
-    parameters = parameters or LabelParameters()
+    parameters = parameters or RepairParameters()
     if not parameters.repair:
         monitor.notice("the markers are labelled already: this stage is skipped")
         return Repair(trajectories)
     limbs = robust_limbs(trajectories)
-    swaps = find_swaps(trajectories, parameters, limbs=limbs, monitor=monitor)
+    swaps = find_swaps(trajectories, parameters.swap_evidence, limbs=limbs, monitor=monitor)
     repaired = repair_swaps(trajectories, swaps)
     moves = find_moves(repaired, limbs=robust_limbs(repaired) if swaps else limbs)
     repaired = undo_moves(repaired, moves)
-    slips = find_slips(repaired, parameters) if parameters.slips else ()
+    slips = find_slips(repaired, parameters.slip_seconds, parameters.slip_evidence) if parameters.slips else ()
     findings = _findings(swaps, moves, slips, repaired)
     repaired = split_slipped(repaired, slips)
     monitor.notice(f"the markers are labelled already: {_outcome(len(swaps), len(moves), slips)}")
@@ -75,7 +99,7 @@ def repair_take(
 def _findings(
     swaps: tuple[Swap, ...], moves: tuple[Move, ...], slips: tuple[Slip, ...], trajectories: Trajectories
 ) -> tuple[Finding, ...]:
-    """Everything that was found; `trajectories` are not split yet."""
+    """Findings of all kinds; `trajectories` are not split yet."""
     found = [swap.finding for swap in swaps] + [move.finding for move in moves]
     names, last = new_names(trajectories.names, slips), trajectories.n_frames - 1
     found += [slip.finding(last, names.get(slip, "")) for slip in slips]

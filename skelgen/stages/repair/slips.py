@@ -2,7 +2,7 @@
 
 A slip is seen three times. The marker itself jumps, against its neighbours, off the straight line of the frames before
 and after; its distances to the markers that it moves rigidly with jump as that step demands; and they still differ so
-between the means over `slip_seconds` before and after. Each must stand out from what it does in the rest of the take,
+between the means over `seconds` before and after. Each must stand out from what it does in the rest of the take,
 so that skin which wobbles, bodies that bend and limbs that are no limbs raise the measure and not an alarm.
 """
 
@@ -21,7 +21,6 @@ from skelgen.geometry.robust import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Finding
-from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.repair.exchange_evidence import N_NEIGHBOURS, neighbours_of
 from skelgen.stages.repair.leaps import COMMON, leaps
 
@@ -50,10 +49,10 @@ GLITCH_FRAMES = 4
 """What is over after so many is an error of the tracker, and no slip."""
 
 LASTING_PARTS = (0.1, 0.25, 0.5, 1.0)
-"""Of `slip_seconds`, over which means before and after are compared."""
+"""Of `seconds`, over which means before and after are compared."""
 
 NAMED_MATES = 3
-"""Mates that the user is told of."""
+"""Mates that are named to the user."""
 
 MEDIAN_LENGTH = 1.538
 """Median length of a vector whose three coordinates are standard normal."""
@@ -86,7 +85,7 @@ class Slip:
     size : float, mm
         Length of the step.
     evidence : float
-        Change of the distances to its mates, in standard deviations of what they vary over `slip_seconds` anyway;
+        Change of the distances to its mates, in standard deviations of what they vary over `seconds` anyway;
         without mates, how many times farther it leaps than elsewhere.
     mates : tuple of str
         Markers whose distances show it; none if only the leap does.
@@ -114,7 +113,7 @@ class Slip:
 
     @property
     def sentence(self) -> str:
-        """What the user is told."""
+        """Notice for the user."""
         verb = "slips" if self.sure else "may slip"
         return f"{self.name} {verb} on its limb at frame {self.frame} by {self.size:.1f} mm: {self.reason}"
 
@@ -129,23 +128,24 @@ class Slip:
 _Found = tuple[float, Slip]
 
 
-def find_slips(trajectories: Trajectories, parameters: LabelParameters | None = None) -> tuple[Slip, ...]:
+def find_slips(trajectories: Trajectories, seconds: float = 1.0, factor: float = 6.0) -> tuple[Slip, ...]:
     """Find sudden, lasting changes of a marker's place on its limb.
 
     Parameters
     ----------
     trajectories : Trajectories
         Labelled markers without exchanged labels.
-    parameters : LabelParameters, optional
-        Their `slip_seconds` and `slip_evidence`.
+    seconds : float, s
+        A marker has slipped if its new place on the limb lasts this long.
+    factor : float
+        It may have slipped where it jumps by this many times its usual step against its neighbours.
 
     Returns
     -------
     tuple of Slip
         In the order of their frames.
     """
-    parameters = parameters or LabelParameters()
-    window = round(parameters.slip_seconds * trajectories.rate)
+    window = round(seconds * trajectories.rate)
     if trajectories.n_markers < 3 or trajectories.n_frames < 2 * window or window < 2:
         return ()
     positions, names = trajectories.positions, trajectories.names
@@ -157,7 +157,7 @@ def find_slips(trajectories: Trajectories, parameters: LabelParameters | None = 
         seen = kernels.relative_steps(steps, marker, beside)
         seen[np.isnan(seen)] = 0.0
         place = _Place(positions, marker, near[marker, 1:], seen, window)
-        found += _slips_of(names, marker, place, seen, parameters.slip_evidence)
+        found += _slips_of(names, marker, place, seen, factor)
         found += _leaps_of(names, marker, seen, partial(_pace, positions, marker, beside), place, window)
     return _one_of_each(found, near, window)
 

@@ -1,8 +1,8 @@
 """Find markers that exchange their labels for some frames, and give the labels back.
 
-An exchange changes distances within limbs, and lets labels jump to each other's places when it begins and ends. Rings
-of two to four labels that do either are weighed frame by frame (`evidence`); the clearest are undone, and what is left
-is weighed again.
+An exchange changes distances within limbs, and lets labels jump to each other's places when it begins and ends. For
+cycles of two to four labels that show either, the evidence of every frame is summed (`exchange_evidence`). The clearest
+exchanges are undone, and the search is repeated on what is left.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import Finding
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.repair.exchange_evidence import (
     Cycle,
     Evidence,
@@ -35,24 +34,25 @@ MOST_ROUNDS = 12
 """Each round undoes all exchanges that do not touch each other; a take needs two or three."""
 
 MOST_CANDIDATES = 400
-"""Rings weighed in a round: bounds the work on takes whose labels mean nothing."""
+"""Cycles examined in a round: bounds the work on takes whose labels mean nothing."""
 
 BAD = 5.0
 """Standard deviations by which a marker's distances are off, in the median, where its label is doubted."""
 
 LEAST_FRAMES = 3
-"""Two labels must be doubted together for so many frames to be weighed."""
+"""Frames in which two labels must be doubted together for their exchange to be examined."""
 
 CLEAR_JUMP = 6.0
-"""Nats: a label that ends four hundred times nearer (squared) to another's place than to its own."""
+"""nats; the squared distance to the other marker's place is four hundred times smaller than that to the own."""
 
 BETTER = 0.8
-"""Of the misfit: what an exchange found by distances alone must at least come down to."""
+"""An exchange that only distances show must bring the misfit below this part of it."""
 
 TOLD_APART = 2.0
-"""Standard deviations by which distances must change if two labels are exchanged, for distances to tell."""
+"""Standard deviations by which some distance must change if two labels are exchanged, or distances cannot tell."""
 
 Span = tuple[float, Cycle, int, int]
+"""Evidence [nats] of an exchange, its labels, first and last frame."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Swap:
     jumps : bool
         Whether the labels were seen jumping to each other's places at the beginning or the end.
     gain : float, nats
-        Evidence, all told.
+        Evidence of all distances and jumps.
     """
 
     markers: tuple[int, ...]
@@ -92,7 +92,7 @@ class Swap:
 
     @property
     def sentence(self) -> str:
-        """What the user is told."""
+        """Notice for the user."""
         return (
             f"labels exchanged in frames {self.first_frame} to {self.last_frame}, repaired: {' -> '.join(self.names)} "
             f"({self.evidence})"
@@ -106,30 +106,29 @@ class Swap:
 
 def find_swaps(
     trajectories: Trajectories,
-    parameters: LabelParameters | None = None,
+    least_evidence: float = 5.0,
     *,
     limbs: Limbs | None = None,
     monitor: Monitor = SILENT,
 ) -> tuple[Swap, ...]:
-    """Find labels that were exchanged in a ring of two to four for some frames.
+    """Find cycles of two to four labels that were exchanged for some frames.
 
     Parameters
     ----------
     trajectories : Trajectories
         Labelled markers; gaps are fine.
-    parameters : LabelParameters, optional
-        Their `swap_evidence` says how clear an exchange must be.
+    least_evidence : float, nats
+        By how much distances must speak for an exchange.
     limbs : Limbs, optional
         Rigid groups; found robustly if left out.
     monitor : Monitor
-        Told of progress; may cancel.
+        Receives progress; may cancel.
 
     Returns
     -------
     tuple of Swap
         In the order in which `repair_swaps` undoes them.
     """
-    parameters = parameters or LabelParameters()
     if trajectories.n_markers < 2 or trajectories.n_frames < 2:
         return ()
     model = rigid_model(trajectories, limbs or robust_limbs(trajectories))
@@ -137,7 +136,7 @@ def find_swaps(
     current = trajectories
     for done in range(MOST_ROUNDS):
         monitor.advance(done, MOST_ROUNDS)
-        swaps = _one_round(current, model, parameters)
+        swaps = _one_round(current, model, least_evidence)
         if not swaps:
             break
         found += swaps
@@ -179,7 +178,7 @@ def indistinguishable_pairs(
     return tuple(pairs)
 
 
-def _one_round(trajectories: Trajectories, model: RigidModel, parameters: LabelParameters) -> list[Swap]:
+def _one_round(trajectories: Trajectories, model: RigidModel, least_evidence: float) -> list[Swap]:
     """The clearest exchanges that do not touch each other."""
     positions, rate = trajectories.positions, trajectories.rate
     neighbours = neighbours_of(positions)
@@ -187,22 +186,20 @@ def _one_round(trajectories: Trajectories, model: RigidModel, parameters: LabelP
     spans: list[Span] = []
     for cycle in list(cycles)[:MOST_CANDIDATES]:
         evidence = weigh(positions, cycle, model, neighbours, rate)
-        spans += _clear_spans(positions, cycle, evidence, model, parameters)
+        spans += _clear_spans(positions, cycle, evidence, model, least_evidence)
     spans.sort(key=lambda span: (-span[0], span[1:]))
     return [_swap(trajectories, span, model, neighbours) for span in _apart(spans, model)]
 
 
 def _clear_spans(
-    positions: Floats, cycle: Cycle, evidence: Evidence, model: RigidModel, parameters: LabelParameters
+    positions: Floats, cycle: Cycle, evidence: Evidence, model: RigidModel, least_evidence: float
 ) -> list[Span]:
     spans = []
     for first, last in best_spans(evidence):
         distances = float(evidence.distances[first : last + 1].sum())
         jumps = _jump_gains(evidence, first, last)
-        by_distance = distances > parameters.swap_evidence and _is_better(positions[first : last + 1], cycle, model)
-        by_jumps = (
-            min(jumps) > CLEAR_JUMP and distances > -parameters.swap_evidence and last - first + 1 < len(positions) / 2
-        )
+        by_distance = distances > least_evidence and _is_better(positions[first : last + 1], cycle, model)
+        by_jumps = min(jumps) > CLEAR_JUMP and distances > -least_evidence and last - first + 1 < len(positions) / 2
         if by_distance or by_jumps:
             spans.append((distances + sum(jumps), cycle, first, last))
     return spans

@@ -19,7 +19,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels import Chain, LabelParameters, ModelLabels, typical_spacing
+from skelgen.stages.labels import LabelParameters, PoseFilter, SkeletonLabels, typical_spacing
 from skelgen.stages.subject.points import Settler, TrackedPoints, settled_tracks, tracked_points
 from skelgen.stages.subject.posing import KnownPoses, pose_known
 
@@ -99,7 +99,7 @@ def label_known(
     """
     monitor.begin("labels by the known skeleton")
     points = tracked_points(take, parameters or LabelParameters(), monitor)
-    gates = GATE * Chain(skeleton).deviation
+    gates = GATE * PoseFilter(skeleton).deviation
     owner, by_name = _proposed(points, skeleton, names, gates, monitor)
     placed, poses = _placed(points, owner, skeleton, gates, monitor)
     explained = _share(points, placed, skeleton)
@@ -160,7 +160,7 @@ def _frame_by_frame(points: TrackedPoints, ways: list[Ints], n_markers: int) -> 
 
 
 def _one_way(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
-    model = ModelLabels(skeleton)
+    model = SkeletonLabels(skeleton)
     starts = points.cloud.frame_starts
     owner = np.full(points.cloud.n_points, -1, dtype=np.intp)
     for count, frame in enumerate(frames):

@@ -9,7 +9,7 @@ from skelgen.model import PointCloud
 from skelgen.stages.classic.aligned_distances import find_distances
 from skelgen.stages.classic.marker_sets import cut_spectrally, join_nearest
 from skelgen.stages.labels import LabelParameters
-from skelgen.stages.labels.tracking.tracklets import count_markers, find_marker_sets
+from skelgen.stages.labels.tracking.tracklets import count_markers, find_tracklets
 
 RATE = 100.0
 # Distances of rigid bodies are 0 up to the rounding of coordinates of some 1000 mm.
@@ -45,9 +45,9 @@ def broken(rigid):
 
 
 def distances_of(positions, **options):
-    cloud, owner = cloud_of(positions)
+    cloud, track_of_point = cloud_of(positions)
     parameters = LabelParameters(**options)
-    sets = find_marker_sets(cloud, owner, RATE, parameters)
+    sets = find_tracklets(cloud, track_of_point, RATE, parameters)
     return find_distances(cloud.points, sets, sets.overlaps, parameters)
 
 
@@ -55,16 +55,16 @@ def test_short_sets_are_removed_and_the_rest_trimmed_inside_the_take(rigid):
     positions = rigid[1].copy()
     positions[100:, 0] = np.nan  # ends inside the take: trimmed there
     positions[49:, 1] = np.nan  # 49 frames where half a second is 50: removed
-    cloud, owner = cloud_of(positions)
-    sets = find_marker_sets(cloud, owner, RATE, LabelParameters(trim_range=7))
+    cloud, track_of_point = cloud_of(positions)
+    sets = find_tracklets(cloud, track_of_point, RATE, LabelParameters(trim_range=7))
     assert sets.lengths.tolist() == [93, 200, 200, 200, 200]
     assert sets.first.tolist() == [0] * 5
     assert sets.last.tolist() == [92, 199, 199, 199, 199]
 
 
 def test_markers_are_counted_where_most_are_seen_at_once(broken):
-    cloud, owner = cloud_of(broken)
-    sets = find_marker_sets(cloud, owner, RATE, LabelParameters())
+    cloud, track_of_point = cloud_of(broken)
+    sets = find_tracklets(cloud, track_of_point, RATE, LabelParameters())
     assert count_markers(sets, 50) == 6
 
 

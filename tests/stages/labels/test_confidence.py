@@ -9,9 +9,9 @@ import pytest
 
 from skelgen.model import PointCloud, Trajectories
 from skelgen.simulation import simulate
-from skelgen.stages.labels import LabelParameters, label_and_judge, labelling_of_markers
+from skelgen.stages.labels import LabelParameters, label_with_quality, labelling_of_markers
 from skelgen.stages.labels.confidence.identity import LABELS_FOUND, LABELS_GIVEN, identity_confidence
-from skelgen.stages.labels.confidence.label_quality import Origin, history_of, labelling_of_cloud, tracklets_of
+from skelgen.stages.labels.confidence.label_quality import PointLabels, history_of, labelling_of_cloud, tracklets_of
 from skelgen.stages.labels.point_labels import find_points
 
 SURE = 0.9  # the threshold of doubt
@@ -90,16 +90,17 @@ def test_repaired_labels_are_listed(human):
 
 def test_unlabelled_take_is_judged_whole():
     case = simulate("human", seed=1, n_frames=300, n_cameras=5, soft_tissue=2.0, ghosts=0.5, labelled=False)
-    markers, labelling = label_and_judge(case.take, LabelParameters())
+    markers, labelling = label_with_quality(case.take, LabelParameters(compare=True))
     assert labelling.confidence.shape == markers.seen.shape
     assert labelling.left_out.sum() == case.take.n_points - markers.seen.sum()
     assert labelling.tracklets.n_points[labelling.tracklets.marker >= 0].sum() <= markers.seen.sum()
-    assert 0.5 < labelling.seed_method.share <= 1.0
+    assert 0.5 < labelling.classic.share <= 1.0
 
 
-def test_method_of_the_seed_is_not_compared_with_itself():
+@pytest.mark.parametrize("options", [{}, {"method": "sets"}, {"method": "sets", "compare": True}])
+def test_the_classic_method_runs_beside_another_one_only_where_it_is_asked_for(options):
     case = simulate("rods", seed=0, n_frames=200, labelled=False)
-    assert label_and_judge(case.take, LabelParameters(method="sets"))[1].seed_method is None
+    assert label_with_quality(case.take, LabelParameters(**options))[1].classic is None
 
 
 def test_points_of_markers_are_found_again():
@@ -137,8 +138,8 @@ def test_markers_that_coincide_and_markers_never_seen_are_judged_without_error()
     positions[:, 3] = np.nan
     markers = Trajectories(positions, tuple("abcd"), 100.0)
     cloud = PointCloud(np.zeros((90, 3)), np.arange(31) * 3, np.arange(30.0))
-    origin = Origin(cloud, np.tile([0, 1, 2], 30), np.tile([0, 1, 2], 30))
-    labelling = labelling_of_cloud(markers, history_of(origin, 4))
+    points = PointLabels(cloud, np.tile([0, 1, 2], 30), np.tile([0, 1, 2], 30))
+    labelling = labelling_of_cloud(markers, history_of(points, 4))
     assert np.isnan(labelling.confidence[:, 3]).all()
     assert labelling.left_out.sum() == 0
 

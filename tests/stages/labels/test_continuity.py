@@ -8,15 +8,16 @@ import pytest
 from skelgen.simulation import simulate
 from skelgen.stages.labels.merging.continuity import continuity_evidence
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.tracking.follow import follow_points, typical_spacing
-from skelgen.stages.labels.tracking.tracklets import find_marker_sets
+from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.labels.tracking.take import typical_spacing
+from skelgen.stages.labels.tracking.tracklets import find_tracklets
 
 
 @pytest.fixture(scope="module")
 def found():
     case = simulate("human", n_frames=800, seed=0, dropouts=0.15, noise=0.5, labelled=False)
-    owner, _ = follow_points(case.take, LabelParameters())
-    sets = find_marker_sets(case.take, owner, 100.0, LabelParameters())
+    track_of_point, _ = follow_points(case.take, LabelParameters())
+    sets = find_tracklets(case.take, track_of_point, 100.0, LabelParameters())
     pairs = continuity_evidence(case.take.points, sets, 100.0, typical_spacing(case.take))
     marker = case.truth.marker_of_point[sets.points[sets.starts[:-1]]]
     return sets, marker, pairs

@@ -15,8 +15,8 @@ from skelgen.model import PointCloud
 from skelgen.progress import SilentMonitor
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters
-from skelgen.stages.labels.tracking.follow import MOST_POINTS_PER_FRAME, follow_points, rules_of, time_steps
-from skelgen.stages.labels.tracking.take import point_weights
+from skelgen.stages.labels.tracking.follow import MOST_POINTS_PER_FRAME, follow_points, rules_of
+from skelgen.stages.labels.tracking.take import point_weights, time_steps
 
 ASSIGNMENTS = ("greedy", "optimal")
 PREDICTIONS = ("none", "constant_velocity", "double_exponential")
@@ -39,11 +39,11 @@ def human():
 
 @pytest.mark.parametrize(("assignment", "prediction"), list(product(ASSIGNMENTS, PREDICTIONS)))
 def test_every_combination_follows_most_points_as_their_markers(human, assignment, prediction):
-    owner, _ = follow_points(human, LabelParameters(assignment=assignment, prediction=prediction))
-    followed = owner >= 0
+    track_of_point, _ = follow_points(human, LabelParameters(assignment=assignment, prediction=prediction))
+    followed = track_of_point >= 0
     assert followed.mean() > 0.8
     for frame, (first, last) in enumerate(pairwise(human.frame_starts)):
-        own = owner[first:last][followed[first:last]]
+        own = track_of_point[first:last][followed[first:last]]
         assert len(own) == len(set(own.tolist())), frame  # no two points of a frame are the same marker
 
 
@@ -53,12 +53,12 @@ def test_points_that_are_given_in_another_order_are_followed_alike(assignment):
     frames = [random.normal(scale=10.0, size=(random.integers(0, 30), 3)) for _ in range(60)]
     orders = [random.permutation(len(frame)) for frame in frames]
     parameters = LabelParameters(assignment=assignment, max_jump=15.0, mute=1)
-    owner, _ = follow_points(cloud_of(frames), parameters)
+    track_of_point, _ = follow_points(cloud_of(frames), parameters)
     mixed, _ = follow_points(cloud_of([frame[order] for frame, order in zip(frames, orders, strict=True)]), parameters)
     starts = np.cumsum([0, *(len(frame) for frame in frames)])
     back = np.concatenate([start + np.argsort(order) for start, order in zip(starts, orders, strict=False)])
-    pairs = np.unique(np.stack([owner, mixed[back.astype(int)]]), axis=1)
-    assert len(pairs.T) == len(np.unique(owner)) == len(np.unique(mixed))  # the same tracks by other numbers
+    pairs = np.unique(np.stack([track_of_point, mixed[back.astype(int)]]), axis=1)
+    assert len(pairs.T) == len(np.unique(track_of_point)) == len(np.unique(mixed))  # the same tracks by other numbers
 
 
 @pytest.mark.parametrize("smoothing", [0.2, 0.5, 0.9])
@@ -67,9 +67,9 @@ def test_prediction_is_laviolas_double_exponential_smoothing(smoothing):
     tracks = Tracks(4)
     rules = rules_of(LabelParameters(smoothing=smoothing), 100.0)
     state = (tracks.motion, tracks.counters, tracks.totals)
-    owner, surprise = np.empty(40, dtype=np.intp), np.empty(40)
+    tracks, surprise = np.empty(40, dtype=np.intp), np.empty(40)
     ones, nothing = np.ones(40), np.empty((0, 5))
-    follow_frames(path, np.arange(41), state, rules, owner, surprise, ones, np.ones(40, dtype=np.intp), nothing)
+    follow_frames(path, np.arange(41), state, rules, tracks, surprise, ones, np.ones(40, dtype=np.intp), nothing)
 
     slope = path[1] - path[0]
     lag = (1 - smoothing) / smoothing * slope
@@ -101,22 +101,22 @@ def test_optimal_assignment_keeps_apart_what_greedy_confuses():
 @pytest.mark.parametrize(("gap", "n_tracks"), [(3, 1), (4, 2)])
 def test_a_track_is_continued_over_max_gap_frames_and_no_longer(gap, n_tracks):
     frames = [np.array([[5.0 * f, 0, 0]]) if f < 10 or f >= 10 + gap else np.empty((0, 3)) for f in range(30)]
-    owner, _ = follow_points(cloud_of(frames), LabelParameters(max_gap=3, max_jump=6.0))
-    assert len(np.unique(owner)) == n_tracks
+    track_of_point, _ = follow_points(cloud_of(frames), LabelParameters(max_gap=3, max_jump=6.0))
+    assert len(np.unique(track_of_point)) == n_tracks
 
 
 def test_a_jumping_marker_is_muted_and_becomes_a_new_track():
     frames = [np.array([[0.1 * f + 500.0 * (f >= 10), 0, 0]]) for f in range(20)]
-    owner, _ = follow_points(cloud_of(frames), LabelParameters(max_jump=20.0, mute=3))
-    assert owner.tolist() == [0] * 10 + [-1] * 3 + [1] * 7
+    track_of_point, _ = follow_points(cloud_of(frames), LabelParameters(max_jump=20.0, mute=3))
+    assert track_of_point.tolist() == [0] * 10 + [-1] * 3 + [1] * 7
 
 
 def test_rotated_takes_are_followed_alike(human):
     turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
     turned = PointCloud(human.points @ turn.T, human.frame_starts, human.times)
-    owner, _ = follow_points(human, LabelParameters(max_jump=40.0))
+    track_of_point, _ = follow_points(human, LabelParameters(max_jump=40.0))
     owner_of_turned, _ = follow_points(turned, LabelParameters(max_jump=40.0))
-    assert np.array_equal(owner, owner_of_turned)
+    assert np.array_equal(track_of_point, owner_of_turned)
 
 
 class Listening(SilentMonitor):
@@ -133,9 +133,9 @@ def test_a_crowded_frame_is_left_out_and_told():
     walk = [np.array([[5.0 * f, 0, 0], [5.0 * f, 100.0, 0]]) for f in range(20)]
     walk[8] = np.random.default_rng(0).normal(scale=100.0, size=(MOST_POINTS_PER_FRAME + 1, 3))
     monitor = Listening()
-    owner, _ = follow_points(cloud_of(walk), LabelParameters(), monitor)
-    assert owner[:16].tolist() == owner[-16:].tolist() == [0, 1] * 8
-    assert (owner[16 : 16 + len(walk[8])] == -1).all()
+    track_of_point, _ = follow_points(cloud_of(walk), LabelParameters(), monitor)
+    assert track_of_point[:16].tolist() == track_of_point[-16:].tolist() == [0, 1] * 8
+    assert (track_of_point[16 : 16 + len(walk[8])] == -1).all()
     assert "frame 8 holds 10001 points" in monitor.sentences[0]
 
 
@@ -151,8 +151,8 @@ def test_thousands_of_points_in_a_frame_do_not_end_tracks():
     for frame in (20, 21, 40):
         walk[frame] = np.concatenate([walk[frame], rng.uniform(-1000, 1000, size=(5000, 3))])
     cloud = cloud_of(walk)
-    owner, _ = follow_points(cloud, LabelParameters())
-    assert owner[-3:].tolist() == owner[:3].tolist() == [0, 1, 2]
+    track_of_point, _ = follow_points(cloud, LabelParameters())
+    assert track_of_point[-3:].tolist() == track_of_point[:3].tolist() == [0, 1, 2]
 
 
 def markers_moving(n_frames, paths):
@@ -166,9 +166,9 @@ def test_doubles_of_a_marker_get_no_track_and_break_none():
     walk = markers_moving(200, [lambda f, y=y: [3.0 * f, y, 5.0 * np.sin(f / 9)] for y in (0.0, 120.0, 260.0)])
     doubled = [np.concatenate([frame, frame[:1] + 0.5]) if f % 3 else frame for f, frame in enumerate(walk)]
     noisy = [frame + 0.1 * rng.normal(size=frame.shape) for frame in doubled]
-    owner, _ = follow_points(cloud_of(noisy), LabelParameters())
-    assert sorted(set(owner.tolist())) == [-1, 0, 1, 2]
-    assert (owner == -1).sum() == sum(len(frame) == 4 for frame in doubled)
+    track_of_point, _ = follow_points(cloud_of(noisy), LabelParameters())
+    assert sorted(set(track_of_point.tolist())) == [-1, 0, 1, 2]
+    assert (track_of_point == -1).sum() == sum(len(frame) == 4 for frame in doubled)
 
 
 def test_two_markers_that_part_after_merging_get_new_tracks():
@@ -184,9 +184,9 @@ def test_two_markers_that_part_after_merging_get_new_tracks():
         frame + 0.3 * rng.normal(size=frame.shape)
         for frame in markers_moving(220, [side(1), side(-1), merged, *others])
     ]
-    owner, _ = follow_points(cloud_of(frames), LabelParameters())
-    before, after = set(owner[:4].tolist()), set(owner[-4:].tolist())
-    assert len(before & after) == 2  # the others; who is who of the merged two nobody can tell
+    track_of_point, _ = follow_points(cloud_of(frames), LabelParameters())
+    before, after = set(track_of_point[:4].tolist()), set(track_of_point[-4:].tolist())
+    assert len(before & after) == 2  # the others; name_of_point is name_of_point of the merged two nobody can tell
 
 
 def test_a_pause_ends_all_tracks_and_a_short_gap_does_not():
@@ -195,8 +195,8 @@ def test_a_pause_ends_all_tracks_and_a_short_gap_does_not():
         kept = [f for f in range(60) if not 20 <= f < 20 + dropped]
         cloud = cloud_of([frames[f] for f in kept])
         cloud = PointCloud(cloud.points, cloud.frame_starts, np.array(kept) / 100.0)
-        owner, _ = follow_points(cloud, LabelParameters(max_jump=8.0, mute=0))
-        assert len(np.unique(owner)) == n_tracks
+        track_of_point, _ = follow_points(cloud, LabelParameters(max_jump=8.0, mute=0))
+        assert len(np.unique(track_of_point)) == n_tracks
 
 
 def test_gaps_count_in_time_and_repeated_stamps_are_told():
@@ -217,11 +217,11 @@ def test_steps_of_a_regular_take_are_one():
 @pytest.mark.parametrize("fault", [{}, {"merged": 60.0}, {"duplicates": 0.5}, {"edge_jumps": 4.0}, {"ghosts": 2.0}])
 def test_tracks_are_pure(fault):
     simulated = simulate("human", labelled=False, n_frames=400, noise=0.5, dropouts=0.1, seed=5, **fault)
-    owner, _ = follow_points(simulated.take, LabelParameters())
+    track_of_point, _ = follow_points(simulated.take, LabelParameters())
     marker = simulated.truth.marker_of_point
-    real = (owner >= 0) & (marker >= 0)
-    counts = np.zeros((owner.max() + 1, marker.max() + 1), dtype=int)
-    np.add.at(counts, (owner[real], marker[real]), 1)
+    real = (track_of_point >= 0) & (marker >= 0)
+    counts = np.zeros((track_of_point.max() + 1, marker.max() + 1), dtype=int)
+    np.add.at(counts, (track_of_point[real], marker[real]), 1)
     assert counts.max(axis=1).sum() >= 0.999 * counts.sum()
     lengths = counts.sum(axis=1)
     assert lengths[lengths >= 50].sum() > 0.85 * (marker >= 0).sum()  # in pieces of half a second, between dropouts

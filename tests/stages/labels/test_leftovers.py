@@ -1,4 +1,4 @@
-"""Tracks without a marker are heard once more, by their distances."""
+"""Tracks without a marker are merged into the markers that they are, by their distances."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
-from skelgen.stages.labels.merging.leftovers import LEAST_POINTS, seen_at_once, with_left_out
-from skelgen.stages.labels.model_fit.refine import joined_again
+from skelgen.stages.labels.merging.leftovers import LEAST_POINTS, merge_again, seen_at_once, with_leftovers
 
 N_FRAMES, RATE, SPACING = 400, 100.0, 80.0
 
@@ -31,27 +30,27 @@ def rng():
 def test_a_track_that_was_left_out_comes_back_to_its_marker(body):
     cloud, truth = body
     late = np.repeat(np.arange(N_FRAMES) >= 300, 6) & (truth == 5)
-    owner = np.where(late, 6, truth)
-    found = joined_again(cloud, owner, np.where(late, -1, truth).astype(np.int32), RATE, SPACING)
+    track_of_point = np.where(late, 6, truth)
+    found = merge_again(cloud, track_of_point, np.where(late, -1, truth).astype(np.int32), RATE, SPACING)
     np.testing.assert_array_equal(found, truth)
 
 
 def test_a_track_beside_a_marker_that_is_seen_meanwhile_stays_without_one(body):
     cloud, truth = body
     known = np.where(truth == 5, -1, truth).astype(np.int32)
-    np.testing.assert_array_equal(joined_again(cloud, truth, known, RATE, SPACING), known)
+    np.testing.assert_array_equal(merge_again(cloud, truth, known, RATE, SPACING), known)
 
 
-def test_only_tracks_that_last_are_heard(body):
-    cloud, truth = body
+def test_only_tracks_that_last_are_merged(body):
+    _, truth = body
     frames = np.repeat(np.arange(N_FRAMES), 6)
     for n_frames, n_markers in ((LEAST_POINTS, 7), (LEAST_POINTS - 1, 6)):
         free = (truth == 5) & (frames < n_frames)
         known = np.where(free, -1, truth).astype(np.int32)
-        assert with_left_out(cloud, np.where(free, 6, truth), known).max() + 1 == n_markers
+        assert with_leftovers(np.where(free, 6, truth), known).max() + 1 == n_markers
 
 
-def test_what_is_seen_at_once_is_told(body):
+def test_markers_that_are_seen_at_once_are_known(body):
     cloud, truth = body
     frames = np.repeat(np.arange(N_FRAMES), 6)
     marker = np.where((truth == 0) & (frames >= 200), -1, truth)

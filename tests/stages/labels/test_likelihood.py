@@ -9,10 +9,11 @@ from skelgen.model import PointCloud
 from skelgen.simulation import simulate
 from skelgen.stages.labels import label_markers
 from skelgen.stages.labels.merging import windows
-from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, join_likely
+from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, merge_likely
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.tracking.follow import follow_points, typical_spacing
-from skelgen.stages.labels.tracking.tracklets import find_marker_sets
+from skelgen.stages.labels.tracking.follow import follow_points
+from skelgen.stages.labels.tracking.take import typical_spacing
+from skelgen.stages.labels.tracking.tracklets import find_tracklets
 
 OCCLUDED = {"n_cameras": 6, "soft_tissue": 2.0, "ghosts": 0.2, "noise": 0.3, "labelled": False}
 
@@ -39,7 +40,7 @@ def halves(rng, places):
 @pytest.mark.parametrize("seed", range(3))
 def test_two_halves_of_a_marker_on_a_rigid_body_are_joined(seed):
     rng = np.random.default_rng(seed)
-    group = join_likely(record_of(halves(rng, rng.normal(size=(6, 3)) * 100)))
+    group = merge_likely(record_of(halves(rng, rng.normal(size=(6, 3)) * 100)))
     np.testing.assert_array_equal(group, [0, 1, 2, 3, 4, 5, 5])
 
 
@@ -49,27 +50,27 @@ def test_two_markers_that_take_turns_are_not_joined(seed):
     places = rng.normal(size=(7, 3)) * 100
     positions = moving_points(rng, 60, places) + rng.normal(size=(60, 7, 3))
     positions[:30, 5] = positions[30:, 6] = np.nan
-    np.testing.assert_array_equal(join_likely(record_of(positions)), np.arange(7))
+    np.testing.assert_array_equal(merge_likely(record_of(positions)), np.arange(7))
 
 
 def test_sets_that_are_seen_together_are_never_joined():
     positions = moving_points(np.random.default_rng(0), 40, np.zeros((5, 3)))
-    assert len(np.unique(join_likely(record_of(positions)))) == 5
+    assert len(np.unique(merge_likely(record_of(positions)))) == 5
 
 
 def test_exact_distances_and_too_few_of_them_are_no_error():
     places = np.eye(3) * 100
     for n_moments in (0, 1, 2, 20):
-        assert len(join_likely(record_of(moving_points(np.random.default_rng(0), n_moments, places)))) == 3
+        assert len(merge_likely(record_of(moving_points(np.random.default_rng(0), n_moments, places)))) == 3
 
 
 def joined(case, sets_per_window, monkeypatch):
     monkeypatch.setattr(windows, "SETS_PER_WINDOW", sets_per_window)
     monkeypatch.setattr(windows, "LEAST_WINDOW", 1.0)
     parameters = LabelParameters()
-    owner, _ = follow_points(case.take, parameters)
-    sets = find_marker_sets(case.take, owner, 100.0, parameters)
-    group = windows.join_sets(case.take.points, sets, 100.0, typical_spacing(case.take))
+    track_of_point, _ = follow_points(case.take, parameters)
+    sets = find_tracklets(case.take, track_of_point, 100.0, parameters)
+    group = windows.merge_tracklets(case.take.points, sets, 100.0, typical_spacing(case.take))
     return sets, group
 
 
@@ -78,7 +79,7 @@ def test_joined_sets_are_pure_and_few_in_one_window_as_in_many(sets_per_window, 
     case = simulate("human", n_frames=1000, seed=0, **OCCLUDED)
     sets, group = joined(case, sets_per_window, monkeypatch)
     table = np.zeros((group.max() + 1, case.truth.marker_of_point.max() + 2))
-    np.add.at(table, (group[sets.set_of_point], case.truth.marker_of_point[sets.points]), 1)
+    np.add.at(table, (group[sets.tracklet_of_point], case.truth.marker_of_point[sets.points]), 1)
     assert table.max(axis=1).sum() >= 0.995 * table.sum()
     assert len(table) <= 60 < len(sets)
 

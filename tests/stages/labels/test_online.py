@@ -15,7 +15,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model import PointCloud, Skeleton
 from skelgen.stages.labels import Tracker
-from skelgen.stages.labels.online.pose_filter import Chain
+from skelgen.stages.labels.online.pose_filter import PoseFilter
 from skelgen.stages.labels.online.pose_search import find_pose
 from skelgen.stages.labels.online.rigid_labels import YOUNG_SECONDS, RigidLabels
 
@@ -239,7 +239,7 @@ def test_memory_stays_flat(rigid_body) -> None:
 def test_pose_of_a_known_skeleton_is_exact_without_noise(simulated, reconstructed) -> None:
     take = simulated("tree:6", seed=1, n_frames=100).take
     project = reconstructed(take)
-    chain = Chain(project.skeleton)
+    chain = PoseFilter(project.skeleton)
     poses = project.motion.world_from_limb
     chain.set_pose(poses[10, :, :3, :3], poses[10, :, :3, 3])
     chain.advance(1)
@@ -251,7 +251,7 @@ def test_pose_is_found_from_one_frame_in_any_order_and_place(simulated, skeleton
     skeleton = skeleton_of("tree:6")
     take = simulated("tree:6", seed=1, n_frames=300, **FAULTS).take
     points = moved_world.points(take.positions[150])
-    chain = Chain(skeleton)
+    chain = PoseFilter(skeleton)
     found = find_pose(chain, points[np.random.default_rng(0).permutation(len(points))], 100.0)
     chain.set_pose(*found)
     off = np.linalg.norm(chain.positions_of(np.arange(take.n_markers)) - points, axis=1)
@@ -260,7 +260,7 @@ def test_pose_is_found_from_one_frame_in_any_order_and_place(simulated, skeleton
 
 def test_two_labels_of_one_marker_are_joined_and_told(rigid_body) -> None:
     labels = RigidLabels(20, 30.0)
-    memory = labels._memory
+    memory = labels._history
     before = labelled_by(labels, rigid_body[:250], np.arange(6))
     lost = int(before[-1, 0])
     memory.n_seen[memory.label >= 0] += round(YOUNG_SECONDS * RATE)

@@ -1,4 +1,4 @@
-"""What the user states of some points is obeyed, and what cannot be meant is refused with what is nearest."""
+"""What the user states of some points is with_constraints, and what cannot be meant is refused with what is nearest."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from skelgen.model import Identities, Identity, PointCloud, Project, Trajectorie
 from skelgen.model.corrections import identities_of
 from skelgen.stages.labels import LabelParameters, label_markers
 from skelgen.stages.labels.point_labels import find_points
-from skelgen.stages.labels.user_labels.statements import ANYBODY, NOBODY, fix_points, most_doubtful_link
+from skelgen.stages.labels.user_labels.statements import ANYBODY, NOBODY, find_constraints, most_doubtful_link
 
 METHODS = ("sets", "rigidity")
 
@@ -44,7 +44,7 @@ def statements(simulated, random, count):
 
 
 def disobeyed(cloud, result, stated):
-    """Statements that a result does not obey."""
+    """Statements that a result does not apply_constraints."""
     marker = find_points(cloud, result.positions)
     names = [*result.names, "nobody"]
     wrong = []
@@ -60,7 +60,7 @@ def test_true_statements_are_obeyed(hidden, method):
     stated = statements(hidden, np.random.default_rng(0), 40)
     result = label_markers(hidden.take, LabelParameters(method=method), identities=stated)
     assert disobeyed(hidden.take, result, stated) == []
-    assert "40 identities stated by hand are obeyed" in result.notices
+    assert "40 identities stated by hand are with_constraints" in result.notices
 
 
 @settings(max_examples=8, deadline=None)
@@ -110,33 +110,33 @@ class TestTracks:
     CLOUD = PointCloud(POINTS, np.arange(31), np.arange(30) / 100)
     ONE_TRACK = np.zeros(30, dtype=np.intp)
 
-    def fixed(self, *entries):
-        return fix_points(self.CLOUD, self.ONE_TRACK, Identities(entries))
+    def constraints(self, *entries):
+        return find_constraints(self.CLOUD, self.ONE_TRACK, Identities(entries))
 
     def test_one_statement_names_the_whole_track(self):
-        assert (self.fixed(Identity("a", 7, point=0)).who == 0).all()
+        assert (self.constraints(Identity("a", 7, point=0)).name_of_point == 0).all()
 
     def test_a_track_with_two_names_is_cut_where_it_jumps(self):
-        fixed = self.fixed(Identity("a", 2, point=0), Identity("b", 25, point=0))
-        np.testing.assert_array_equal(fixed.who, np.arange(30) >= self.JUMP)
-        np.testing.assert_array_equal(fixed.owner, np.arange(30) >= self.JUMP)
+        constraints = self.constraints(Identity("a", 2, point=0), Identity("b", 25, point=0))
+        np.testing.assert_array_equal(constraints.name_of_point, np.arange(30) >= self.JUMP)
+        np.testing.assert_array_equal(constraints.track_of_point, np.arange(30) >= self.JUMP)
 
     def test_a_cut_is_made_between_the_statements_even_if_the_jump_is_elsewhere(self):
-        fixed = self.fixed(Identity("a", 20, point=0), Identity("b", 22, point=0))
-        assert fixed.who[20] == 0
-        assert fixed.who[22] == 1
+        constraints = self.constraints(Identity("a", 20, point=0), Identity("b", 22, point=0))
+        assert constraints.name_of_point[20] == 0
+        assert constraints.name_of_point[22] == 1
 
     def test_a_last_frame_limits_what_is_said(self):
-        fixed = self.fixed(Identity("a", 5, point=0, last_frame=9))
-        np.testing.assert_array_equal(np.flatnonzero(fixed.who == 0), np.arange(5, 10))
-        assert (np.delete(fixed.who, np.arange(5, 10)) == ANYBODY).all()
+        constraints = self.constraints(Identity("a", 5, point=0, last_frame=9))
+        np.testing.assert_array_equal(np.flatnonzero(constraints.name_of_point == 0), np.arange(5, 10))
+        assert (np.delete(constraints.name_of_point, np.arange(5, 10)) == ANYBODY).all()
 
     def test_nobody_is_a_name(self):
-        assert (self.fixed(Identity("nobody", 3, point=0)).who == NOBODY).all()
+        assert (self.constraints(Identity("nobody", 3, point=0)).name_of_point == NOBODY).all()
 
     def test_contradictions_are_refused(self):
         with pytest.raises(InputError, match="is a by another statement"):
-            self.fixed(Identity("a", 3, point=0), Identity("b", 3, point=0))
+            self.constraints(Identity("a", 3, point=0), Identity("b", 3, point=0))
 
     def test_the_worst_step_is_the_jump(self):
         assert most_doubtful_link(self.POINTS, np.arange(30), 0, 29) == self.JUMP - 1

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen._kernels.marker_steps import changes, jumps
-from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.repair import find_slips, repair_take, split_slipped
+from skelgen.stages.repair import RepairParameters, find_slips, repair_take, split_slipped
 from skelgen.stages.repair.leaps import leaps
 
 FRAME, SIZE, TOLERANCE = 320, 15.0, 2.0  # mm: lines of eight frames with 0.5 mm noise
@@ -55,7 +54,7 @@ def test_a_slipped_marker_is_split_and_nothing_is_lost(slipped):
 def test_the_labels_stage_splits_unless_it_is_told_not_to(slipped):
     take = slipped()
     assert f"{NAME}_2" in repair_take(take).trajectories.names
-    assert repair_take(take, LabelParameters(slips=False)).trajectories is take
+    assert repair_take(take, RepairParameters(slips=False)).trajectories is take
 
 
 def test_what_may_be_a_slip_is_told_and_left(slipped):

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import Limbs, Trajectories
-from skelgen.stages.labels import LabelParameters
-from skelgen.stages.repair import find_swaps, indistinguishable_pairs, repair_swaps, repair_take
+from skelgen.stages.repair import RepairParameters, find_swaps, indistinguishable_pairs, repair_swaps, repair_take
 
 FAULTS = {"noise": 0.5, "soft_tissue": 2.0, "dropouts": 0.05}
 
@@ -80,7 +79,7 @@ def test_mirror_images_are_told_to_be_indistinguishable():
 
 def test_nothing_is_looked_for_when_repair_is_off(soft, notices):
     spoiled = relabelled(soft, (0, 20), 100, 149)
-    assert repair_take(spoiled, LabelParameters(repair=False), monitor=notices).trajectories is spoiled
+    assert repair_take(spoiled, RepairParameters(repair=False), monitor=notices).trajectories is spoiled
     assert "skipped" in notices.sentences[0]
 
 
@@ -101,5 +100,5 @@ def test_labels_of_the_suit_that_are_wrong_for_a_fifth_of_the_take_are_found(rec
 @pytest.mark.parametrize("path", ["arm/arm-4-4-4_clean_30fps.c3d", "rods_pendulum/pendulum_01.c3d"])
 def test_clean_recordings_pass_untouched(recording, path):
     take = recording(path)
-    assert repair_take(take, LabelParameters(slips=False)).trajectories is take
+    assert repair_take(take, RepairParameters(slips=False)).trajectories is take
     np.testing.assert_array_equal(repair_take(take).trajectories.positions, take.positions)

@@ -1,4 +1,4 @@
-"""Usual distances between markers: who is steadiest to whom, whose places are alike, which markers look like one."""
+"""Distance statistics: which markers keep their distance best, which are alike in place, and which may be one."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ COMMON_PART = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Usual:
-    """Usual distances between all markers, and who is compared with whom.
+class DistanceStatistics:
+    """Median and spread of all distances between markers, and which markers each one is compared with.
 
     Attributes
     ----------
@@ -70,13 +70,13 @@ class Usual:
     separation: Floats
     reach: float
 
-    def without_pieces(self, original: Ints) -> Usual:
+    def without_pieces(self, original: Ints) -> DistanceStatistics:
         """Return the same without rivals that are pieces of the marker itself; see `look_alikes` for `original`."""
         own = (self.rivals >= 0) & (original[self.rivals] == np.arange(len(original))[:, np.newaxis])
         return replace(self, rivals=np.where(own, -1, self.rivals))
 
 
-def usual_distances(trajectories: Trajectories) -> Usual:
+def distance_statistics(trajectories: Trajectories) -> DistanceStatistics:
     """Take median and spread of all distances, and find mates and rivals of each marker."""
     n_markers = trajectories.n_markers
     frames = _sampled(trajectories)
@@ -101,7 +101,7 @@ def usual_distances(trajectories: Trajectories) -> Usual:
         nearest = np.argsort(apart, kind="stable")[:n_rivals]
         rivals[marker] = np.where(np.isfinite(apart[nearest]), nearest, -1)
         separation[marker] = apart[nearest]
-    return Usual(distance, spread, mates, rivals, separation, max(reach, TINY_SPREAD))
+    return DistanceStatistics(distance, spread, mates, rivals, separation, max(reach, TINY_SPREAD))
 
 
 def _sampled(trajectories: Trajectories) -> Ints:
@@ -144,13 +144,13 @@ def _separations(marker: int, mates: Ints, distance: Floats, spread: Floats) -> 
     return result
 
 
-def look_alikes(usual: Usual, seen: Bools) -> tuple[Ints, tuple[tuple[int, int], ...]]:
+def look_alikes(usual: DistanceStatistics, seen: Bools) -> tuple[Ints, tuple[tuple[int, int], ...]]:
     """Find which marker each one is probably a piece of, and which pairs no distance tells apart.
 
     Parameters
     ----------
-    usual : Usual
-        Usual distances.
+    usual : DistanceStatistics
+        Of the markers.
     seen : ndarray of bool, shape (n_frames, n_markers)
         When each marker is seen.
 
@@ -175,7 +175,7 @@ def look_alikes(usual: Usual, seen: Bools) -> tuple[Ints, tuple[tuple[int, int],
     return original, tuple(sorted(twins))
 
 
-def _is_told_apart(first: int, second: int, usual: Usual) -> bool:
+def _is_told_apart(first: int, second: int, usual: DistanceStatistics) -> bool:
     """Whether the distance to any third marker would change visibly if two were exchanged."""
     change = np.abs(usual.distance[first] - usual.distance[second])
     change /= np.hypot(usual.spread[first], usual.spread[second])

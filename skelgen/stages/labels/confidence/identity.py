@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from skelgen._kernels.identity_evidence import evidence_of, probabilities
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.confidence.distance_statistics import TINY_SPREAD, look_alikes, usual_distances
+from skelgen.stages.labels.confidence.distance_statistics import TINY_SPREAD, distance_statistics, look_alikes
 
 CORRELATED_SECONDS = 0.4
 """Evidence within this time repeats itself, as a pose lasts: together it counts as one frame's."""
@@ -117,7 +117,7 @@ def identity_confidence(
     """
     if breaks is None:
         breaks = jumps(trajectories)
-    usual = usual_distances(trajectories)
+    usual = distance_statistics(trajectories)
     original, twins = look_alikes(usual, trajectories.seen)
     alone: Bools = np.asarray((usual.mates < 0).all(axis=1))
     rare: Bools = (trajectories.seen.mean(axis=0) < RARELY_SEEN) & (original < 0) & ~alone & ~np.isnan(prior.rare)

@@ -18,32 +18,32 @@ SEED_METHOD = "sets"
 
 
 @dataclass(frozen=True, eq=False)
-class Origin:
+class PointLabels:
     """What labelled markers were made of.
 
     Attributes
     ----------
     cloud : PointCloud
         The points as they were labelled.
-    owner : ndarray of intp, shape (n_points,)
+    track_of_point : ndarray of intp, shape (n_points,)
         Track of each point, -1 for none.
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker that each point became, -1 for none.
-    by_sets : ndarray of intp, shape (n_points,), or None
+    classic : ndarray of intp, shape (n_points,), or None
         Marker of each point by the seed's method, -1 for none, where another method came after it.
     stated : ndarray of bool, shape (n_points,), or None
         Points whose marker the user has stated.
     """
 
     cloud: PointCloud
-    owner: Ints
+    track_of_point: Ints
     marker_of_point: Ints
-    by_sets: Ints | None = None
+    classic: Ints | None = None
     stated: Bools | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class History:
+class LabelHistory:
     """What the account needs of how points became markers; small, whatever the number of points.
 
     Attributes
@@ -56,7 +56,7 @@ class History:
         Points of each frame that became no marker.
     tracklets : Tracklets
         Tracks in the parts that went to one marker each.
-    seed_method : Agreement or None
+    classic : Agreement or None
         What the seed's method gave.
     """
 
@@ -64,36 +64,36 @@ class History:
     stated: Bools | None
     left_out: Ints
     tracklets: Tracklets
-    seed_method: Agreement | None
+    classic: Agreement | None
 
 
-def history_of(origin: Origin, n_markers: int) -> History:
+def history_of(points: PointLabels, n_markers: int) -> LabelHistory:
     """Gather what the account needs, so that the points may be forgotten."""
-    changes = np.zeros((origin.cloud.n_frames, n_markers), dtype=np.bool_)
-    stated = None if origin.stated is None else np.zeros_like(changes)
-    left_out = np.zeros(origin.cloud.n_frames, dtype=np.intp)
+    changes = np.zeros((points.cloud.n_frames, n_markers), dtype=np.bool_)
+    stated = None if points.stated is None else np.zeros_like(changes)
+    left_out = np.zeros(points.cloud.n_frames, dtype=np.intp)
     parts = []
-    for block in blocks_of(origin.cloud, LONG_BLOCK_FRAMES):
+    for block in blocks_of(points.cloud, LONG_BLOCK_FRAMES):
         frames = slice(block.first, block.first + block.n_frames)
-        marker = origin.marker_of_point[block.points]
-        owner = origin.owner[block.points]
-        changes[frames] = _track_changes(block, marker, owner, n_markers)
-        if origin.stated is not None and stated is not None:
-            stated[frames] = _stated(block, marker, origin.stated[block.points], n_markers)
+        marker = points.marker_of_point[block.points]
+        track_of_point = points.track_of_point[block.points]
+        changes[frames] = _track_changes(block, marker, track_of_point, n_markers)
+        if points.stated is not None and stated is not None:
+            stated[frames] = _stated(block, marker, points.stated[block.points], n_markers)
         left_out[frames] = np.bincount(block.frames[marker < 0], minlength=block.n_frames)
-        parts.append(_parts(owner, marker, block.frames + block.first))
-    agreement = None if origin.by_sets is None else _agreement(origin.by_sets, origin.marker_of_point, n_markers)
-    return History(changes, stated, left_out, _tracklets_of_parts(parts), agreement)
+        parts.append(_parts(track_of_point, marker, block.frames + block.first))
+    agreement = None if points.classic is None else _agreement(points.classic, points.marker_of_point, n_markers)
+    return LabelHistory(changes, stated, left_out, _tracklets_of_parts(parts), agreement)
 
 
-def labelling_of_cloud(trajectories: Trajectories, history: History) -> Labelling:
+def labelling_of_cloud(trajectories: Trajectories, history: LabelHistory) -> Labelling:
     """Judge markers that were found in an unlabelled take.
 
     Parameters
     ----------
     trajectories : Trajectories
         The markers; each position is that of a point.
-    history : History
+    history : LabelHistory
         How points became markers.
     """
     certainty = identity_confidence(trajectories, history.changes, history.stated, LABELS_FOUND)
@@ -103,7 +103,7 @@ def labelling_of_cloud(trajectories: Trajectories, history: History) -> Labellin
         certainty.twins,
         history.left_out,
         history.tracklets,
-        history.seed_method,
+        history.classic,
     )
 
 
@@ -126,11 +126,11 @@ def labelling_of_markers(trajectories: Trajectories, file: Trajectories, finding
     return Labelling(certainty.confidence, ordered, certainty.twins, nothing, findings=tuple(findings))
 
 
-def _track_changes(block: Block, marker: Ints, owner: Ints, n_markers: int) -> Bools:
+def _track_changes(block: Block, marker: Ints, track_of_point: Ints, n_markers: int) -> Bools:
     """Frames in which a marker's point is of another track than in the frame before, shape (n_frames, n_markers)."""
     track = np.full((block.n_frames, n_markers), -1, dtype=np.intp)
     used = marker >= 0
-    track[block.frames[used], marker[used]] = owner[used]
+    track[block.frames[used], marker[used]] = track_of_point[used]
     seen = np.zeros(track.shape, dtype=np.bool_)
     seen[block.frames[used], marker[used]] = True
     changes = np.zeros(track.shape, dtype=np.bool_)  # nothing is said where two blocks meet
@@ -146,17 +146,17 @@ def _stated(block: Block, marker: Ints, stated: Bools, n_markers: int) -> Bools:
     return result
 
 
-def tracklets_of(cloud: PointCloud, owner: Ints, marker_of_point: Ints) -> Tracklets:
+def tracklets_of(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints) -> Tracklets:
     """Cut tracks into the parts that went to one marker each."""
     frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
-    return _tracklets_of_parts([_parts(owner, marker_of_point, frame_of_point)])
+    return _tracklets_of_parts([_parts(track_of_point, marker_of_point, frame_of_point)])
 
 
-def _parts(owner: Ints, marker_of_point: Ints, frame_of_point: Ints) -> Ints:
+def _parts(track_of_point: Ints, marker_of_point: Ints, frame_of_point: Ints) -> Ints:
     """Track, marker, first and last frame and number of points of each part, shape (5, n_parts)."""
-    order = np.argsort(owner, kind="stable")
-    order = order[owner[order] >= 0]
-    track, marker, frame = owner[order], marker_of_point[order], frame_of_point[order]
+    order = np.argsort(track_of_point, kind="stable")
+    order = order[track_of_point[order] >= 0]
+    track, marker, frame = track_of_point[order], marker_of_point[order], frame_of_point[order]
     starts = np.flatnonzero(_begins(track, marker))
     ends = np.append(starts[1:], len(order)) - 1 if len(starts) else starts
     return np.stack([track[starts], marker[starts], frame[starts], frame[ends], ends - starts + 1])
@@ -181,17 +181,17 @@ def _begins(track: Ints, marker: Ints) -> Bools:
     return new
 
 
-def _agreement(by_sets: Ints, found: Ints, n_markers: int) -> Agreement:
+def _agreement(classic: Ints, found: Ints, n_markers: int) -> Agreement:
     """Compare with what the seed's method gave."""
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
-    n_theirs = int(by_sets.max(initial=-1)) + 1
-    both = (by_sets >= 0) & (found >= 0)
-    counts = np.bincount(by_sets[both] * n_markers + found[both], minlength=n_theirs * n_markers)
+    n_theirs = int(classic.max(initial=-1)) + 1
+    both = (classic >= 0) & (found >= 0)
+    counts = np.bincount(classic[both] * n_markers + found[both], minlength=n_theirs * n_markers)
     counts = counts.reshape(n_theirs, n_markers)
     same = int(counts[linear_sum_assignment(counts, maximize=True)].sum())
-    either = int(((by_sets >= 0) | (found >= 0)).sum())
-    return Agreement(SEED_METHOD, n_theirs, int((by_sets >= 0).sum()), same / max(either, 1))
+    either = int(((classic >= 0) | (found >= 0)).sum())
+    return Agreement(SEED_METHOD, n_theirs, int((classic >= 0).sum()), same / max(either, 1))
 
 
 DOUBTFUL = 0.9

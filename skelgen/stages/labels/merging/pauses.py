@@ -1,8 +1,9 @@
-"""Markers across a pause: what was seen before everything vanished, found again by the shapes of its rigid parts.
+"""Markers merged across a pause in which everything vanished, by the shapes of rigid parts.
 
-Two groups of markers share no witness if none of one was ever seen together with one of the other. A triangle of
-markers that is rigid in both and has the same sides is tried as the same three markers; joined, they are witnesses for
-all others, and the trial that joins most is believed if it explains most of the smaller group.
+Nothing that was seen before the pause was ever seen together with anything after it, so distances cannot compare the
+two sides. A triangle of markers that is rigid on both sides and has the same edges is tried as the same three markers;
+once merged, all others are compared by their distances to these. The trial that merges most is accepted if it explains
+most of the smaller side.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import itertools
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.merging.likelihood import SEEN_ENOUGH, DistanceRecord, join_likely
+from skelgen.stages.labels.merging.likelihood import SEEN_ENOUGH, DistanceRecord, merge_likely
 
 LEAST_MARKERS = 4
 """A smaller group has no marker beyond a triangle to confirm it."""
@@ -22,29 +23,29 @@ TRIED = 24
 """Pairs of triangles that are tried, the most alike first."""
 
 TRIANGLES = 60
-"""Rigid triangles of a group that are compared, the largest first: these tell limbs apart best."""
+"""Rigid triangles of a group that are compared, the largest first: these distinguish limbs best."""
 
 ALIKE = 4.0
-"""Sides are the same if they differ by less than this many deviations of a rigid distance."""
+"""Edges are the same if they differ by less than this many deviations of a rigid distance."""
 
 EXPLAINED = 0.6
 """Part of the smaller group's markers that must be found in the larger one."""
 
 
-def join_everything(record: DistanceRecord) -> Ints:
-    """Join what is likely one marker, also across pauses in which nothing was seen.
+def merge_across_pauses(record: DistanceRecord) -> Ints:
+    """Merge what is likely one marker, also across pauses in which nothing was seen.
 
     Parameters
     ----------
     record : DistanceRecord
-        Distances between sets.
+        Distances between tracklets.
 
     Returns
     -------
     ndarray of intp, shape (n,)
-        The set that each became part of.
+        The tracklet that each became part of.
     """
-    group = join_likely(record)
+    group = merge_likely(record)
     while True:
         sessions = _sessions(record)
         for other in sessions[1:]:
@@ -58,7 +59,7 @@ def join_everything(record: DistanceRecord) -> Ints:
 
 
 def _sessions(record: DistanceRecord) -> list[Ints]:
-    """Sets that are linked by being seen together, the largest group first."""
+    """Tracklets that are linked by being seen together, the largest group first."""
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - heavy
 
     alive = np.flatnonzero(np.diag(record.count) > 0)
@@ -68,15 +69,15 @@ def _sessions(record: DistanceRecord) -> list[Ints]:
 
 
 def _matched(record: DistanceRecord, first: Ints, second: Ints) -> tuple[DistanceRecord, Ints] | None:
-    """Join two sessions by the pair of triangles that explains most; None if none explains enough."""
+    """Merge two sessions by the pair of triangles that explains most; None if none explains enough."""
     best: tuple[int, DistanceRecord, Ints] | None = None
     for pairs in _alike(record, first, second):
         trial = copy.deepcopy(record)
         group = np.arange(len(record.count))
         for one, other in pairs:
-            trial.join(one, other)
+            trial.merge(one, other)
             group[other] = one
-        group = join_likely(trial)[group]
+        group = merge_likely(trial)[group]
         n_found = int(np.isin(group[second], group[first]).sum())
         if best is None or n_found > best[0]:
             best = (n_found, trial, group)
@@ -89,7 +90,7 @@ def _matched(record: DistanceRecord, first: Ints, second: Ints) -> tuple[Distanc
 
 def _alike(record: DistanceRecord, first: Ints, second: Ints) -> list[list[tuple[int, int]]]:
     """Pairs of rigid triangles with the same sides, corner by corner, the most alike first."""
-    tolerance = ALIKE * record.usual.rigid
+    tolerance = ALIKE * record.deviations.rigid
     corners, sides = _triangles(record, first)
     others = _triangles(record, second)[0]
     if not len(corners) or not len(others):
@@ -122,7 +123,7 @@ def _is_rigid(record: DistanceRecord, members: Ints) -> Bools:
     block = np.ix_(members, members)
     count = record.count[block]
     deviation = np.sqrt(record.scatter[block] / np.maximum(count - 1.0, 1.0))
-    return np.asarray((count >= SEEN_ENOUGH) & (deviation < 2.0 * record.usual.rigid) & (record.mean[block] > 0.0))
+    return np.asarray((count >= SEEN_ENOUGH) & (deviation < 2.0 * record.deviations.rigid) & (record.mean[block] > 0.0))
 
 
 def _sides(distance: Floats, corners: Ints) -> Floats:

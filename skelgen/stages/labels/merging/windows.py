@@ -1,7 +1,7 @@
-"""Join Marker Sets to markers window by window, so that the cost grows with the length of a take, not with its square.
+"""Tracklets merged into markers window by window: the cost grows with the length of a take, not with its square.
 
-The window in which most sets are seen at once comes first; from there the take is walked outwards. A window's new sets
-meet the markers found so far, whose record of distances goes on growing.
+The window in which most tracklets are seen at once comes first; from there the windows go outwards. The new tracklets
+of a window are compared with each other and with the markers found so far, whose record of distances keeps growing.
 """
 
 from __future__ import annotations
@@ -11,76 +11,78 @@ import numpy as np
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.merging.continuity import continuity_evidence
-from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, join_likely, sample_frames
-from skelgen.stages.labels.tracking.tracklets import MarkerSets, poses_at
+from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, merge_likely, sample_frames
+from skelgen.stages.labels.tracking.tracklets import TrackletPoints, poses_at
 
-SETS_PER_WINDOW = 600
-"""New sets that are compared with each other and with the markers found so far."""
+TRACKLETS_PER_WINDOW = 600
+"""New tracklets that are compared with each other and with the markers found so far."""
 
 LEAST_WINDOW = 5.0
 """s; a shorter window hardly shows how limbs move."""
 
 MOST_KEPT = 4
-"""Times as many markers as are seen at once are carried to the next window: others are crumbs that nothing joins."""
+"""This many times the number of markers seen at once are kept for the next window; others never merge with any."""
 
 
-def join_sets(points: Floats, sets: MarkerSets, rate: float, spacing: float, monitor: Monitor = SILENT) -> Ints:
-    """Group Marker Sets into markers by the likelihood of their distances.
+def merge_tracklets(
+    points: Floats, tracklets: TrackletPoints, rate: float, spacing: float, monitor: Monitor = SILENT
+) -> Ints:
+    """Group tracklets into markers by the likelihood of their distances.
 
     Parameters
     ----------
     points : ndarray, shape (n_points, 3), mm
         The cloud's points.
-    sets : MarkerSets
+    tracklets : TrackletPoints
         What to group.
     rate : float, Hz
         Frame rate.
     spacing : float, mm
         Typical distance of neighbouring markers.
     monitor : Monitor
-        Hears of progress and may cancel.
+        Receives progress and may cancel.
 
     Returns
     -------
-    ndarray of intp, shape (n_sets,)
-        Group of each set, from 0 without holes; sets of one group never overlap in time.
+    ndarray of intp, shape (n_tracklets,)
+        Group of each tracklet, from 0 without holes; tracklets of one group never overlap in time.
     """
-    joined = _Joined(points, sets, rate, spacing)
-    spans = _windows(sets, rate)
-    for done, span in enumerate(_outwards(spans, sets)):
-        joined.extend(span)
+    groups = _Groups(points, tracklets, rate, spacing)
+    spans = _windows(tracklets, rate)
+    for done, span in enumerate(_outwards(spans, tracklets)):
+        groups.extend(span)
         monitor.advance(done + 1, len(spans))
-    return np.unique(joined.group, return_inverse=True)[1].astype(np.intp)
+    return np.unique(groups.group, return_inverse=True)[1].astype(np.intp)
 
 
-def _windows(sets: MarkerSets, rate: float) -> list[tuple[int, int]]:
+def _windows(tracklets: TrackletPoints, rate: float) -> list[tuple[int, int]]:
     """First frame of each window and the one after its last."""
-    n_windows = max(1, -(-len(sets) // SETS_PER_WINDOW))
-    length = max(-(-sets.n_frames // n_windows), int(LEAST_WINDOW * rate), 1)
-    return [(first, min(first + length, sets.n_frames)) for first in range(0, sets.n_frames, length)]
+    n_windows = max(1, -(-len(tracklets) // TRACKLETS_PER_WINDOW))
+    length = max(-(-tracklets.n_frames // n_windows), int(LEAST_WINDOW * rate), 1)
+    return [(first, min(first + length, tracklets.n_frames)) for first in range(0, tracklets.n_frames, length)]
 
 
-def _outwards(spans: list[tuple[int, int]], sets: MarkerSets) -> list[tuple[int, int]]:
-    """Windows from the one that shows most, first to the end of the take and then to its begin."""
-    seen = np.concatenate([[0], np.cumsum(np.bincount(sets.frames, minlength=sets.n_frames))])
+def _outwards(spans: list[tuple[int, int]], tracklets: TrackletPoints) -> list[tuple[int, int]]:
+    """Windows from the one that shows most, first to the end of the take and then back to its start."""
+    seen = np.concatenate([[0], np.cumsum(np.bincount(tracklets.frames, minlength=tracklets.n_frames))])
     mean = [(seen[last] - seen[first]) / (last - first) for first, last in spans]
     best = int(np.argmax(mean))
     return spans[best:] + spans[:best][::-1]
 
 
-class _Joined:
-    """Groups of sets so far and what is known of their distances; grows window by window."""
+class _Groups:
+    """Groups of tracklets so far and what is known of their distances; grows window by window."""
 
-    def __init__(self, points: Floats, sets: MarkerSets, rate: float, spacing: float) -> None:
-        self._points, self._sets, self._rate, self._spacing = points, sets, rate, spacing
-        self._first, self._last = sets.first, sets.last
-        self.group = np.full(len(sets), -1, dtype=np.intp)  # a set's group is called by one of its sets
+    def __init__(self, points: Floats, tracklets: TrackletPoints, rate: float, spacing: float) -> None:
+        self._points, self._tracklets, self._rate, self._spacing = points, tracklets, rate, spacing
+        self._first, self._last = tracklets.first, tracklets.last
+        self.group = np.full(len(tracklets), -1, dtype=np.intp)  # a tracklet's group is called by one of its tracklets
         self._names = np.zeros(0, dtype=np.intp)
         self._tables: list[Floats] = [np.zeros((0, 0)) for _ in range(3)]
         self._apart: Bools = np.zeros((0, 0), dtype=bool)
 
     def extend(self, span: tuple[int, int]) -> None:
-        """Join the sets of a window with each other and with the groups so far."""
+        """Merge the tracklets of a window with each other and with the groups so far."""
         inside = np.flatnonzero((self._first < span[1]) & (self._last >= span[0]))
         if not len(inside):
             return
@@ -89,7 +91,7 @@ class _Joined:
         names = np.concatenate([self._names, np.setdiff1d(self.group[inside], self._names)])
         row = self._rows(inside, names)
         record = self._record(span, inside, row, names)
-        joined = join_likely(record)
+        joined = merge_likely(record)
         target = names[joined]
         place = {int(name): index for index, name in enumerate(names)}
         member = np.isin(self.group, names)
@@ -97,17 +99,17 @@ class _Joined:
         self._keep(record, names, np.unique(joined), span)
 
     def _rows(self, inside: Ints, names: Ints) -> Ints:
-        """Row of each set's group in the tables."""
+        """Row of each tracklet's group in the tables."""
         order = np.argsort(names)
         return order[np.searchsorted(names[order], self.group[inside])]
 
     def _record(self, span: tuple[int, int], inside: Ints, row: Ints, names: Ints) -> DistanceRecord:
-        """Distances of all groups and new sets, those of the window added to what is known."""
-        sets = self._sets.within(inside, *span)
+        """Distances of all groups and new tracklets, those of the window added to what is known."""
+        tracklets = self._tracklets.within(inside, *span)
         used, place = np.unique(row, return_inverse=True)
         tables = [_padded(table, len(names)) for table in self._tables]
         block = np.ix_(used, used)
-        poses = poses_at(self._points, sets.merged(place.ravel()), sample_frames(self._rate, *span))
+        poses = poses_at(self._points, tracklets.merged(place.ravel()), sample_frames(self._rate, *span))
         for table, more in zip(tables, distance_sums(poses), strict=True):
             table[block] += more
         apart = _padded(self._apart, len(names)).astype(np.bool_)
@@ -115,12 +117,12 @@ class _Joined:
         first, second = np.nonzero(begins_before & begins_before.T)
         apart[row[first], row[second]] = True
         prior = np.zeros(apart.shape)
-        before, after, evidence = continuity_evidence(self._points, sets, self._rate, self._spacing)
+        before, after, evidence = continuity_evidence(self._points, tracklets, self._rate, self._spacing)
         np.add.at(prior, (row[before], row[after]), evidence)
         return DistanceRecord(tables[0], tables[1], tables[2], apart, self._spacing, prior + prior.T)
 
     def _keep(self, record: DistanceRecord, names: Ints, left: Ints, span: tuple[int, int]) -> None:
-        """Carry on the groups that are seen most; what never joins anything is done."""
+        """Keep the groups that are seen most for the next window."""
         samples = np.diag(record.count)[left]
         at_once = record.count[np.ix_(left, left)] > 0
         most = MOST_KEPT * max(int(np.median(at_once.sum(axis=1))), 1)

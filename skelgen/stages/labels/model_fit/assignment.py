@@ -1,20 +1,18 @@
-"""Tracks vote for markers: every point of a track counts for the markers whose predicted places explain it."""
+"""Tracks are assigned to markers: every point of a track votes for the markers whose predicted places explain it.
+
+Markers that share a place on a limb are the same marker; tracks that keep a free place are a new one.
+"""
 
 from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.labels.model_fit.model import Poses, steadiest_place
-from skelgen.stages.labels.point_labels import Block
-
-Scores = NDArray[np.floating[Any]]
-"""How well markers explain points; short numbers do."""
+from skelgen.stages.labels.model_fit.model import LimbPoses, steadiest_place
+from skelgen.stages.labels.point_labels import Block, Scores
 
 CHUNK_PAIRS = 100_000
 """Distances between points and markers held at once: less than 1 MB, which the processor keeps at hand."""
@@ -65,12 +63,12 @@ def point_scores(points: Floats, frames: Ints, predicted: Floats, gates: Floats)
     return scores
 
 
-def split_where_marker_changes(owner: Ints, scores: Scores) -> Ints:
+def split_where_marker_changes(track_of_point: Ints, scores: Scores) -> Ints:
     """Cut tracks at which one marker stops to explain the points and another begins to.
 
     Parameters
     ----------
-    owner : ndarray of intp, shape (n_points,)
+    track_of_point : ndarray of intp, shape (n_points,)
         Track of each point in order of frames, -1 for none.
     scores : ndarray, shape (n_points, n_markers)
         From `point_scores`.
@@ -82,58 +80,58 @@ def split_where_marker_changes(owner: Ints, scores: Scores) -> Ints:
     """
     best = scores.argmax(axis=1)
     best[np.take_along_axis(scores, best[:, np.newaxis], axis=1)[:, 0] <= 0.0] = -1
-    order = np.argsort(owner, kind="stable")
-    order = order[owner[order] >= 0]
-    pieces = np.full(len(owner), -1, dtype=np.intp)
+    order = np.argsort(track_of_point, kind="stable")
+    order = order[track_of_point[order] >= 0]
+    tracks = np.full(len(track_of_point), -1, dtype=np.intp)
     if not len(order):
-        return pieces
-    track, voted = owner[order], best[order]
-    heard = np.flatnonzero(voted >= 0)
-    steady = _steady(track[heard], voted[heard])
-    held = _carried(track, heard, steady)
+        return tracks
+    track, voted = track_of_point[order], best[order]
+    voting = np.flatnonzero(voted >= 0)
+    steady = _without_short_runs(track[voting], voted[voting])
+    held = _carried(track, voting, steady)
     new = np.ones(len(order), dtype=bool)
     new[1:] = (track[1:] != track[:-1]) | (held[1:] != held[:-1])
-    pieces[order] = np.cumsum(new) - 1
-    return pieces
+    tracks[order] = np.cumsum(new) - 1
+    return tracks
 
 
-def _steady(track: Ints, voted: Ints) -> Ints:
+def _without_short_runs(track: Ints, voted: Ints) -> Ints:
     """Votes of a track in order, runs shorter than `PERSISTENT` replaced by the run before (or after, at the start)."""
     if not len(voted):
         return voted
     starts = np.flatnonzero(np.concatenate([[True], (track[1:] != track[:-1]) | (voted[1:] != voted[:-1])]))
     lengths = np.diff(np.concatenate([starts, [len(voted)]]))
-    owner, values, is_short = track[starts].tolist(), voted[starts].tolist(), (lengths < PERSISTENT).tolist()
+    track_of_run, values, is_short = track[starts].tolist(), voted[starts].tolist(), (lengths < PERSISTENT).tolist()
     for run in range(1, len(starts)):
-        if is_short[run] and owner[run - 1] == owner[run]:
+        if is_short[run] and track_of_run[run - 1] == track_of_run[run]:
             values[run] = values[run - 1]
     for run in range(len(starts) - 2, -1, -1):
-        is_first = run == 0 or owner[run - 1] != owner[run]
-        if is_short[run] and is_first and owner[run + 1] == owner[run]:
+        is_first = run == 0 or track_of_run[run - 1] != track_of_run[run]
+        if is_short[run] and is_first and track_of_run[run + 1] == track_of_run[run]:
             values[run] = values[run + 1]
     return np.repeat(np.array(values, dtype=np.intp), lengths)
 
 
-def _carried(track: Ints, heard: Ints, steady: Ints) -> Ints:
-    """The steady vote at every point of a track: that of the last point that voted, or of the next one at the start."""
+def _carried(track: Ints, voting: Ints, steady: Ints) -> Ints:
+    """Vote of every point of a track: that of the last point that voted, at the start that of the next one."""
     held = np.full(len(track), -1, dtype=np.intp)
-    if not len(heard):
+    if not len(voting):
         return held
-    index = np.searchsorted(heard, np.arange(len(track)), side="right") - 1
-    before = np.clip(index, 0, len(heard) - 1)
-    after = np.clip(index + 1, 0, len(heard) - 1)
-    use = np.where((index >= 0) & (track[heard[before]] == track), before, after)
-    same = track[heard[use]] == track
+    index = np.searchsorted(voting, np.arange(len(track)), side="right") - 1
+    before = np.clip(index, 0, len(voting) - 1)
+    after = np.clip(index + 1, 0, len(voting) - 1)
+    use = np.where((index >= 0) & (track[voting[before]] == track), before, after)
+    same = track[voting[use]] == track
     held[same] = steady[use[same]]
     return held
 
 
-def assign_tracks(pieces: Ints, frames: Ints, scores: Scores, n_frames: int) -> Ints:
+def assign_tracks(tracks: Ints, frames: Ints, scores: Scores, n_frames: int) -> Ints:
     """Give tracks to markers, the best explained first; a marker has one point in a frame.
 
     Parameters
     ----------
-    pieces : ndarray of intp, shape (n_points,)
+    tracks : ndarray of intp, shape (n_points,)
         Track of each point, -1 for none.
     frames : ndarray of intp, shape (n_points,)
         Frame of each point.
@@ -147,33 +145,39 @@ def assign_tracks(pieces: Ints, frames: Ints, scores: Scores, n_frames: int) -> 
     ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
     """
-    n_pieces = int(pieces.max(initial=-1)) + 1
-    marker_of_point = np.full(len(pieces), -1, dtype=np.intp)
-    if n_pieces == 0:
+    n_tracks = int(tracks.max(initial=-1)) + 1
+    marker_of_point = np.full(len(tracks), -1, dtype=np.intp)
+    if n_tracks == 0:
         return marker_of_point
-    order = np.argsort(pieces, kind="stable")[int((pieces < 0).sum()) :]
-    starts = np.searchsorted(pieces[order], np.arange(n_pieces + 1))
+    order = np.argsort(tracks, kind="stable")[int((tracks < 0).sum()) :]
+    starts = np.searchsorted(tracks[order], np.arange(n_tracks + 1))
     votes = np.stack([scores[order[start:end]].sum(axis=0) for start, end in itertools.pairwise(starts)])
     taken = np.zeros((n_frames, scores.shape[1]), dtype=bool)
     candidates = np.argwhere(votes > 0)
     ranking = np.argsort(-votes[votes > 0], kind="stable")
-    placed = np.zeros(n_pieces, dtype=bool)
-    for piece, marker in candidates[ranking].tolist():
-        if placed[piece]:
+    placed = np.zeros(n_tracks, dtype=bool)
+    for track, marker in candidates[ranking].tolist():
+        if placed[track]:
             continue
-        members = order[starts[piece] : starts[piece + 1]]
+        members = order[starts[track] : starts[track + 1]]
         clash = taken[frames[members], marker]
         if clash.mean() > 0.5:
             continue
         kept = members[~clash]
         marker_of_point[kept] = marker
         taken[frames[kept], marker] = True
-        placed[piece] = True
+        placed[track] = True
     return marker_of_point
 
 
 def fill_single_points(marker_of_point: Ints, frames: Ints, scores: Scores, n_frames: int) -> Ints:
-    """Give points that no track brought to the markers that explain them and have none, the best first."""
+    """Give points that no track brought to the markers that explain them and have none, the best first.
+
+    Parameters
+    ----------
+    marker_of_point, frames, scores, n_frames
+        As in `assign_tracks`; the marker of each point is what that returned.
+    """
     result = marker_of_point.copy()
     taken = np.zeros((n_frames, scores.shape[1]), dtype=bool)
     owned = result >= 0
@@ -230,7 +234,7 @@ def same_places(together: Floats, offsets: Floats, limb_of_marker: Ints, limits:
 
 
 @dataclass(eq=False)
-class _Newcomer:
+class _NewMarker:
     """A place that tracks keep: where it is, the points, and those of the latest block with their frames."""
 
     place: Floats
@@ -243,7 +247,7 @@ class _Newcomer:
         return sum(len(points) for points in self.points)
 
 
-class Newcomers:
+class NewMarkers:
     """Tracks without a marker that keep a place of their own on a limb; gathered block by block.
 
     Parameters
@@ -256,10 +260,10 @@ class Newcomers:
 
     def __init__(self, gate: float, limits: Floats) -> None:
         self._gate, self._limits = gate, limits
-        self._found: dict[int, list[_Newcomer]] = {}  # by limb
+        self._found: dict[int, list[_NewMarker]] = {}  # by limb
 
-    def look(self, points: Floats, block: Block, free: Ints, pieces: Ints, poses: Poses) -> None:
-        """Look at the free tracks of a block.
+    def add(self, points: Floats, block: Block, free: Ints, tracks: Ints, poses: LimbPoses) -> None:
+        """Add the free tracks of a block that keep a place.
 
         Parameters
         ----------
@@ -269,20 +273,20 @@ class Newcomers:
             Their frames, and where they are in the take.
         free : ndarray of intp
             Points that are no marker's.
-        pieces : ndarray of intp, shape (n_points,)
+        tracks : ndarray of intp, shape (n_points,)
             Track of each point, -1 for none.
-        poses : Poses
+        poses : LimbPoses
             Where limbs are in the block.
         """
-        order = free[pieces[free] >= 0]
-        order = order[np.argsort(pieces[order], kind="stable")]
-        for members in np.split(order, np.flatnonzero(np.diff(pieces[order])) + 1):
+        order = free[tracks[free] >= 0]
+        order = order[np.argsort(tracks[order], kind="stable")]
+        for members in np.split(order, np.flatnonzero(np.diff(tracks[order])) + 1):
             if len(members) < LEAST_FRAMES:
                 continue
             frames = block.frames[members]
             place = steadiest_place(points[members], poses.at(frames), self._limits, LEAST_FRAMES)
             if place is not None:
-                self._add(place, block, members)
+                self._add_to_place(place, block, members)
 
     def found(self, n_frames: int) -> list[Ints]:
         """Points of each new marker, of those that are seen in enough of the take's `n_frames`."""
@@ -290,7 +294,7 @@ class Newcomers:
         everybody = itertools.chain.from_iterable(self._found.values())
         return [np.concatenate(one.points) for one in everybody if one.n_points >= least]
 
-    def _add(self, place: tuple[int, Floats], block: Block, members: Ints) -> None:
+    def _add_to_place(self, place: tuple[int, Floats], block: Block, members: Ints) -> None:
         """Add a track's points to those of its place; tracks of earlier blocks are in other frames anyway."""
         limb, position = place
         points, frames = (block.points.start + members).astype(np.int32), block.frames[members]
@@ -304,4 +308,4 @@ class Newcomers:
                 other.points.append(points)
                 other.block, other.frames = block.first, np.concatenate([known, frames])
                 return
-        others.append(_Newcomer(position, [points], block.first, frames))
+        others.append(_NewMarker(position, [points], block.first, frames))

@@ -1,7 +1,7 @@
 """A skeleton that says where markers must be: fitted to sampled frames, posed in any others.
 
-A limb is posed by its own markers where three of them are seen, else by the chain from the root outward, in which the
-joints of posed neighbours stand in for missing markers.
+A limb is posed by its own markers where three of them are seen. Elsewhere the chain poses it from the root outward; the
+joints to posed neighbours then take the place of missing markers.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ STEADY_FRAMES = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class LimbPoses:
     """Where limbs are in some frames.
 
     Attributes
     ----------
     world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4)
-        Poses of the limbs' frames.
+        LimbPoses of the limbs' frames.
     by_own : ndarray of bool, shape (n_frames, n_limbs)
         Whether the limb's own markers pose it.
     credible : ndarray of bool, shape (n_frames, n_limbs)
@@ -69,9 +69,9 @@ class Poses:
     by_own: Bools
     credible: Bools
 
-    def at(self, frames: Ints) -> Poses:
+    def at(self, frames: Ints) -> LimbPoses:
         """The poses in some frames."""
-        return Poses(self.world_from_limb[frames], self.by_own[frames], self.credible[frames])
+        return LimbPoses(self.world_from_limb[frames], self.by_own[frames], self.credible[frames])
 
 
 class Tree(NamedTuple):
@@ -83,7 +83,7 @@ class Tree(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class MarkerModel:
     """Rigid limbs joined to trees, as the labelling uses them.
 
     Attributes
@@ -130,11 +130,11 @@ class Model:
         placed[self.core] = True
         return np.asarray(placed)
 
-    def pose(self, positions: Floats) -> Poses:
+    def pose(self, positions: Floats) -> LimbPoses:
         """Pose all limbs in successive frames by markers, shape (n_frames, n_markers, 3), NaN where unseen."""
         return _pose(self.trees, positions)
 
-    def predict(self, poses: Poses) -> tuple[Floats, Floats]:
+    def predict(self, poses: LimbPoses) -> tuple[Floats, Floats]:
         """Where markers must be [mm], NaN where unknown, (n_frames, n_markers, 3); and gates, (n_frames, n_markers)."""
         limb = np.maximum(self.limb_of_marker, 0)
         gates = np.where(poses.by_own[:, limb], self.own_gates, self.chain_gates)
@@ -144,7 +144,7 @@ class Model:
         return predicted, gates
 
 
-def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Model | None:
+def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> MarkerModel | None:
     """Fit a skeleton to the markers found so far; None if they show no limb.
 
     Parameters
@@ -183,11 +183,11 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Mo
         if place is not None and place[0] != limb_of_marker[marker]:
             limb_of_marker[marker], offsets[marker] = place
             gates[:, marker] = usual
-    return Model(trees, core, limb_of_marker, offsets, gates[0], gates[1], limits, widest)
+    return MarkerModel(trees, core, limb_of_marker, offsets, gates[0], gates[1], limits, widest)
 
 
 def steadiest_place(
-    positions: Floats, poses: Poses, limits: Floats, least: int = LEAST_SAMPLES
+    positions: Floats, poses: LimbPoses, limits: Floats, least: int = LEAST_SAMPLES
 ) -> tuple[int, Floats] | None:
     """The limb against which a marker moves least, and its mean place there.
 
@@ -195,7 +195,7 @@ def steadiest_place(
     ----------
     positions : ndarray, shape (n_frames, 3), mm
         The marker in the frames of the poses, NaN where unseen.
-    poses : Poses
+    poses : LimbPoses
         Where limbs are.
     limits : ndarray, shape (n_limbs,), mm
         Root mean square deviation up to which a place on a limb counts as kept.
@@ -227,7 +227,7 @@ def _limits(by_own: Bools, usual: Floats, widest: float) -> Floats:
     return np.asarray(STEADINESS * np.where(mostly_own, usual[0], min(usual[1], widest)))
 
 
-def _core_gates(positions: Floats, limb_of_marker: Ints, offsets: Floats, poses: Poses) -> tuple[Floats, Floats]:
+def _core_gates(positions: Floats, limb_of_marker: Ints, offsets: Floats, poses: LimbPoses) -> tuple[Floats, Floats]:
     """Gates of the core's markers where the limb's own markers pose it, and where the chain does [mm]."""
     limb = np.maximum(limb_of_marker, 0)
     residuals = np.linalg.norm(positions - _placed(limb, offsets, poses.world_from_limb), axis=2)
@@ -243,8 +243,8 @@ def _gates(residuals: Floats, least: float) -> Floats:
     if not known.any():
         return np.full(residuals.shape[1], max(least, TINY_GATE))
     usual = float(np.median(residuals[known]))
-    heard = [column[~np.isnan(column)] for column in residuals.T]
-    own = np.array([float(np.median(values)) if len(values) else usual for values in heard])
+    seen = [column[~np.isnan(column)] for column in residuals.T]
+    own = np.array([float(np.median(values)) if len(values) else usual for values in seen])
     return np.asarray(np.maximum(GATE_DEVIATIONS * np.maximum(own, usual), max(least, TINY_GATE)))
 
 
@@ -261,7 +261,7 @@ def _tree(body: Body, core: Ints) -> Tree:
     return Tree(body.limbs, chain, core[body.markers])
 
 
-def _pose(trees: list[Tree], positions: Floats) -> Poses:
+def _pose(trees: list[Tree], positions: Floats) -> LimbPoses:
     """Pose all limbs by markers, shape (n_frames, n_markers, 3), NaN where unseen."""
     n_limbs = sum(len(tree.limbs) for tree in trees)
     poses = np.tile(np.eye(4), (len(positions), n_limbs, 1, 1))
@@ -274,11 +274,11 @@ def _pose(trees: list[Tree], positions: Floats) -> Poses:
         found, posed[:, tree.limbs] = pose_outward(tree.chain, places, joints)
         chained = transform_from(found.rotations, found.origins(tree.chain))
         poses[:, tree.limbs] = np.where(by_own[:, tree.limbs, np.newaxis, np.newaxis], own, chained)
-    return Poses(poses, by_own, _widened(posed | by_own, STEADY_FRAMES))
+    return LimbPoses(poses, by_own, _widened(posed | by_own, STEADY_FRAMES))
 
 
 def _own_poses(chain: Chain, positions: Floats) -> tuple[Floats, Bools]:
-    """Poses of limbs that show three of their own markers, and which these are; NaN for others."""
+    """LimbPoses of limbs that show three of their own markers, and which these are; NaN for others."""
     seen = ~np.isnan(positions[:, :, 0])
     poses = np.full((len(positions), chain.n_limbs, 4, 4), np.nan)
     by_own = np.zeros(poses.shape[:2], dtype=bool)

@@ -16,7 +16,7 @@ from skelgen.geometry.orientation import fit_transform
 from skelgen.model import Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
-from skelgen.stages.labels.online.pose_filter import Chain, Prediction
+from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
 from skelgen.stages.limbs import find_limbs
 from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
 
@@ -95,13 +95,13 @@ class Learned:
 
     Attributes
     ----------
-    chain : Chain
+    chain : PoseFilter
         Its pose.
     labels : ndarray of intp, shape (n_markers,)
         Label of each of its markers.
     """
 
-    chain: Chain
+    chain: PoseFilter
     labels: Ints
 
     def start(self, points: Floats, labels: Ints) -> bool:

@@ -39,7 +39,7 @@ LEAST_NOISE = 0.002
 """Of the typical spacing: deviations of distances are no smaller, however exact the tracker is."""
 
 
-class Memory:
+class MarkerHistory:
     """Markers in numbered slots, their distances and poses; all arrays have a fixed size.
 
     Parameters

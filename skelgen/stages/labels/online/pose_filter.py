@@ -65,7 +65,7 @@ class Prediction:
     covariances: Floats
 
 
-class Chain:
+class PoseFilter:
     """Poses of a skeleton's limbs, from frame to frame.
 
     Parameters

@@ -15,8 +15,8 @@ import numpy as np
 
 from skelgen.geometry.orientation import fit_transform
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.online.marker_history import Memory
-from skelgen.stages.labels.online.pose_filter import Chain
+from skelgen.stages.labels.online.marker_history import MarkerHistory
+from skelgen.stages.labels.online.pose_filter import PoseFilter
 
 TOLERANCE = 3.5
 """Deviations of a distance between two markers that are searched."""
@@ -71,12 +71,12 @@ class Candidates:
         return Candidates(self.poses[kept], self.scores[kept], self.used[kept])
 
 
-def find_pose(chain: Chain, points: Floats, spacing: float) -> tuple[Floats, Floats] | None:
+def find_pose(chain: PoseFilter, points: Floats, spacing: float) -> tuple[Floats, Floats] | None:
     """Find where the limbs are.
 
     Parameters
     ----------
-    chain : Chain
+    chain : PoseFilter
         The skeleton.
     points : ndarray, shape (n, 3), mm
         One frame.
@@ -111,7 +111,7 @@ def find_pose(chain: Chain, points: Floats, spacing: float) -> tuple[Floats, Flo
 
 
 def limb_candidates(
-    chain: Chain, limb: int, points: Floats, spacing: float, neighbours: list[Candidates] | None = None
+    chain: PoseFilter, limb: int, points: Floats, spacing: float, neighbours: list[Candidates] | None = None
 ) -> Candidates:
     """Find poses of one limb in which points lie where its markers belong.
 
@@ -158,7 +158,7 @@ class _Marks:
     deviation: Floats
     targets: list[Floats]
 
-    def with_joints(self, chain: Chain, limb: int, neighbours: list[Candidates]) -> _Marks:
+    def with_joints(self, chain: PoseFilter, limb: int, neighbours: list[Candidates]) -> _Marks:
         """Add the limb's joints, which may be where the poses of its neighbours put them."""
         places, targets = [], []
         for joint, (parent, child) in enumerate(zip(chain.parents, chain.children, strict=True)):
@@ -221,7 +221,7 @@ def _scores(poses: Floats, offsets: Floats, deviation: Floats, points: Floats, s
     return np.maximum(gain, 0.0).sum(axis=1), used
 
 
-def _best_combination(chain: Chain, found: list[Candidates], spacing: float) -> Ints:
+def _best_combination(chain: PoseFilter, found: list[Candidates], spacing: float) -> Ints:
     """Index of the chosen candidate of each limb, -1 where none fits, for the largest sum of scores."""
     totals = [np.concatenate([candidates.scores, [0.0]]) for candidates in found]  # the last one: no candidate
     choices: dict[int, Ints] = {}
@@ -253,7 +253,7 @@ def _conflict(found: list[Candidates], chosen: Ints) -> tuple[int, Bools]:
     return int(limbs[loser]), used[winner]
 
 
-def _agreement(chain: Chain, joint: int, parent: Floats, child: Floats, spacing: float) -> Floats:
+def _agreement(chain: PoseFilter, joint: int, parent: Floats, child: Floats, spacing: float) -> Floats:
     """Score of each pair of candidates by where they put their joint; the last row and column mean no candidate."""
     result = np.zeros((len(parent) + 1, len(child) + 1))
     first = parent[:, :3, :3] @ chain.at_parent[joint] + parent[:, :3, 3]
@@ -280,12 +280,12 @@ PROOF = 8.0
 """nats by which further markers must speak for a match: three distances alone are met by chance."""
 
 
-def find_group(memory: Memory, lost: Ints, points: Floats, spacing: float) -> dict[int, int]:
+def find_group(memory: MarkerHistory, lost: Ints, points: Floats, spacing: float) -> dict[int, int]:
     """Find lost markers among points by their distances alone.
 
     Parameters
     ----------
-    memory : Memory
+    memory : MarkerHistory
         Distances and poses.
     lost : ndarray of intp
         Slots of markers that are not seen at present.
@@ -310,7 +310,7 @@ def find_group(memory: Memory, lost: Ints, points: Floats, spacing: float) -> di
     return best
 
 
-def _matches(memory: Memory, lost: Ints, points: Floats) -> list[tuple[float, tuple[int, ...], tuple[int, ...]]]:
+def _matches(memory: MarkerHistory, lost: Ints, points: Floats) -> list[tuple[float, tuple[int, ...], tuple[int, ...]]]:
     """Misfit, slots and points of triples whose distances agree."""
     apart = np.linalg.norm(points[:, np.newaxis] - points, axis=2)
     found: list[tuple[float, tuple[int, ...], tuple[int, ...]]] = []
@@ -327,7 +327,7 @@ def _matches(memory: Memory, lost: Ints, points: Floats) -> list[tuple[float, tu
     return found
 
 
-def _rigid_triples(memory: Memory, lost: Ints) -> list[tuple[int, int, int]]:
+def _rigid_triples(memory: MarkerHistory, lost: Ints) -> list[tuple[int, int, int]]:
     """Each lost marker with its two most rigid lost neighbours, the most rigid triples first."""
     deviation = memory.deviations(lost, lost)
     np.fill_diagonal(deviation, np.inf)
@@ -342,7 +342,7 @@ def _rigid_triples(memory: Memory, lost: Ints) -> list[tuple[int, int, int]]:
 
 
 def _extended(
-    memory: Memory, lost: Ints, points: Floats, group: dict[int, int], spacing: float
+    memory: MarkerHistory, lost: Ints, points: Floats, group: dict[int, int], spacing: float
 ) -> tuple[dict[int, int], float]:
     """Add lost markers that are found where the group expects them; the group, and what they prove."""
     seed = np.array(list(group))

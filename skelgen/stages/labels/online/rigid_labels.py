@@ -6,8 +6,8 @@ import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels.online.learning import Learned, Learner
-from skelgen.stages.labels.online.marker_history import PAST, RECENT_SECONDS, Memory
-from skelgen.stages.labels.online.pose_filter import Chain, Prediction
+from skelgen.stages.labels.online.marker_history import PAST, RECENT_SECONDS, MarkerHistory
+from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
 from skelgen.stages.labels.online.pose_search import chance, find_group
 from skelgen.stages.labels.online.skeleton_labels import explained
 
@@ -70,7 +70,7 @@ class RigidLabels:
 
     def __init__(self, n_slots: int, window: float) -> None:
         self.merged: dict[int, int] = {}
-        self._memory = Memory(n_slots)
+        self._history = MarkerHistory(n_slots)
         self._window = window
         self._rate = 1.0
         self._slot_of_track: dict[int, int] = {}
@@ -88,7 +88,7 @@ class RigidLabels:
     @property
     def n_remembered(self) -> int:
         """Number of markers that are remembered."""
-        return int((self._memory.label >= 0).sum())
+        return int((self._history.label >= 0).sum())
 
     def update(self, points: Floats, tracks: Ints, n_steps: int, rate: float, spacing: float) -> Ints:
         """Label one frame.
@@ -113,7 +113,7 @@ class RigidLabels:
         """
         self._frame += 1
         self._time += n_steps / rate
-        self._rate, self._memory.window = rate, max(2, round(self._window * rate / LEARN_EVERY))
+        self._rate, self._history.window = rate, max(2, round(self._window * rate / LEARN_EVERY))
         self._age_of_track = {track: self._age_of_track.get(track, 0) + 1 for track in tracks.tolist() if track >= 0}
         self._n_wrong = {track: count for track, count in self._n_wrong.items() if track in self._age_of_track}
         self._resembles &= self._age_of_track.keys()
@@ -126,7 +126,7 @@ class RigidLabels:
         self._reconsider(points, tracks, slots, spacing)
         self._learn(points, slots, spacing)
         self._slot_of_track = self._kept(tracks, slots)
-        return np.where(slots >= 0, self._memory.label[slots], -1)
+        return np.where(slots >= 0, self._history.label[slots], -1)
 
     def _kept(self, tracks: Ints, slots: Ints) -> dict[int, int]:
         """Slots of tracks, also of those not seen now, until the slot is taken or the track is forgotten."""
@@ -141,9 +141,9 @@ class RigidLabels:
     def _doubt(self, points: Floats, tracks: Ints, slots: Ints) -> None:
         """Take labels away from tracks that have left their place among their neighbours."""
         known = np.flatnonzero(slots >= 0)
-        if len(known) < 4 or self._memory.noise == 0.0 or self._frame % DOUBT_EVERY:
+        if len(known) < 4 or self._history.noise == 0.0 or self._frame % DOUBT_EVERY:
             return
-        misfit = self._memory.own_misfits(slots[known], points[known])
+        misfit = self._history.own_misfits(slots[known], points[known])
         for index, off in zip(known.tolist(), misfit.tolist(), strict=True):
             track = int(tracks[index])
             if off <= WRONG:
@@ -157,10 +157,10 @@ class RigidLabels:
 
     def _predict(self, points: Floats, slots: Ints, n_steps: int) -> None:
         """Follow the learned skeleton's pose, and take a new skeleton over when it is due."""
-        labels = np.where(slots >= 0, self._memory.label[slots], -1)
+        labels = np.where(slots >= 0, self._history.label[slots], -1)
         found = self._learner.result(self._time)
         if found is not None:
-            learned = Learned(Chain(found[0]), found[1])
+            learned = Learned(PoseFilter(found[0]), found[1])
             self._learned = learned if learned.start(points, labels) else self._learned
         if self._learned is not None:
             self._prediction = self._learned.follow(points, labels, n_steps)
@@ -170,8 +170,8 @@ class RigidLabels:
         free = np.flatnonzero((slots < 0) & (tracks >= 0))
         if len(free) < MANY_FREE or self._frame % REGROUP_EVERY:
             return
-        lost = np.setdiff1d(np.flatnonzero(self._memory.label >= 0), slots)
-        for slot, index in find_group(self._memory, lost, points[free], spacing).items():
+        lost = np.setdiff1d(np.flatnonzero(self._history.label >= 0), slots)
+        for slot, index in find_group(self._history, lost, points[free], spacing).items():
             slots[free[index]] = slot
             for track in tracks[free].tolist():
                 self._age_of_track[track] = 1
@@ -196,7 +196,7 @@ class RigidLabels:
         self, points: Floats, young: Ints, visible: Ints, positions: Floats, spacing: float
     ) -> list[tuple[float, int, int]]:
         """Score, point and slot of each pair of a point and a lost marker that may be one."""
-        lost = np.setdiff1d(np.flatnonzero(self._memory.label >= 0), visible)
+        lost = np.setdiff1d(np.flatnonzero(self._history.label >= 0), visible)
         scores = self._remembered_scores(points[young], lost, visible, positions, spacing)
         scores = np.maximum(scores, self._learned_scores(points[young], lost, spacing))
         rows, columns = np.nonzero(scores > -np.inf)
@@ -209,11 +209,11 @@ class RigidLabels:
         self, points: Floats, lost: Ints, visible: Ints, positions: Floats, spacing: float
     ) -> Floats:
         """How much better than chance remembered poses explain points by lost markers, -inf where not at all."""
-        misfit = self._memory.misfits(lost, points, visible, positions)
+        misfit = self._history.misfits(lost, points, visible, positions)
         scores = np.full(misfit.shape, -np.inf)
         least = misfit.min(axis=0, initial=np.inf)
         for column in np.argsort(least, kind="stable")[: min(MOST_TRIALS, int((least < PLAUSIBLE).sum()))].tolist():
-            expected = self._memory.expected(int(lost[column]), visible, positions)
+            expected = self._history.expected(int(lost[column]), visible, positions)
             if expected is not None:
                 place, variance = expected
                 squares = ((points - place) ** 2).sum(axis=1)
@@ -227,7 +227,7 @@ class RigidLabels:
         if self._learned is None or self._prediction is None:
             return scores
         labels = np.where(self._learned.chain.carried, self._learned.labels, -1)
-        _, columns, markers = np.intersect1d(self._memory.label[lost], labels, return_indices=True)
+        _, columns, markers = np.intersect1d(self._history.label[lost], labels, return_indices=True)
         if len(markers):
             found = explained(points, self._prediction, markers, spacing)
             scores[:, columns] = np.where(found > 0, found, -np.inf)
@@ -250,14 +250,14 @@ class RigidLabels:
             least = DOUBT_SECONDS if track in self._resembles else NEW_SECONDS
             if self._age_of_track[track] < least * self._rate:
                 continue
-            slot = self._memory.add(self._n_labels, self._frame)
+            slot = self._history.add(self._n_labels, self._frame)
             if slot >= 0:
                 slots[index] = slot
                 self._n_labels += 1
 
     def _reconsider(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
         """Join markers with lost ones in whose place they are found again and again."""
-        memory = self._memory
+        memory = self._history
         due = [i for i in np.flatnonzero(slots >= 0).tolist() if self._is_to_be_reconsidered(int(slots[i]))]
         for index in due[:MOST_RECONSIDERED]:
             young = int(slots[index])
@@ -275,29 +275,29 @@ class RigidLabels:
 
     def _is_to_be_reconsidered(self, slot: int) -> bool:
         """Whether a marker is young and its turn has come; slots take turns, so that the work is spread."""
-        n_seen = int(self._memory.n_seen[slot])
+        n_seen = int(self._history.n_seen[slot])
         turn = max(1, round(RECONSIDER_SECONDS * self._rate))
         return n_seen < YOUNG_SECONDS * self._rate and (n_seen + slot) % turn == 0
 
     def _join(self, young: int, old: int) -> None:
-        label, older = int(self._memory.label[young]), int(self._memory.label[old])
+        label, older = int(self._history.label[young]), int(self._history.label[old])
         self.merged = {one: older if other == label else other for one, other in self.merged.items()}
         self.merged[label] = older
-        self._memory.join(young, old)
+        self._history.join(young, old)
         self._slot_of_track = {track: slot for track, slot in self._slot_of_track.items() if slot != young}
-        remembered = set(self._memory.label.tolist())
+        remembered = set(self._history.label.tolist())
         self._votes = {pair: votes for pair, votes in self._votes.items() if remembered.issuperset(pair)}
 
     def _learn(self, points: Floats, slots: Ints, spacing: float) -> None:
         known = np.flatnonzero(slots >= 0)
-        self._memory.note(slots[known], self._frame)
+        self._history.note(slots[known], self._frame)
         if self._frame % LEARN_EVERY == 0:
-            self._memory.learn(slots[known], points[known])
+            self._history.learn(slots[known], points[known])
         if self._frame % max(1, round(RECENT_SECONDS * self._rate)) == 0:
             most_every = max(1, int(2 * self._window / (PAST * RECENT_SECONDS)))
-            self._memory.keep_pose(slots[known], points[known], most_every)
-            self._memory.find_noise(slots[known], spacing)
-            self._learner.begin(*self._memory.poses(), self._time)
+            self._history.keep_pose(slots[known], points[known], most_every)
+            self._history.find_noise(slots[known], spacing)
+            self._learner.begin(*self._history.poses(), self._time)
 
 
 def _is_clear(found: list[tuple[float, int, int]], entry: tuple[float, int, int]) -> bool:

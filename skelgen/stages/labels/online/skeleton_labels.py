@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.labels.online.pose_filter import Chain, Prediction
+from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
 from skelgen.stages.labels.online.pose_search import chance, find_pose
 
 ROUNDS = 2
@@ -32,7 +32,7 @@ CLEARLY_MORE = 2
 """Points that a new pose must explain beyond the present one."""
 
 
-class ModelLabels:
+class SkeletonLabels:
     """Labels of points by a known skeleton; a label is the index of the skeleton's marker.
 
     Parameters
@@ -43,7 +43,7 @@ class ModelLabels:
 
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton = skeleton
-        self._chain: Chain | None = None
+        self._chain: PoseFilter | None = None
         self._marker_of_track: dict[int, int] = {}
         self._age_of_track: dict[int, int] = {}
         self._until_search = 0
@@ -93,7 +93,7 @@ class ModelLabels:
         self._remember(tracks, labels)
         return labels
 
-    def _continued(self, chain: Chain, points: Floats, tracks: Ints, n_steps: int, spacing: float) -> Ints:
+    def _continued(self, chain: PoseFilter, points: Floats, tracks: Ints, n_steps: int, spacing: float) -> Ints:
         labels = np.array([self._marker_of_track.get(track, -1) for track in tracks.tolist()], dtype=np.intp)
         rotations, origins = chain.rotations, chain.origins
         chain.advance(n_steps)
@@ -113,7 +113,7 @@ class ModelLabels:
         """Search the pose in this frame; a pose that explains more points than the present one takes its place."""
         self._until_search = SEARCH_EVERY
         followed = np.flatnonzero(tracks >= 0)
-        chain = Chain(self._skeleton)
+        chain = PoseFilter(self._skeleton)
         pose = find_pose(chain, points[followed], spacing) if len(followed) else None
         if pose is None:
             return labels
@@ -138,7 +138,7 @@ class ModelLabels:
         self._marker_of_track = kept
 
 
-def _fitted(chain: Chain, points: Floats, labels: Ints, usable: Bools, spacing: float) -> Ints:
+def _fitted(chain: PoseFilter, points: Floats, labels: Ints, usable: Bools, spacing: float) -> Ints:
     """Fit the pose to labelled points, take labels that do not fit away, and label others; in turns."""
     known = labels >= 0
     prediction = chain.fit(points[known], labels[known])
@@ -151,7 +151,7 @@ def _fitted(chain: Chain, points: Floats, labels: Ints, usable: Bools, spacing: 
     return labels
 
 
-def _nearest(points: Floats, followed: Ints, chain: Chain) -> Ints:
+def _nearest(points: Floats, followed: Ints, chain: PoseFilter) -> Ints:
     """First labels from a rough pose: pairs of points and markers that are nearest to each other."""
     labels = np.full(len(points), -1, dtype=np.intp)
     markers = np.flatnonzero(chain.carried)

@@ -14,7 +14,7 @@ from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats, Ints, check_floats, check_rate
 from skelgen.stages.labels.online.links import Links
 from skelgen.stages.labels.online.rigid_labels import RigidLabels
-from skelgen.stages.labels.online.skeleton_labels import ModelLabels
+from skelgen.stages.labels.online.skeleton_labels import SkeletonLabels
 from skelgen.stages.labels.parameters import LabelParameters
 
 MOST_MARKERS = 200
@@ -79,7 +79,7 @@ class Tracker:
         self._rate = None if rate is None else check_rate(rate, "the tracker")
         self._links = Links(parameters or LabelParameters())
         known = skeleton.skeleton if isinstance(skeleton, Project) else skeleton
-        self._model = None if known is None else ModelLabels(_checked(known))
+        self._model = None if known is None else SkeletonLabels(_checked(known))
         self._rigid = RigidLabels(int(max_markers), float(window))
         self._steps: deque[float] = deque(maxlen=STEPS_REMEMBERED)
         self._time: float | None = None

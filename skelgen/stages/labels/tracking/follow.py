@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from skelgen._kernels.tracking import follow_frames
 from skelgen._kernels.tracks import CROWDED, Rules, Tracks
@@ -17,7 +16,7 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.innovations import Innovations, Trial, find_innovations, supposed_innovations
-from skelgen.stages.labels.tracking.take import point_weights
+from skelgen.stages.labels.tracking.take import LONGEST_PAUSE, point_weights, time_steps, typical_spacing
 
 # More points than this in a frame are no markers but a scanner's surface or noise; it bounds the work per frame.
 MOST_POINTS_PER_FRAME = 10_000
@@ -41,8 +40,6 @@ _OPEN_SPACINGS = 20.0
 _MOST_BREAKS, _MOST_WIDENINGS = 2.0, 4
 # Degrees of freedom, and weight of the take's own scale, with which gains are squared distances for all that matters.
 _SQUARES = 1e9
-# Steps of time that end all tracks; longer ones would be no different.
-_LONGEST_PAUSE = 1000
 # Part of the typical spacing within which two points are one marker, seen twice: markers of 10 mm that stand 100 mm
 # apart cannot come nearer to each other than 10 mm, while doubles are a millimetre or two apart.
 _DUPLICATE_SPACINGS = 0.05
@@ -62,7 +59,7 @@ def follow_points(cloud: PointCloud, parameters: LabelParameters, monitor: Monit
 
     Returns
     -------
-    owner : ndarray of intp, shape (n_points,)
+    track_of_point : ndarray of intp, shape (n_points,)
         Identity of each point, -1 for muted points, doubles of others, and points of frames that are left out.
     reach : float
         How far [mm] a point may lie from where a track that was just seen expected it.
@@ -86,43 +83,15 @@ def follow_points(cloud: PointCloud, parameters: LabelParameters, monitor: Monit
         monitor.notice(f"{n_crowded} frames hold too many points close together to be followed, and are left out")
     if len(followed) == cloud.n_points:
         return followed, rules.reach
-    owner = np.full(cloud.n_points, -1, dtype=followed.dtype)
-    owner[kept] = followed
-    return owner, rules.reach
+    track_of_point = np.full(cloud.n_points, -1, dtype=followed.dtype)
+    track_of_point[kept] = followed
+    return track_of_point, rules.reach
 
 
 def rules_of(parameters: LabelParameters, reach: float) -> Rules:
     """Return the tracker's rules for a jump threshold `reach` [mm], where nothing is known of innovations."""
     supposed = supposed_innovations(reach / _MARGIN, _QUANTILE, parameters.max_gap + 1, _NEWBORN_REACH)
     return _rules(parameters, supposed, reach, is_given=True, spacing=reach)
-
-
-def typical_spacing(cloud: PointCloud) -> float:
-    """Median distance [mm] between a point and its nearest neighbour in the same frame; 1 if there is none.
-
-    A hundred frames spread over the take count alike, however many points they hold.
-    """
-    nearest = []
-    for frame in np.unique(np.linspace(0, cloud.n_frames - 1, 100).astype(int)):
-        points = cloud.frame(frame)
-        if len(points) > 1:
-            nearest.append(float(np.median(cKDTree(points).query(points, k=2)[0][:, 1])))
-    spacing = float(np.median(nearest)) if nearest else 0.0
-    return spacing or 1.0
-
-
-def time_steps(cloud: PointCloud, monitor: Monitor = SILENT) -> Ints:
-    """Return the time since the frame before in whole frame periods, shape (n_frames,).
-
-    Frames are a period apart, however their stamps jitter; dropped frames and pauses count in time. A frame that
-    repeats the stamp of the one before counts as one period later, and a notice says so.
-    """
-    passed = np.diff(cloud.times)
-    n_repeated = int((passed == 0).sum())
-    if 0 < n_repeated < len(passed):
-        monitor.notice(f"{n_repeated} frames repeat the time stamp of the frame before; they count as one frame later")
-    periods = np.minimum(np.round(passed * cloud.rate), _LONGEST_PAUSE)
-    return np.concatenate([[1], np.maximum(periods, 1)])[: cloud.n_frames].astype(np.intp)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +107,9 @@ class _Take:
         """Track of each point, and the number of frames left out; `told` receives slopes and calm."""
         counts = np.diff(self.starts)
         tracks = Tracks((rules.max_gap + 2) * int(counts.max(initial=1)))
-        owner = np.full(len(self.points), -1, dtype=np.int32)  # an hour of markers holds tens of millions of points
+        track_of_point = np.full(
+            len(self.points), -1, dtype=np.int32
+        )  # an hour of markers holds tens of millions of points
         state = (tracks.motion, tracks.counters, tracks.totals)
         for first, last in _chunks(counts):
             starts = self.starts[first : last + 1]
@@ -149,9 +120,9 @@ class _Take:
             heard = np.empty((0, 5)) if told is None else told[span]
             steps = self.steps[first:last]
             follow_frames(points, starts - span.start, state, rules, found, surprise, weights, steps, heard)
-            owner[span] = found
+            track_of_point[span] = found
             monitor.advance(last, len(counts))
-        return owner, int(tracks.totals[CROWDED])
+        return track_of_point, int(tracks.totals[CROWDED])
 
     def sampled(self) -> _Take:
         """Some spans of frames, with pauses between them; the whole take if it is short."""
@@ -165,7 +136,7 @@ class _Take:
         begins = np.linspace(0, n_frames - length, wanted // length).astype(int)
         frames = (begins[:, np.newaxis] + np.arange(length)).ravel()
         steps = self.steps[frames]
-        steps[::length] = _LONGEST_PAUSE
+        steps[::length] = LONGEST_PAUSE
         kept = np.concatenate([np.arange(self.starts[frame], self.starts[frame + 1]) for frame in frames])
         starts = np.concatenate([[0], np.cumsum(np.diff(self.starts)[frames])]).astype(np.intp)
         return _Take(self.points[kept], starts, steps, self.weights[kept])
@@ -194,15 +165,15 @@ def _find_rules(take: _Take, spacing: float, given: float, parameters: LabelPara
     supposed = rules_of(parameters, given or _MOST_SPACINGS * spacing)
     wide = supposed._replace(mute=0, evidence=0.0, exchange=0.0, duplicate=_DUPLICATE_SPACINGS * spacing)
     told = np.full((len(sample.points), 5), np.nan)
-    owner, _ = sample.follow(wide, monitor, told)
+    track_of_point, _ = sample.follow(wide, monitor, told)
     calm = told[:, 3:] * [wide.scales[0, 0] ** 2, 1.0]
-    trial = Trial(sample.points, sample.starts, sample.steps, owner, told[:, :3], calm)
+    trial = Trial(sample.points, sample.starts, sample.steps, track_of_point, told[:, :3], calm)
     found = find_innovations(trial, spacing, parameters.max_gap + 1)
     if found is None:
         return supposed._replace(duplicate=wide.duplicate)
     most = given or _MOST_SPACINGS * spacing
     rules = _rules(parameters, found, most, is_given=given > 0, spacing=spacing)
-    n_expected = _MOST_BREAKS * owner.max(initial=0)
+    n_expected = _MOST_BREAKS * track_of_point.max(initial=0)
     for _ in range(0 if given else _MOST_WIDENINGS):
         tried, _ = sample.follow(rules._replace(mute=0, evidence=0.0, exchange=0.0), monitor)
         if tried.max(initial=0) <= n_expected:

@@ -44,7 +44,7 @@ class Trial:
         Where frames begin.
     steps : ndarray of intp, shape (n_frames,)
         Steps of time since the frame before.
-    owner : ndarray of intp, shape (n_points,)
+    track_of_point : ndarray of intp, shape (n_points,)
         Track of each point, -1 for none.
     slopes : ndarray, shape (n_points, 3), mm
         Step per frame that the track had after this point; NaN at a track's first point.
@@ -55,7 +55,7 @@ class Trial:
     points: Floats
     starts: Ints
     steps: Ints
-    owner: Ints
+    track_of_point: Ints
     slopes: Floats
     calm: Floats
 
@@ -180,9 +180,9 @@ class _Runs:
         counts = np.diff(trial.starts)
         time = np.repeat(np.cumsum(trial.steps), counts)
         pause = np.concatenate([trial.steps[1:] > 1, [True]])
-        index = np.flatnonzero(trial.owner >= 0)
-        index = index[np.lexsort((time[index], trial.owner[index]))]
-        track = trial.owner[index]
+        index = np.flatnonzero(trial.track_of_point >= 0)
+        index = index[np.lexsort((time[index], trial.track_of_point[index]))]
+        track = trial.track_of_point[index]
         age = 1 + np.arange(len(track)) - np.searchsorted(track, track)
         return cls(index, track, time[index], age, np.repeat(pause, counts)[index])
 

@@ -1,15 +1,55 @@
-"""How far points are to be believed, by what the file says of them."""
+"""What following points needs to know of a take: how far apart points are, when frames were, how good points are."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model import PointCloud
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, Ints
+from skelgen.progress import SILENT, Monitor
+
+LONGEST_PAUSE = 1000
+"""Time steps that end all tracks; longer ones would be no different."""
 
 LEAST_WEIGHT = 0.01
 """A point that the file calls as bad as can be still has a place, with ten times the usual deviation."""
+
+
+def typical_spacing(cloud: PointCloud) -> float:
+    """Median distance [mm] between a point and its nearest neighbour in the same frame; 1 if there is none.
+
+    A hundred frames spread over the take count alike, however many points they hold.
+    """
+    nearest = []
+    for frame in np.unique(np.linspace(0, cloud.n_frames - 1, 100).astype(int)):
+        points = cloud.frame(frame)
+        if len(points) > 1:
+            nearest.append(float(np.median(cKDTree(points).query(points, k=2)[0][:, 1])))
+    spacing = float(np.median(nearest)) if nearest else 0.0
+    return spacing or 1.0
+
+
+def time_steps(cloud: PointCloud, monitor: Monitor = SILENT) -> Ints:
+    """Return the time since the frame before in whole frame periods, shape (n_frames,).
+
+    Frames are a period apart, however their stamps jitter; dropped frames and pauses count in time. A frame that
+    repeats the stamp of the one before counts as one period later, and a notice says so.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    monitor : Monitor
+        Receives the notice.
+    """
+    passed = np.diff(cloud.times)
+    n_repeated = int((passed == 0).sum())
+    if 0 < n_repeated < len(passed):
+        monitor.notice(f"{n_repeated} frames repeat the time stamp of the frame before; they count as one frame later")
+    periods = np.minimum(np.round(passed * cloud.rate), LONGEST_PAUSE)
+    return np.concatenate([[1], np.maximum(periods, 1)])[: cloud.n_frames].astype(np.intp)
 
 
 def point_weights(cloud: PointCloud) -> Floats:

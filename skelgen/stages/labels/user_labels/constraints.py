@@ -1,4 +1,4 @@
-"""Takes that obey what the user states of them: labels found in a cloud, and labels that a file came with."""
+"""Labels are made to agree with what the user states: those found in a cloud, and those that a file came with."""
 
 from __future__ import annotations
 
@@ -14,13 +14,22 @@ from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import all_positions, find_points, marker_names, renumbered
 from skelgen.stages.labels.tracking.follow import follow_points
-from skelgen.stages.labels.user_labels.statements import Fixed, fix_points, obeyed, targets
+from skelgen.stages.labels.user_labels.statements import (
+    PointConstraints,
+    find_constraints,
+    markers_of_names,
+    with_constraints,
+)
 
 
-def obey(
-    cloud: PointCloud, marker_of_point: Ints, fixed: Fixed, labels: tuple[str, ...] = (), n_markers: int | None = None
+def apply_constraints(
+    cloud: PointCloud,
+    marker_of_point: Ints,
+    constraints: PointConstraints,
+    labels: tuple[str, ...] = (),
+    n_markers: int | None = None,
 ) -> tuple[Ints, tuple[str, ...]]:
-    """Make markers obey the user's statements.
+    """Make the markers of points agree with what the user states.
 
     Parameters
     ----------
@@ -28,7 +37,7 @@ def obey(
         The take.
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
-    fixed : Fixed
+    constraints : PointConstraints
         What the user states.
     labels : tuple of str
         Names that the markers have; without any they are numbered.
@@ -47,12 +56,14 @@ def obey(
     InputError
         If more names are stated than markers are wanted, or no marker is left.
     """
-    if n_markers is not None and len(fixed.names) > n_markers:
-        raise InputError(f"{len(fixed.names)} names are stated by hand, more than the {n_markers} markers asked for")
+    if n_markers is not None and len(constraints.names) > n_markers:
+        raise InputError(
+            f"{len(constraints.names)} names are stated by hand, more than the {n_markers} markers asked for"
+        )
     frames = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
     n_before = max(int(marker_of_point.max(initial=-1)) + 1, len(labels))
-    target = targets(marker_of_point, fixed, n_before, labels)
-    marker_of_point = obeyed(marker_of_point, frames, fixed, target)
+    target = markers_of_names(marker_of_point, constraints, n_before, labels)
+    marker_of_point = with_constraints(marker_of_point, frames, constraints, target)
     size = max(n_before, int(target.max(initial=-1)) + 1)
     counts = np.bincount(marker_of_point[marker_of_point >= 0], minlength=size)
     rank = counts + np.where(np.isin(np.arange(size), target), cloud.n_frames + 1, 0)  # stated ones before all others
@@ -60,7 +71,7 @@ def obey(
     kept = kept[counts[kept] > 0]
     if not len(kept):
         raise InputError("no marker is left: all points are nobody's, as is stated by hand")
-    return renumbered(marker_of_point, np.isin(np.arange(size), kept)), _names(kept, target, fixed.names, labels)
+    return renumbered(marker_of_point, np.isin(np.arange(size), kept)), _names(kept, target, constraints.names, labels)
 
 
 def _names(kept: Ints, target: Ints, stated: tuple[str, ...], labels: tuple[str, ...]) -> tuple[str, ...]:
@@ -70,14 +81,14 @@ def _names(kept: Ints, target: Ints, stated: tuple[str, ...], labels: tuple[str,
     return tuple(known[marker] if marker in known else next(free) for marker in kept.tolist())
 
 
-def obey_in_labelled(
+def constrain_labelled(
     file: Trajectories,
     repaired: Trajectories,
     identities: Identities,
     parameters: LabelParameters,
     monitor: Monitor = SILENT,
 ) -> Trajectories:
-    """Make a take that came with labels obey the user's statements.
+    """Make a take that came with labels agree with what the user states.
 
     A stated point takes its track with it, as far as that can be followed; points that sit in its place change places
     with it. A name that no marker has yet becomes the name of the marker that holds most of what it is stated of.
@@ -93,13 +104,13 @@ def obey_in_labelled(
     parameters : LabelParameters
         How points are followed.
     monitor : Monitor
-        Hears of what was changed.
+        Receives a notice of what was changed.
     """
     cloud = _cloud_of(file)
-    fixed = fix_points(cloud, follow_points(cloud, parameters, monitor)[0], _by_position(identities, file))
-    found, names = obey(cloud, find_points(cloud, repaired.positions), fixed, repaired.names)
+    constraints = find_constraints(cloud, follow_points(cloud, parameters, monitor)[0], _by_position(identities, file))
+    found, names = apply_constraints(cloud, find_points(cloud, repaired.positions), constraints, repaired.names)
     lost = int(repaired.seen.sum() - (found >= 0).sum())
-    sentence = f"{len(identities.entries)} identities stated by hand are obeyed"
+    sentence = f"{len(identities.entries)} identities stated by hand are with_constraints"
     if lost:
         sentence += f"; {lost} positions that had to make room or are nobody's are left out"
     monitor.notice(sentence)

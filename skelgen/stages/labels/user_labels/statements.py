@@ -1,7 +1,8 @@
-"""Identities given by the user: constraints that the labels obey.
+"""Identities given by the user: constraints on the labels.
 
-A statement fixes the whole track of its point; a track of which two names are stated is cut between them at the link
-that is hardest to believe. Fixed points vote for their markers alone, and whatever else sits there makes room.
+A statement holds for the whole track of its point; a track of which two names are stated is cut between them at the
+step that constant velocity explains worst. Constrained points vote for their markers alone, and whatever else sits
+there makes room.
 """
 
 from __future__ import annotations
@@ -15,58 +16,58 @@ import numpy as np
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.corrections import Identities, Identity
-from skelgen.stages.labels.model_fit.assignment import Scores
+from skelgen.stages.labels.point_labels import Scores
 
 NOBODY = -1
-"""Of `Fixed.who`: the user says that the point is no marker."""
+"""In `PointConstraints.name_of_point`: the user says that the point is no marker."""
 
 ANYBODY = -2
-"""Of `Fixed.who`: nothing is said of the point."""
+"""In `PointConstraints.name_of_point`: nothing is stated of the point."""
 
 POINT_TOLERANCE = 1.0
 """mm; a stated position must be so near to a point: files and screens round, but not that much."""
 
 CERTAIN = 1e6
-"""Score of a fixed point for its marker: more than any number of other points can gather."""
+"""Score of a constrained point for its marker: more than any number of other points can gather."""
 
 
 @dataclass(frozen=True, eq=False)
-class Fixed:
+class PointConstraints:
     """What the user's statements mean for the points of a take.
 
     Attributes
     ----------
     names : tuple of str
         Markers that are named.
-    who : ndarray of intp, shape (n_points,)
+    name_of_point : ndarray of intp, shape (n_points,)
         Index into `names`, `NOBODY` or `ANYBODY` for each point; a name has one point in a frame.
-    owner : ndarray of intp, shape (n_points,)
-        Tracks, cut so that each is fixed to one name or to none; -1 for points without a track.
+    track_of_point : ndarray of intp, shape (n_points,)
+        Tracks, cut so that each belongs to one name or to none; -1 for points without a track.
     """
 
     names: tuple[str, ...]
-    who: Ints
-    owner: Ints
+    name_of_point: Ints
+    track_of_point: Ints
 
 
 class _Claim(NamedTuple):
-    """A statement about one track: its points `first` .. `last`, in order of frames, are `who`."""
+    """A statement about one track: its points `first` .. `last`, in order of frames, have the name `name`."""
 
     first: int
     last: int
-    who: int
+    name: int
     open: bool
     entry: Identity
 
 
-def fix_points(cloud: PointCloud, owner: Ints, identities: Identities) -> Fixed:
-    """Find which points the user's statements fix.
+def find_constraints(cloud: PointCloud, track_of_point: Ints, identities: Identities) -> PointConstraints:
+    """Find what the user's statements mean for points.
 
     Parameters
     ----------
     cloud : PointCloud
         The take.
-    owner : ndarray of intp, shape (n_points,)
+    track_of_point : ndarray of intp, shape (n_points,)
         Track of each point, -1 for none.
     identities : Identities
         What the user states.
@@ -76,61 +77,63 @@ def fix_points(cloud: PointCloud, owner: Ints, identities: Identities) -> Fixed:
     SkelgenError
         If a statement names no point, or contradicts another one; with the line and what is nearest.
     """
-    owner = owner.copy()
+    track_of_point = track_of_point.copy()
     stated = [(entry, _point_of(cloud, identities, entry)) for entry in identities.entries]
     _refuse_doubles(identities, stated)
     for _, point in stated:
-        if owner[point] < 0:
-            owner[point] = owner.max(initial=-1) + 1
-    who = np.full(cloud.n_points, ANYBODY, dtype=np.intp)
+        if track_of_point[point] < 0:
+            track_of_point[point] = track_of_point.max(initial=-1) + 1
+    name_of_point = np.full(cloud.n_points, ANYBODY, dtype=np.intp)
     away = np.full(cloud.n_points, np.inf)
     frames = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
     by_track: dict[int, list[tuple[Identity, int]]] = {}
     for entry, point in stated:
-        by_track.setdefault(int(owner[point]), []).append((entry, point))
-    n_tracks = int(owner.max(initial=-1)) + 1
+        by_track.setdefault(int(track_of_point[point]), []).append((entry, point))
+    n_tracks = int(track_of_point.max(initial=-1)) + 1
     for track, statements in by_track.items():
-        members = np.flatnonzero(owner == track)
+        members = np.flatnonzero(track_of_point == track)
         claims = _claims(identities, statements, members, frames[members])
-        piece, who[members] = _divided(claims, cloud.points[members], frames[members])
-        owner[members[piece > 0]] = n_tracks + piece[piece > 0] - 1
+        piece, name_of_point[members] = _divided(claims, cloud.points[members], frames[members])
+        track_of_point[members[piece > 0]] = n_tracks + piece[piece > 0] - 1
         n_tracks += int(piece.max())
         for claim in claims:
-            mine = members[who[members] == claim.who]
+            mine = members[name_of_point[members] == claim.name]
             away[mine] = np.minimum(away[mine], np.abs(frames[mine] - claim.entry.frame))
-    _keep_nearest(who, away, frames)
-    return Fixed(identities.names, who, owner)
+    _keep_nearest(name_of_point, away, frames)
+    return PointConstraints(identities.names, name_of_point, track_of_point)
 
 
-def fixed_scores(scores: Scores, fixed: Fixed, target: Ints) -> Scores:
-    """Let fixed points vote for their markers alone, and with certainty.
+def constrained_scores(scores: Scores, name_of_point: Ints, target: Ints) -> Scores:
+    """Let constrained points vote for their markers alone, and with certainty.
 
     Parameters
     ----------
     scores : ndarray, shape (n_points, n_markers)
         How well each marker explains each point.
-    fixed : Fixed
-        What the user states.
+    name_of_point : ndarray of intp, shape (n_points,)
+        As in `PointConstraints`.
     target : ndarray of intp, shape (n_names,)
-        Marker of each name, from `targets`; those beyond the last marker have no votes yet.
+        Marker of each name, from `markers_of_names`; those beyond the last marker have no votes yet.
     """
     changed = scores.copy()
-    changed[fixed.who != ANYBODY] = 0.0
-    named = np.flatnonzero(fixed.who >= 0)
-    marker = target[fixed.who[named]]
+    changed[name_of_point != ANYBODY] = 0.0
+    named = np.flatnonzero(name_of_point >= 0)
+    marker = target[name_of_point[named]]
     known = marker < scores.shape[1]
     changed[named[known], marker[known]] = CERTAIN
     return changed
 
 
-def targets(marker_of_point: Ints, fixed: Fixed, n_markers: int, labels: tuple[str, ...] = ()) -> Ints:
+def markers_of_names(
+    marker_of_point: Ints, constraints: PointConstraints, n_markers: int, labels: tuple[str, ...] = ()
+) -> Ints:
     """Marker of each name: the one called so, else the one with most of its points; new ones where there is none.
 
     Parameters
     ----------
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
-    fixed : Fixed
+    constraints : PointConstraints
         What the user states.
     n_markers : int
         Number of markers; new ones are numbered from here.
@@ -143,15 +146,15 @@ def targets(marker_of_point: Ints, fixed: Fixed, n_markers: int, labels: tuple[s
     """
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
-    together = np.zeros((len(fixed.names), n_markers))
-    both = (fixed.who >= 0) & (marker_of_point >= 0)
-    np.add.at(together, (fixed.who[both], marker_of_point[both]), 1.0)
-    for name, label in itertools.product(range(len(fixed.names)), range(len(labels))):
-        if fixed.names[name] == labels[label]:
+    together = np.zeros((len(constraints.names), n_markers))
+    both = (constraints.name_of_point >= 0) & (marker_of_point >= 0)
+    np.add.at(together, (constraints.name_of_point[both], marker_of_point[both]), 1.0)
+    for name, label in itertools.product(range(len(constraints.names)), range(len(labels))):
+        if constraints.names[name] == labels[label]:
             together[:, label] = 0.0
             together[name] = 0.0
             together[name, label] = 1.0
-    target = np.full(len(fixed.names), -1, dtype=np.intp)
+    target = np.full(len(constraints.names), -1, dtype=np.intp)
     rows, columns = linear_sum_assignment(-together)
     shared = together[rows, columns] > 0
     target[rows[shared]] = columns[shared]
@@ -159,8 +162,8 @@ def targets(marker_of_point: Ints, fixed: Fixed, n_markers: int, labels: tuple[s
     return target
 
 
-def obeyed(marker_of_point: Ints, frames: Ints, fixed: Fixed, target: Ints) -> Ints:
-    """Give fixed points to their markers; a point that must make room takes the place that became free, if any.
+def with_constraints(marker_of_point: Ints, frames: Ints, constraints: PointConstraints, target: Ints) -> Ints:
+    """Give constraints points to their markers; a point that must make room takes the place that became free, if any.
 
     Parameters
     ----------
@@ -168,19 +171,19 @@ def obeyed(marker_of_point: Ints, frames: Ints, fixed: Fixed, target: Ints) -> I
         Marker of each point, -1 for none; a marker has one point in a frame.
     frames : ndarray of intp, shape (n_points,)
         Frame of each point.
-    fixed : Fixed
+    constraints : PointConstraints
         What the user states.
     target : ndarray of intp, shape (n_names,)
-        Marker of each name, from `targets`.
+        Marker of each name, from `markers_of_names`.
     """
     result = marker_of_point.copy()
-    result[fixed.who == NOBODY] = -1
-    named = np.flatnonzero(fixed.who >= 0)
-    result[named] = target[fixed.who[named]]
+    result[constraints.name_of_point == NOBODY] = -1
+    named = np.flatnonzero(constraints.name_of_point >= 0)
+    result[named] = target[constraints.name_of_point[named]]
     n_markers = int(max(result.max(initial=-1), marker_of_point.max(initial=-1))) + 1
     place = frames[named] * n_markers + result[named]
     in_order = np.argsort(place)
-    others = np.flatnonzero((fixed.who == ANYBODY) & (marker_of_point >= 0))
+    others = np.flatnonzero((constraints.name_of_point == ANYBODY) & (marker_of_point >= 0))
     if not len(named) or not len(others):
         return result
     wanted = frames[others] * n_markers + marker_of_point[others]
@@ -235,17 +238,17 @@ def _refuse_doubles(identities: Identities, stated: list[tuple[Identity, int]]) 
 def _claims(
     identities: Identities, statements: list[tuple[Identity, int]], members: Ints, frames: Ints
 ) -> list[_Claim]:
-    """What is stated of one track, in order; contradictions are errors."""
+    """Statements about one track, in order; contradictions are errors."""
     claims = []
     for entry, point in statements:
         first = int(np.searchsorted(members, point))
         end = entry.frame if entry.last_frame is None else entry.last_frame
         last = int(np.searchsorted(frames, end, side="right")) - 1
-        who = NOBODY if entry.is_nobody else identities.names.index(entry.name)
-        claims.append(_Claim(first, last, who, entry.last_frame is None, entry))
+        name = NOBODY if entry.is_nobody else identities.names.index(entry.name)
+        claims.append(_Claim(first, last, name, entry.last_frame is None, entry))
     claims.sort(key=lambda claim: (claim.first, claim.last))
     for earlier, later in itertools.combinations(claims, 2):
-        if later.first <= earlier.last and later.who != earlier.who:
+        if later.first <= earlier.last and later.name != earlier.name:
             raise identities.error(
                 later.entry,
                 f"the point in frame {frames[later.first]} is {earlier.entry.name} by another statement"
@@ -255,24 +258,24 @@ def _claims(
 
 
 def _divided(claims: list[_Claim], points: Floats, frames: Ints) -> tuple[Ints, Ints]:
-    """Piece of each point of a track, numbered from 0, and who it is."""
-    who = np.full(len(frames), ANYBODY, dtype=np.intp)
+    """Part of the track that each of its points belongs to, numbered from 0, and the name of each point."""
+    name_of_point = np.full(len(frames), ANYBODY, dtype=np.intp)
     for claim in claims:
-        who[claim.first : claim.last + 1] = claim.who
+        name_of_point[claim.first : claim.last + 1] = claim.name
     if claims[0].open:
-        who[: claims[0].first] = claims[0].who
+        name_of_point[: claims[0].first] = claims[0].name
     if claims[-1].open:
-        who[claims[-1].last + 1 :] = claims[-1].who
+        name_of_point[claims[-1].last + 1 :] = claims[-1].name
     for before, after in itertools.pairwise(claims):
         start, stop = before.last + 1, after.first
         if start >= stop or not (before.open or after.open):
             continue
         cut = start if not before.open else stop
-        if before.open and after.open and before.who != after.who:
+        if before.open and after.open and before.name != after.name:
             cut = start + most_doubtful_link(points, frames, start - 1, stop)
-        who[start:cut], who[cut:stop] = before.who, after.who
-    piece = np.concatenate([[0], np.cumsum(np.diff(who) != 0)])
-    return piece, who
+        name_of_point[start:cut], name_of_point[cut:stop] = before.name, after.name
+    piece = np.concatenate([[0], np.cumsum(np.diff(name_of_point) != 0)])
+    return piece, name_of_point
 
 
 def most_doubtful_link(points: Floats, frames: Ints, first: int, last: int) -> int:
@@ -299,10 +302,10 @@ def most_doubtful_link(points: Floats, frames: Ints, first: int, last: int) -> i
     return int(np.argmax(surprise[first:last]))
 
 
-def _keep_nearest(who: Ints, away: Floats, frames: Ints) -> None:
+def _keep_nearest(name_of_point: Ints, away: Floats, frames: Ints) -> None:
     """Where two tracks of one name meet in a frame, keep the point whose statement is nearer in time."""
-    named = np.flatnonzero(who >= 0)
-    order = named[np.lexsort((named, away[named], who[named], frames[named]))]
+    named = np.flatnonzero(name_of_point >= 0)
+    order = named[np.lexsort((named, away[named], name_of_point[named], frames[named]))]
     again: Bools = np.zeros(len(order), dtype=np.bool_)
-    again[1:] = (frames[order[1:]] == frames[order[:-1]]) & (who[order[1:]] == who[order[:-1]])
-    who[order[again]] = ANYBODY
+    again[1:] = (frames[order[1:]] == frames[order[:-1]]) & (name_of_point[order[1:]] == name_of_point[order[:-1]])
+    name_of_point[order[again]] = ANYBODY
