@@ -67,9 +67,9 @@ def test_prediction_is_laviolas_double_exponential_smoothing(smoothing):
     tracks = Tracks(4)
     rules = rules_of(LabelParameters(smoothing=smoothing), 100.0)
     state = (tracks.motion, tracks.counters, tracks.totals)
-    tracks, surprise = np.empty(40, dtype=np.intp), np.empty(40)
+    found, surprise = np.empty(40, dtype=np.intp), np.empty(40)
     ones, nothing = np.ones(40), np.empty((0, 5))
-    follow_frames(path, np.arange(41), state, rules, tracks, surprise, ones, np.ones(40, dtype=np.intp), nothing)
+    follow_frames(path, np.arange(41), state, rules, found, surprise, ones, np.ones(40, dtype=np.intp), nothing)
 
     slope = path[1] - path[0]
     lag = (1 - smoothing) / smoothing * slope

@@ -8,8 +8,8 @@ import pytest
 from skelgen.model import PointCloud
 from skelgen.simulation import simulate
 from skelgen.stages.labels import label_markers
-from skelgen.stages.labels.merging import windows
 from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, merge_likely
+from skelgen.stages.labels.merging.windows import WindowSize, merge_tracklets
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
@@ -64,20 +64,20 @@ def test_exact_distances_and_too_few_of_them_are_no_error():
         assert len(merge_likely(record_of(moving_points(np.random.default_rng(0), n_moments, places)))) == 3
 
 
-def joined(case, sets_per_window, monkeypatch):
-    monkeypatch.setattr(windows, "SETS_PER_WINDOW", sets_per_window)
-    monkeypatch.setattr(windows, "LEAST_WINDOW", 1.0)
+def joined(case, sets_per_window):
     parameters = LabelParameters()
     track_of_point, _ = follow_points(case.take, parameters)
     sets = find_tracklets(case.take, track_of_point, 100.0, parameters)
-    group = windows.merge_tracklets(case.take.points, sets, 100.0, typical_spacing(case.take))
+    group = merge_tracklets(
+        case.take.points, sets, 100.0, typical_spacing(case.take), window=WindowSize(sets_per_window, 1.0)
+    )
     return sets, group
 
 
 @pytest.mark.parametrize("sets_per_window", [1000, 30])
-def test_joined_sets_are_pure_and_few_in_one_window_as_in_many(sets_per_window, monkeypatch):
+def test_joined_sets_are_pure_and_few_in_one_window_as_in_many(sets_per_window):
     case = simulate("human", n_frames=1000, seed=0, **OCCLUDED)
-    sets, group = joined(case, sets_per_window, monkeypatch)
+    sets, group = joined(case, sets_per_window)
     table = np.zeros((group.max() + 1, case.truth.marker_of_point.max() + 2))
     np.add.at(table, (group[sets.tracklet_of_point], case.truth.marker_of_point[sets.points]), 1)
     assert table.max(axis=1).sum() >= 0.995 * table.sum()
@@ -85,7 +85,7 @@ def test_joined_sets_are_pure_and_few_in_one_window_as_in_many(sets_per_window, 
 
 
 def test_sets_of_one_group_never_overlap_in_time(monkeypatch):
-    sets, group = joined(simulate("human", n_frames=600, seed=1, **OCCLUDED), 20, monkeypatch)
+    sets, group = joined(simulate("human", n_frames=600, seed=1, **OCCLUDED), 20)
     same = (group[:, np.newaxis] == group) & ~np.eye(len(group), dtype=bool)
     assert not (same & sets.overlaps).any()
 

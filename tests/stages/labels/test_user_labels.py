@@ -1,4 +1,4 @@
-"""What the user states of some points is with_constraints, and what cannot be meant is refused with what is nearest."""
+"""What the user states of some points is obeyed, and what cannot be meant is refused with what is nearest."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def statements(simulated, random, count):
 
 
 def disobeyed(cloud, result, stated):
-    """Statements that a result does not apply_constraints."""
+    """Statements that a result does not obey."""
     marker = find_points(cloud, result.positions)
     names = [*result.names, "nobody"]
     wrong = []
@@ -60,7 +60,7 @@ def test_true_statements_are_obeyed(hidden, method):
     stated = statements(hidden, np.random.default_rng(0), 40)
     result = label_markers(hidden.take, LabelParameters(method=method), identities=stated)
     assert disobeyed(hidden.take, result, stated) == []
-    assert "40 identities stated by hand are with_constraints" in result.notices
+    assert "40 identities stated by hand are obeyed" in result.notices
 
 
 @settings(max_examples=8, deadline=None)

@@ -6,6 +6,8 @@ of a window are compared with each other and with the markers found so far, whos
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -14,18 +16,32 @@ from skelgen.stages.labels.merging.continuity import continuity_evidence
 from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, merge_likely, sample_frames
 from skelgen.stages.labels.tracking.tracklets import TrackletPoints, poses_at
 
-TRACKLETS_PER_WINDOW = 600
-"""New tracklets that are compared with each other and with the markers found so far."""
-
-LEAST_WINDOW = 5.0
-"""s; a shorter window hardly shows how limbs move."""
-
 MOST_KEPT = 4
 """This many times the number of markers seen at once are kept for the next window; others never merge with any."""
 
 
+class WindowSize(NamedTuple):
+    """How large a window is.
+
+    Attributes
+    ----------
+    n_tracklets : int
+        New tracklets that are compared with each other and with the markers found so far.
+    least : float, s
+        Shortest window; a shorter one hardly shows how limbs move.
+    """
+
+    n_tracklets: int = 600
+    least: float = 5.0
+
+
 def merge_tracklets(
-    points: Floats, tracklets: TrackletPoints, rate: float, spacing: float, monitor: Monitor = SILENT
+    points: Floats,
+    tracklets: TrackletPoints,
+    rate: float,
+    spacing: float,
+    monitor: Monitor = SILENT,
+    window: WindowSize | None = None,
 ) -> Ints:
     """Group tracklets into markers by the likelihood of their distances.
 
@@ -41,6 +57,8 @@ def merge_tracklets(
         Typical distance of neighbouring markers.
     monitor : Monitor
         Receives progress and may cancel.
+    window : WindowSize, optional
+        How many tracklets are compared at once.
 
     Returns
     -------
@@ -48,17 +66,17 @@ def merge_tracklets(
         Group of each tracklet, from 0 without holes; tracklets of one group never overlap in time.
     """
     groups = _Groups(points, tracklets, rate, spacing)
-    spans = _windows(tracklets, rate)
+    spans = _windows(tracklets, rate, window or WindowSize())
     for done, span in enumerate(_outwards(spans, tracklets)):
         groups.extend(span)
         monitor.advance(done + 1, len(spans))
     return np.unique(groups.group, return_inverse=True)[1].astype(np.intp)
 
 
-def _windows(tracklets: TrackletPoints, rate: float) -> list[tuple[int, int]]:
+def _windows(tracklets: TrackletPoints, rate: float, window: WindowSize) -> list[tuple[int, int]]:
     """First frame of each window and the one after its last."""
-    n_windows = max(1, -(-len(tracklets) // TRACKLETS_PER_WINDOW))
-    length = max(-(-tracklets.n_frames // n_windows), int(LEAST_WINDOW * rate), 1)
+    n_windows = max(1, -(-len(tracklets) // window.n_tracklets))
+    length = max(-(-tracklets.n_frames // n_windows), int(window.least * rate), 1)
     return [(first, min(first + length, tracklets.n_frames)) for first in range(0, tracklets.n_frames, length)]
 
 
