@@ -84,7 +84,7 @@ def test_joined_sets_are_pure_and_few_in_one_window_as_in_many(sets_per_window):
     assert len(table) <= 60 < len(sets)
 
 
-def test_sets_of_one_group_never_overlap_in_time(monkeypatch):
+def test_sets_of_one_group_never_overlap_in_time():
     sets, group = joined(simulate("human", n_frames=600, seed=1, **OCCLUDED), 20)
     same = (group[:, np.newaxis] == group) & ~np.eye(len(group), dtype=bool)
     assert not (same & sets.overlaps).any()
