@@ -55,6 +55,10 @@ class WriteError(SkelgenError):
     """A file cannot be written: no rights, disk full, or a format that cannot hold the value."""
 
 
+class MissingPackageError(SkelgenError):
+    """A package of an extra is not installed; the sentence says how to install it."""
+
+
 class KernelError(SkelgenError):
     """A kernel cannot be compiled, or its machine code cannot be kept."""
 

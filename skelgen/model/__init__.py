@@ -6,7 +6,7 @@ Units inside are mm, s, rad and Hz; coordinates are right-handed; frames come fi
 from skelgen.model.corrections import Identities, Identity
 from skelgen.model.labelling import Labelling
 from skelgen.model.project import Project, StageReport
-from skelgen.model.skeleton import Joint, Motion, Skeleton
+from skelgen.model.skeleton import Joint, JointAngles, Motion, Skeleton
 from skelgen.model.takes import PointCloud, Poses, Take, Trajectories
 from skelgen.model.topology import Limbs, Topology
 
@@ -14,6 +14,7 @@ __all__ = [
     "Identities",
     "Identity",
     "Joint",
+    "JointAngles",
     "Labelling",
     "Limbs",
     "Motion",

@@ -1,22 +1,30 @@
-"""Where a take was read from, so that a project can refer to the recording instead of holding it."""
+"""A project: the immutable chain from a take to its skeleton in motion, and the recording that the take comes from."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from skelgen.errors import MissingResultError
+from skelgen.model import tables
 from skelgen.model.corrections import Correction, Identities
 from skelgen.model.labelling import Labelling
 from skelgen.model.skeleton import Motion, Skeleton
 from skelgen.model.takes import Take, Trajectories
 from skelgen.model.topology import Limbs, Topology
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+_T = TypeVar("_T")
+
+STAGES = ("labels", "limbs", "joints", "skeleton")
+
 
 @dataclass(frozen=True)
 class Source:
-    """A recording on disk.
+    """A recording on disk, from which a take was read: a project may refer to it instead of holding the take.
 
     Attributes
     ----------
@@ -25,7 +33,7 @@ class Source:
     format : str
         Name of the format that it was read as.
     options : mapping of str to value
-        What the reader was told.
+        Options that the reader was given.
     size : int
         Bytes of the file when it was read.
     modified : int
@@ -40,11 +48,6 @@ class Source:
     size: int = 0
     modified: int = 0
     sha256: str = ""
-
-
-_T = TypeVar("_T")
-
-STAGES = ("labels", "limbs", "joints", "skeleton")
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +154,24 @@ class Project:
     def motion(self) -> Motion:
         """The skeleton's motion, a result of stage 4."""
         return _present(self._motion, "motion", "skeleton")
+
+    def angles_table(self) -> DataFrame:
+        """Return the joint angles with standard deviations as a pandas table; see `skelgen.model.tables.angles_table`.
+
+        Raises
+        ------
+        MissingPackageError
+            If pandas is not installed.
+        """
+        return tables.angles_table(self.skeleton, self.motion)
+
+    def joints_table(self) -> DataFrame:
+        """Return the joint positions with standard deviations as a pandas table; see `skelgen.model.tables`."""
+        return tables.joints_table(self.skeleton, self.motion)
+
+    def limb_poses(self) -> DataFrame:
+        """Return the poses of the limbs as a pandas table; see `skelgen.model.tables.limb_poses`."""
+        return tables.limb_poses(self.motion)
 
     def has(self, stage: str) -> bool:
         """Whether the result of ``labels``, ``limbs``, ``joints`` or ``skeleton`` is there."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.errors import InputError
+from skelgen.errors import InputError, MissingResultError
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints
 from skelgen.model.topology import outward_order
 
@@ -162,6 +164,11 @@ class Skeleton:
         return len(self.joints)
 
     @property
+    def joint_names(self) -> tuple[str, ...]:
+        """A name for each joint, such as ``limb0-limb1`` (parent, child)."""
+        return tuple(f"limb{joint.parent}-limb{joint.child}" for joint in self.joints)
+
+    @property
     def roots(self) -> Ints:
         """Limbs without a parent."""
         return np.flatnonzero(self.parents < 0)
@@ -206,6 +213,25 @@ class Skeleton:
 
 
 @dataclass(frozen=True, eq=False)
+class JointAngles:
+    """The angles of one joint over time, 0 in the reference pose.
+
+    Attributes
+    ----------
+    names : tuple of str
+        ``turn`` for the angle of a hinge about its axis; ``first`` and ``second`` for those of a universal joint about
+        its axis in the parent and its axis in the child; ``x``, ``y``, ``z`` for the rotation vector of a ball joint in
+        the parent's axes; empty for a rigid joint.
+    values, std : ndarray, shape (n_frames, n_angles), rad
+        The angles, and their standard deviations.
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    std: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Motion:
     """The skeleton's pose in every frame, always complete: what could not be seen is interpolated and marked.
 
@@ -226,6 +252,8 @@ class Motion:
     joint_std : ndarray, shape (n_frames, n_joints, 3), mm, or None
         Standard deviations of the joints' positions along the world's axes, of hinges across their axes; None where
         nothing was estimated.
+    compute_angles : callable (motion) -> tuple of JointAngles, or None
+        Computes `joint_angles` when they are first asked for. It is not stored in project files.
     """
 
     world_from_limb: Floats
@@ -235,6 +263,9 @@ class Motion:
     limb_seen: Bools
     rate: float
     joint_std: Floats | None = None
+    compute_angles: Callable[[Motion], tuple[JointAngles, ...]] | None = field(
+        default=None, repr=False, metadata={"is_stored": False}
+    )
 
     def __post_init__(self) -> None:
         poses = check_floats(self.world_from_limb, (None, None, 4, 4), "world_from_limb", finite=True)
@@ -261,6 +292,19 @@ class Motion:
     def times(self) -> Floats:
         """Time of each frame [s] from the first, shape (n_frames,)."""
         return np.arange(self.n_frames) / self.rate
+
+    @cached_property
+    def joint_angles(self) -> tuple[JointAngles, ...]:
+        """Angles of every joint with standard deviations, in the order of the skeleton's joints.
+
+        Raises
+        ------
+        MissingResultError
+            If the motion does not come from a skeleton that was fitted or read.
+        """
+        if self.compute_angles is None:
+            raise MissingResultError("this motion has no joint angles; take the motion of a project with a skeleton")
+        return self.compute_angles(self)
 
     @property
     def rotations(self) -> NDArray[np.float64]:

@@ -1,16 +1,22 @@
-"""Takes as they are read: unlabelled points, labelled markers, or bodies with orientation."""
+"""Takes as they are read: unlabelled points, labelled markers, bodies with orientation, or animated bones."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, check_names, check_rate
 
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+"""Units of length that arrays may be in, in mm."""
+
+_SMALLEST_SPREAD, _LARGEST_SPREAD = 10.0, 1e5  # mm: markers of a take lie farther apart, and nearer together
 _ROTATION_TOLERANCE = 1e-6  # of R R^T = 1: double rounding is 1e-15, a file with 7 digits gives 1e-7
 
 
@@ -122,6 +128,67 @@ class Trajectories:
         object.__setattr__(self, "rate", check_rate(self.rate, "the take"))
         object.__setattr__(self, "notices", tuple(self.notices))
 
+    @classmethod
+    def from_array(
+        cls,
+        positions: ArrayLike,
+        rate: float,
+        unit: str = "mm",
+        *,
+        names: Sequence[str] | None = None,
+        name: str = "",
+        zeros_are_gaps: bool = True,
+    ) -> Trajectories:
+        """Make labelled markers from an array, with checks for what is often wrong in one.
+
+        Whatever is changed or looks odd is a notice of the result, and a `UserWarning`.
+
+        Parameters
+        ----------
+        positions : array_like, shape (n_frames, n_markers, 3), in `unit`
+            NaN where a marker is unseen.
+        rate : float, Hz
+            Frame rate.
+        unit : str
+            ``mm``, ``cm``, ``m`` or ``inch``.
+        names : sequence of str, optional
+            Distinct labels; ``M1``, ``M2``, ... if not given.
+        name : str
+            Name of the take.
+        zeros_are_gaps : bool
+            Take positions that are exactly (0, 0, 0) as unseen, as many programs write them.
+
+        Raises
+        ------
+        InputError
+            If the array has another shape or holds infinities, the unit is unknown, or names or rate are wrong.
+
+        Examples
+        --------
+        >>> take = Trajectories.from_array(np.ones((100, 2, 3)), 100.0, "m", names=("knee", "ankle"))
+        >>> take.positions[0, 0].tolist(), take.names
+        ([1000.0, 1000.0, 1000.0], ('knee', 'ankle'))
+        """
+        if unit not in UNITS:
+            raise InputError(f"there is no unit {unit!r}; units are {', '.join(UNITS)}")
+        array = np.array(positions, dtype=np.float64)
+        if array.ndim != 3 or array.shape[2] != 3:
+            raise InputError(
+                f"positions has shape {array.shape}; it must be (n_frames, n_markers, 3), so reshape it first, e.g. "
+                "positions.reshape(n_frames, n_markers, 3) where a row holds x, y, z of one marker after the other"
+            )
+        array = check_floats(array, array.shape, "positions") * UNITS[unit]
+        notices = []
+        zeros: Bools = np.asarray((array == 0.0).all(axis=2))
+        if zeros_are_gaps and zeros.any():
+            array[zeros] = np.nan
+            notices.append(f"{int(zeros.sum())} positions are exactly (0, 0, 0) and were taken as gaps")
+        notices += [*_odd_size(array, unit)]
+        for notice in notices:
+            warnings.warn(notice, stacklevel=2)
+        labels = [f"M{index + 1}" for index in range(array.shape[1])] if names is None else names
+        return cls(array, tuple(labels), rate, name, tuple(notices))
+
     @property
     def n_frames(self) -> int:
         """Number of frames."""
@@ -193,9 +260,6 @@ class Poses:
     def n_bodies(self) -> int:
         """Number of bodies."""
         return int(self.world_from_body.shape[1])
-
-
-Take = PointCloud | Trajectories | Poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,3 +334,18 @@ class BoneMotion:
             if parent >= 0:
                 poses[:, bone] = poses[:, parent] @ poses[:, bone]
         return poses
+
+
+Take = PointCloud | Trajectories | Poses
+
+
+def _odd_size(positions: Floats, unit: str) -> Iterator[str]:
+    """Say if the markers of a typical frame lie too near together or too far apart for their unit."""
+    seen = positions[~np.isnan(positions).all(axis=(1, 2))]
+    if not len(seen) or positions.shape[1] < 2:
+        return
+    spread = float(np.median(np.linalg.norm(np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1), axis=1)))
+    if spread < _SMALLEST_SPREAD and unit != "m":
+        yield f"the markers of a frame span {spread:.3g} mm; if the array is in metres, give unit='m'"
+    if spread > _LARGEST_SPREAD and unit != "mm":
+        yield f"the markers of a frame span {spread / 1000:.3g} m; if the array is in millimetres, give unit='mm'"

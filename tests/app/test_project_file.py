@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import zipfile
@@ -16,6 +17,7 @@ from skelgen.app.project_file.archive import VERSION, find_result, is_project_fi
 from skelgen.app.report import report_html
 from skelgen.app.tables import project_tables
 from skelgen.errors import FormatError, WriteError
+from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles
 from skelgen.model import Labelling, PointCloud, Project, StageReport
 from skelgen.model.labelling import Agreement, Doubt, Tracklets
 
@@ -27,7 +29,8 @@ def values_of(value):
     if isinstance(value, np.ndarray):
         return [value.tobytes(), value.shape]
     if hasattr(value, "__dataclass_fields__"):
-        return [values_of(getattr(value, name)) for name in value.__dataclass_fields__]
+        stored = [field.name for field in dataclasses.fields(value) if field.metadata.get("is_stored", True)]
+        return [values_of(getattr(value, name)) for name in stored]
     if hasattr(value, "items"):
         return [(key, values_of(item)) for key, item in value.items()]
     return [values_of(item) for item in value] if isinstance(value, tuple | list) else repr(value)
@@ -249,3 +252,10 @@ def test_folder_with_one_project_is_enough(saved):
 def test_folder_without_project_is_an_error(tmp_path):
     with pytest.raises(FormatError, match="none"):
         find_result(tmp_path)
+
+
+def test_motion_of_a_file_has_its_joint_angles(small_project, saved):
+    angles = MotionAngles(small_project.skeleton, small_project.trajectories.positions)(small_project.motion)
+    for wanted, found in zip(angles, open_project(saved).motion.joint_angles, strict=True):
+        np.testing.assert_array_equal(found.values, wanted.values)
+        np.testing.assert_array_equal(found.std, wanted.std)

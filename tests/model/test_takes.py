@@ -128,3 +128,45 @@ def test_matrix_that_is_no_rotation_is_refused(diagonal):
     pose[:3, :3] = np.diag(diagonal)
     with pytest.raises(InputError, match="not a proper rotation"):
         Poses(pose[None, None], ("sensor",), 100.0)
+
+
+def test_array_in_metres_becomes_labelled_markers_in_mm():
+    take = Trajectories.from_array(np.full((4, 2, 3), 0.5), 100.0, "m", names=("knee", "ankle"), name="walk")
+    assert (take.names, take.rate, take.name, take.notices) == (("knee", "ankle"), 100.0, "walk", ())
+    np.testing.assert_array_equal(take.positions, 500.0)
+
+
+def test_markers_of_an_array_without_names_are_numbered():
+    assert Trajectories.from_array([[[1, 2, 3], [400, 500, 600]]], 100.0).names == ("M1", "M2")
+
+
+def test_zeros_in_an_array_are_gaps_and_a_notice_says_so():
+    array = np.full((3, 2, 3), 100.0)
+    array[:, 1] = 900.0
+    array[1, 0] = 0.0
+    with pytest.warns(UserWarning, match=r"1 positions are exactly \(0, 0, 0\) and were taken as gaps"):
+        take = Trajectories.from_array(array, 100.0)
+    assert take.seen.tolist() == [[True, True], [False, True], [True, True]]
+    assert "taken as gaps" in take.notices[0]
+    assert Trajectories.from_array(array, 100.0, zeros_are_gaps=False).seen.all()
+    assert not np.isnan(array).any()
+
+
+@pytest.mark.parametrize(("scale", "unit", "sentence"), [(1.0, "mm", "give unit='m'"), (1000.0, "m", "give unit='mm'")])
+def test_array_in_another_unit_than_stated_is_warned_of(scale, unit, sentence):
+    array = np.array([[[0.1, 0.2, 0.9], [0.4, 0.1, 1.8]]]) * scale
+    with pytest.warns(UserWarning, match=sentence):
+        Trajectories.from_array(array, 100.0, unit)
+
+
+@pytest.mark.parametrize(
+    ("array", "unit", "sentence"),
+    [
+        (np.zeros((5, 6)), "mm", r"shape \(5, 6\); it must be \(n_frames, n_markers, 3\), so reshape it"),
+        (np.ones((5, 2, 3)), "km", "no unit 'km'; units are mm, cm, m, inch"),
+        (np.full((5, 2, 3), np.inf), "mm", "not finite"),
+    ],
+)
+def test_array_that_is_no_take_is_refused(array, unit, sentence):
+    with pytest.raises(InputError, match=sentence):
+        Trajectories.from_array(array, 100.0, unit)

@@ -12,6 +12,8 @@ import platform
 import struct
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +27,8 @@ from skelgen.app.project_file.packing import packed, unpacked
 from skelgen.app.project_file.references import reference_to, take_of
 from skelgen.errors import FormatError, InputError
 from skelgen.files import replacing
-from skelgen.model import Project, StageReport, Take
+from skelgen.model import JointAngles, Motion, Project, Skeleton, StageReport, Take
+from skelgen.model.arrays import Floats
 from skelgen.model.project import Source
 
 SUFFIX = ".skelgen"
@@ -180,6 +183,9 @@ class _Reader:
         view = dict(structure.get("view", {}))
         project = Project(take, int(structure["seed"]), reports, identities, corrections, view, source, **chain)
         check_chain(project)
+        if project.has("skeleton"):
+            compute = partial(_joint_angles, project.skeleton, project.trajectories.positions)
+            project = replace(project, _motion=replace(project.motion, compute_angles=compute))
         return project
 
     def _take(self, structure: Mapping[str, Any], run: Mapping[str, Any]) -> tuple[Take, Source | None]:
@@ -218,6 +224,13 @@ class _Reader:
             return self._archive.read(info)
         except _DAMAGES as error:
             raise FormatError(self._path, member, f"damaged or cut off: {error}") from error
+
+
+def _joint_angles(skeleton: Skeleton, positions: Floats, motion: Motion) -> tuple[JointAngles, ...]:
+    """Compute joint angles, which a project file does not hold."""
+    from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles  # noqa: PLC0415 - scipy is slow to load
+
+    return MotionAngles(skeleton, positions)(motion)
 
 
 def _structure(project: Project, arrays: dict[str, NDArray[Any]], embed: bool) -> dict[str, Any]:

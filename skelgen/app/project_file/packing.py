@@ -63,7 +63,8 @@ def packed(value: Any, member: str, arrays: dict[str, NDArray[Any]]) -> Any:
         return [packed(item, f"{member}/{index}", arrays) for index, item in enumerate(value)]
     if dataclasses.is_dataclass(value):
         kind = _type_name(value)
-        names = {field.name: _FIELDS_ON_DISK.get((kind, field.name), field.name) for field in dataclasses.fields(value)}
+        stored = [field.name for field in dataclasses.fields(value) if field.metadata.get("is_stored", True)]
+        names = {name: _FIELDS_ON_DISK.get((kind, name), name) for name in stored}
         fields = {names[name]: packed(getattr(value, name), f"{member}/{names[name]}", arrays) for name in names}
         return {"type": kind, "fields": fields}
     if isinstance(value, float) and not math.isfinite(value):

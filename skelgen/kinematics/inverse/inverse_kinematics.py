@@ -19,10 +19,13 @@ from skelgen.kinematics.inverse.poses import fit_poses, pose_covariances
 from skelgen.kinematics.inverse.root_outward import KnownJoints, PosedTree, outward_covariances, pose_outward
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.kinematics.joints.angles import angle_deviations, angle_names, joint_angles
-from skelgen.model import Motion, Skeleton
+from skelgen.model import JointAngles, Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 
 METHODS = ("whole-chain", "root-outward")
+
+ANGLE_FRAMES = 8_192
+"""Frames whose angles are computed together: their covariances take some 20 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +156,36 @@ def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: In
         covariances = pose_covariances(tree.chain, tree.articulation, poses, own, tree.noise, weights)
         found.append(PosedTree(poses, motion.limb_seen[frames][:, tree.limbs], covariances))
     return posture(skeleton, trees, found)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionAngles:
+    """Computes the angles of a motion's joints, for `Motion.compute_angles`.
+
+    Attributes
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    """
+
+    skeleton: Skeleton
+    positions: Floats
+
+    def __call__(self, motion: Motion) -> tuple[JointAngles, ...]:
+        """Return the angles of every joint, in the order of the skeleton's joints."""
+        starts = range(0, max(motion.n_frames, 1), ANGLE_FRAMES)
+        blocks = [np.arange(start, min(start + ANGLE_FRAMES, motion.n_frames)) for start in starts]
+        parts = [posture_of(self.skeleton, motion, self.positions, frames) for frames in blocks]
+        return tuple(
+            JointAngles(
+                names=angle_names(joint),
+                values=np.concatenate([part.angles[index] for part in parts]),
+                std=np.concatenate([part.angle_std[index] for part in parts]),
+            )
+            for index, joint in enumerate(self.skeleton.joints)
+        )
 
 
 def posture(skeleton: Skeleton, trees: list[SkeletonTree], found: list[PosedTree]) -> Posture:

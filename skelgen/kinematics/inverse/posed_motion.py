@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
+from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats, check_bools, check_floats
 
@@ -63,6 +64,7 @@ class PosedMotion(Motion):
         }
         if joint_std is not None:
             values["joint_std"] = check_floats(joint_std, (n_frames, skeleton.n_joints, 3), "joint_std", finite=True)
+        values["compute_angles"] = MotionAngles(skeleton, measured)
         self.__dict__.update(values)  # the class is frozen
 
     @cached_property

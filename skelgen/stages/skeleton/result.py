@@ -9,6 +9,7 @@ import numpy as np
 
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.calibration.limb_errors import deviations
+from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles
 from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.fitting import FittedBody
@@ -64,6 +65,7 @@ def make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: 
         limb_seen=seen,
         rate=trajectories.rate,
         joint_std=deviations[:, children],
+        compute_angles=MotionAngles(skeleton, trajectories.positions),
     )
 
 

@@ -6,7 +6,7 @@ the skeleton stage does after its calibration; positions that the chain does not
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from skelgen.geometry.orientation import ROTATORS, fit_transform
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.inverse.inverse_kinematics import posture_of
+from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles, posture_of
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats
@@ -170,6 +170,7 @@ def known_motion(skeleton: Skeleton, poses: KnownPoses, measured: Floats, rate: 
         residuals=np.linalg.norm(measured - markers, axis=2),
         limb_seen=poses.seen,
         rate=rate,
+        compute_angles=MotionAngles(skeleton, measured),
     )
     stds = [
         posture_of(
@@ -177,4 +178,4 @@ def known_motion(skeleton: Skeleton, poses: KnownPoses, measured: Floats, rate: 
         ).joint_std
         for first in range(0, len(measured), BLOCK_FRAMES)
     ]
-    return Motion(**{**vars(motion), "joint_std": np.concatenate(stds)})
+    return replace(motion, joint_std=np.concatenate(stds))

@@ -1,0 +1,108 @@
+"""Results of a project as pandas tables, one row per frame and item; every column names its unit.
+
+pandas is imported when the first table is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skelgen.errors import MissingPackageError
+from skelgen.model.arrays import Floats
+from skelgen.model.skeleton import Motion, Skeleton
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def angles_table(skeleton: Skeleton, motion: Motion) -> DataFrame:
+    """Return the joint angles, one row per frame, joint and angle.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Names the joints.
+    motion : Motion
+        With joint angles.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``frame``, ``time_s``, ``joint``, ``angle``, ``value_deg`` and ``std_deg``. `JointAngles` explains the
+        names of angles.
+    """
+    pairs = list(zip(skeleton.joint_names, motion.joint_angles, strict=True))
+    joints = [name for name, angles in pairs for _ in angles.names]
+    nothing = np.zeros((motion.n_frames, 0))
+    return _table(
+        motion,
+        {"joint": joints, "angle": [name for _, angles in pairs for name in angles.names]},
+        {
+            "value_deg": np.rad2deg(np.concatenate([nothing, *(angles.values for _, angles in pairs)], axis=1)),
+            "std_deg": np.rad2deg(np.concatenate([nothing, *(angles.std for _, angles in pairs)], axis=1)),
+        },
+    )
+
+
+def joints_table(skeleton: Skeleton, motion: Motion) -> DataFrame:
+    """Return the joint positions, one row per frame and joint.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Names the joints.
+    motion : Motion
+        Its motion.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``frame``, ``time_s``, ``joint``, ``x_mm``, ``y_mm``, ``z_mm`` in the world, and the standard deviations
+        ``std_x_mm``, ``std_y_mm``, ``std_z_mm``, NaN where none were estimated.
+    """
+    std = np.full(motion.joint_positions.shape, np.nan) if motion.joint_std is None else motion.joint_std
+    columns = _axes("{}_mm", motion.joint_positions) | _axes("std_{}_mm", std)
+    return _table(motion, {"joint": skeleton.joint_names}, columns)
+
+
+def limb_poses(motion: Motion) -> DataFrame:
+    """Return the poses of the limbs in the world, one row per frame and limb.
+
+    Parameters
+    ----------
+    motion : Motion
+        Where the limbs are.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``frame``, ``time_s``, ``limb``, ``seen`` (whether markers of the frame fix the rotation), ``x_mm``,
+        ``y_mm``, ``z_mm`` of the limb's origin, and the unit quaternion ``qw``, ``qx``, ``qy``, ``qz`` world from limb,
+        with ``qw`` not negative.
+    """
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to load
+
+    n_limbs = motion.limb_seen.shape[1]
+    xyzw = Rotation.from_matrix(motion.rotations.reshape(-1, 3, 3)).as_quat(canonical=True)
+    quaternions = dict(zip(("qw", "qx", "qy", "qz"), xyzw[:, [3, 0, 1, 2]].T, strict=True))
+    columns = {"seen": motion.limb_seen} | _axes("{}_mm", motion.world_from_limb[..., :3, 3]) | quaternions
+    return _table(motion, {"limb": [f"limb{limb}" for limb in range(n_limbs)]}, columns)
+
+
+def _axes(pattern: str, vectors: Floats) -> dict[str, Floats]:
+    return {pattern.format(axis): vectors[..., index] for index, axis in enumerate("xyz")}
+
+
+def _table(motion: Motion, items: Mapping[str, Sequence[str]], columns: Mapping[str, Any]) -> DataFrame:
+    """Gather columns of shape (n_frames, n_items), with frame, time and names of the items."""
+    try:
+        import pandas as pd  # noqa: PLC0415 - slow to load, and of the extra `tables`
+    except ImportError as error:
+        raise MissingPackageError("tables need pandas: pip install 'skelgen[tables]'") from error
+    n_items = len(next(iter(items.values())))
+    head = {"frame": np.repeat(np.arange(motion.n_frames), n_items), "time_s": np.repeat(motion.times, n_items)}
+    texts = {name: np.tile(np.array(values, dtype=object), motion.n_frames) for name, values in items.items()}
+    return pd.DataFrame(head | texts | {name: np.ravel(values) for name, values in columns.items()})
