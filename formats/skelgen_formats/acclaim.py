@@ -45,7 +45,7 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.errors import FormatError, InputError, ParameterError
-from skelgen.geometry.euler import matrix_from_turns
+from skelgen.geometry.euler import matrix_from_euler
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen_formats.bones import LARGEST_MM
@@ -163,7 +163,7 @@ def _rotations(bone: AsfBone, values: Floats, asf: Asf) -> Floats:
     """Parent from bone, shape (n_frames, 3, 3); the first turn is applied first."""
     turned = [column for column, freedom in enumerate(bone.freedoms) if freedom.startswith("r")][::-1]
     axes = "".join(bone.freedoms[column][1] for column in turned)
-    turns = matrix_from_turns(axes, values[:, turned] * asf.radians)
+    turns = matrix_from_euler(axes.upper(), values[:, turned] * asf.radians)
     if bone.name == ROOT:
         return np.asarray(bone.axes @ turns)
     return np.asarray(bone.axes @ turns @ bone.axes.T)
@@ -363,7 +363,7 @@ class _Reader:
         for name, (angles, order) in self._axes_of.items():
             # the first letter is applied first, so that it is the rightmost factor
             turns = np.array(angles)[["xyz".index(letter) for letter in order[::-1]]] * self._radians
-            self._bones[name].axes = matrix_from_turns(order[::-1], turns)
+            self._bones[name].axes = matrix_from_euler(order[::-1].upper(), turns[np.newaxis])[0]
         bones = tuple(self._bones[name] for name in (ROOT, *self._children))
         for bone in bones:
             bone.length *= scale

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.errors import WriteError
+from skelgen.geometry.euler import euler_angles, gimbal_distance
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
-from skelgen.geometry.xyz_angles import gimbal_distance, xyz_angles
 from skelgen.model import Joint, Motion, Project
 from skelgen.model.arrays import Floats
 from skelgen_formats.bones import joint_names, parent_from_child
@@ -185,9 +185,8 @@ def _root(project: Project, limb: int) -> Link:
     poses = project.motion.world_from_limb[:, limb]
     place = project.skeleton.reference_pose[limb, :3, 3]
     rotations = poses[:, :3, :3]
-    return Link(
-        limb, -1, f"world-limb{limb}", "free", place, np.eye(3), xyz_angles(rotations), poses[:, :3, 3], rotations
-    )
+    angles = euler_angles("XYZ", rotations)
+    return Link(limb, -1, f"world-limb{limb}", "free", place, np.eye(3), angles, poses[:, :3, 3], rotations)
 
 
 def _link(joint: Joint, name: str, motion: Motion, wish: str) -> Link:
@@ -195,7 +194,7 @@ def _link(joint: Joint, name: str, motion: Motion, wish: str) -> Link:
     _, rotations = parent_from_child(world[:, joint.parent], world[:, joint.child])
     kind, axes, angles = _by_kind(joint, rotations)
     if wish == AS_MOVED and _departure(axes, angles, rotations) > _HELD:
-        kind, axes, angles = "ball", np.eye(3), xyz_angles(rotations)
+        kind, axes, angles = "ball", np.eye(3), euler_angles("XYZ", rotations)
     place = joint.position_in_parent
     translations = np.broadcast_to(place, (len(world), 3))
     return Link(joint.child, joint.parent, name, kind, place, axes, angles, translations, _turned(axes, angles))
@@ -205,7 +204,7 @@ def _by_kind(joint: Joint, rotations: Floats) -> tuple[str, Floats, Floats]:
     from skelgen.kinematics.joints.angles import angle_names, joint_angles  # noqa: PLC0415 - scipy is slow to load
 
     if len(angle_names(joint)) == 3:  # also a kind without its axes
-        return "ball", np.eye(3), xyz_angles(rotations)
+        return "ball", np.eye(3), euler_angles("XYZ", rotations)
     axes = [axis for axis in (joint.axis, joint.second_axis) if axis is not None]
     angles = np.unwrap(joint_angles(joint, rotations), axis=0)
     return joint.kind, np.array(axes[: angles.shape[1]]).reshape(-1, 3), angles

@@ -38,7 +38,7 @@ import numpy as np
 
 from skelgen.errors import FormatError, ParameterError
 from skelgen.files import replacing
-from skelgen.geometry.euler import matrix_from_turns, zxy_from_matrix
+from skelgen.geometry.euler import euler_angles, matrix_from_euler
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
@@ -132,7 +132,7 @@ def _rows(project: Project, unit: str) -> Iterator[str]:
         if skeleton.parents[limb] < 0:
             columns.append(place * per_mm(unit))
             template.append(_template(unit))
-        columns.append(np.rad2deg(zxy_from_matrix(turn)))
+        columns.append(np.rad2deg(euler_angles("ZXY", turn)))
         template.append(" ".join([f"%.{_DECIMALS_OF_DEGREES}f"] * 3))
     row = " ".join(template) + "\n"
     for numbers in np.concatenate(columns, axis=1):
@@ -396,8 +396,8 @@ def _posed(bones: list[_Bone], offsets: Floats, rows: Floats) -> tuple[Floats, F
         first += len(names)
         turned = [column for column, name in enumerate(names) if name.endswith("rotation")]
         moved = [column for column, name in enumerate(names) if name.endswith("position")]
-        axes = "".join(names[column][0] for column in turned)
-        rotations[:, index] = matrix_from_turns(axes, np.deg2rad(values[:, turned]))
+        axes = "".join(names[column][0] for column in turned).upper()
+        rotations[:, index] = matrix_from_euler(axes, np.deg2rad(values[:, turned]))
         coordinates = np.array(["xyz".index(names[column][0]) for column in moved], dtype=np.intp)
         adds = bone.parent >= 0 and _adds(values[:, moved], offsets[index, coordinates])
         places[:, index, coordinates] = values[:, moved] + (offsets[index, coordinates] if adds else 0.0)

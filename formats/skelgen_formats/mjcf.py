@@ -57,7 +57,7 @@ def write_mjcf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Mon
         qpos = np.concatenate([_coordinates(link) for link in order], axis=1)
         SubElement(SubElement(document, "keyframe"), "key", name="start", qpos=number_text(qpos[0]))
         write_tree(model, document)
-        write_motion(motion, [name for link in order for name in _columns(link)], project.motion.times, qpos)
+        write_motion(motion, [name for link in order for name in _columns(link)], project.motion.times, [qpos])
     return list(_files(path))
 
 

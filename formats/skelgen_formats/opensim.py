@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from skelgen.files import arriving_together
-from skelgen.geometry.xyz_angles import xyz_angles
+from skelgen.geometry.euler import euler_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
@@ -118,7 +118,7 @@ def _add_joint(joints: Element, link: Link) -> None:
     for name, at_rest in zip(_coordinate_names(link), _values_at_rest(link), strict=True):
         _add(SubElement(coordinates, "Coordinate", name=name), "default_value", repr(at_rest))
     owned = SubElement(element, "frames")
-    orientation = xyz_angles(frame_along(link.axes[0])[np.newaxis])[0] if link.kind == "hinge" else np.zeros(3)
+    orientation = euler_angles("XYZ", frame_along(link.axes[0])[np.newaxis])[0] if link.kind == "hinge" else np.zeros(3)
     place = np.zeros(3) if link.kind == "free" else link.place
     _add_frame(owned, frames[0], f"/bodyset/{link.parent_name}" if link.parent >= 0 else "/ground", place, orientation)
     _add_frame(owned, frames[1], f"/bodyset/{link.name}", np.zeros(3), orientation)

@@ -7,7 +7,7 @@ same float64 comes back. What is unseen is empty in CSV and null in Parquet.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +26,15 @@ from skelgen_formats.parts import finished_project
 from skelgen_formats.registry import Format
 
 CSV_SUFFIX, PARQUET_SUFFIX = ".table.csv", ".parquet"
-TABLES = ("markers", "joints", "angles")
 
 _CHUNK_FRAMES = 2000  # rows of so many frames are in memory at a time
 _NEEDS_QUOTES = frozenset(',"\r\n')
 
 Columns = dict[str, NDArray[Any]]
 """Some rows of a table: each column's name and values."""
+
+Rows = Callable[[Project, Ints, str], Columns]
+"""Rows of a project for some frames, in a unit of length."""
 
 
 def write_csv_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
@@ -64,8 +66,8 @@ def _write(
 ) -> list[Path]:
     project = finished_project(value, "A table")
     with arriving_together(path.parent) as folder:
-        for name, file in zip(TABLES, _files(folder / path.name, suffix), strict=True):
-            write(file, _chunks(project, name, unit, monitor))
+        for rows_of, file in zip(TABLES.values(), _files(folder / path.name, suffix), strict=True):
+            write(file, _chunks(project, rows_of, unit, monitor))
     return list(_files(path, suffix))
 
 
@@ -74,17 +76,11 @@ def _files(path: Path, suffix: str) -> tuple[Path, ...]:
     return tuple(path.with_name(f"{stem}.{name}{suffix}") for name in TABLES)
 
 
-def _chunks(project: Project, name: str, unit: str, monitor: Monitor) -> Iterator[Columns]:
-    kinds: dict[str, Callable[[Project, Ints], Columns]] = {
-        "markers": partial(_markers, unit=unit),
-        "joints": partial(_joints, unit=unit),
-        "angles": _angles,
-    }
-    rows = kinds[name]
+def _chunks(project: Project, rows_of: Rows, unit: str, monitor: Monitor) -> Iterator[Columns]:
     n_frames = project.motion.n_frames
     starts = range(0, max(n_frames, 1), _CHUNK_FRAMES)  # a table without rows has its columns all the same
     for start in with_progress(starts, len(starts), monitor, every=1):
-        yield rows(project, np.arange(start, min(start + _CHUNK_FRAMES, n_frames)))
+        yield rows_of(project, np.arange(start, min(start + _CHUNK_FRAMES, n_frames)), unit)
 
 
 def _markers(project: Project, frames: Ints, unit: str) -> Columns:
@@ -110,7 +106,7 @@ def _joints(project: Project, frames: Ints, unit: str) -> Columns:
     }
 
 
-def _angles(project: Project, frames: Ints) -> Columns:
+def _angles(project: Project, frames: Ints, unit: str) -> Columns:
     from skelgen.kinematics.inverse.inverse_kinematics import posture_of  # noqa: PLC0415 - scipy is slow to load
     from skelgen.kinematics.joints.angles import angle_names  # noqa: PLC0415 - scipy is slow to load
 
@@ -140,18 +136,8 @@ def _axes(pattern: str, vectors: Floats) -> Columns:
 
 def _write_csv(path: Path, chunks: Iterator[Columns]) -> None:
     first = next(chunks)
-    write_csv(path, list(first), _lines(first, chunks))
-
-
-def _lines(first: Columns, others: Iterator[Columns]) -> Iterator[str]:
-    yield from _lines_of(first)
-    for chunk in others:
-        yield from _lines_of(chunk)
-
-
-def _lines_of(chunk: Columns) -> Iterator[str]:
-    for cells in zip(*(_cells(values) for values in chunk.values()), strict=True):
-        yield ",".join(cells) + "\n"
+    cells = (zip(*map(_cells, chunk.values()), strict=True) for chunk in chain([first], chunks))
+    write_csv(path, list(first), (",".join(row) + "\n" for rows in cells for row in rows))
 
 
 def _cells(values: NDArray[Any]) -> list[str]:
@@ -186,30 +172,33 @@ def _check_parquet(value: Writable) -> None:
         raise WriteError("Parquet needs pyarrow: pip install 'skelgen[tables]'") from error
 
 
-_COMMON: dict[str, Any] = {
-    "holds": "skeleton",
-    "keeps": ("markers", "names", "limbs", "joints", "angles"),
-    "options": (AXES, RATE, UNIT),
-}
+TABLES: Mapping[str, Rows] = {"markers": _markers, "joints": _joints, "angles": _angles}
+"""What each of the three files holds."""
+
+_KEPT = ("markers", "names", "limbs", "joints", "angles")
 _NOTE = "One row per frame and item, in three files: markers with their residuals, joints, and angles in degrees."
 
 CSV = Format(
     name="table-csv",
     title="Long tables, CSV",
     suffixes=(CSV_SUFFIX,),
+    holds="skeleton",
     write=lambda value, path, options, monitor: write_csv_tables(value, path, options.unit, monitor),
     check=lambda value, options: finished_project(value, "A table"),
     files=lambda path, options: _files(path, CSV_SUFFIX),
     note=_NOTE,
-    **_COMMON,
+    keeps=_KEPT,
+    options=(AXES, RATE, UNIT),
 )
 PARQUET = Format(
     name="table-parquet",
     title="Long tables, Parquet",
     suffixes=(PARQUET_SUFFIX,),
+    holds="skeleton",
     write=lambda value, path, options, monitor: write_parquet_tables(value, path, options.unit, monitor),
     check=lambda value, options: _check_parquet(value),
     files=lambda path, options: _files(path, PARQUET_SUFFIX),
     note=_NOTE + " Needs the extra `tables`.",
-    **_COMMON,
+    keeps=_KEPT,
+    options=(AXES, RATE, UNIT),
 )

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from skelgen.files import arriving_together
-from skelgen.geometry.xyz_angles import xyz_angles
+from skelgen.geometry.euler import euler_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
@@ -69,7 +69,7 @@ def write_urdf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Mon
     with arriving_together(path.parent) as folder:
         model, motion = _files(folder / path.name)
         write_tree(model, _robot(project, links, path.stem))
-        write_motion(motion, columns, project.motion.times, np.stack([single.values for single in singles], axis=1))
+        write_motion(motion, columns, project.motion.times, [np.stack([single.values for single in singles], axis=1)])
     return list(_files(path))
 
 
@@ -129,7 +129,7 @@ def _add_bone(body: Element, end: Floats) -> None:
     """Add a cylinder from the limb's joint to another of its joints, for people to see."""
     visual = SubElement(body, "visual")
     # roll, pitch and yaw turn about fixed x, y, z: the rotation is Rz(yaw) Ry(pitch) Rx(roll)
-    roll, pitch, yaw = -xyz_angles(frame_along(end).T[np.newaxis])[0]
+    roll, pitch, yaw = -euler_angles("XYZ", frame_along(end).T[np.newaxis])[0]
     SubElement(visual, "origin", xyz=number_text(end / 2 * M_PER_MM), rpy=number_text([roll, pitch, yaw]))
     geometry = SubElement(visual, "geometry")
     SubElement(geometry, "cylinder", radius=_BONE_RADIUS_M, length=repr(float(np.linalg.norm(end)) * M_PER_MM))

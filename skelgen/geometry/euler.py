@@ -1,71 +1,76 @@
-"""Angles about three axes in turn, smooth over time, and matrices of them."""
+"""Euler angles that run on smoothly over time, and matrices of them; scipy's, with the neighbouring set of angles.
+
+Every rotation has two sets of angles, (a, b, c) and (a + pi, pi - b, c + pi), and full turns are free. Where b is a
+quarter turn, the first and the third axis are one and only a + c or a - c is determined: the gimbal position. Near it,
+a and c change fast while the rotation hardly does.
+"""
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
-from skelgen.geometry.rotations import matrix_from_vector
 from skelgen.model.arrays import Bools, Floats
 
-_TURN = 2 * np.pi
 
+def euler_angles(axes: str, rotations: Floats) -> Floats:
+    """Return angles about three different axes in turn that change as little as possible from frame to frame.
 
-def zxy_from_matrix(rotations: Floats) -> Floats:
-    """Return angles [rad] z, x, y with R = Rz Rx Ry that change as little as can be from frame to frame.
-
-    Two triples make every rotation; the second one is taken where it lies nearer to the frame before, and whole turns
-    are added, so that programs which draw curves through the angles do not spin. Where x is a right angle, z and y
-    turn about one axis; y is found after z, so that the product is R there, too.
-
-    Parameters
-    ----------
-    rotations : ndarray, shape (n_frames, ..., 3, 3)
-        Proper rotations.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, ..., 3), rad
-    """
-    z = np.arctan2(-rotations[..., 0, 1], rotations[..., 1, 1])
-    x = np.arctan2(rotations[..., 2, 1], np.hypot(rotations[..., 0, 1], rotations[..., 1, 1]))
-    cosine, sine = np.cos(z)[..., np.newaxis], np.sin(z)[..., np.newaxis]
-    row = cosine * rotations[..., 0, :] + sine * rotations[..., 1, :]  # of Rx Ry: cos y, 0, sin y
-    angles = np.stack([z, x, np.arctan2(row[..., 2], row[..., 0])], axis=-1)
-    turned = _other(angles)
-    other = np.concatenate([np.zeros((1, *z.shape[1:]), dtype=np.bool_), _is_nearer(angles, turned)])
-    chosen = np.where((np.cumsum(other, axis=0) % 2 == 1)[..., np.newaxis], turned, angles)
-    return np.asarray(np.unwrap(chosen, axis=0))
-
-
-def matrix_from_turns(axes: str, angles: Floats) -> Floats:
-    """Return the product of rotations about axes in turn, e.g. Rz Rx Ry for ``zxy``.
+    The first frame has its second angle within a quarter turn of 0; each later one takes the set that is nearer to that
+    of the frame before, so that programs which draw curves through the angles do not spin.
 
     Parameters
     ----------
     axes : str
-        Any of ``xyz``, the leftmost factor first; empty for the identity.
-    angles : ndarray, shape (..., len(axes)), rad
+        Each of ``XYZ`` once, the leftmost factor first: R = Rz Rx Ry for ``ZXY``.
+    rotations : ndarray, shape (n_frames, 3, 3)
+        Proper rotations.
 
     Returns
     -------
-    ndarray, shape (..., 3, 3)
+    ndarray, shape (n_frames, 3), rad
     """
-    product = np.broadcast_to(np.eye(3), (*angles.shape[:-1], 3, 3))
-    for index, axis in enumerate(axes):
-        product = product @ matrix_from_vector(angles[..., index, np.newaxis] * np.eye(3)["xyz".index(axis)])
-    return np.asarray(product)
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - scipy is slow to load
+
+    if len(rotations) == 0:
+        return np.empty((0, 3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # at the gimbal position the third angle becomes 0, as good as any
+        angles = Rotation.from_matrix(rotations).as_euler(axes)
+    other = angles * [1.0, -1.0, 1.0] + np.pi
+    crossing = _distances(angles[:-1], other[1:]) < _distances(angles[:-1], angles[1:])
+    # Two frames that both take their other set are as far apart as before: each crossing changes sets from there on.
+    changed: Bools = np.concatenate([[False], np.cumsum(crossing) % 2 == 1])
+    return np.asarray(np.unwrap(np.where(changed[:, np.newaxis], other, angles), axis=0))
 
 
-def _other(angles: Floats) -> Floats:
-    """The other triple that makes the same rotation."""
-    return np.asarray(np.stack([angles[..., 0] + np.pi, np.pi - angles[..., 1], angles[..., 2] + np.pi], axis=-1))
+def matrix_from_euler(axes: str, angles: Floats) -> Floats:
+    """Return the product of rotations about different axes in turn.
+
+    Parameters
+    ----------
+    axes : str
+        Some of ``XYZ``, the leftmost factor first; empty for the identity.
+    angles : ndarray, shape (n, len(axes)), rad
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3)
+    """
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - scipy is slow to load
+
+    if not axes:
+        return np.tile(np.eye(3), (len(angles), 1, 1))
+    return np.asarray(Rotation.from_euler(axes, angles).as_matrix())
 
 
-def _is_nearer(angles: Floats, turned: Floats) -> Bools:
-    """Whether from each frame to the next the way to the other kind of triple is the shorter one, whole turns apart."""
-    return np.asarray(_way(angles[:-1], turned[1:]) < _way(angles[:-1], angles[1:]))
+def gimbal_distance(angles: Floats) -> Floats:
+    """Return how far [rad] rotations are from the gimbal position, shape (n_frames,), given their `euler_angles`."""
+    return np.asarray(np.arccos(np.abs(np.sin(angles[:, 1]))))
 
 
-def _way(first: Floats, second: Floats) -> Floats:
+def _distances(first: Floats, second: Floats) -> Floats:
+    """Sum of squares of the angles between, full turns left out."""
     apart = second - first
-    return np.asarray(np.abs(apart - _TURN * np.rint(apart / _TURN)).sum(axis=-1))
+    return np.asarray(((apart - 2 * np.pi * np.round(apart / (2 * np.pi))) ** 2).sum(axis=1))
