@@ -1,6 +1,6 @@
 """skelgen: markers in, skeleton out.
 
-The public face, which scripts, tests and both front ends use::
+This is all that scripts need; the packages below it are for those who change skelgen::
 
     import skelgen
     take = skelgen.read("take.c3d")
@@ -16,32 +16,148 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from skelgen.app.face import read, reconstruct, write
-    from skelgen.errors import SkelgenError
-    from skelgen.model import Joint, Limbs, Motion, PointCloud, Poses, Project, Skeleton, Topology, Trajectories
-    from skelgen.stages.labels.online import Tracker
+    from skelgen.app.batch.work import Job
+    from skelgen.app.constraints import RunOptions
+    from skelgen.app.face import (
+        apply_subject,
+        calibrate_together,
+        correct,
+        evaluate,
+        fill,
+        load,
+        read,
+        reconstruct,
+        run_batch,
+        write,
+    )
+    from skelgen.capture.live import MotionCapture
+    from skelgen.capture.simulated_rig import simulated_rig
+    from skelgen.errors import (
+        Cancelled,
+        CaptureError,
+        FormatError,
+        InputError,
+        MissingResultError,
+        ParameterError,
+        SkelgenError,
+        WriteError,
+    )
+    from skelgen.kinematics import LiveSkeleton
+    from skelgen.model import (
+        Identities,
+        Identity,
+        Joint,
+        Labelling,
+        Limbs,
+        Motion,
+        PointCloud,
+        Poses,
+        Project,
+        Skeleton,
+        StageReport,
+        Topology,
+        Trajectories,
+    )
+    from skelgen.model.filled import Filled
+    from skelgen.progress import Monitor, SilentMonitor
+    from skelgen.simulation import simulate
+    from skelgen.stages.labels import Tracker
 
 __version__ = "0.1.0"
 
-_MODEL = ("Joint", "Limbs", "Motion", "PointCloud", "Poses", "Project", "Skeleton", "Topology", "Trajectories")
-_HOMES = dict.fromkeys(_MODEL, "skelgen.model")
-_HOMES |= dict.fromkeys(("read", "reconstruct", "write"), "skelgen.app.face")
-_HOMES |= {"SkelgenError": "skelgen.errors", "Tracker": "skelgen.stages.labels.online"}
+_NAMES = {
+    "skelgen.app.face": (
+        "read",
+        "load",
+        "write",
+        "reconstruct",
+        "apply_subject",
+        "calibrate_together",
+        "correct",
+        "fill",
+        "evaluate",
+        "run_batch",
+    ),
+    "skelgen.simulation": ("simulate",),
+    "skelgen.app.constraints": ("RunOptions",),
+    "skelgen.app.batch.work": ("Job",),
+    "skelgen.stages.labels": ("Tracker",),
+    "skelgen.kinematics": ("LiveSkeleton",),
+    "skelgen.capture.live": ("MotionCapture",),
+    "skelgen.capture.simulated_rig": ("simulated_rig",),
+    "skelgen.model": (
+        "PointCloud",
+        "Trajectories",
+        "Poses",
+        "Identities",
+        "Identity",
+        "Labelling",
+        "Limbs",
+        "Topology",
+        "Skeleton",
+        "Joint",
+        "Motion",
+        "Project",
+        "StageReport",
+    ),
+    "skelgen.model.filled": ("Filled",),
+    "skelgen.progress": ("Monitor", "SilentMonitor"),
+    "skelgen.errors": (
+        "SkelgenError",
+        "FormatError",
+        "InputError",
+        "ParameterError",
+        "MissingResultError",
+        "WriteError",
+        "CaptureError",
+        "Cancelled",
+    ),
+}
+"""Public names by the module that defines them, in the order in which the reference shows them."""
+
+_HOMES = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
+    "Cancelled",
+    "CaptureError",
+    "Filled",
+    "FormatError",
+    "Identities",
+    "Identity",
+    "InputError",
+    "Job",
     "Joint",
+    "Labelling",
     "Limbs",
+    "LiveSkeleton",
+    "MissingResultError",
+    "Monitor",
     "Motion",
+    "MotionCapture",
+    "ParameterError",
     "PointCloud",
     "Poses",
     "Project",
+    "RunOptions",
+    "SilentMonitor",
     "Skeleton",
     "SkelgenError",
+    "StageReport",
     "Topology",
     "Tracker",
     "Trajectories",
+    "WriteError",
+    "apply_subject",
+    "calibrate_together",
+    "correct",
+    "evaluate",
+    "fill",
+    "load",
     "read",
     "reconstruct",
+    "run_batch",
+    "simulate",
+    "simulated_rig",
     "write",
 ]
 

@@ -8,8 +8,9 @@ from typing import ClassVar
 
 import pytest
 
-from skelgen.app.stages import PIPELINE
+from skelgen.app.configuration import parameters_class
 from skelgen.errors import ParameterError
+from skelgen.model.project import STAGES
 from skelgen.parameters import StageParameters, declare
 
 
@@ -25,7 +26,7 @@ class Soup(StageParameters):
 
 
 def stage_parameters():
-    return [stage.parameters_class() for stage in PIPELINE]
+    return [parameters_class(stage) for stage in STAGES]
 
 
 @pytest.mark.parametrize(
@@ -107,10 +108,10 @@ def test_declarations_keep_their_order_and_facts():
     assert Soup.declarations()[2].bounds == ""
 
 
-@pytest.mark.parametrize("stage", PIPELINE, ids=lambda stage: stage.name)
+@pytest.mark.parametrize("stage", STAGES)
 def test_every_stage_declares_parameters_under_its_name(stage):
-    declared = stage.parameters_class()
-    assert declared.stage == stage.name
+    declared = parameters_class(stage)
+    assert declared.stage == stage
     assert declared.config_section
     assert declared().as_mapping() == {one.name: one.default for one in declared.declarations()}
 

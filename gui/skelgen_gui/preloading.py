@@ -8,7 +8,7 @@ import threading
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from skelgen.app.configuration import parameters_class
-from skelgen.app.stages import stage_names
+from skelgen.model.project import STAGES
 from skelgen_gui.page_stack import PageStack
 
 INTERVAL = 50
@@ -63,6 +63,6 @@ class Warming(QObject):
 
 
 def _load() -> None:
-    for name in stage_names():
+    for name in STAGES:
         parameters_class(name)
     importlib.import_module("skelgen_gui.capture.page")

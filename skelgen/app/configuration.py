@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
-from skelgen.app.stages import PIPELINE, find_stage, stage_names
 from skelgen.errors import ParameterError
+from skelgen.model.project import STAGES
 from skelgen.parameters import StageParameters, declare
+
+if TYPE_CHECKING:
+    from skelgen.stages.joints import JointParameters
+    from skelgen.stages.labels import LabelParameters
+    from skelgen.stages.limbs import LimbParameters
+    from skelgen.stages.skeleton import SkeletonParameters
+
+_P = TypeVar("_P", bound=StageParameters)
 
 Wanted = Mapping[str, StageParameters | Mapping[str, Any]] | Path | str | None
 """Parameters as a caller gives them: by stage, or a ``config.xml``."""
@@ -17,40 +25,41 @@ Wanted = Mapping[str, StageParameters | Mapping[str, Any]] | Path | str | None
 
 @dataclass(frozen=True)
 class FileParameters(StageParameters):
-    """Names of the files that the stage commands use when none is given (the seed's table 4.13)."""
+    """Names of the files that the stage commands use when none is given (Schönauer 2007, table 4.13)."""
 
     stage: ClassVar[str] = "files"
     config_section: ClassVar[str] = "GUI"
 
     capture_file: str = declare(
-        "take.mfml", "Take that `skelgen label` reads when no file is given.", config_name="tempCorFileName"
+        "take.mfml", "Take that `skelgen labels` reads when no file is given.", config_name="tempCorFileName"
     )
     labels_file: str = declare(
         "labels.skelgen",
-        "Project with labelled markers, which `skelgen label` writes and `skelgen cluster` reads.",
+        "Project with labelled markers, which `skelgen labels` writes and `skelgen limbs` reads.",
         config_name="specCluFileName",
     )
     limbs_file: str = declare(
         "limbs.skelgen",
-        "Project with clustered markers, which `skelgen cluster` writes and `skelgen joints` reads.",
+        "Project with markers grouped into limbs, which `skelgen limbs` writes and `skelgen joints` reads.",
         config_name="jointFinderFileName",
     )
     joints_file: str = declare(
         "joints.skelgen",
-        "Project with the structure of the skeleton, which `skelgen joints` writes and `skelgen fit` reads.",
+        "Project with the structure of the skeleton, which `skelgen joints` writes and `skelgen skeleton` reads.",
         config_name="skelFitFileName",
     )
     result_file: str = declare(
         "result.xml",
-        "Results and evaluation of the whole program, which `skelgen fit` writes beside its project file.",
+        "Results and evaluation of the whole program, which `skelgen skeleton` writes beside its project file.",
         config_name="saveFileName",
     )
 
 
 class Settings:
-    """The parameters of every stage; those that nobody mentions are made when they are asked for.
+    """The parameters of every stage.
 
-    Making them late keeps the modules of stages that do not run unloaded.
+    Those that nobody gave are made from the defaults when they are asked for, so that stages that do not run are not
+    loaded.
 
     Parameters
     ----------
@@ -61,46 +70,93 @@ class Settings:
     ------
     ParameterError
         If a stage or a parameter is unknown or a value is out of bounds.
+
+    Examples
+    --------
+    >>> Settings({"joints": {"alpha": 0.2}}).joints.alpha
+    0.2
     """
 
     def __init__(self, wanted: Wanted = None) -> None:
         values = _from_file(Path(wanted)) if isinstance(wanted, Path | str) else dict(wanted or {})
         self._parameters = {name: _checked(name, value) for name, value in values.items()}
 
+    @property
+    def files(self) -> FileParameters:
+        """Names of files that commands use when none is given."""
+        return self._typed(FileParameters)
+
+    @property
+    def labels(self) -> LabelParameters:
+        """Parameters of the stage ``labels``."""
+        return self._typed(_label_parameters())
+
+    @property
+    def limbs(self) -> LimbParameters:
+        """Parameters of the stage ``limbs``."""
+        return self._typed(_limb_parameters())
+
+    @property
+    def joints(self) -> JointParameters:
+        """Parameters of the stage ``joints``."""
+        return self._typed(_joint_parameters())
+
+    @property
+    def skeleton(self) -> SkeletonParameters:
+        """Parameters of the stage ``skeleton``."""
+        return self._typed(_skeleton_parameters())
+
     def of(self, stage: str) -> StageParameters:
-        """Return the parameters of one stage."""
+        """Return the parameters of a stage by its name; ``files`` holds names of files."""
         if stage not in self._parameters:
             self._parameters[stage] = parameters_class(stage)()
         return self._parameters[stage]
 
     def as_mapping(self) -> dict[str, dict[str, Any]]:
-        """Return names and values by stage, of the stages that somebody mentioned or asked for."""
+        """Return names and values by stage, of the stages that somebody gave or asked for."""
         return {stage: parameters.as_mapping() for stage, parameters in self._parameters.items()}
 
     def changed(self, stage: str, values: Mapping[str, Any], where: str = "") -> Settings:
-        """Return settings with some values of one stage replaced."""
+        """Return settings with some values of one stage replaced.
+
+        Parameters
+        ----------
+        stage : str
+            Its name.
+        values : mapping of str to value
+            Parameters to replace.
+        where : str
+            Prefix for errors, e.g. ``--set joints.alpha=7``.
+        """
         old = self.of(stage).as_mapping()
         new = parameters_class(stage).from_mapping({**old, **values}, where)
         return Settings({**self._parameters, stage: new})
 
+    def _typed(self, declared: type[_P]) -> _P:
+        return cast(_P, self.of(declared.stage))
+
 
 def parameters_class(stage: str) -> type[StageParameters]:
-    """Return the class that declares a stage's parameters; ``files`` names the file names."""
-    if stage == FileParameters.stage:
-        return FileParameters
-    if stage not in stage_names():
-        known = ", ".join((*stage_names(), FileParameters.stage))
+    """Return the class that declares the parameters of a stage; the stage ``files`` holds names of files.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such stage.
+    """
+    if stage not in _CLASSES:
+        known = ", ".join((*STAGES, FileParameters.stage))
         raise ParameterError(f"there is no stage {stage!r}; stages are {known}")
-    return find_stage(stage).parameters_class()
+    return _CLASSES[stage]()
 
 
 def all_parameter_classes() -> tuple[type[StageParameters], ...]:
     """Return the classes of everything that can be configured, in the order of ``config.xml``."""
-    return (FileParameters, *(stage.parameters_class() for stage in PIPELINE))
+    return (FileParameters, *map(parameters_class, STAGES))
 
 
 def settings_with(settings: Settings, assignments: Iterable[str]) -> Settings:
-    """Apply texts such as ``joints.alpha=0.2``.
+    """Return settings changed by texts such as ``joints.alpha=0.2``.
 
     Parameters
     ----------
@@ -124,14 +180,14 @@ def settings_with(settings: Settings, assignments: Iterable[str]) -> Settings:
 
 
 def write_defaults(path: Path) -> None:
-    """Write ``config.xml`` with every default, its help as comment."""
+    """Write a ``config.xml`` with every default and its help as comment."""
     from skelgen_formats.config_xml import write_config  # noqa: PLC0415 - lxml costs 50 ms
 
     write_config(path, all_parameter_classes())
 
 
 def parameter_rows(settings: Settings) -> list[dict[str, Any]]:
-    """Return one row per parameter: stage, name, value, default, unit, bounds, seed name, help."""
+    """Return one row per parameter: stage, name, value, default, unit, bounds, name in config.xml, help."""
     return [
         {
             "stage": cls.stage,
@@ -161,3 +217,36 @@ def _checked(stage: str, value: StageParameters | Mapping[str, Any]) -> StagePar
             raise ParameterError(f"the stage {stage!r} takes {cls.__name__}, not {type(value).__name__}")
         return value
     return cls.from_mapping(value, stage)
+
+
+def _label_parameters() -> type[LabelParameters]:
+    from skelgen.stages.labels import LabelParameters  # noqa: PLC0415 - each stage is loaded when it is used
+
+    return LabelParameters
+
+
+def _limb_parameters() -> type[LimbParameters]:
+    from skelgen.stages.limbs import LimbParameters  # noqa: PLC0415
+
+    return LimbParameters
+
+
+def _joint_parameters() -> type[JointParameters]:
+    from skelgen.stages.joints import JointParameters  # noqa: PLC0415
+
+    return JointParameters
+
+
+def _skeleton_parameters() -> type[SkeletonParameters]:
+    from skelgen.stages.skeleton import SkeletonParameters  # noqa: PLC0415
+
+    return SkeletonParameters
+
+
+_CLASSES: Mapping[str, Callable[[], type[StageParameters]]] = {
+    FileParameters.stage: lambda: FileParameters,
+    "labels": _label_parameters,
+    "limbs": _limb_parameters,
+    "joints": _joint_parameters,
+    "skeleton": _skeleton_parameters,
+}

@@ -1,18 +1,37 @@
-"""The public face: `read` a take, `reconstruct` the skeleton, `write` the result."""
+"""The public face: the functions that scripts call as ``skelgen.read``, ``skelgen.reconstruct`` and so on.
+
+Each of them turns what a user writes (paths, mappings, names) into the values of the application layer and calls one
+function of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skelgen.app.configuration import Settings, Wanted
+from skelgen.app.constraints import RunOptions
+from skelgen.app.corrections import place_of, with_correction
 from skelgen.app.files import given_identities, open_input, write_any
 from skelgen.app.pipeline import run_stages
-from skelgen.app.stages import Wishes
+from skelgen.app.project_file.archive import find_result, open_project
 from skelgen.errors import InputError
 from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajectories
+from skelgen.model.corrections import Correction
+from skelgen.model.filled import Filled
+from skelgen.model.project import STAGES
 from skelgen.progress import SILENT, Monitor
+
+if TYPE_CHECKING:
+    from skelgen.app.batch.run import BatchResult
+    from skelgen.app.batch.work import Job
+    from skelgen.app.several_takes import SharedSkeleton
+    from skelgen.evaluation import Evaluation
+    from skelgen.simulation import Truth
 
 
 def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
@@ -21,11 +40,12 @@ def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
     Parameters
     ----------
     path : Path or str
-        The file; its format is found by content first and suffix second. Of a project file, its take is read.
+        The file; its format is found by content first and suffix second. Of a project file only the take is read,
+        with a warning if it holds results; `load` reads all of it.
     format : str, optional
         Read as this format; ``skelgen formats`` lists them.
     **options
-        What the format's reader can be told, e.g. ``timestamp_unit``.
+        Options of the format's reader, e.g. ``timestamp_unit``.
 
     Returns
     -------
@@ -39,32 +59,75 @@ def read(path: Path | str, format: str | None = None, **options: Any) -> Take:
 
     Examples
     --------
-    >>> take = read("take.c3d")  # doctest: +SKIP
-    >>> take.n_frames, take.n_markers  # doctest: +SKIP
-    (1101, 53)
+    >>> import skelgen
+    >>> files = skelgen.write(skelgen.simulate("rods", n_frames=100).take, "rods.c3d")
+    >>> take = skelgen.read("rods.c3d")
+    >>> take.n_frames, take.n_markers
+    (100, 9)
     """
-    return open_input(path, format, **options).take
+    project = open_input(path, format, **options)
+    results = [name for name in STAGES if project.has(name)]
+    if results:
+        warnings.warn(
+            f"{path} is a project with results ({', '.join(results)}); skelgen.read returns its take alone, "
+            "skelgen.load the whole project",
+            stacklevel=2,
+        )
+    return project.take
+
+
+def load(path: Path | str) -> Project:
+    """Open a project file with all results.
+
+    Parameters
+    ----------
+    path : Path or str
+        A ``.skelgen`` file, or the folder of a run.
+
+    Returns
+    -------
+    Project
+        As it was written.
+
+    Raises
+    ------
+    FormatError
+        If it is no project file, or a damaged one.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> take = skelgen.simulate("rods", n_frames=100).take
+    >>> files = skelgen.write(skelgen.reconstruct(take, until="limbs"), "rods.skelgen")
+    >>> skelgen.load("rods.skelgen").limbs.n_limbs
+    3
+    """
+    return open_project(find_result(Path(path)))
 
 
 def reconstruct(
-    take: Take,
+    take: Take | Project,
     n_markers: int | None = None,
     n_limbs: int | None = None,
     seed: int = 0,
     parameters: Wanted = None,
     monitor: Monitor | None = None,
     *,
+    until: str | None = None,
     n_jobs: int = 1,
     identities: Identities | Path | str | None = None,
     hierarchy: Mapping[str, str] | None = None,
     root: str | None = None,
+    joined: Iterable[tuple[str, str]] = (),
+    parted: Iterable[tuple[str, str]] = (),
 ) -> Project:
     """Find limbs, joints and skeleton of a take, and the skeleton's motion.
 
     Parameters
     ----------
-    take : PointCloud, Trajectories or Poses
-        From `read`, or made by hand.
+    take : PointCloud, Trajectories, Poses or Project
+        From `read`, or made by hand. A project from `load`, `correct` or an earlier call keeps its seed and identities
+        and goes on after its last result; a finished one runs again from the start.
     n_markers : int, optional
         Number of physical markers in an unlabelled take; found if left out.
     n_limbs : int, optional
@@ -75,7 +138,9 @@ def reconstruct(
         Per stage (``labels``, ``limbs``, ``joints``, ``skeleton``) its parameters or a mapping of names to values,
         or the path of a ``config.xml``.
     monitor : Monitor, optional
-        Told of progress and notices; may cancel.
+        Receives progress and notices; may cancel.
+    until : str, optional
+        Last stage to run; all run if left out.
     n_jobs : int
         Number of processes for work that can be shared.
     identities : Identities, Path or str, optional
@@ -83,12 +148,15 @@ def reconstruct(
     hierarchy : mapping of str to str, optional
         Parent of every limb by name, empty for a root: names of bodies, or limb0, limb1, ...; found if left out.
     root : str, optional
-        Name of the limb that is the root of a tree that is found.
+        Name of the limb that is the root of a tree that is found, or of a marker on it.
+    joined, parted : iterable of pairs of str
+        Limbs between which there is a joint, and between which there is none, each by its name or by one of its
+        markers.
 
     Returns
     -------
     Project
-        With trajectories, limbs, topology, skeleton and motion.
+        With trajectories, limbs, topology, skeleton and motion, as far as the stages have run.
 
     Raises
     ------
@@ -99,30 +167,286 @@ def reconstruct(
 
     Examples
     --------
-    >>> project = reconstruct(take, n_limbs=13, parameters={"joints": {"alpha": 0.1}})  # doctest: +SKIP
-    >>> project.motion.joint_positions.shape  # doctest: +SKIP
-    (1101, 12, 3)
+    >>> import skelgen
+    >>> take = skelgen.simulate("rods", n_frames=100).take
+    >>> project = skelgen.reconstruct(take, n_limbs=3, parameters={"joints": {"alpha": 0.1}})
+    >>> project.motion.joint_positions.shape  # frames, joints, xyz
+    (100, 2, 3)
     """
-    if not isinstance(take, PointCloud | Trajectories | Poses):
-        raise InputError(f"a take must be a PointCloud, Trajectories or Poses, not {type(take).__name__}")
-    wishes = Wishes(n_markers=n_markers, n_limbs=n_limbs, n_jobs=n_jobs, hierarchy=hierarchy, root=root)
-    project = Project(take, seed, identities=given_identities(identities))
-    return run_stages(project, settings=Settings(parameters), wishes=wishes, monitor=monitor or SILENT)
+    if isinstance(take, Project):
+        project = take
+    elif isinstance(take, PointCloud | Trajectories | Poses):
+        project = Project(take, seed, identities=given_identities(identities))
+    else:
+        raise InputError(f"a take must be a PointCloud, Trajectories, Poses or Project, not {type(take).__name__}")
+    options = RunOptions(n_markers, n_limbs, n_jobs, hierarchy, root, tuple(joined), tuple(parted))
+    return run_stages(
+        project, until_stage=until, settings=Settings(parameters), options=options, monitor=monitor or SILENT
+    )
 
 
-def write(value: Project | Take, path: Path | str, format: str | None = None, **options: Any) -> list[Path]:
-    """Write a project or a take; the file appears whole or not at all.
+def apply_subject(
+    take: Take,
+    subject: Project | Path | str,
+    parameters: Wanted = None,
+    monitor: Monitor | None = None,
+) -> Project:
+    """Label and pose a take by a skeleton that was calibrated on another take of the same body.
 
     Parameters
     ----------
-    value : Project, PointCloud, Trajectories or Poses
+    take : PointCloud, Trajectories or Poses
+        The new take.
+    subject : Project, Path or str
+        The calibrated take with its skeleton, or the file that holds it.
+    parameters : mapping, Path or str, optional
+        As for `reconstruct`: ``labels`` says how points are followed, ``skeleton`` which markers are outliers.
+    monitor : Monitor, optional
+        Receives progress and notices; may cancel.
+
+    Returns
+    -------
+    Project
+        Bone lengths, joints and places of markers are those of the subject; the report of the labels lists what is
+        different in this take.
+
+    Raises
+    ------
+    InputError
+        If the take shows another body, or the subject has no skeleton.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> calibrated = skelgen.reconstruct(skelgen.simulate("rods", seed=1, n_frames=200).take)
+    >>> walk = skelgen.simulate("rods", seed=1, n_frames=100).take
+    >>> skelgen.apply_subject(walk, calibrated).skeleton.lengths == calibrated.skeleton.lengths
+    True
+    """
+    from skelgen.app.subject import open_subject, run_with_subject  # noqa: PLC0415 - loads the stages
+
+    known = subject if isinstance(subject, Project) else open_subject(subject)
+    return run_with_subject(Project(take), known, settings=Settings(parameters), monitor=monitor or SILENT)
+
+
+def calibrate_together(
+    takes: Sequence[Take], seed: int = 0, parameters: Wanted = None, monitor: Monitor | None = None
+) -> SharedSkeleton:
+    """Find one skeleton from several takes of a body, and the motion of each.
+
+    Parameters
+    ----------
+    takes : sequence of PointCloud or Trajectories
+        At least two.
+    seed : int
+        Seed of every random choice.
+    parameters : mapping, Path or str, optional
+        As for `reconstruct`.
+    monitor : Monitor, optional
+        Receives progress and notices; may cancel.
+
+    Returns
+    -------
+    SharedSkeleton
+        Its ``skeleton`` is a project to give to `apply_subject`, its ``takes`` are a project per take.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two takes, one shows another body, or one is of bodies with orientation.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> takes = [skelgen.simulate("rods", seed=1, n_frames=n_frames).take for n_frames in (200, 100)]
+    >>> [project.motion.n_frames for project in skelgen.calibrate_together(takes).takes]
+    [200, 100]
+    """
+    from skelgen.app import several_takes  # noqa: PLC0415 - loads the stages
+
+    return several_takes.calibrate_together(takes, settings=Settings(parameters), seed=seed, monitor=monitor or SILENT)
+
+
+def correct(
+    project: Project,
+    kind: str,
+    names: Sequence[str] = (),
+    value: str = "",
+    frames: tuple[int | None, int | None] = (None, None),
+) -> Project:
+    """State something that you know better; every later run obeys it.
+
+    Parameters
+    ----------
+    project : Project
+        With the labels that the markers are named by.
+    kind : str
+        ``merge``, ``split``, ``rename``, ``delete``, ``swap`` (markers), ``together``, ``apart``, ``move`` (markers on
+        limbs), ``join``, ``part``, ``root`` (limbs by one of their markers), ``kind`` (type of a joint), ``n_markers``,
+        ``n_limbs``.
+    names : sequence of str
+        Markers that it is about, the one that keeps its name first.
+    value : str
+        The new name, the type of the joint, or the number.
+    frames : tuple of int or None
+        First and last frame for which it holds; None for the ends of the take.
+
+    Returns
+    -------
+    Project
+        Labels are corrected at once; other results that contradict are dropped. `reconstruct` finds them anew.
+
+    Raises
+    ------
+    InputError
+        If there is no such correction, or a marker does not exist.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> project = skelgen.reconstruct(skelgen.simulate("rods", n_frames=100).take)
+    >>> first, second = project.trajectories.names[:2]
+    >>> project = skelgen.correct(project, "apart", [first, second])
+    >>> project.has("labels"), project.has("limbs")
+    (True, False)
+    """
+    places = []
+    if project.has("labels"):
+        with contextlib.suppress(InputError, ValueError):  # a name that does not exist is refused below, in words
+            markers = [project.trajectories.names.index(name) for name in names]
+            places = [place_of(project.trajectories, marker, frames[0] or 0) for marker in markers]
+    return with_correction(project, Correction(kind, tuple(names), *frames, value, tuple(places)))
+
+
+def fill(project: Project, monitor: Monitor | None = None) -> Filled:
+    """Fill the gaps of the markers of a project by means of its skeleton.
+
+    Parameters
+    ----------
+    project : Project
+        With a skeleton.
+    monitor : Monitor, optional
+        Receives progress; may cancel.
+
+    Returns
+    -------
+    Filled
+        Complete markers with a standard deviation for each filled position; to be given to `write`.
+
+    Raises
+    ------
+    MissingResultError
+        If the project has no skeleton yet.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> project = skelgen.reconstruct(skelgen.simulate("rods", n_frames=100, dropouts=0.1).take)
+    >>> bool(project.trajectories.seen.all()), bool(skelgen.fill(project).trajectories.seen.all())
+    (False, True)
+    """
+    from skelgen.app.export import fill_project  # noqa: PLC0415 - loads the report
+
+    return fill_project(project, monitor or SILENT)
+
+
+def evaluate(project: Project, truth: Truth | Path | str) -> Evaluation:
+    """Compare the results of a project with a known truth.
+
+    Parameters
+    ----------
+    project : Project
+        With the results of some stages.
+    truth : Truth, Path or str
+        What is true of its take: from `simulate`, or a ``.truth.npz`` file.
+
+    Returns
+    -------
+    Evaluation
+        Scores per stage; None for stages that have not run.
+
+    Raises
+    ------
+    InputError
+        If the truth is that of another take.
+
+    Examples
+    --------
+    >>> import skelgen
+    >>> simulated = skelgen.simulate("rods", n_frames=100)
+    >>> scores = skelgen.evaluate(skelgen.reconstruct(simulated.take), simulated.truth)
+    >>> scores.limbs.adjusted_rand
+    1.0
+    """
+    from skelgen import evaluation, simulation  # noqa: PLC0415 - loads scipy
+
+    return evaluation.evaluate(project, simulation.read_truth(truth) if isinstance(truth, Path | str) else truth)
+
+
+def run_batch(
+    inputs: Iterable[Path | str],
+    output: Path | str,
+    job: Job | None = None,
+    *,
+    n_workers: int = 1,
+    resume: bool = False,
+    monitor: Monitor | None = None,
+) -> BatchResult:
+    """Reconstruct many takes: a folder of results for each, a manifest, and a page of all.
+
+    Parameters
+    ----------
+    inputs : iterable of Path or str
+        Files, folders and patterns such as ``in/**/*.c3d``.
+    output : Path or str
+        Folder of the batch; each take gets a folder in it.
+    job : Job, optional
+        What is done with every take: parameters, options, subject, formats.
+    n_workers : int
+        Number of processes.
+    resume : bool
+        Whether `output` may hold a batch: takes that are finished in it are kept.
+    monitor : Monitor, optional
+        Receives the number of takes that are done and a notice for each that fails; may cancel.
+
+    Returns
+    -------
+    BatchResult
+        Records of all takes, those that failed among them.
+
+    Raises
+    ------
+    InputError
+        If there is no take, or there is a batch and `resume` is False.
+    WriteError
+        If nothing can be written any more; finished takes are kept.
+
+    Examples
+    --------
+    Worker processes import the script again, so that it must begin its work below ``if __name__ == "__main__"``.
+
+    >>> import skelgen
+    >>> result = skelgen.run_batch(["recordings"], "results", n_workers=4)  # doctest: +SKIP
+    """
+    from skelgen.app.batch import run, workers  # noqa: PLC0415 - loads the report
+
+    pool = partial(workers.in_processes, n_workers=n_workers)
+    return run.run_batch(inputs, output, job, pool=pool, resume=resume, monitor=monitor or SILENT)
+
+
+def write(value: Project | Take | Filled, path: Path | str, format: str | None = None, **options: Any) -> list[Path]:
+    """Write a project, a take or filled markers; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
         What to write.
     path : Path or str
         The file; its format comes from `format` or the suffix.
     format : str, optional
         Format to write; ``skelgen formats`` lists them. ``skelgen`` is the project file.
     **options
-        What the format's writer can be told.
+        Options of the format's writer, e.g. ``unit``, ``axes``, ``rate``.
 
     Returns
     -------
@@ -136,7 +460,8 @@ def write(value: Project | Take, path: Path | str, format: str | None = None, **
 
     Examples
     --------
-    >>> write(project, "walk.xml")  # doctest: +SKIP
-    [PosixPath('walk.xml')]
+    >>> import skelgen
+    >>> skelgen.write(skelgen.simulate("rods", n_frames=100).take, "rods.trc", unit="cm")
+    [PosixPath('rods.trc')]
     """
     return write_any(value, path, format, **options)

@@ -32,6 +32,7 @@ from skelgen.app.project_file.references import source_of
 from skelgen.errors import InputError, WriteError
 from skelgen.files import replacing
 from skelgen.model import Identities, PointCloud, Project, Take
+from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor
 
 PROJECT_FORMAT = "skelgen"
@@ -96,8 +97,12 @@ def given_identities(identities: Identities | Path | str | None) -> Identities |
     return read_identities(identities) if isinstance(identities, Path | str) else identities
 
 
-def write_any(value: Project | Take, path: Path | str, format: str | None = None, **options: Any) -> list[Path]:
-    """Write a project or a take in any format, the project file included; see `skelgen.write`."""
+def write_any(
+    value: Project | Take | Filled, path: Path | str, format: str | None = None, **options: Any
+) -> list[Path]:
+    """Write a project, a take or filled markers in any format, the project file included; see `skelgen.write`."""
+    if isinstance(value, Filled):
+        return write_file(value, path, format, **{"filled": True, **options})
     if _is_project(path, format):
         if options:
             raise WriteError(f"{path}: a project file is written without options, not with {', '.join(options)}")

@@ -6,12 +6,14 @@ import time
 
 from threadpoolctl import threadpool_limits
 
-from skelgen._kernels import announce_compiling
 from skelgen.app.configuration import Settings
+from skelgen.app.constraints import RunOptions
 from skelgen.app.inputs import check_take
-from skelgen.app.stages import PIPELINE, Stage, Wishes, stage_names
+from skelgen.app.stages import PIPELINE, Stage
+from skelgen._kernels import announce_compiling
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Project, StageReport
+from skelgen.model.project import STAGES
 from skelgen.progress import SILENT, Monitor
 
 
@@ -21,7 +23,7 @@ def run_stages(
     until_stage: str | None = None,
     *,
     settings: Settings | None = None,
-    wishes: Wishes | None = None,
+    options: RunOptions | None = None,
     monitor: Monitor = SILENT,
 ) -> Project:
     """Run the stages from one to another, both included.
@@ -36,10 +38,10 @@ def run_stages(
         Last stage to run; by default the last of all.
     settings : Settings, optional
         Parameters of the stages; defaults if left out.
-    wishes : Wishes, optional
-        Known numbers of markers and limbs, number of processes.
+    options : RunOptions, optional
+        What the user asks of this run: known numbers, the tree, number of processes.
     monitor : Monitor
-        Told of progress and notices; may cancel.
+        Receives progress and notices; may cancel.
 
     Returns
     -------
@@ -53,53 +55,58 @@ def run_stages(
     MissingResultError
         If a stage before `from_stage` has not run.
     """
-    settings, wishes = settings or Settings(), wishes or Wishes()
+    settings, options = settings or Settings(), options or RunOptions()
     stages = _stages_between(project, from_stage, until_stage)
     check_take(project.take)
     for stage in stages:
-        if not stage.given(project):
-            settings.of(stage.name)  # loads the module here, so that the times below are those of the work alone
+        if not stage.is_given(project):
+            settings.of(stage.name)  # loads the stage here, so that the times below are those of the work alone
     with threadpool_limits(limits=1):  # batches of small matrices: more threads only wait for each other
         for stage in stages:
-            project = _run(stage, project, settings, wishes, monitor)
+            project = _run(stage, project, settings, options, monitor)
     return project
 
 
 def first_missing_stage(project: Project) -> str:
     """Return the first stage without a result, or the first of all if none is missing."""
-    names = stage_names()
-    return next((name for name in names if not project.has(name)), names[0])
+    return next((name for name in STAGES if not project.has(name)), STAGES[0])
 
 
-def _run(stage: Stage, project: Project, settings: Settings, wishes: Wishes, monitor: Monitor) -> Project:
+def check_stage(name: str) -> str:
+    """Return the name of a stage, or raise `InputError` that lists the names if there is none."""
+    if name not in STAGES:
+        raise InputError(f"there is no stage {name!r}; stages are {', '.join(STAGES)}")
+    return name
+
+
+def _run(stage: Stage, project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> Project:
     collecting = CollectingMonitor(monitor)
     collecting.begin(stage.name)
-    parameters = None if stage.given(project) else settings.of(stage.name)
     started = time.perf_counter()
     with announce_compiling(lambda kernel: monitor.begin(f"{stage.name}: compiling {kernel}, this once")):
-        results = stage.compute(project, parameters, wishes, collecting)
+        result = stage.run(project, settings, options, collecting)
     seconds = time.perf_counter() - started
-    if parameters is None:
+    if stage.is_given(project):
         report = StageReport({}, seconds, tuple(collecting.notices))
     else:
-        report = StageReport(parameters.as_mapping(), seconds, (*wishes.notices(stage.name), *collecting.notices))
-    return stage.attach(project, *results, report)
+        notices = (*options.notices(stage.name), *collecting.notices)
+        report = StageReport(settings.of(stage.name).as_mapping(), seconds, notices)
+    return result.added_to(project, report)
 
 
 def _stages_between(project: Project, from_stage: str | None, until_stage: str | None) -> tuple[Stage, ...]:
-    names = stage_names()
     for name in (from_stage, until_stage):
-        if name is not None and name not in names:
-            raise InputError(f"there is no stage {name!r}; stages are {', '.join(names)}")
-    last = names.index(until_stage or names[-1])
-    if from_stage is None and project.has(names[last]):
-        from_stage = names[0]  # nothing is missing: the user wants it all done again
-    first = names.index(from_stage or first_missing_stage(project))
+        if name is not None:
+            check_stage(name)
+    last = STAGES.index(until_stage or STAGES[-1])
+    if from_stage is None and project.has(STAGES[last]):
+        from_stage = STAGES[0]  # nothing is missing: the user wants it all done again
+    first = STAGES.index(from_stage or first_missing_stage(project))
     if first > last:
-        raise InputError(f"the stage {names[first]!r} comes after {names[last]!r}; the order is {', '.join(names)}")
-    for name in names[:first]:
+        raise InputError(f"the stage {STAGES[first]!r} comes after {STAGES[last]!r}; the order is {', '.join(STAGES)}")
+    for name in STAGES[:first]:
         if not project.has(name):
-            raise MissingResultError(f"the stage {names[first]!r} needs the result of {name!r}; run that first")
+            raise MissingResultError(f"the stage {STAGES[first]!r} needs the result of {name!r}; run that first")
     return PIPELINE[first : last + 1]
 
 

@@ -1,8 +1,8 @@
 """Several takes of one body calibrated together: one skeleton from the frames of all, and the motion of each take.
 
 The longest take is reconstructed by itself. Its skeleton labels the others, by names or by rigidity, so that markers
-are the same in all. Limbs, joints and lengths are then found from all frames at once, in one fit of the chain, and each
-take is posed by the result. A marker that moved between takes is one marker before and another one after.
+are the same in all takes. Limbs, joints and lengths are then found from all frames at once, and
+each take is posed by the result. A marker that moved between takes counts as two markers.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from skelgen.app.configuration import Settings
 from skelgen.app.pipeline import run_stages
-from skelgen.app.subject import check_known, stage_wishes
+from skelgen.app.subject import check_subject
 from skelgen.errors import InputError
 from skelgen.model import PointCloud, Poses, Project, StageReport, Take, Trajectories
 from skelgen.model.arrays import Floats
@@ -25,13 +25,13 @@ LEAST_TAKES = 2
 
 
 @dataclass(frozen=True, eq=False)
-class JointCalibration:
-    """What several takes tell together.
+class SharedSkeleton:
+    """One skeleton from several takes.
 
     Attributes
     ----------
     skeleton : Project
-        All takes one after the other, with the skeleton that they share; to be applied to further takes.
+        The frames of all takes one after the other, with the skeleton that they share; a subject for further takes.
     takes : tuple of Project
         Each take with that skeleton and its own motion, in the order in which they were given.
     """
@@ -41,12 +41,8 @@ class JointCalibration:
 
 
 def calibrate_together(
-    takes: Sequence[Take],
-    *,
-    settings: Settings | None = None,
-    seed: int = 0,
-    monitor: Monitor = SILENT,
-) -> JointCalibration:
+    takes: Sequence[Take], *, settings: Settings | None = None, seed: int = 0, monitor: Monitor = SILENT
+) -> SharedSkeleton:
     """Find one skeleton from several takes of a body.
 
     Parameters
@@ -58,39 +54,34 @@ def calibrate_together(
     seed : int
         Seed of every random choice.
     monitor : Monitor
-        Told of progress and of what the user should know; may cancel.
+        Receives progress and notices; may cancel.
 
     Raises
     ------
     InputError
         If there are fewer than two takes, one shows another body, or one is of bodies with orientation.
-
-    Examples
-    --------
-    >>> both = calibrate_together([skelgen.read("walk.c3d"), skelgen.read("jump.c3d")])  # doctest: +SKIP
-    >>> both.skeleton.skeleton.lengths  # doctest: +SKIP
     """
     settings = settings or Settings()
     checked = _checked(takes)
     first = max(range(len(checked)), key=lambda index: checked[index].n_frames)
     monitor.notice(f"markers are those of the longest take, {checked[first].name or f'take {first + 1}'}")
-    base = check_known(
+    base = check_subject(
         run_stages(Project(checked[first], seed), settings=settings, monitor=monitor), "the longest take"
     )
     fits = {index: _fit(take, base, settings, monitor) for index, take in enumerate(checked) if index != first}
     parts = [base.trajectories if index == first else _own_names(fits[index], base) for index in range(len(checked))]
     together = _one_after_the_other(parts)
     report = StageReport({}, 0.0, (f"frames of {len(parts)} takes: {', '.join(_titles(checked))}",))
-    joint = Project(together, seed).with_trajectories(together, report)
-    joint = run_stages(joint, "limbs", settings=settings, monitor=monitor)
+    shared = Project(together, seed).with_trajectories(together, report)
+    shared = run_stages(shared, "limbs", settings=settings, monitor=monitor)
     ends = np.cumsum([0, *(part.n_frames for part in parts)])
     posed = []
     for index, (take, part) in enumerate(zip(checked, parts, strict=True)):
         frames = slice(int(ends[index]), int(ends[index + 1]))
         own = replace(together, positions=together.positions[frames], rate=part.rate, name=part.name)
         report = base.reports["labels"] if index == first else _report(fits[index], settings)
-        posed.append(_posed(Project(take, seed).with_trajectories(own, report), joint, frames))
-    return JointCalibration(joint, tuple(posed))
+        posed.append(_posed(Project(take, seed).with_trajectories(own, report), shared, frames))
+    return SharedSkeleton(shared, tuple(posed))
 
 
 def _checked(takes: Sequence[Take]) -> list[PointCloud | Trajectories]:
@@ -109,7 +100,7 @@ def _titles(takes: Sequence[PointCloud | Trajectories]) -> list[str]:
 
 
 def _fit(take: PointCloud | Trajectories, base: Project, settings: Settings, monitor: Monitor) -> KnownFit:
-    fit = fit_known(take, base, **stage_wishes(settings), monitor=monitor)
+    fit = fit_known(take, base, labelling=settings.labels, posing=settings.skeleton, monitor=monitor)
     for sentence in fit.sentences:
         monitor.notice(f"{take.name}: {sentence}")
     if fit.is_other_body:
@@ -118,7 +109,7 @@ def _fit(take: PointCloud | Trajectories, base: Project, settings: Settings, mon
 
 
 def _own_names(fit: KnownFit, base: Project) -> Trajectories:
-    """Labels of a take, markers that moved or are new and have no name called after the take."""
+    """Labels of a take; markers that moved, and new ones without a name, are called after the take."""
     names = list(fit.trajectories.names)
     n_known = base.trajectories.n_markers
     strangers = [n_known + index for index, one in enumerate(fit.labels.new) if not one.name]
@@ -128,7 +119,7 @@ def _own_names(fit: KnownFit, base: Project) -> Trajectories:
 
 
 def _one_after_the_other(parts: Sequence[Trajectories]) -> Trajectories:
-    """Frames of all takes, markers by name; those that no frame of any take shows are left out."""
+    """The frames of all takes, markers by name; markers that are seen nowhere are left out."""
     names = list(dict.fromkeys(name for part in parts for name in part.names))
     blocks: list[Floats] = []
     for part in parts:
@@ -142,15 +133,15 @@ def _one_after_the_other(parts: Sequence[Trajectories]) -> Trajectories:
 
 
 def _report(fit: KnownFit, settings: Settings) -> StageReport:
-    return StageReport(settings.of("labels").as_mapping(), 0.0, fit.sentences)
+    return StageReport(settings.labels.as_mapping(), 0.0, fit.sentences)
 
 
-def _posed(project: Project, joint: Project, frames: slice) -> Project:
+def _posed(project: Project, shared: Project, frames: slice) -> Project:
     """A take with the shared skeleton, posed by its own frames alone."""
     trajectories = project.trajectories
-    poses = pose_known(joint.skeleton, trajectories.positions)
-    motion = known_motion(joint.skeleton, poses, trajectories.positions, trajectories.rate)
-    topology = replace(joint.topology, raw_joint_positions=joint.topology.raw_joint_positions[frames])
-    done = project.with_limbs(joint.limbs, joint.reports["limbs"])
-    done = done.with_topology(topology, joint.reports["joints"])
-    return done.with_skeleton(joint.skeleton, motion, joint.reports["skeleton"])
+    poses = pose_known(shared.skeleton, trajectories.positions)
+    motion = known_motion(shared.skeleton, poses, trajectories.positions, trajectories.rate)
+    topology = replace(shared.topology, raw_joint_positions=shared.topology.raw_joint_positions[frames])
+    done = project.with_limbs(shared.limbs, shared.reports["limbs"])
+    done = done.with_topology(topology, shared.reports["joints"])
+    return done.with_skeleton(shared.skeleton, motion, shared.reports["skeleton"])

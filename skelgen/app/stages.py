@@ -1,227 +1,295 @@
-"""The four stages as the application sees them: the ordered list `PIPELINE` is the pipeline.
+"""The four stages as steps on a project: what each takes from it, calls, and adds to it.
 
-A stage's module is imported when it first runs or is first asked for its parameters: scipy, scikit-learn and numba
-take seconds to load. ``skelgen --help`` does without this module too: see `skelgen.app.stage_names`.
+`PIPELINE` lists them in their order; `skelgen.app.pipeline` runs them. A stage is imported when it runs: scipy, numba
+and scikit-learn take seconds to load.
 """
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Protocol
 
-from skelgen.app.corrections import corrected_labels, joint_wishes, known_kinds, limb_wishes, number_of
-from skelgen.app.hierarchy import known_tree
+from skelgen.app.configuration import Settings
+from skelgen.app.constraints import RunOptions, joint_types, limb_constraints, stated_number, tree_constraints
+from skelgen.app.corrections import corrected_labels
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
-from skelgen.app.stage_names import JOINTS, LABELS, LIMBS, SKELETON
 from skelgen.errors import InputError
-from skelgen.model import Labelling, PointCloud, Poses, Project, StageReport, Trajectories
-from skelgen.parameters import StageParameters
+from skelgen.model import (
+    Labelling,
+    Limbs,
+    Motion,
+    PointCloud,
+    Poses,
+    Project,
+    Skeleton,
+    StageReport,
+    Topology,
+    Trajectories,
+)
 from skelgen.progress import Monitor
 
-Results = tuple[Any, ...]
-"""What a stage adds to a project, as its ``with_...`` method takes it."""
+
+class StageResult(Protocol):
+    """What a stage has found."""
+
+    def added_to(self, project: Project, report: StageReport) -> Project:
+        """Return the project with this result, without what later stages have computed from another one."""
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What the user knows or wants beside the parameters.
+@dataclass(frozen=True, eq=False)
+class LabelResult:
+    """Labelled markers, and how sure their labels are; the latter is None for bodies with orientation."""
 
-    Attributes
-    ----------
-    n_markers, n_limbs : int or None
-        Known numbers; None lets the stages find them.
-    n_jobs : int
-        Processes for work that can be shared.
-    hierarchy : mapping of str to str, or None
-        Parent of every limb by name, empty for a root: names of bodies, or limb0, limb1, ...; None finds the tree.
-    root : str or None
-        Name of the limb that is the root of a tree that is found.
-    """
+    trajectories: Trajectories
+    labelling: Labelling | None
 
-    n_markers: int | None = None
-    n_limbs: int | None = None
-    n_jobs: int = 1
-    hierarchy: Mapping[str, str] | None = None
-    root: str | None = None
+    def added_to(self, project: Project, report: StageReport) -> Project:
+        """Return the project with these labels."""
+        return project.with_trajectories(self.trajectories, report, self.labelling)
 
-    def notices(self, stage: str) -> tuple[str, ...]:
-        """Return what a stage's report says of what the user gave."""
-        if stage == "joints":
-            return self._notices_of_tree()
-        known = {"labels": ("markers", self.n_markers), "limbs": ("limbs", self.n_limbs)}
-        what, number = known.get(stage, ("", None))
-        return () if number is None else (f"the number of {what} was given: {number}",)
 
-    def _notices_of_tree(self) -> tuple[str, ...]:
-        if self.hierarchy is not None:
-            return ("the hierarchy was given",)
-        return () if self.root is None else (f"the root was given: {self.root}",)
+@dataclass(frozen=True, eq=False)
+class LimbResult:
+    """Markers grouped into limbs."""
+
+    limbs: Limbs
+
+    def added_to(self, project: Project, report: StageReport) -> Project:
+        """Return the project with these limbs."""
+        return project.with_limbs(self.limbs, report)
+
+
+@dataclass(frozen=True, eq=False)
+class JointResult:
+    """The tree of limbs with raw joints."""
+
+    topology: Topology
+
+    def added_to(self, project: Project, report: StageReport) -> Project:
+        """Return the project with this tree."""
+        return project.with_topology(self.topology, report)
+
+
+@dataclass(frozen=True, eq=False)
+class SkeletonResult:
+    """The rigid skeleton and its motion."""
+
+    skeleton: Skeleton
+    motion: Motion
+
+    def added_to(self, project: Project, report: StageReport) -> Project:
+        """Return the project with this skeleton."""
+        return project.with_skeleton(self.skeleton, self.motion, report)
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage.
+    """One stage of the pipeline.
 
     Attributes
     ----------
-    name, command, summary : str
-        As in `skelgen.app.stage_names.StageName`.
-    module, class_name : str
-        Where the parameters are declared.
-    given : callable (project) -> bool
-        Whether the take already holds this stage's result.
-    compute : callable (project, parameters, wishes, monitor) -> Results
-        The work; `parameters` is None where the result is given.
-    attach : callable ``(project, *results, report) -> Project``
-        Puts the results into the project.
+    name : str
+        Also the name of its command, of its parameters and of its report.
+    run : callable (project, settings, options, monitor) -> StageResult
+        The work on a project that has the results of all stages before.
     """
 
     name: str
-    command: str
-    summary: str
-    module: str
-    class_name: str
-    given: Callable[[Project], bool]
-    compute: Callable[[Project, Any, Wishes, Monitor], Results]
-    attach: Callable[..., Project]
+    run: Callable[[Project, Settings, RunOptions, Monitor], StageResult]
 
-    def parameters_class(self) -> type[StageParameters]:
-        """Return the class that declares the parameters; loads the stage's module."""
-        declared: type[StageParameters] = getattr(importlib.import_module(self.module), self.class_name)
-        return declared
+    def is_given(self, project: Project) -> bool:
+        """Whether the take holds the result of this stage already: bodies with orientation are labelled limbs."""
+        return isinstance(project.take, Poses) and self.name in {"labels", "limbs"}
 
 
-def stage_names() -> tuple[str, ...]:
-    """Return the names of all stages in their order."""
-    return tuple(stage.name for stage in PIPELINE)
+def run_labels(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> LabelResult:
+    """Label the markers of a take: follow points, repair labelled markers, or put virtual markers on bodies.
 
+    Parameters
+    ----------
+    project : Project
+        With a take; corrections and stated identities are obeyed.
+    settings : Settings
+        Parameters of the stages.
+    options : RunOptions
+        Perhaps the number of markers.
+    monitor : Monitor
+        Receives progress and notices; may cancel.
 
-def find_stage(name: str) -> Stage:
-    """Return the stage called `name`, or raise `InputError` that lists the names."""
-    for stage in PIPELINE:
-        if stage.name == name:
-            return stage
-    raise InputError(f"there is no stage {name!r}; stages are {', '.join(stage_names())}")
-
-
-def _label(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
-    return corrected_labels(project, *_found_labels(project, parameters, wishes, monitor), monitor)
-
-
-def _found_labels(
-    project: Project, parameters: Any, wishes: Wishes, monitor: Monitor
-) -> tuple[Trajectories, Labelling | None]:
+    Raises
+    ------
+    InputError
+        If nothing can be labelled, or a statement of the user names what does not exist.
+    """
     take = project.take
     if isinstance(take, PointCloud):
-        from skelgen.stages.labels import label_with_quality  # noqa: PLC0415 - see the module's docstring
-
-        return label_with_quality(
-            take,
-            parameters,
-            n_markers=wishes.n_markers or number_of(project, "n_markers"),
-            identities=project.identities,
-            seed=project.seed,
-            monitor=monitor,
-        )
-    if isinstance(take, Poses):
-        if project.identities is not None:
-            raise InputError(f"{project.name}: the take holds bodies with orientation; no point of it needs a name")
-        monitor.notice(
-            "the take holds bodies with orientation: each becomes seven virtual markers (its origin and both ends of "
-            "its axes), named body:o, body:x, body:-x and so on"
-        )
-        return trajectories_from_poses(take), None
-    from skelgen.stages.labels import check_labels  # noqa: PLC0415 - see the module's docstring
-
-    return check_labels(take, parameters, identities=project.identities, monitor=monitor)
+        found = _labels_of_points(project, take, settings, options, monitor)
+    elif isinstance(take, Poses):
+        found = _labels_of_bodies(project, take, monitor)
+    else:
+        found = _checked_labels(project, take, settings, monitor)
+    return LabelResult(*corrected_labels(project, found.trajectories, found.labelling, monitor))
 
 
-def _attach_labels(
-    project: Project, trajectories: Trajectories, labelling: Labelling | None, report: StageReport
-) -> Project:
-    return project.with_trajectories(trajectories, report, labelling)
+def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> LimbResult:
+    """Group the labelled markers of a project into limbs.
 
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    settings : Settings
+        Parameters of the stages.
+    options : RunOptions
+        Perhaps the number of limbs.
+    monitor : Monitor
+        Receives progress and notices; may cancel.
 
-def _cluster(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
+    Raises
+    ------
+    InputError
+        If no limbs can be found, or a statement of the user names what does not exist.
+    """
     if isinstance(project.take, Poses):
-        if wishes.n_limbs not in (None, project.take.n_bodies):
-            raise InputError(
-                f"{project.name}: the take holds {project.take.n_bodies} bodies, each of which is a limb; "
-                f"{wishes.n_limbs} limbs cannot be made of them"
-            )
-        monitor.notice("each body of the take is a limb: this stage is skipped")
-        return (limbs_from_poses(project.take, project.trajectories),)
+        return _limbs_of_bodies(project, project.take, options, monitor)
     check_trajectories(project.trajectories)
     from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - see the module's docstring
 
-    n_limbs = wishes.n_limbs or number_of(project, "n_limbs")
-    told = limb_wishes(project, monitor)
-    find = partial(find_limbs, parameters=parameters, n_limbs=n_limbs, seed=project.seed, monitor=monitor, **told)
+    n_limbs = options.n_limbs or stated_number(project, "n_limbs")
+    constraints = limb_constraints(project, monitor)
+    find = partial(
+        find_limbs,
+        parameters=settings.limbs,
+        n_limbs=n_limbs,
+        together=constraints.together,
+        apart=constraints.apart,
+        seed=project.seed,
+        monitor=monitor,
+    )
     limbs = limbs_with_parts(project.trajectories, project.labelling.split if project.has_labelling else (), find)
     if limbs.n_limbs == 1 and n_limbs is None:
         monitor.notice("only one limb is found: all markers move as one, or each by itself; there is no joint")
-    return (limbs,)
+    return LimbResult(limbs)
 
 
-def _join(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
+def run_joints(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> JointResult:
+    """Find the joints between the limbs of a project and the tree that they form.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs.
+    settings : Settings
+        Parameters of the stages.
+    options : RunOptions
+        Perhaps the tree, its root, or joints that are known.
+    monitor : Monitor
+        Receives progress and notices; may cancel.
+
+    Raises
+    ------
+    InputError
+        If there is no limb, or a statement of the user cannot be obeyed.
+    """
     from skelgen.stages.joints import find_joints  # noqa: PLC0415 - see the module's docstring
 
+    constraints = tree_constraints(project, options, monitor)
     topology = find_joints(
         project.trajectories,
         project.limbs,
-        parameters,
+        settings.joints,
         seed=project.seed,
-        n_jobs=wishes.n_jobs,
+        n_jobs=options.n_jobs,
         monitor=monitor,
-        **(joint_wishes(project, monitor) | known_tree(project, wishes.hierarchy, wishes.root)),
+        parents=constraints.parents,
+        root=constraints.root,
+        joined=constraints.joined,
+        parted=constraints.parted,
     )
-    return (topology,)
+    return JointResult(topology)
 
 
-def _fit(project: Project, parameters: Any, wishes: Wishes, monitor: Monitor) -> Results:
+def run_skeleton(project: Project, settings: Settings, options: RunOptions, monitor: Monitor) -> SkeletonResult:
+    """Fit a skeleton of rigid limbs and its motion to every frame of a project.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs and a tree.
+    settings : Settings
+        Parameters of the stages.
+    options : RunOptions
+        None concerns this stage.
+    monitor : Monitor
+        Receives progress and notices; may cancel.
+
+    Raises
+    ------
+    InputError
+        If no marker of a tree is ever seen, or a correction cannot be obeyed.
+    """
     from skelgen.stages.skeleton import fit_skeleton  # noqa: PLC0415 - see the module's docstring
 
-    kinds = known_kinds(project, monitor)
-    told = parameters.knowing(kinds) if kinds else parameters
-    known = {"are_poses": True} if isinstance(project.take, Poses) else {}
-    return fit_skeleton(project.trajectories, project.limbs, project.topology, told, monitor=monitor, **known)
+    types = joint_types(project, monitor)
+    skeleton, motion = fit_skeleton(
+        project.trajectories,
+        project.limbs,
+        project.topology,
+        settings.skeleton.knowing(types) if types else settings.skeleton,
+        monitor=monitor,
+        are_poses=isinstance(project.take, Poses),
+    )
+    return SkeletonResult(skeleton, motion)
 
 
 PIPELINE = (
-    Stage(
-        *LABELS,
-        module="skelgen.stages.labels",
-        class_name="LabelParameters",
-        given=lambda project: isinstance(project.take, Poses),
-        compute=_label,
-        attach=_attach_labels,
-    ),
-    Stage(
-        *LIMBS,
-        module="skelgen.stages.limbs",
-        class_name="LimbParameters",
-        given=lambda project: isinstance(project.take, Poses),
-        compute=_cluster,
-        attach=Project.with_limbs,
-    ),
-    Stage(
-        *JOINTS,
-        module="skelgen.stages.joints",
-        class_name="JointParameters",
-        given=lambda project: False,
-        compute=_join,
-        attach=Project.with_topology,
-    ),
-    Stage(
-        *SKELETON,
-        module="skelgen.stages.skeleton",
-        class_name="SkeletonParameters",
-        given=lambda project: False,
-        compute=_fit,
-        attach=Project.with_skeleton,
-    ),
+    Stage("labels", run_labels),
+    Stage("limbs", run_limbs),
+    Stage("joints", run_joints),
+    Stage("skeleton", run_skeleton),
 )
 """The stages in the order in which they run."""
+
+
+def _labels_of_points(
+    project: Project, cloud: PointCloud, settings: Settings, options: RunOptions, monitor: Monitor
+) -> LabelResult:
+    from skelgen.stages.labels import label_with_quality  # noqa: PLC0415 - see the module's docstring
+
+    trajectories, labelling = label_with_quality(
+        cloud,
+        settings.labels,
+        n_markers=options.n_markers or stated_number(project, "n_markers"),
+        identities=project.identities,
+        seed=project.seed,
+        monitor=monitor,
+    )
+    return LabelResult(trajectories, labelling)
+
+
+def _labels_of_bodies(project: Project, poses: Poses, monitor: Monitor) -> LabelResult:
+    if project.identities is not None:
+        raise InputError(f"{project.name}: the take holds bodies with orientation; no point of it needs a name")
+    monitor.notice(
+        "the take holds bodies with orientation: each becomes seven virtual markers (its origin and both ends of "
+        "its axes), named body:o, body:x, body:-x and so on"
+    )
+    return LabelResult(trajectories_from_poses(poses), None)
+
+
+def _checked_labels(project: Project, take: Trajectories, settings: Settings, monitor: Monitor) -> LabelResult:
+    from skelgen.stages.labels import check_labels  # noqa: PLC0415 - see the module's docstring
+
+    return LabelResult(*check_labels(take, settings.labels, identities=project.identities, monitor=monitor))
+
+
+def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monitor: Monitor) -> LimbResult:
+    if options.n_limbs not in (None, poses.n_bodies):
+        raise InputError(
+            f"{project.name}: the take holds {poses.n_bodies} bodies, each of which is a limb; "
+            f"{options.n_limbs} limbs cannot be made of them"
+        )
+    monitor.notice("each body of the take is a limb: this stage is skipped")
+    return LimbResult(limbs_from_poses(poses, project.trajectories))

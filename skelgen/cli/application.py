@@ -11,13 +11,14 @@ import io
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from types import TracebackType
 from typing import Annotated
 
 import typer
 
 import skelgen
-from skelgen.app.stage_names import STAGE_NAMES, StageName
+from skelgen.app import STAGE_SUMMARIES
 from skelgen.cli import (
     batch_command,
     calibrate_commands,
@@ -27,7 +28,7 @@ from skelgen.cli import (
     simulate_command,
     stage_commands,
 )
-from skelgen.cli.options import called_command, generated, parameter_options, reader_options, writer_options
+from skelgen.cli.options import called_command, generated, reader_options, writer_options
 from skelgen.errors import SkelgenError
 
 EXIT_BUG = 1
@@ -40,6 +41,9 @@ _EPILOG = (
 )
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this typer keeps it
+
+FORMER_NAMES = {"label": "labels", "cluster": "limbs", "fit": "skeleton"}
+"""Names that commands had before 0.2; they still work, and no help lists them."""
 
 Options = Callable[[], Iterable[inspect.Parameter]]
 
@@ -84,8 +88,12 @@ def build_app(called: str = "") -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     app.callback()(_root)
+    called = FORMER_NAMES.get(called, called)
     for name, function, options in _commands():
-        app.command(name)(generated(function, options() if name == called else ()))
+        command = generated(function, options() if name == called else ())
+        app.command(name)(command)
+        for former in [old for old, new in FORMER_NAMES.items() if new == name]:
+            app.command(former, hidden=True)(command)
     app.add_typer(_calibrate(), name="calibrate")
     return app
 
@@ -116,7 +124,10 @@ def _root(
 
 
 def _commands() -> list[tuple[str, Callable[..., None], Options]]:
-    stages = [(stage.command, stage_commands.stage_command(stage), _stage_options(stage)) for stage in STAGE_NAMES]
+    stages = [
+        (name, stage_commands.stage_command(name, summary), partial(stage_commands.stage_options, name))
+        for name, summary in STAGE_SUMMARIES.items()
+    ]
     return [
         ("demo", stage_commands.demo, tuple),
         ("run", stage_commands.run, reader_options),
@@ -133,14 +144,6 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
         ("motion-capture", capture_commands.motion_capture, tuple),
         ("benchmark", measure_commands.benchmark, tuple),
         ("gui", file_commands.gui, tuple),
-    ]
-
-
-def _stage_options(stage: StageName) -> Options:
-    return lambda: [
-        *stage_commands.wish_options(stage),
-        *parameter_options(stage_commands.parameters_of(stage)),
-        *reader_options(),
     ]
 
 

@@ -13,12 +13,12 @@ from skelgen.cli.options import (
     Config,
     FormatName,
     Hierarchy,
-    KnownSkeleton,
     NLimbs,
     NMarkers,
     Quiet,
     Root,
     Seed,
+    SubjectFile,
     given,
 )
 from skelgen.cli.screen import Screen
@@ -68,7 +68,7 @@ def batch(
     n_limbs: NLimbs = None,
     hierarchy: Hierarchy = None,
     root: Root = None,
-    skeleton: KnownSkeleton = None,
+    skeleton: SubjectFile = None,
     seed: Seed = None,
     config: Config = None,
     assignments: Assignments = None,
@@ -83,24 +83,25 @@ def batch(
     Exit codes: 0 every take is done; 3 some failed; 2 all failed, or the batch cannot begin or go on; 130 interrupted.
     """
     from skelgen.app.batch.run import read_manifest, run_batch
-    from skelgen.app.batch.work import Job, known_file
+    from skelgen.app.batch.work import Job, subject_file
     from skelgen.app.configuration import Settings, settings_with
-    from skelgen.app.stages import Wishes, find_stage
+    from skelgen.app.constraints import RunOptions
+    from skelgen.app.pipeline import check_stage
 
     if until_stage is not None:
-        find_stage(until_stage)
+        check_stage(until_stage)
     if skeleton is not None:
-        told = {"--n-markers": n_markers, "--n-limbs": n_limbs, "--hierarchy": hierarchy, "--root": root}
-        refuse_beside_skeleton(told | {"--until": until_stage})
+        excluded = {"--n-markers": n_markers, "--n-limbs": n_limbs, "--hierarchy": hierarchy, "--root": root}
+        refuse_beside_skeleton(excluded | {"--until": until_stage})
     job = Job(
         settings=settings_with(Settings(config), assignments or ()).as_mapping(),
-        wishes=Wishes(n_markers, n_limbs, 1, hierarchy_in(hierarchy), root),
+        options=RunOptions(n_markers, n_limbs, 1, hierarchy_in(hierarchy), root),
         seed=seed,
         until=until_stage,
         format_name=format_name,
         reader_options=given(reader_values),
         formats=tuple(formats or ()),
-        skeleton=None if skeleton is None else known_file(skeleton),
+        subject=None if skeleton is None else subject_file(skeleton),
     )
     screen = Screen(quiet, as_json)
     with screen.counting() as monitor:

@@ -32,9 +32,9 @@ def called_command(words: Sequence[str]) -> str:
 
 def stages_beginning(incomplete: str) -> list[str]:
     """Return the names of stages that begin with what was typed."""
-    from skelgen.app.stage_names import STAGE_NAMES
+    from skelgen.app import STAGE_SUMMARIES
 
-    return [stage.name for stage in STAGE_NAMES if stage.name.startswith(incomplete)]
+    return [name for name in STAGE_SUMMARIES if name.startswith(incomplete)]
 
 
 def formats_beginning(incomplete: str) -> list[str]:
@@ -81,7 +81,7 @@ Root = Annotated[
         "--root", metavar="NAME", help="Root of the tree: a body, a marker, or limb0 ...", show_default="found"
     ),
 ]
-KnownSkeleton = Annotated[
+SubjectFile = Annotated[
     Path | None,
     typer.Option(
         "--skeleton",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,14 +18,16 @@ from skelgen.cli.options import (
     IdentitiesFile,
     InputFile,
     Jobs,
-    KnownSkeleton,
     NLimbs,
     NMarkers,
     OutputFolder,
     Quiet,
     Root,
     Seed,
+    SubjectFile,
     given,
+    parameter_options,
+    reader_options,
     stages_beginning,
 )
 from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project
@@ -32,10 +35,9 @@ from skelgen.errors import ParameterError
 
 if TYPE_CHECKING:
     from skelgen.app.configuration import Settings
-    from skelgen.app.stage_names import StageName
-    from skelgen.app.stages import Wishes
+    from skelgen.app.constraints import RunOptions
     from skelgen.model import Project
-    from skelgen.parameters import StageParameters
+    from skelgen.progress import Monitor
 
 Assignments = Annotated[
     list[str] | None,
@@ -69,22 +71,22 @@ OptionalInput = Annotated[
 ]
 
 _DEFAULT_FILES = {
-    "label": ("capture_file", "labels_file"),
-    "cluster": ("labels_file", "limbs_file"),
+    "labels": ("capture_file", "labels_file"),
+    "limbs": ("labels_file", "limbs_file"),
     "joints": ("limbs_file", "joints_file"),
-    "fit": ("joints_file", "result_file"),
+    "skeleton": ("joints_file", "result_file"),
 }
 """Which of the configured file names a stage's command reads and writes when none is given."""
 
-_WISHES: dict[str, tuple[str, ...]] = {
-    "label": ("n_markers", "identities"),
-    "cluster": ("n_limbs",),
+_OPTION_NAMES: dict[str, tuple[str, ...]] = {
+    "labels": ("n_markers", "identities"),
+    "limbs": ("n_limbs",),
     "joints": ("n_jobs", "hierarchy", "root"),
-    "fit": ("skeleton",),
+    "skeleton": ("skeleton",),
 }
-"""Which of the user's wishes a stage can heed."""
+"""Options beside its parameters that the command of a stage has."""
 
-_WISH_OPTIONS = {
+_RUN_OPTIONS = {
     name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
     for name, default, annotation in (
         ("n_markers", None, NMarkers),
@@ -93,7 +95,7 @@ _WISH_OPTIONS = {
         ("n_jobs", 1, Jobs),
         ("hierarchy", None, Hierarchy),
         ("root", None, Root),
-        ("skeleton", None, KnownSkeleton),
+        ("skeleton", None, SubjectFile),
     )
 }
 
@@ -108,7 +110,7 @@ def run(
     identities: IdentitiesFile = None,
     hierarchy: Hierarchy = None,
     root: Root = None,
-    skeleton: KnownSkeleton = None,
+    skeleton: SubjectFile = None,
     seed: Seed = None,
     jobs: Jobs = 1,
     config: Config = None,
@@ -122,23 +124,29 @@ def run(
 ) -> None:
     """Find the skeleton of a take and write every result: the main job."""
     from skelgen.app.configuration import Settings, settings_with
+    from skelgen.app.constraints import RunOptions
     from skelgen.app.files import open_input
     from skelgen.app.outputs import stem_of
     from skelgen.app.project_file.archive import find_result
-    from skelgen.app.stages import Wishes
 
     screen = Screen(quiet, as_json)
     take = find_result(take)
     settings = settings_with(Settings(config), assignments or ())
     with screen.watching() as monitor:
         project = open_input(take, format_name, seed, identities, monitor=monitor, **given(reader_values))
-    wishes = Wishes(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
-    folder = output or _folder_for(take)
     if skeleton is not None:
-        told = {"--n-markers": n_markers, "--n-limbs": n_limbs, "--identities": identities, "--hierarchy": hierarchy}
-        refuse_beside_skeleton(told | {"--root": root, "--from": from_stage, "--until": until_stage})
-        return _apply_and_write(screen, project, skeleton, settings, folder, stem_of(take))
-    _run_and_write(screen, project, (from_stage, until_stage), settings, wishes, folder, stem_of(take))
+        excluded = {
+            "--n-markers": n_markers,
+            "--n-limbs": n_limbs,
+            "--identities": identities,
+            "--hierarchy": hierarchy,
+        }
+        refuse_beside_skeleton(excluded | {"--root": root, "--from": from_stage, "--until": until_stage})
+        work = _subject_run(skeleton, settings)
+    else:
+        options = RunOptions(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
+        work = _stages_run(from_stage, until_stage, settings, options)
+    _run_and_write(screen, project, work, _Target(output or _folder_for(take), stem_of(take)))
 
 
 def demo(
@@ -163,8 +171,16 @@ def demo(
     screen.json({**tables, "evaluation": done.evaluation.as_mapping(), "files": [str(file) for file in done.files]})
 
 
-def stage_command(stage: StageName) -> Callable[..., None]:
-    """Return the command that runs one stage; its parameters come as generated options."""
+def stage_command(stage: str, summary: str) -> Callable[..., None]:
+    """Return the command that runs one stage; its parameters come as generated options.
+
+    Parameters
+    ----------
+    stage : str
+        Name of the stage.
+    summary : str
+        Help of the command.
+    """
 
     def command(
         take: OptionalInput = None,
@@ -176,101 +192,58 @@ def stage_command(stage: StageName) -> Callable[..., None]:
         as_json: AsJson = False,
         **values: Any,
     ) -> None:
-        from skelgen.app.configuration import Settings
+        from skelgen.app.configuration import Settings, parameters_class
+        from skelgen.app.constraints import RunOptions
         from skelgen.app.files import open_input
         from skelgen.app.outputs import stem_of
         from skelgen.app.project_file.archive import find_result
-        from skelgen.app.stages import Wishes
 
         settings = Settings(config)
-        source, target = _default_files(settings.of("files"), stage.command)
+        source, target = _default_files(settings, stage)
         take = find_result(take) if take else None
-        wanted = {name: values.pop(name) for name in _WISHES[stage.command]}
+        wanted = {name: values.pop(name) for name in _OPTION_NAMES[stage]}
         identities, skeleton = wanted.pop("identities", None), wanted.pop("skeleton", None)
-        wishes = Wishes(**(wanted | {"hierarchy": hierarchy_in(wanted.get("hierarchy"))}))
-        names = {entry.name for entry in parameters_of(stage).declarations()}
+        options = RunOptions(**(wanted | {"hierarchy": hierarchy_in(wanted.get("hierarchy"))}))
+        names = {entry.name for entry in parameters_class(stage).declarations()}
         chosen = given(values)
-        settings = settings.changed(stage.name, {name: value for name, value in chosen.items() if name in names})
+        settings = settings.changed(stage, {name: value for name, value in chosen.items() if name in names})
         reader_values = {name: value for name, value in chosen.items() if name not in names}
         screen = Screen(quiet, as_json)
         with screen.watching() as monitor:
             project = open_input(take or source, format_name, seed, identities, monitor=monitor, **reader_values)
+        work = _subject_run(skeleton, settings) if skeleton else _stages_run(stage, stage, settings, options)
         folder = output or (_folder_for(take) if take else Path())
-        stem = stem_of(take or target)
-        result_name = target.name if stage.command == "fit" and not take else ""
-        if skeleton is not None:
-            return _apply_and_write(Screen(quiet, as_json), project, skeleton, settings, folder, stem)
-        span = (stage.name, stage.name)
-        _run_and_write(screen, project, span, settings, wishes, folder, stem, result_name)
+        result_name = target.name if stage == "skeleton" and not take and not skeleton else ""
+        _run_and_write(screen, project, work, _Target(folder, stem_of(take or target), result_name))
 
-    command.__doc__ = stage.summary
+    command.__doc__ = summary
     return command
 
 
-def wish_options(stage: StageName) -> list[inspect.Parameter]:
-    """Return the options beside its parameters that one stage understands."""
-    return [_WISH_OPTIONS[name] for name in _WISHES[stage.command]]
+def stage_options(stage: str) -> list[inspect.Parameter]:
+    """Return the generated options of a stage's command: its own, those of its parameters, those of readers."""
+    from skelgen.app.configuration import parameters_class
+
+    own = [_RUN_OPTIONS[name] for name in _OPTION_NAMES[stage]]
+    return [*own, *parameter_options(parameters_class(stage)), *reader_options()]
 
 
-def parameters_of(stage: StageName) -> type[StageParameters]:
-    """Return the class that declares a stage's parameters; loads the stage's module."""
-    from skelgen.app.stages import find_stage
+def refuse_beside_skeleton(options: Mapping[str, object]) -> None:
+    """Raise `ParameterError` if an option is given that the skeleton of another take determines.
 
-    return find_stage(stage.name).parameters_class()
-
-
-def _run_and_write(
-    screen: Screen,
-    project: Project,
-    span: tuple[str | None, str | None],
-    settings: Settings,
-    wishes: Wishes,
-    folder: Path,
-    stem: str,
-    result_name: str = "",
-) -> None:
-    from skelgen.app.outputs import write_outputs
-    from skelgen.app.pipeline import run_stages
-    from skelgen.app.tables import project_tables
-
-    screen.note(project.take.notices)
-    with screen.watching() as monitor:
-        project = run_stages(project, *span, settings=settings, wishes=wishes, monitor=monitor)
-        files = write_outputs(project, folder, stem, result_name=result_name, monitor=monitor)
-    tables = project_tables(project)
-    show_project(screen, tables)
-    show_files(screen, files)
-    screen.json({**tables, "files": [str(file) for file in files]})
-
-
-def refuse_beside_skeleton(wishes: dict[str, Any]) -> None:
-    """Raise `ParameterError` if something is told, by its flag, that a known skeleton tells."""
-    for flag, wish in wishes.items():
-        if wish is not None:
-            raise ParameterError(f"{flag} cannot be told beside --skeleton, which tells markers, limbs and tree")
-
-
-def _apply_and_write(
-    screen: Screen, project: Project, skeleton: Path, settings: Settings, folder: Path, stem: str
-) -> None:
-    from skelgen.app.outputs import write_outputs
-    from skelgen.app.subject import apply_skeleton, open_known
-    from skelgen.app.tables import project_tables
-
-    screen.note(project.take.notices)
-    known = open_known(skeleton)
-    with screen.watching() as monitor:
-        project = apply_skeleton(project, known, settings=settings, monitor=monitor)
-        files = write_outputs(project, folder, stem, monitor=monitor)
-    tables = project_tables(project)
-    show_project(screen, tables)
-    show_files(screen, files)
-    screen.json({**tables, "files": [str(file) for file in files]})
+    Parameters
+    ----------
+    options : mapping of str to object
+        Values by flag; None where an option is not given.
+    """
+    for flag, value in options.items():
+        if value is not None:
+            raise ParameterError(f"{flag} cannot be given beside --skeleton, which determines markers, limbs and tree")
 
 
 def hierarchy_in(path: Path | None) -> dict[str, str] | None:
     """Return the tree that a file states; None without a file."""
-    from skelgen.app.hierarchy import read_hierarchy
+    from skelgen.app.constraints import read_hierarchy
 
     return None if path is None else read_hierarchy(path)
 
@@ -283,6 +256,47 @@ def _folder_for(take: Path) -> Path:
     return take.parent if is_project_file(take) else Path(f"{stem_of(take)}-skelgen")
 
 
-def _default_files(files: Any, command: str) -> tuple[Path, Path]:
-    source, target = _DEFAULT_FILES[command]
-    return Path(getattr(files, source)), Path(getattr(files, target))
+def _default_files(settings: Settings, stage: str) -> tuple[Path, Path]:
+    source, target = _DEFAULT_FILES[stage]
+    return Path(getattr(settings.files, source)), Path(getattr(settings.files, target))
+
+
+@dataclass(frozen=True)
+class _Target:
+    """Where the files of a run go: folder, beginning of their names, name of the XML file if that is another one."""
+
+    folder: Path
+    stem: str
+    result_name: str = ""
+
+
+_Work = Callable[["Project", "Monitor"], "Project"]
+
+
+def _stages_run(first: str | None, last: str | None, settings: Settings, options: RunOptions) -> _Work:
+    from skelgen.app.pipeline import run_stages
+
+    return lambda project, monitor: run_stages(
+        project, first, last, settings=settings, options=options, monitor=monitor
+    )
+
+
+def _subject_run(skeleton: Path, settings: Settings) -> _Work:
+    from skelgen.app.subject import open_subject, run_with_subject
+
+    subject = open_subject(skeleton)
+    return lambda project, monitor: run_with_subject(project, subject, settings=settings, monitor=monitor)
+
+
+def _run_and_write(screen: Screen, project: Project, work: _Work, target: _Target) -> None:
+    from skelgen.app.outputs import write_outputs
+    from skelgen.app.tables import project_tables
+
+    screen.note(project.take.notices)
+    with screen.watching() as monitor:
+        project = work(project, monitor)
+        files = write_outputs(project, target.folder, target.stem, result_name=target.result_name, monitor=monitor)
+    tables = project_tables(project)
+    show_project(screen, tables)
+    show_files(screen, files)
+    screen.json({**tables, "files": [str(file) for file in files]})

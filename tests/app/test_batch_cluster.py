@@ -141,7 +141,7 @@ def test_a_scheduler_that_goes_is_told_and_finished_work_kept(waves, cluster, tm
         run_batch([waves], tmp_path / "out", pool=killing)
 
 
-def test_a_scheduler_that_is_not_there_is_told(waves, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("skelgen.app.batch.workers.CONNECTING", 1.0)
-    assert main(["batch", str(waves), "-o", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:9"]) == 2
-    assert "there is no dask scheduler at tcp://127.0.0.1:9" in capsys.readouterr().err
+def test_a_scheduler_that_is_not_there_is_told(waves, tmp_path):
+    pool = partial(on_cluster, address="tcp://127.0.0.1:9", shared=tmp_path / "out/manifest.json", timeout=1.0)
+    with pytest.raises(skelgen.InputError, match=r"there is no dask scheduler at tcp://127.0.0.1:9"):
+        run_batch([waves], tmp_path / "out", pool=pool)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import skelgen
-from skelgen.app.hierarchy import known_tree, read_hierarchy
+from skelgen.app.constraints import read_hierarchy
 from skelgen.cli.application import main
 from skelgen.errors import FormatError, InputError
-from skelgen.model import Poses, Project
+from skelgen.model import Poses
 from skelgen.simulation import simulate
 
 
@@ -27,7 +27,7 @@ def write(tmp_path):
 
 @pytest.fixture(scope="module")
 def sensors():
-    """The three rods of the seed, each with one body."""
+    """Three rods in a chain, each with one body."""
     truth = simulate("rods", n_frames=120).truth
     return Poses(truth.world_from_limb, truth.limb_names, 100.0, "rods.poses.csv")
 
@@ -82,7 +82,7 @@ def test_limbs_of_markers_are_numbered():
 )
 def test_impossible_trees_are_refused(sensors, hierarchy, root):
     with pytest.raises(InputError):
-        known_tree(Project(sensors), hierarchy, root)
+        skelgen.reconstruct(sensors, hierarchy=hierarchy, root=root)
 
 
 def test_limbs_never_seen_together_cannot_be_joined(sensors):

@@ -6,74 +6,66 @@ import csv
 
 import pytest
 
-from skelgen.app import outputs
-from skelgen.app.outputs import Output, stem_of, write_outputs
+from skelgen.app.outputs import OUTPUTS, Output, stem_of, write_outputs
 from skelgen.app.project_file.archive import save_project
 from skelgen.errors import WriteError
 
 SIMPLE = (
     Output(".skelgen", "", save_project),
-    Output(".limbs.csv", "limbs", outputs._write_limbs),
+    next(output for output in OUTPUTS if output.suffix == ".limbs.csv"),
     Output(".xml", "skeleton", lambda project, path: path.write_text("<a/>")),
 )
 
 
-@pytest.fixture
-def simple(monkeypatch):
-    monkeypatch.setattr(outputs, "OUTPUTS", SIMPLE)
+def failing_last(error):
+    """Outputs of which the last one writes half a file and raises."""
 
-
-def fail_last(monkeypatch, error):
     def write(project, path):
         path.write_text("half")
         raise error
 
-    monkeypatch.setattr(outputs, "OUTPUTS", (*SIMPLE[:2], Output(".xml", "skeleton", write)))
+    return (*SIMPLE[:2], Output(".xml", "skeleton", write))
 
 
-@pytest.mark.usefixtures("simple")
 def test_all_files_carry_the_stem(small_project, tmp_path):
-    files = write_outputs(small_project, tmp_path / "out", "walk")
+    files = write_outputs(small_project, tmp_path / "out", "walk", outputs=SIMPLE)
     assert [file.name for file in files] == ["walk.limbs.csv", "walk.skelgen", "walk.xml"]
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == [file.name for file in files]
 
 
-@pytest.mark.usefixtures("simple")
 def test_results_may_have_a_name_of_their_own(small_project, tmp_path):
-    files = write_outputs(small_project, tmp_path, "walk", result_name="result.xml")
+    files = write_outputs(small_project, tmp_path, "walk", result_name="result.xml", outputs=SIMPLE)
     assert "result.xml" in [file.name for file in files]
 
 
 def test_limbs_are_listed_by_marker(small_project, tmp_path):
-    outputs._write_limbs(small_project, tmp_path / "a.csv")
-    with (tmp_path / "a.csv").open(newline="") as stream:
+    write_outputs(small_project, tmp_path, "a", outputs=SIMPLE[1:2])
+    with (tmp_path / "a.limbs.csv").open(newline="") as stream:
         rows = list(csv.reader(stream))
     assert rows[:2] == [["marker", "limb"], ["M<0>&", "0"]]
     assert rows[-1] == ["M<9>&", "-1"]
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ZeroDivisionError(), OSError(28, "No space left on device")])
-def test_failure_leaves_everything_as_it_was(small_project, tmp_path, monkeypatch, error):
+def test_failure_leaves_everything_as_it_was(small_project, tmp_path, error):
     (tmp_path / "walk.skelgen").write_text("precious")
-    fail_last(monkeypatch, error)
     with pytest.raises((KeyboardInterrupt, ZeroDivisionError, WriteError)):
-        write_outputs(small_project, tmp_path, "walk")
+        write_outputs(small_project, tmp_path, "walk", outputs=failing_last(error))
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("walk.skelgen", "precious")]
 
 
-def test_failure_removes_the_folders_it_made(small_project, tmp_path, monkeypatch):
-    fail_last(monkeypatch, KeyboardInterrupt())
+def test_failure_removes_the_folders_it_made(small_project, tmp_path):
     with pytest.raises(KeyboardInterrupt):
-        write_outputs(small_project, tmp_path / "a" / "b", "walk")
+        write_outputs(small_project, tmp_path / "a" / "b", "walk", outputs=failing_last(KeyboardInterrupt()))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_format_that_cannot_hold_the_project_is_left_out_with_a_notice(small_project, tmp_path, monkeypatch):
-    fail_last(monkeypatch, WriteError("no more than 5 limbs"))
+def test_format_that_cannot_hold_the_project_is_left_out_with_a_notice(small_project, tmp_path):
+    outputs = failing_last(WriteError("no more than 5 limbs"))
     notices = []
     monitor = type("M", (), {"notice": lambda self, text: notices.append(text)})
     monitor.begin = monitor.advance = lambda *values: None
-    files = write_outputs(small_project, tmp_path, "walk", monitor=monitor())
+    files = write_outputs(small_project, tmp_path, "walk", outputs=outputs, monitor=monitor())
     assert [file.name for file in files] == ["walk.limbs.csv", "walk.skelgen"]
     assert notices == ["walk.xml is not written: no more than 5 limbs"]
 

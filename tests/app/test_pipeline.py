@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from skelgen.app.configuration import Settings
+from skelgen.app.constraints import RunOptions
 from skelgen.app.inputs import AXIS_LENGTHS
 from skelgen.app.pipeline import run_stages
-from skelgen.app.stages import Wishes, stage_names
 from skelgen.errors import Cancelled, InputError, MissingResultError
 from skelgen.model import PointCloud, Poses, Project, Trajectories
+from skelgen.model.project import STAGES
 from skelgen.progress import SilentMonitor
-
-pytestmark = pytest.mark.usefixtures("stand_ins")
+from skelgen.stages.joints import JointParameters
+from skelgen.stages.labels import LabelParameters
 
 
 def cloud_from(take: Trajectories) -> PointCloud:
@@ -32,24 +33,23 @@ def spinning_bodies(n_frames=8) -> Poses:
 
 def test_every_stage_runs_and_reports(waving):
     project = run_stages(Project(waving))
-    assert tuple(project.reports) == stage_names()
-    assert all(project.has(name) for name in stage_names())
-    assert project.reports["joints"].parameters == {"alpha": 0.1}
+    assert tuple(project.reports) == STAGES
+    assert all(project.has(name) for name in STAGES)
+    assert project.reports["joints"].parameters == JointParameters().as_mapping()
     assert all(report.seconds >= 0 for report in project.reports.values())
 
 
 def test_labelled_markers_are_searched_for_errors(waving):
     project = run_stages(Project(waving), until_stage="labels")
     assert project.trajectories is waving
-    assert project.reports["labels"].parameters == {"min_range": 3}
+    assert project.reports["labels"].parameters == LabelParameters().as_mapping()
     assert "labelled already" in project.reports["labels"].notices[0]
 
 
 def test_points_are_labelled_with_the_known_number(waving):
-    project = run_stages(Project(cloud_from(waving)), wishes=Wishes(n_markers=5), until_stage="labels")
+    project = run_stages(Project(cloud_from(waving)), options=RunOptions(n_markers=5), until_stage="labels")
     assert project.trajectories.n_markers == 5
-    given = "the number of markers was given: 5"
-    assert project.reports["labels"].notices == (given, "labelled by the order of points")
+    assert project.reports["labels"].notices[0] == "the number of markers was given: 5"
 
 
 def test_stages_resume_where_results_end(waving):
@@ -61,7 +61,7 @@ def test_stages_resume_where_results_end(waving):
 
 def test_a_repeated_stage_drops_what_followed(waving):
     whole = run_stages(Project(waving))
-    again = run_stages(whole, "limbs", "limbs", wishes=Wishes(n_limbs=3))
+    again = run_stages(whole, "limbs", "limbs", options=RunOptions(n_limbs=3))
     assert again.limbs.n_limbs == 3
     assert not again.has("joints")
     assert tuple(again.reports) == ("labels", "limbs")
@@ -122,7 +122,7 @@ def test_unseen_body_gives_unseen_markers():
 
 def test_bodies_cannot_be_another_number_of_limbs():
     with pytest.raises(InputError, match="2 bodies"):
-        run_stages(Project(spinning_bodies()), wishes=Wishes(n_limbs=3))
+        run_stages(Project(spinning_bodies()), options=RunOptions(n_limbs=3))
 
 
 def test_cancelled_run_raises_and_changes_nothing(waving):

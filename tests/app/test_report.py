@@ -275,9 +275,9 @@ def test_half_characters_in_names_do_not_stop_the_report(tmp_path):
 
 
 def test_changed_parameters_are_marked_and_defaults_are_not():
-    from skelgen.app.stages import find_stage
+    from skelgen.app.configuration import parameters_class
 
-    declared = find_stage("limbs").parameters_class()()
+    declared = parameters_class("limbs")()
     number = next(each for each in declared.declarations() if each.kind is int and not each.choices)
     values = declared.as_mapping() | {number.name: number.default + 1}
     project = build_project("limbs")

@@ -10,7 +10,7 @@ import pytest
 
 import skelgen
 from skelgen.app.several_takes import calibrate_together
-from skelgen.app.subject import apply_skeleton
+from skelgen.app.subject import run_with_subject
 from skelgen.cli import main
 from skelgen.errors import InputError
 from skelgen.evaluation import evaluate
@@ -49,7 +49,7 @@ def test_take_is_fitted_by_the_skeleton_of_another_one(folder, tmp_path, command
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["run", "--skeleton", "rom", "walk.mfml", "--n-limbs", "3"], "--n-limbs cannot be told beside --skeleton"),
+        (["run", "--skeleton", "rom", "walk.mfml", "--n-limbs", "3"], "--n-limbs cannot be given beside --skeleton"),
         (["fit", "--skeleton", "walk.skelgen", "walk.mfml"], "walk.skelgen"),
         (["calibrate", "skeleton", "rom.c3d", "-o", "out"], "give at least two"),
         (["calibrate", "skeleton", "rom.c3d", "./rom.c3d", "-o", "out"], "two results would be called 'rom'"),
@@ -147,7 +147,7 @@ class TestSensors:
 
     def test_lengths_are_those_of_the_calibrated_take(self, known):
         take, truth = self.sensors(2)
-        walk = apply_skeleton(Project(take), known)
+        walk = run_with_subject(Project(take), known)
         assert walk.skeleton.lengths == known.skeleton.lengths
         assert "elsewhere" not in self.said(walk)
         assert "hold together" not in self.said(walk)
@@ -158,26 +158,26 @@ class TestSensors:
         limb = self.sensors(2, n_frames=30)[1].limb_names.index("trunk")
         mounts[limb, :3, 3] += [8.0, 0.0, 0.0]
         take, truth = self.sensors(2, mounts)
-        walk = apply_skeleton(Project(take), known)
+        walk = run_with_subject(Project(take), known)
         [shift] = re.findall(r"placed anew by their joints: trunk by ([\d.]+) mm", self.said(walk))
         assert float(shift) == pytest.approx(8.0, abs=0.5)
         assert self.joint_error(walk, truth) < 1.5
 
     def test_all_sensors_put_on_anew(self, known):
         take, truth = self.sensors(2, self.mounts(17, seed=5))
-        walk = apply_skeleton(Project(take), known)
+        walk = run_with_subject(Project(take), known)
         assert self.said(walk).count(" mm and ") == 17
         assert self.joint_error(walk, truth) < 3.0  # what 300 frames tell of joints that all sensors carry anew
         assert walk.skeleton.lengths == known.skeleton.lengths
 
     def test_larger_body_does_not_hold_together(self, known):
         take, _ = self.sensors(2, structure=larger(1.05))
-        assert "this is another body" in self.said(apply_skeleton(Project(take), known))
+        assert "this is another body" in self.said(run_with_subject(Project(take), known))
 
     def test_missing_and_unknown_bodies_are_said(self, known):
         take, _ = self.sensors(2)
         names = ("spare", *take.names[1:])
-        said = self.said(apply_skeleton(Project(Poses(take.world_from_body, names, take.rate, "sensors")), known))
+        said = self.said(run_with_subject(Project(Poses(take.world_from_body, names, take.rate, "sensors")), known))
         assert f"does not have: {take.names[0]}" in said
         assert "left out: spare" in said
 
@@ -185,9 +185,9 @@ class TestSensors:
         take, _ = self.sensors(2)
         other = Poses(take.world_from_body, tuple(f"s{index}" for index in range(17)), take.rate, "sensors")
         with pytest.raises(InputError, match="sensors: its bodies are called s0, s1"):
-            apply_skeleton(Project(other), known)
-        with pytest.raises(InputError, match="holds markers, and the known skeleton is of bodies with orientation"):
-            apply_skeleton(Project(simulate("rods", n_frames=100).take), known)
+            run_with_subject(Project(other), known)
+        with pytest.raises(InputError, match="holds markers, and the calibrated skeleton is of bodies with orientation"):
+            run_with_subject(Project(simulate("rods", n_frames=100).take), known)
 
 
 @pytest.fixture(scope="module")

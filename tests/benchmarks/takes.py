@@ -15,7 +15,7 @@ from shown import show, show_machine, verdict
 
 import skelgen
 from skelgen.app.several_takes import calibrate_together
-from skelgen.app.subject import apply_skeleton
+from skelgen.app.subject import run_with_subject
 from skelgen.evaluation import evaluate
 from skelgen.simulation import find_structure, simulate
 
@@ -58,7 +58,7 @@ def _known(name: str, soft_tissue: float, seed: int) -> tuple[str, ...]:
     known = skelgen.reconstruct(rom.take)
     new = simulate(body, seed=seed, **options)
     started = time.process_time()
-    fitted = evaluate(apply_skeleton(skelgen.Project(new.take), known), new.truth)
+    fitted = evaluate(run_with_subject(skelgen.Project(new.take), known), new.truth)
     seconds = time.process_time() - started
     alone = evaluate(skelgen.reconstruct(new.take), new.truth)
     reached = fitted.labels is not None and fitted.labels.idf1 >= WANTED_IDF1
@@ -106,7 +106,7 @@ def _recording(folder: Path, name: str) -> tuple[str, ...]:
     second = replace(take, positions=take.positions[half : half + LONGEST])
     known = skelgen.reconstruct(first)
     started = time.process_time()
-    fitted = apply_skeleton(skelgen.Project(_without_names(second)), known)
+    fitted = run_with_subject(skelgen.Project(_without_names(second)), known)
     seconds = time.process_time() - started
     carried = np.isin(np.arange(take.n_markers), np.flatnonzero(known.limbs.limb_of_marker >= 0))
     names = [fitted.trajectories.names.index(marker) for marker in known.trajectories.names]

@@ -6,7 +6,7 @@ from functools import partial
 
 from PySide6.QtWidgets import QWidget
 
-from skelgen.app.stages import PIPELINE
+from skelgen.app import STAGE_SUMMARIES
 from skelgen_gui.pages.export import make_export_page
 from skelgen_gui.pages.open import OpenPage
 from skelgen_gui.pages.stage import StagePage
@@ -49,8 +49,8 @@ PAGES: tuple[PageEntry, ...] = (
         OpenPage,
     ),
     *(
-        PageEntry(stage.name, _TITLES[stage.name], stage.summary, partial(StagePage, stage.name), stage.name)
-        for stage in PIPELINE
+        PageEntry(stage, _TITLES[stage], summary, partial(StagePage, stage), stage)
+        for stage, summary in STAGE_SUMMARIES.items()
     ),
     PageEntry(
         "export",

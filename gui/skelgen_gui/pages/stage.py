@@ -23,12 +23,13 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from skelgen.app import STAGE_SUMMARIES
 from skelgen.app.configuration import parameters_class
-from skelgen.app.corrections import number_of, with_number
+from skelgen.app.constraints import stated_number
+from skelgen.app.corrections import with_number
 from skelgen.app.project_file.archive import SUFFIX, find_result, open_project
 from skelgen.app.project_file.checks import with_saved
 from skelgen.app.stage_summary import Pointer, stage_pointers, stage_sentences
-from skelgen.app.stages import find_stage
 from skelgen.model import Project
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
@@ -78,7 +79,7 @@ class StagePage(QWidget):
 
     @property
     def _summary(self) -> str:
-        return QCoreApplication.translate("Pages", find_stage(self._stage).summary)
+        return QCoreApplication.translate("Pages", STAGE_SUMMARIES[self._stage])
 
     def _made_number(self) -> FoundOrGiven | None:
         titles = {"labels": self.tr("Number of markers"), "limbs": self.tr("Number of limbs")}
@@ -174,7 +175,7 @@ class StagePage(QWidget):
         if self.number is None or project is None:
             return
         kind, number = _NUMBERS[self._stage], self.number.value()
-        if number != number_of(project, kind):
+        if number != stated_number(project, kind):
             self._context.document.change(self.number.accessibleName(), with_number(project, kind, number))
 
     def _take_saved(self, project: Project) -> None:
@@ -226,7 +227,7 @@ class StagePage(QWidget):
         project = self._context.session.project
         if self.number is not None:
             kind = _NUMBERS[self._stage]
-            self.number.set_value(None if project is None else number_of(project, kind))
+            self.number.set_value(None if project is None else stated_number(project, kind))
             self.number.show_found(_found(project, kind))
         self._follow_result(project)
         if not (self._context.runner.holds(self._stage) or self.form.problem()):

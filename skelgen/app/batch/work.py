@@ -34,13 +34,13 @@ from skelgen.app.batch.records import (
 )
 from skelgen.app.batch.takes import Entry
 from skelgen.app.configuration import Settings
+from skelgen.app.constraints import RunOptions
 from skelgen.app.export import REPORT
 from skelgen.app.files import open_input
 from skelgen.app.outputs import OUTPUTS, Output, write_outputs
 from skelgen.app.pipeline import CollectingMonitor, run_stages
 from skelgen.app.project_file.archive import find_result
-from skelgen.app.stages import Wishes
-from skelgen.app.subject import apply_skeleton, open_known
+from skelgen.app.subject import open_subject, run_with_subject
 from skelgen.errors import FormatError, InputError, SkelgenError, WriteError
 from skelgen.files import sha256_of
 from skelgen.model import PointCloud, Project
@@ -48,15 +48,15 @@ from skelgen.progress import SILENT
 
 
 @dataclass(frozen=True)
-class KnownFile:
-    """The file of a known skeleton.
+class SubjectFile:
+    """The project file of a subject: a calibrated skeleton that is applied to all takes.
 
     Attributes
     ----------
     path : str
-        A project; on a cluster all machines see it at this path.
+        Path of the project; on a cluster all machines see it there.
     sha256 : str
-        Checksum of its content: takes of one batch have one skeleton.
+        Checksum of its content: all takes of one batch have the same skeleton.
     """
 
     path: str
@@ -71,8 +71,8 @@ class Job:
     ----------
     settings : mapping of str to mapping
         Parameters that somebody wants otherwise, by stage.
-    wishes : Wishes
-        Known numbers and trees; one process for each take.
+    options : RunOptions
+        Known numbers and trees; each take is done in one process.
     seed : int or None
         Seed of every take; None for that of a project, or 0.
     until : str or None
@@ -83,25 +83,27 @@ class Job:
         What readers are told.
     formats : tuple of str
         Formats that are written beside the usual files.
-    skeleton : KnownFile or None
-        Skeleton of another take, by which all takes are labelled and posed; None finds that of each.
+    subject : SubjectFile or None
+        Calibrated skeleton by which all takes are labelled and posed; None finds the skeleton of each take.
     version : str
         Version of skelgen that all workers must have: results of two would not be those of either.
     """
 
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    wishes: Wishes = field(default_factory=Wishes)
+    options: RunOptions = field(default_factory=RunOptions)
     seed: int | None = None
     until: str | None = None
     format_name: str | None = None
     reader_options: Mapping[str, Any] = field(default_factory=dict)
     formats: tuple[str, ...] = ()
-    skeleton: KnownFile | None = None
+    subject: SubjectFile | None = None
     version: str = skelgen.__version__
 
     def as_mapping(self) -> dict[str, Any]:
-        """Return all of it as plain values."""
-        return dataclasses.asdict(self)
+        """Return all of it as plain values, as the manifest names them."""
+        data = dataclasses.asdict(self)
+        options = {name: value for name, value in data.pop("options").items() if value != ()}
+        return data | {"wishes": options, "skeleton": data.pop("subject")}
 
     @property
     def fingerprint(self) -> str:
@@ -110,8 +112,8 @@ class Job:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def known_file(path: Path | str) -> KnownFile:
-    """Return the file of a known skeleton, checked.
+def subject_file(path: Path | str) -> SubjectFile:
+    """Return the project file of a subject after checking that it holds a skeleton.
 
     Parameters
     ----------
@@ -123,24 +125,24 @@ def known_file(path: Path | str) -> KnownFile:
     InputError
         If it holds no skeleton that could be applied.
     """
-    open_known(path)
+    open_subject(path)
     file = find_result(Path(path)).absolute()
-    return KnownFile(str(file), sha256_of(file))
+    return SubjectFile(str(file), sha256_of(file))
 
 
 @lru_cache(maxsize=1)
-def known_of(file: KnownFile) -> Project:
-    """Return the known skeleton of a batch; a worker reads it once.
+def subject_in(file: SubjectFile) -> Project:
+    """Read the subject of a batch; a worker does so once.
 
     Raises
     ------
     InputError
         If it holds no skeleton, or is not the file with which the batch began.
     """
-    known = open_known(file.path)
+    subject = open_subject(file.path)
     if sha256_of(Path(file.path)) != file.sha256:
         raise InputError(f"{file.path}: is not the skeleton with which the batch began; begin it anew")
-    return known
+    return subject
 
 
 USUAL = (".skelgen", ".labels.c3d", ".limbs.csv", ".joints.csv", ".angles.csv")
@@ -214,7 +216,7 @@ def work_on(entry: Entry, job: Job) -> Outcome:
 
 
 def blank_record(entry: Entry, job: Job) -> Record:
-    """Return the record of a take that nothing is known of."""
+    """Return the record of a take that is not begun."""
     return {
         "name": entry.name,
         "outcome": WAITING,
@@ -259,10 +261,10 @@ def _done(entry: Entry, job: Job) -> Record:
     """Run the stages and write the files; facts, files, and times."""
     project = open_input(entry.source, job.format_name, job.seed, **job.reader_options)
     settings = Settings(job.settings)
-    if job.skeleton is None:
-        project = run_stages(project, until_stage=job.until, settings=settings, wishes=job.wishes)
+    if job.subject is None:
+        project = run_stages(project, until_stage=job.until, settings=settings, options=job.options)
     else:
-        project = apply_skeleton(project, known_of(job.skeleton), settings=settings)
+        project = run_with_subject(project, subject_in(job.subject), settings=settings)
     seconds = {name: report.seconds for name, report in project.reports.items()}
     timeless = {name: replace(report, seconds=0.0) for name, report in project.reports.items()}
     project = replace(project, reports=timeless)  # the same take gives the same bytes, whenever and wherever

@@ -171,11 +171,9 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-CONNECTING = 10.0
-"""s after which a scheduler that does not answer is not there."""
-
-
-def on_cluster(job: Job, entries: Sequence[Entry], address: str, shared: Path) -> Generator[Outcome, None, None]:
+def on_cluster(
+    job: Job, entries: Sequence[Entry], address: str, shared: Path, timeout: float = 10.0
+) -> Generator[Outcome, None, None]:
     """Do all takes on a cluster, and yield what became of each as it is known.
 
     A take whose worker is lost is done by another one; if the first had finished it, the other finds its record.
@@ -190,13 +188,15 @@ def on_cluster(job: Job, entries: Sequence[Entry], address: str, shared: Path) -
         Of the scheduler, e.g. ``tcp://host:8786``.
     shared : Path
         A file that every worker must see.
+    timeout : float, s
+        Time after which a scheduler that does not answer counts as missing.
 
     Raises
     ------
     InputError
         If there is no scheduler or worker, a worker has another version, or does not see the files.
     """
-    with _connected(address) as client:
+    with _connected(address, timeout) as client:
         _check_workers(client, address, shared)
         from distributed import as_completed  # noqa: PLC0415 - an extra
 
@@ -212,14 +212,14 @@ def on_cluster(job: Job, entries: Sequence[Entry], address: str, shared: Path) -
 
 
 @contextlib.contextmanager
-def _connected(address: str) -> Iterator[Client]:
+def _connected(address: str, timeout: float) -> Iterator[Client]:
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise InputError(f"a scheduler needs dask ({error}): pip install 'skelgen[batch]'") from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in a sentence
     try:
-        client = Client(address, timeout=CONNECTING, set_as_default=False)
+        client = Client(address, timeout=timeout, set_as_default=False)
     except (OSError, ValueError, TypeError, ImportError) as error:
         what = f"there is no dask scheduler at {address} ({' '.join(str(error).split())})"
         raise InputError(f"{what}; start one with `dask scheduler`, and workers with `dask worker`") from error

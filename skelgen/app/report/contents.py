@@ -13,7 +13,9 @@ import numpy as np
 from markupsafe import Markup
 
 import skelgen
+from skelgen.app import STAGE_SUMMARIES
 from skelgen.app.advice import doubtful_share
+from skelgen.app.configuration import parameters_class
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.colours import limb_colour
 from skelgen.app.drawing.wording import counted, digits, duration, listed, millimetres, percent, plain
@@ -25,7 +27,6 @@ from skelgen.app.report.matrix import cost_figure, deviation_figure
 from skelgen.app.report.pose import pose_figures
 from skelgen.app.report.timelines import gaps_figure
 from skelgen.app.report.tree import cost_graph, joint_sign, tree_figure
-from skelgen.app.stages import PIPELINE, Stage
 from skelgen.app.tables import column_rows
 from skelgen.model import PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import Source
@@ -305,11 +306,11 @@ _LIBRARIES = ("numpy", "scipy")
 def stage_tables(project: Project) -> list[Row]:
     """Return, for each stage that has run: its name, purpose, time, share of the whole time, and parameters."""
     whole = sum(report.seconds for report in project.reports.values())
-    ran = [(stage, project.reports[stage.name]) for stage in PIPELINE if stage.name in project.reports]
+    ran = [(stage, project.reports[stage]) for stage in STAGE_SUMMARIES if stage in project.reports]
     return [
         {
-            "name": stage.name,
-            "summary": stage.summary,
+            "name": stage,
+            "summary": STAGE_SUMMARIES[stage],
             "seconds": duration(report.seconds) if report.seconds else "–",  # a batch keeps times apart
             "share": report.seconds / whole if whole > 0 else 0.0,
             "parameters": _parameters(stage, report),
@@ -324,10 +325,10 @@ def versions() -> list[tuple[str, str]]:
     return [("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())]
 
 
-def _parameters(stage: Stage, report: StageReport) -> list[Row]:
+def _parameters(stage: str, report: StageReport) -> list[Row]:
     if not report.parameters:
         return []
-    declared = {each.name: each for each in stage.parameters_class().declarations()}
+    declared = {each.name: each for each in parameters_class(stage).declarations()}
     return [_row(name, value, declared) for name, value in report.parameters.items()]
 
 

@@ -1,0 +1,310 @@
+"""What the user states of a take beside parameters: numbers, the tree, and constraints on limbs and joints.
+
+It comes from the options of a run (`RunOptions`) and from the corrections of a project; the stages obey both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from skelgen.errors import FormatError, InputError
+from skelgen.model import Poses, Project, Trajectories
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.corrections import Correction, named_marker
+from skelgen.model.topology import parents_from_names
+from skelgen.progress import Monitor
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What the user asks of one run beside the parameters of the stages.
+
+    Attributes
+    ----------
+    n_markers, n_limbs : int or None
+        Known numbers; None lets the stages find them.
+    n_jobs : int
+        Number of processes for work that can be shared.
+    hierarchy : mapping of str to str, or None
+        Parent of every limb by name, empty for a root: names of bodies, or limb0, limb1, ...; None finds the tree.
+    root : str or None
+        Name of the limb that is the root of a tree that is found, or of a marker on it.
+    joined, parted : tuple of pairs of str
+        Limbs between which there is a joint, and between which there is none: each limb by its name or by the name of
+        one of its markers.
+    """
+
+    n_markers: int | None = None
+    n_limbs: int | None = None
+    n_jobs: int = 1
+    hierarchy: Mapping[str, str] | None = None
+    root: str | None = None
+    joined: tuple[tuple[str, str], ...] = ()
+    parted: tuple[tuple[str, str], ...] = ()
+
+    def notices(self, stage: str) -> tuple[str, ...]:
+        """Return the sentences that the report of a stage says about these options."""
+        if stage == "labels" and self.n_markers is not None:
+            return (f"the number of markers was given: {self.n_markers}",)
+        if stage == "limbs" and self.n_limbs is not None:
+            return (f"the number of limbs was given: {self.n_limbs}",)
+        if stage != "joints":
+            return ()
+        said = [f"the root was given: {self.root}"] if self.root is not None else []
+        said += ["the hierarchy was given"] if self.hierarchy is not None else []
+        said += [f"a joint was given: {first} and {second}" for first, second in self.joined]
+        return (*said, *(f"no joint was given: {first} and {second}" for first, second in self.parted))
+
+
+@dataclass(frozen=True)
+class LimbConstraints:
+    """Markers that share a limb, and markers that do not.
+
+    Attributes
+    ----------
+    together, apart : tuple of tuple of str
+        Names of markers that share a limb, and of markers no two of which do.
+    """
+
+    together: tuple[tuple[str, ...], ...] = ()
+    apart: tuple[tuple[str, ...], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class TreeConstraints:
+    """What is known of the tree of limbs.
+
+    Attributes
+    ----------
+    parents : ndarray of intp, shape (n_limbs,), or None
+        The whole tree, -1 for roots; None finds it.
+    root : int or None
+        Limb that is the root of its tree.
+    joined, parted : tuple of pairs of int
+        Limbs that are joined, and limbs that are not, the lower index first.
+    """
+
+    parents: Ints | None = None
+    root: int | None = None
+    joined: tuple[tuple[int, int], ...] = ()
+    parted: tuple[tuple[int, int], ...] = ()
+
+
+def stated_number(project: Project, kind: str) -> int | None:
+    """Return the number of markers or limbs that the latest correction states.
+
+    Parameters
+    ----------
+    project : Project
+        With or without corrections.
+    kind : str
+        ``n_markers`` or ``n_limbs``.
+    """
+    stated = [int(correction.value) for correction in project.corrections if correction.kind == kind]
+    return stated[-1] if stated else None
+
+
+def limb_constraints(project: Project, monitor: Monitor) -> LimbConstraints:
+    """Return what the corrections of a project say about limbs.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    monitor : Monitor
+        Receives a notice for each correction.
+
+    Raises
+    ------
+    InputError
+        If a correction names a marker that does not exist.
+    """
+    together: list[tuple[str, ...]] = []
+    apart: list[tuple[str, ...]] = []
+    for correction in corrections_of(project, "limbs", monitor):
+        names = tuple(project.trajectories.names[marker] for marker in _markers(project, correction))
+        if correction.kind == "together":
+            together.append(names)
+        elif correction.kind == "apart":
+            apart.append(names)
+        elif correction.kind == "move":
+            together.append(names[:2])
+            apart += [(names[0], old) for old in names[2:]]
+    return LimbConstraints(tuple(together), tuple(apart))
+
+
+def tree_constraints(project: Project, options: RunOptions, monitor: Monitor) -> TreeConstraints:
+    """Return what the corrections of a project and the options of a run say about the tree.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs.
+    options : RunOptions
+        Their hierarchy and root take precedence over those of corrections.
+    monitor : Monitor
+        Receives a notice for each correction.
+
+    Raises
+    ------
+    InputError
+        If hierarchy and root are both given, a name is unknown, or the parents form a cycle.
+    """
+    is_joint: dict[tuple[int, int], bool] = {}
+    root = None
+    for correction in corrections_of(project, "joints", monitor):
+        limbs = _limbs(project, correction)
+        if correction.kind == "root":
+            root = limbs[0]
+        else:
+            is_joint[min(limbs), max(limbs)] = correction.kind == "join"
+    for pairs, wanted in ((options.joined, True), (options.parted, False)):
+        is_joint |= dict.fromkeys((_limb_pair(project, pair) for pair in pairs), wanted)
+    if options.hierarchy is not None and options.root is not None:
+        raise InputError("a hierarchy says which limb is the root: give either of both")
+    names = _limb_names(project)
+    return TreeConstraints(
+        None if options.hierarchy is None else parents_from_names(names, options.hierarchy),
+        root if options.root is None else _limb_called(project, options.root),
+        tuple(pair for pair, wanted in is_joint.items() if wanted),
+        tuple(pair for pair, wanted in is_joint.items() if not wanted),
+    )
+
+
+def joint_types(project: Project, monitor: Monitor) -> dict[int, str]:
+    """Return the types of joints that corrections state, by the child limb of the joint.
+
+    Parameters
+    ----------
+    project : Project
+        With a tree.
+    monitor : Monitor
+        Receives a notice for each correction, and for those that name no joint of the tree.
+    """
+    types: dict[int, str] = {}
+    parents = project.topology.parents
+    for correction in corrections_of(project, "skeleton", monitor):
+        first, second = _limbs(project, correction)
+        if parents[second] == first:
+            types[second] = correction.value
+        elif parents[first] == second:
+            types[first] = correction.value
+        else:
+            monitor.notice(f"not obeyed, because the tree has no such joint: {correction.sentence}")
+    return types
+
+
+def corrections_of(project: Project, stage: str, monitor: Monitor) -> list[Correction]:
+    """Return the corrections that a stage obeys and that name markers.
+
+    Parameters
+    ----------
+    project : Project
+        With or without corrections.
+    stage : str
+        ``labels``, ``limbs``, ``joints`` or ``skeleton``.
+    monitor : Monitor
+        Receives a notice for each of them.
+    """
+    obeyed = [correction for correction in project.corrections if correction.stage == stage]
+    for correction in obeyed:
+        monitor.notice(f"as you said: {correction.sentence}")
+    return [correction for correction in obeyed if correction.names]
+
+
+def corrected_marker(trajectories: Trajectories, correction: Correction, which: int) -> int:
+    """Return the index of a marker that a correction names; raise `InputError` if it does not exist.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    correction : Correction
+        The statement.
+    which : int
+        Index into its names.
+    """
+    return named_marker(correction, which, trajectories.names, partial(_positions_in, trajectories))
+
+
+def read_hierarchy(path: Path | str) -> dict[str, str]:
+    """Read a hierarchy: a line ``child,parent`` for every limb, the parent of a root left empty.
+
+    Lines that begin with ``#`` and empty lines are skipped.
+
+    Raises
+    ------
+    FormatError
+        If a line has another form, or a child has two parents.
+    """
+    path = Path(path)
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise FormatError(path, "", "is no text in UTF-8") from error
+    parents: dict[str, str] = {}
+    for number, line in enumerate(lines, start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        child, _, parent = (part.strip() for part in line.partition(","))
+        if not child or "," in parent:
+            raise FormatError(path, number, f"{line.strip()[:60]!r} where child,parent belongs")
+        if child in parents:
+            raise FormatError(path, number, f"{child!r} has a parent already; a limb has one")
+        parents[child] = parent
+    if not parents:
+        raise FormatError(path, "", "names no limb; a line child,parent belongs to each")
+    return parents
+
+
+def _limb_names(project: Project) -> tuple[str, ...]:
+    take = project.take
+    return take.names if isinstance(take, Poses) else tuple(f"limb{limb}" for limb in range(project.limbs.n_limbs))
+
+
+def _limb_called(project: Project, name: str) -> int:
+    names, markers = _limb_names(project), project.trajectories.names
+    if name in names:
+        return names.index(name)
+    limb = int(project.limbs.limb_of_marker[markers.index(name)]) if name in markers else -1
+    if limb < 0:
+        raise InputError(f"there is no limb {name!r}; limbs are {', '.join(names)}")
+    return limb
+
+
+def _limb_pair(project: Project, names: Sequence[str]) -> tuple[int, int]:
+    if isinstance(names, str) or len(names) != 2:
+        raise InputError(f"{names!r} where the names of two limbs belong")
+    first, second = sorted(_limb_called(project, name) for name in names)
+    if first == second:
+        raise InputError(f"{names[0]!r} and {names[1]!r} are the same limb; a joint connects two limbs")
+    return first, second
+
+
+def _markers(project: Project, correction: Correction) -> list[int]:
+    return [corrected_marker(project.trajectories, correction, which) for which in range(len(correction.names))]
+
+
+def _limbs(project: Project, correction: Correction) -> list[int]:
+    limbs = [int(project.limbs.limb_of_marker[marker]) for marker in _markers(project, correction)]
+    for name, limb in zip(correction.names, limbs, strict=True):
+        if limb < 0:
+            raise InputError(f"the correction '{correction.sentence}' names {name}, which is on no limb; take it back")
+    if len(limbs) == 2 and limbs[0] == limbs[1]:
+        first, second = correction.names
+        raise InputError(
+            f"the correction '{correction.sentence}' is about a joint, but {first} and {second} share a limb now; "
+            "take it back"
+        )
+    return limbs
+
+
+def _positions_in(trajectories: Trajectories, frame: int) -> Floats:
+    return trajectories.positions[frame] if frame < trajectories.n_frames else np.empty((0, 3))
