@@ -6,11 +6,11 @@ import time
 
 from threadpoolctl import threadpool_limits
 
+from skelgen._kernels import announce_compiling
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.inputs import check_take
 from skelgen.app.stages import PIPELINE, Stage
-from skelgen._kernels import announce_compiling
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Project, StageReport
 from skelgen.model.project import STAGES

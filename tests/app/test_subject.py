@@ -186,7 +186,9 @@ class TestSensors:
         other = Poses(take.world_from_body, tuple(f"s{index}" for index in range(17)), take.rate, "sensors")
         with pytest.raises(InputError, match="sensors: its bodies are called s0, s1"):
             run_with_subject(Project(other), known)
-        with pytest.raises(InputError, match="holds markers, and the calibrated skeleton is of bodies with orientation"):
+        with pytest.raises(
+            InputError, match="holds markers, and the calibrated skeleton is of bodies with orientation"
+        ):
             run_with_subject(Project(simulate("rods", n_frames=100).take), known)
 
 
