@@ -13,11 +13,12 @@ import pytest
 
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.colours import limb_colour, ramp_rgba
+from skelgen.app.drawing.poses import find_views
+from skelgen.app.drawing.scales import envelope, ticks
 from skelgen.app.drawing.wording import counted, digits, duration, percent, shortened
 from skelgen.app.report import report_html, write_report
 from skelgen.app.report.contents import report_content
 from skelgen.app.report.matrix import png_uri
-from skelgen.app.report.pose import find_views
 from skelgen.errors import WriteError
 from skelgen.model import (
     Joint,
@@ -313,7 +314,7 @@ def test_rival_of_a_joint_is_the_cheapest_other_edge_across_its_cut(project):
 def test_envelope_loses_no_extreme_and_no_gap(n_frames):
     values = np.random.default_rng(n_frames).normal(size=n_frames)
     values[: n_frames // 3] = np.nan
-    centres, low, high = measures.envelope(values, 760)
+    centres, low, high = envelope(values, 760)
     assert len(centres) == min(n_frames, 760)
     assert np.nanmax(high) == np.nanmax(values)
     assert np.nanmin(low) == np.nanmin(values)
@@ -376,7 +377,7 @@ def test_unknown_cells_are_grey_and_large_ones_fade():
     ("low", "high", "wanted"), [(0.0, 1.0, 4), (0.0, 3e-7, 4), (0.0, 12345.0, 8), (-5.0, 5.0, 4), (2.0, 2.0, 4)]
 )
 def test_ticks_are_few_and_inside(low, high, wanted):
-    values = svg.ticks(low, high, wanted)
+    values = ticks(low, high, wanted)
     assert 1 <= len(values) <= wanted + 1
     assert all(low - 1e-9 <= value <= high + 1e-9 for value in values)
 

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 from PySide6.QtCore import QCoreApplication
 
-from skelgen.app.drawing.measures import reference_markers, tidy_places
+from skelgen.app.drawing.measures import tidy_places
+from skelgen.app.drawing.poses import find_views, reference_markers
 from skelgen.app.drawing.wording import digits, fixed, listed
-from skelgen.app.report.pose import find_views
 from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, angle_ranges
 from skelgen.model import Project, Topology
 from skelgen.model.arrays import Floats, Ints

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QCoreApplication, QPointF, QRectF
 
-from skelgen.app.drawing.colours import LogScale, ramp_rgba
+from skelgen.app.drawing.colours import ramp_rgba
 from skelgen.app.drawing.measures import subtree_markers
+from skelgen.app.drawing.scales import LogScale
 from skelgen.app.drawing.wording import millimetres
 from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints

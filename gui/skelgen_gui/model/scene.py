@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skelgen.app.report.pose import find_views
+from skelgen.app.drawing.poses import find_views
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints

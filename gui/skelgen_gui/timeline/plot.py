@@ -6,7 +6,7 @@ import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QPainter, QPalette, QPen
 
-from skelgen.app.drawing.svg import ticks
+from skelgen.app.drawing.scales import ticks
 from skelgen.app.drawing.wording import digits, plain
 from skelgen.model.arrays import Floats
 from skelgen_gui.model.curves import Curve, Panel

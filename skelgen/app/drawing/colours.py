@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +39,6 @@ _RAMP = np.array(
     ],
     dtype=np.float64,
 )
-_DECADES = 4.0  # range of the colours: numerical noise far below the largest value is not worth a colour
 _UNKNOWN = (128, 128, 128, 110)
 
 
@@ -60,33 +58,6 @@ def limb_colour(limb: int, *, dark: bool = False) -> str:
     linear = np.clip(_RGB_FROM_LMS @ (_LMS_FROM_LAB @ lab) ** 3, 0.0, 1.0)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)  # IEC 61966-2-1
     return "#" + "".join(f"{round(255 * channel):02x}" for channel in encoded)
-
-
-@dataclass(frozen=True)
-class LogScale:
-    """A logarithmic scale of matrix cells.
-
-    Attributes
-    ----------
-    low, high : float
-        Values that get the first and the last colour; what is lower counts as `low`.
-    """
-
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, values: Floats) -> LogScale:
-        """Return the scale of some values, any shape; NaN, 0 and what is very much smaller than the largest apart."""
-        positive = values[values > 0]
-        high = float(positive.max()) if len(positive) else 1.0
-        low = max(float(positive.min()), high / 10**_DECADES) if len(positive) else high
-        return cls(low, high) if low < high else cls(high / 10, high)
-
-    def fractions(self, values: Floats) -> Floats:
-        """Return where values lie on the scale, 0 .. 1, for `ramp_rgba`; NaN stays."""
-        clipped_low: Floats = np.maximum(values, self.low)  # keeps NaN
-        return np.asarray(np.log10(clipped_low / self.low) / np.log10(self.high / self.low))
 
 
 def ramp_rgba(fractions: Floats) -> NDArray[np.uint8]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.model import Limbs, Motion, Project, Skeleton, Topology, Trajectories
+from skelgen.model import Limbs, Motion, Project, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import cheapest_rivals
 
@@ -219,52 +219,6 @@ def runners_up(topology: Topology) -> list[RunnerUp | None]:
     rivals = cheapest_rivals(topology.parents, topology.joint_costs)
     of_joints = (rivals[child] for child in topology.children.tolist())
     return [None if np.isnan(cost) else RunnerUp(limbs, cost) for limbs, cost in of_joints]
-
-
-def reference_joints(skeleton: Skeleton) -> Floats:
-    """Return the joints in the reference pose [mm], shape (n_joints, 3)."""
-    placed = [
-        skeleton.reference_pose[joint.parent, :3, :3] @ joint.position_in_parent
-        + skeleton.reference_pose[joint.parent, :3, 3]
-        for joint in skeleton.joints
-    ]
-    return np.array(placed).reshape(-1, 3)
-
-
-def reference_markers(skeleton: Skeleton) -> Floats:
-    """Return the markers in the reference pose [mm], shape (n_markers, 3); NaN for those that are left out."""
-    placed = np.full_like(skeleton.marker_offsets, np.nan)
-    on_limb = skeleton.limb_of_marker >= 0
-    poses = skeleton.reference_pose[skeleton.limb_of_marker[on_limb]]
-    placed[on_limb] = np.einsum("nij,nj->ni", poses[:, :3, :3], skeleton.marker_offsets[on_limb]) + poses[:, :3, 3]
-    return placed
-
-
-def envelope(values: Floats, n_bins: int) -> tuple[Floats, Floats, Floats]:
-    """Decimate a curve honestly: the smallest and the largest value of each stretch, so that no peak is lost.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        One value per frame, NaN where unknown.
-    n_bins : int
-        Number of stretches at most.
-
-    Returns
-    -------
-    centres, low, high : ndarray, shape (min(n, n_bins),)
-        Middle of each stretch as a frame index, and its extremes; NaN where no frame of it is known.
-    """
-    starts, stops = bin_edges(len(values), n_bins)
-    low = np.fmin.reduceat(values, starts) if len(starts) else np.zeros(0)
-    high = np.fmax.reduceat(values, starts) if len(starts) else np.zeros(0)
-    return (starts + stops - 1) / 2, low, high
-
-
-def bin_edges(n_frames: int, n_bins: int) -> tuple[Ints, Ints]:
-    """Return first frame and end of each of at most `n_bins` stretches of nearly equal length."""
-    edges = np.linspace(0, n_frames, min(n_frames, n_bins) + 1).astype(np.intp)
-    return edges[:-1], edges[1:]
 
 
 def _known(values: Floats) -> Floats:

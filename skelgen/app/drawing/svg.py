@@ -9,7 +9,6 @@ from markupsafe import Markup, escape
 from skelgen.model.arrays import Floats
 
 _ATTRIBUTE_NAMES = {"cls": "class", "href": "href"}
-_ROUND_STEPS = (1.0, 2.0, 5.0, 10.0)
 
 
 def tag(name: str, *children: Markup | str, **attributes: str | float) -> Markup:
@@ -84,20 +83,3 @@ def number(value: str | float) -> str:
     if isinstance(value, str):
         return value
     return f"{value:.1f}".rstrip("0").rstrip(".") if not float(value).is_integer() else str(int(value))
-
-
-def round_below(value: float) -> float:
-    """Return the largest of 1, 2, 5, 10, ... that does not exceed a positive value."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return max(power * factor for factor in _ROUND_STEPS if power * factor <= value)
-
-
-def ticks(low: float, high: float, wanted: int) -> list[float]:
-    """Return about `wanted` round values that lie in low .. high."""
-    if not high > low:
-        return [low]
-    rough = (high - low) / wanted
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(power * factor for factor in _ROUND_STEPS if power * factor >= rough * (1 - 1e-9))
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return [index * step for index in range(first, last + 1)]

@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.measures import Length
+from skelgen.app.drawing.scales import envelope, ticks
 from skelgen.app.drawing.wording import clipped, digits, plain
 from skelgen.model import Motion, PointCloud
 from skelgen.model.arrays import Floats
@@ -59,7 +60,7 @@ class Axes:
         """Draw grid, tick labels and titles; without a title the x axis has no ticks."""
         right, floor = self.width - _RIGHT, self.height - self.bottom
         parts = [svg.text(4, 12, y_title, "small")]
-        for value in svg.ticks(self.first_y, self.last_y, 4):
+        for value in ticks(self.first_y, self.last_y, 4):
             parts += [
                 svg.line(_LEFT, self.y(value), right, self.y(value), "grid"),
                 svg.text(_LEFT - 6, self.y(value) + 3.5, plain(value), "small", anchor="end"),
@@ -67,7 +68,7 @@ class Axes:
         if x_title:
             parts += [
                 svg.text(self.x(value), floor + 15, plain(value), "small", anchor="middle")
-                for value in svg.ticks(0.0, self.last_x, 8)
+                for value in ticks(0.0, self.last_x, 8)
             ]
             parts.append(svg.text((_LEFT + right) / 2, floor + 31, x_title, "small", anchor="middle"))
         parts.append(svg.line(_LEFT, floor, right, floor, "axis"))
@@ -102,7 +103,7 @@ def _time_axes(values: Floats, rate: float) -> Axes:
 
 def _curve(axes: Axes, values: Floats, rate: float, cls: str) -> Markup:
     """One path: up and down each stretch between its extremes, or simply through the frames where all fit."""
-    centres, low, high = measures.envelope(values, _MOST_BINS)
+    centres, low, high = envelope(values, _MOST_BINS)
     across = np.array([axes.x(centre / rate) for centre in centres.tolist()])
     tops, floors = (np.array([axes.y(value) for value in ends.tolist()]) for ends in (high, low))
     if np.array_equal(low, high, equal_nan=True):
@@ -188,8 +189,8 @@ def angle_figure(times: Floats, angles: Floats, stds: Floats, names: tuple[str, 
 
 def _band(axes: Axes, times: Floats, angle: Floats, std: Floats, cls: str) -> Markup:
     """The curve in the middle of each stretch, within the band that holds all of its intervals."""
-    centres, low, _ = measures.envelope(angle - _SURE * std, _ANGLES_MOST_BINS)
-    _, _, high = measures.envelope(angle + _SURE * std, _ANGLES_MOST_BINS)
+    centres, low, _ = envelope(angle - _SURE * std, _ANGLES_MOST_BINS)
+    _, _, high = envelope(angle + _SURE * std, _ANGLES_MOST_BINS)
     at = times[np.round(centres).astype(np.intp)]
     middle = angle[np.round(centres).astype(np.intp)]
     across = np.array([axes.x(value) for value in at.tolist()])

@@ -12,7 +12,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from skelgen.app.drawing import measures, svg
-from skelgen.app.drawing.colours import LogScale, ramp_rgba
+from skelgen.app.drawing.colours import ramp_rgba
+from skelgen.app.drawing.scales import LogScale
 from skelgen.app.drawing.wording import clipped, counted, digits, plain
 from skelgen.model import Project
 from skelgen.model.arrays import Ints

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from skelgen.app.drawing import measures, svg
+from skelgen.app.drawing import svg
 from skelgen.app.drawing.colours import limb_colour
+from skelgen.app.drawing.poses import View, find_views, reference_joints, reference_markers
+from skelgen.app.drawing.scales import round_below
 from skelgen.app.drawing.wording import plain
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
@@ -16,9 +18,6 @@ from skelgen.model.arrays import Floats
 _SIDE = 560.0  # px, of the longer side of a view
 _MARGIN = 34.0
 _LEAST_WIDTH = 150.0  # px: a slim side view still needs room for its scale bar
-_FLAT = 0.3  # an axis along which the body extends less than this share of its size is hardly the vertical
-_SUNK = 0.05  # of the body's size: markers that lie farther below zero are not above a floor at zero
-_RARELY = 0.01  # of the frames, in which a stray may lie below
 _TRIAD = 22.0
 _AXES = ("X", "Y", "Z")
 _LABEL_DISTANCE = 13.0
@@ -30,24 +29,6 @@ _SMALL_STYLE = (
 )
 _SMALL_TINT = ".limb{0} .bone{{stroke:{1}}}.limb{0} .dot{{fill:{1}}}"
 _NEARLY_IN_PLANE = 0.85  # of an axis's length: more oblique ones would only be misread
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """One parallel projection.
-
-    Attributes
-    ----------
-    title : str
-        What it shows.
-    across, up, toward : ndarray, shape (3,)
-        Unit vectors of the world: to the right, upward, and toward the viewer.
-    """
-
-    title: str
-    across: Floats
-    up: Floats
-    toward: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +51,7 @@ def pose_figures(project: Project) -> list[tuple[str, Markup]]:
         Title and drawing of each view.
     """
     skeleton = project.skeleton
-    body = _Body(measures.reference_markers(skeleton), measures.reference_joints(skeleton))
+    body = _Body(reference_markers(skeleton), reference_joints(skeleton))
     views = find_views(body.points, project.motion.marker_positions)
     spans = [np.ptp(body.points @ np.stack([view.across, view.up], axis=1), axis=0) for view in views]
     scale = _SIDE / max(float(np.max(spans)), 1e-9)
@@ -88,7 +69,7 @@ def small_figure(project: Project, side: float) -> str:
         Of the square that it fills.
     """
     skeleton = project.skeleton
-    body = _Body(measures.reference_markers(skeleton), measures.reference_joints(skeleton))
+    body = _Body(reference_markers(skeleton), reference_joints(skeleton))
     front, _ = find_views(body.points, project.motion.marker_positions)
     plane = np.stack([front.across, -front.up], axis=1)
     low, size = (body.points @ plane).min(axis=0), np.ptp(body.points @ plane, axis=0)
@@ -103,42 +84,6 @@ def small_figure(project: Project, side: float) -> str:
         *[svg.circle(x, y, 1.5, "joint") for x, y in joints.tolist()],
     ]
     return str(svg.drawing(side, side, project.name or "skeleton", *parts))
-
-
-def find_views(points: Floats, marker_positions: Floats) -> tuple[View, View]:
-    """Choose a front and a side view.
-
-    The vertical is taken for the coordinate axis along which nothing lies below zero, where most systems have their
-    floor; of several, or if there is none, for that along which the lowest marker moves least over the take: feet stay
-    near the floor. The front is the horizontal direction in which the reference pose is widest.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3), mm
-        The reference pose.
-    marker_positions : ndarray, shape (n_frames, n_markers, 3), mm
-        The whole take; NaN allowed.
-    """
-    vertical = _vertical(points, marker_positions)
-    up = np.eye(3)[vertical]
-    level = points - points.mean(axis=0)
-    level = level - np.outer(level @ up, up)
-    across = np.linalg.svd(level, full_matrices=False)[2][0] if np.ptp(level) > 0 else np.eye(3)[vertical - 1]
-    across = across - (across @ up) * up
-    across /= np.linalg.norm(across)
-    across *= -1.0 if across[np.argmax(np.abs(across))] < 0 else 1.0
-    toward = np.cross(across, up)
-    return View("Front view (widest side)", across, up, toward), View("Side view", -toward, up, across)
-
-
-def _vertical(points: Floats, marker_positions: Floats) -> int:
-    lowest = np.fmin.reduce(marker_positions, axis=1)
-    lowest = lowest[~np.isnan(lowest[:, 0])]
-    extent = np.ptp(points, axis=0)
-    is_flat = extent < _FLAT * extent.max()
-    is_below = (lowest < -_SUNK * extent.max()).mean(axis=0) > _RARELY
-    refused = is_flat | is_below if (~is_flat & ~is_below).any() else is_flat
-    return int(np.argmin(lowest.std(axis=0) + np.where(refused, np.inf, 0.0)))
 
 
 def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:
@@ -222,7 +167,7 @@ def _triad(view: View, x: float, y: float) -> Markup:
 
 
 def _scale_bar(scale: float, width: float, y: float) -> Markup:
-    length = svg.round_below(_BAR_SHARE * width / scale)
+    length = round_below(_BAR_SHARE * width / scale)
     right = width - 10
     left = right - length * scale
     return svg.group(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.colours import ramp_rgba
+from skelgen.app.drawing.scales import bin_edges, ticks
 from skelgen.app.drawing.wording import clipped, percent, plain
 from skelgen.app.report.matrix import png_uri
 from skelgen.model import Labelling, Project, Trajectories
@@ -54,7 +55,7 @@ def time_axis(trajectories: Trajectories, height: float) -> Markup:
     """Draw the axis in seconds below rows of a total height [px]."""
     last = max(trajectories.n_frames - 1, 1) / trajectories.rate
     parts = [svg.line(LEFT, height + 2, LEFT + PLOT, height + 2, "axis")]
-    for value in svg.ticks(0.0, last, 8):
+    for value in ticks(0.0, last, 8):
         parts.append(svg.text(LEFT + PLOT * value / last, height + 16, plain(value), "small", anchor="middle"))
     parts.append(svg.text(LEFT + PLOT / 2, height + 32, "time [s]", "small", anchor="middle"))
     return svg.group(*parts)
@@ -71,7 +72,7 @@ def parted(pixels: NDArray[np.uint8], row: float) -> NDArray[np.uint8]:
 
 def shares(flags: Bools) -> Floats:
     """Part of the frames of each stretch in which a flag is up, shape (n_bins, n_rows)."""
-    starts, stops = measures.bin_edges(len(flags), MOST_BINS)
+    starts, stops = bin_edges(len(flags), MOST_BINS)
     counts = np.add.reduceat(flags.astype(np.float64), starts, axis=0)
     return np.asarray(counts / (stops - starts)[:, np.newaxis])
 
@@ -158,7 +159,7 @@ def _doubt_lines(doubtful: Bools) -> NDArray[np.uint8]:
 
 def _left_out_strip(labelling: Labelling, top: float) -> Markup:
     """A row that is the darker the more points of a stretch are left out."""
-    starts, stops = measures.bin_edges(len(labelling.left_out), MOST_BINS)
+    starts, stops = bin_edges(len(labelling.left_out), MOST_BINS)
     counts = np.add.reduceat(labelling.left_out.astype(np.float64), starts) / (stops - starts)
     pixels = np.zeros((1, len(counts), 4), dtype=np.uint8)
     pixels[..., :3] = LEFT_OUT_COLOUR
@@ -199,7 +200,7 @@ def confidence_figure(project: Project) -> Markup:
 
 def _pixels(confidence: Floats) -> NDArray[np.uint8]:
     """Colours, shape (n_markers, n_bins, 4); nothing where a marker is unseen."""
-    starts, _ = measures.bin_edges(len(confidence), MOST_BINS)
+    starts, _ = bin_edges(len(confidence), MOST_BINS)
     least = np.fmin.reduceat(confidence, starts, axis=0).T
     pixels = ramp_rgba(least)
     pixels[np.isnan(least)] = 0
