@@ -18,7 +18,6 @@ from skelgen._kernels.track_matching import (
 from skelgen._kernels.tracks import (
     AGE,
     ALIVE,
-    CALM,
     CROWDED,
     FADE,
     GIVEN,
@@ -30,6 +29,7 @@ from skelgen._kernels.tracks import (
     N_COUNTERS,
     N_MOTION,
     NEWBORN,
+    RECENT_ERROR,
     SETTLED,
     SLOPE,
     Rules,
@@ -71,9 +71,11 @@ def _expect(tracks: _State, step: int, rules: Rules) -> tuple[Floats, Floats]:
         ahead = counters[track, MISSED] + step
         for axis in range(3):
             expected[track, axis] = motion[track, LEVEL, axis] + ahead * motion[track, SLOPE, axis]
-        row = SETTLED if counters[track, AGE] > 1 else LONE if motion[track, CALM, 2] > 0.0 else NEWBORN
+        row = SETTLED if counters[track, AGE] > 1 else LONE if motion[track, RECENT_ERROR, 2] > 0.0 else NEWBORN
         half = (rules.tails[row] + 3.0) / 2.0
-        ratio = (rules.habit + motion[track, CALM, 0]) / (rules.habit + motion[track, CALM, 1])
+        ratio = (rules.prior_weight + motion[track, RECENT_ERROR, 0]) / (
+            rules.prior_weight + motion[track, RECENT_ERROR, 1]
+        )
         width = rules.tails[row] * rules.scales[row, ahead] * rules.scales[row, ahead] * ratio
         reach = rules.reaches[row, ahead]
         if rules.is_given:
@@ -103,8 +105,10 @@ def _move(
         motion[track, SLOPE, axis] += slope_gain * error / ahead
     if counters[track, AGE] > 1 and ahead == 1:
         scale = rules.scales[SETTLED, 0]
-        motion[track, CALM, 0] = FADE * motion[track, CALM, 0] + squared * weight / (3.0 * scale * scale)
-        motion[track, CALM, 1] = FADE * motion[track, CALM, 1] + 1.0
+        motion[track, RECENT_ERROR, 0] = FADE * motion[track, RECENT_ERROR, 0] + squared * weight / (
+            3.0 * scale * scale
+        )
+        motion[track, RECENT_ERROR, 1] = FADE * motion[track, RECENT_ERROR, 1] + 1.0
     counters[track, AGE] += 1
     counters[track, MISSED] = 0
     return squared
@@ -129,9 +133,9 @@ def _continue_tracks(
     point_of_track: Ints,
     doubtful: Bools,
     rules: Rules,
-    owner: Ints,
+    identities: Ints,
     surprise: Floats,
-    told: Floats,
+    states: Floats,
 ) -> Bools:
     """Move the tracks that are alive onto their points; returns which are lost that were just seen."""
     motion, counters, totals = tracks
@@ -146,11 +150,11 @@ def _continue_tracks(
                 totals[GIVEN] += 1
             squared = _move(tracks, track, expected, points, point, weights[point], step, rules)
             surprise[point] = squared if seen_before and step == 1 else np.nan
-            owner[point] = _own(counters, track)
-            if len(told):
+            identities[point] = _own(counters, track)
+            if len(states):
                 for axis in range(3):
-                    told[point, axis] = motion[track, SLOPE, axis]
-                told[point, 3], told[point, 4] = motion[track, CALM, 0], motion[track, CALM, 1]
+                    states[point, axis] = motion[track, SLOPE, axis]
+                states[point, 3], states[point, 4] = motion[track, RECENT_ERROR, 0], motion[track, RECENT_ERROR, 1]
         else:
             lost[track] = seen_before
             counters[track, MISSED] += step
@@ -189,18 +193,18 @@ def _begin(tracks: _State, n_old: int, track: int, points: Floats, point: int, s
                 nearest, least = other, x * x + y * y + z * z
     for axis in range(3):
         motion[track, LEVEL, axis] = points[point, axis]
-        motion[track, SLOPE, axis] = motion[track, CALM, axis] = 0.0
+        motion[track, SLOPE, axis] = motion[track, RECENT_ERROR, axis] = 0.0
     if nearest >= 0 and slope_gain > 0.0:
         for axis in range(3):
             motion[track, SLOPE, axis] = motion[nearest, SLOPE, axis]
-            motion[track, CALM, axis] = motion[nearest, CALM, axis]
-    motion[track, CALM, 2] = 1.0 if nearest < 0 else 0.0
+            motion[track, RECENT_ERROR, axis] = motion[nearest, RECENT_ERROR, axis]
+    motion[track, RECENT_ERROR, 2] = 1.0 if nearest < 0 else 0.0
     counters[track, AGE] = 1
     counters[track, MISSED] = 0
 
 
 @kernel_part
-def _begin_tracks(points: Floats, order: Ints, placed: Bools, tracks: _State, rules: Rules, owner: Ints) -> Ints:
+def _begin_tracks(points: Floats, order: Ints, placed: Bools, tracks: _State, rules: Rules, identities: Ints) -> Ints:
     """Begin a track at each point that has none and is not the double of one that has; returns these points."""
     _, counters, totals = tracks
     n_old, n_begun = totals[ALIVE], 0
@@ -212,7 +216,7 @@ def _begin_tracks(points: Floats, order: Ints, placed: Bools, tracks: _State, ru
         _begin(tracks, n_old, track, points, point, rules.slope_gain)
         counters[track, MUTED] = 0
         counters[track, IDENTITY] = totals[GIVEN]
-        owner[point] = totals[GIVEN]
+        identities[point] = totals[GIVEN]
         placed[point] = True
         begun[n_begun] = point
         n_begun += 1
@@ -223,7 +227,7 @@ def _begin_tracks(points: Floats, order: Ints, placed: Bools, tracks: _State, ru
 
 @kernel_part
 def _mute_jumps(
-    points: Floats, begun: Ints, expected: Floats, lost: Bools, tracks: _State, mute: int, owner: Ints
+    points: Floats, begun: Ints, expected: Floats, lost: Bools, tracks: _State, mute: int, identities: Ints
 ) -> None:
     """Mute, for each lost track, the begun one that is nearest to where that was expected: the same marker, perhaps."""
     _, counters, totals = tracks
@@ -238,7 +242,7 @@ def _mute_jumps(
             if x * x + y * y + z * z < least:
                 nearest, least = rank, x * x + y * y + z * z
         counters[totals[ALIVE] - len(begun) + nearest, MUTED] = mute - 1
-        owner[begun[nearest]] = -1
+        identities[begun[nearest]] = -1
 
 
 @kernel
@@ -247,13 +251,13 @@ def follow_frames(
     frame_starts: Ints,
     tracks: _State,
     rules: Rules,
-    owner: Ints,
+    identities: Ints,
     surprise: Floats,
     weights: Floats,
     steps: Ints,
-    told: Floats,
+    states: Floats,
 ) -> None:
-    """Follow all points through some frames; `tracks`, `owner`, `surprise` and `told` are written to.
+    """Follow all points through some frames; `tracks`, `identities`, `surprise` and `states` are written to.
 
     Parameters
     ----------
@@ -265,7 +269,7 @@ def follow_frames(
         The arrays of `Tracks`: motion, counters, totals; carried on from the frames before.
     rules : Rules
         How to follow.
-    owner : ndarray of intp, shape (n_points,)
+    identities : ndarray of intp, shape (n_points,)
         Receives the identity of each point's track; -1 while that is muted, for doubles, and in frames left out.
     surprise : ndarray, shape (n_points,), mm^2
         Receives the squared distance between each point and where it was expected; NaN where nothing was expected.
@@ -273,15 +277,15 @@ def follow_frames(
         How far to believe each point, at most 1; 1 if left out.
     steps : ndarray of intp, shape (n_frames,), optional
         Steps of time since the frame before; 1 if left out.
-    told : ndarray, shape (n_points, 5), optional
-        Receives slope [mm] and calm of each point's track after it; nothing is told if it is left out or empty.
+    states : ndarray, shape (n_points, 5), optional
+        Receives slope [mm] and recent error of each point's track after it; may be left out or empty.
     """
     _, counters, totals = tracks
     for frame in range(len(frame_starts) - 1):
         first, last = frame_starts[frame], frame_starts[frame + 1]
         own, step = points[first:last], steps[frame]
         for point in range(first, last):
-            owner[point], surprise[point] = -1, np.nan
+            identities[point], surprise[point] = -1, np.nan
         _end_tracks(tracks, step, rules.max_gap)
         n_tracks = totals[ALIVE]
         expected, terms = _expect(tracks, step, rules)
@@ -307,12 +311,12 @@ def follow_frames(
             point_of_track,
             doubtful,
             rules,
-            owner[first:last],
+            identities[first:last],
             surprise[first:last],
-            told[first:last],
+            states[first:last],
         )
         placed = np.empty(last - first, dtype=np.bool_)
         for point in range(last - first):
             placed[point] = track_of_point[point] >= 0
-        begun = _begin_tracks(own, order, placed, tracks, rules, owner[first:last])
-        _mute_jumps(own, begun, expected, lost, tracks, rules.mute, owner[first:last])
+        begun = _begin_tracks(own, order, placed, tracks, rules, identities[first:last])
+        _mute_jumps(own, begun, expected, lost, tracks, rules.mute, identities[first:last])

@@ -30,7 +30,8 @@ N_COUNTERS = 4
 
 # Rows of a track's motion.
 LEVEL, SLOPE = 0, 1
-CALM = 2  # squared innovations in the scale's square, per coordinate, and their number, both fading; 1 if it began LONE
+# Fading sums of squared innovations in units of the scale, per coordinate, and of their number; 1 if it began LONE.
+RECENT_ERROR = 2
 N_MOTION = 3
 
 # Places in a take's totals.
@@ -57,7 +58,7 @@ class Rules(NamedTuple):
 
     Tables hold a row for tracks that were seen at least twice, one for those that were seen once and took a
     neighbour's slope, and one for those that had no neighbour either; and a column for each number of steps of time
-    since the track was last seen. Column 0 of `scales` is the take's usual scale, which `CALM` is measured in.
+    since the track was last seen. Column 0 of `scales` is the take's usual scale, which `RECENT_ERROR` is measured in.
 
     Attributes
     ----------
@@ -80,8 +81,8 @@ class Rules(NamedTuple):
         times their width, is not this many times as large as it is without.
     relative : float
         Mean squared innovation of a track relative to its neighbour, in its own.
-    habit : float
-        Number of a track's own innovations that the take's usual scale counts for.
+    prior_weight : float
+        Weight of the take's scale against a track's recent innovations, as a number of innovations.
     reaches : ndarray, shape (3, max_gap + 2), mm
         Farthest that a point may lie from where it was expected.
     scales : ndarray, shape (3, max_gap + 2), mm
@@ -104,7 +105,7 @@ class Rules(NamedTuple):
     tails: Floats
     exchange: float
     relative: float
-    habit: float
+    prior_weight: float
     reaches: Floats
     scales: Floats
     gains: Floats
@@ -118,7 +119,7 @@ class Tracks:
     Attributes
     ----------
     motion : ndarray, shape (capacity, 3, 3), mm
-        Level, slope and calm of each track.
+        Level, slope and recent error of each track.
     counters : ndarray of intp, shape (capacity, 4)
         Age, missed and muted frames, identity of each track.
     totals : ndarray of intp, shape (3,)

@@ -234,8 +234,8 @@ def test_points_that_the_file_doubts_weigh_less():
     error[7] = 5.0
     n_blobs = np.full(200, 4.0)
     n_blobs[9] = 2.0
-    told = PointCloud(cloud.points, cloud.frame_starts, cloud.times, {"reprojection_error": error, "n_blobs": n_blobs})
-    weights = point_weights(told)
+    rated = PointCloud(cloud.points, cloud.frame_starts, cloud.times, {"reprojection_error": error, "n_blobs": n_blobs})
+    weights = point_weights(rated)
     assert (weights > 0).all() and (weights <= 1).all()
     assert weights[7] < 0.05
     assert weights[9] == pytest.approx(0.5, rel=0.3)

@@ -18,31 +18,41 @@ from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.innovations import Innovations, Trial, find_innovations, supposed_innovations
 from skelgen.stages.labels.tracking.take import LONGEST_PAUSE, point_weights, time_steps, typical_spacing
 
-# More points than this in a frame are no markers but a scanner's surface or noise; it bounds the work per frame.
 MOST_POINTS_PER_FRAME = 10_000
-# Work between two calls of the monitor, in pairs of points: milliseconds.
-_PAIRS_PER_CHUNK = 2_000_000
-# The trial follows this many spans of this many frames, spread over the take: a take may begin at rest.
-_TRIAL_SPANS, _TRIAL_FRAMES = 10, 60
-# It is followed several times over, so that frames with thousands of points must be few: their pairs, and the least
-# number of frames in a span and of spans, which still show how tracks go on.
-_TRIAL_PAIRS, _LEAST_TRIAL_FRAMES, _LEAST_TRIAL_SPANS = 100_000_000, 10, 3
-# Where nothing is known of innovations, the reach is this often what all but one in a thousand stay below.
-_QUANTILE, _MARGIN = 0.999, 1.5
-# Bounds of the reach in typical spacings: beyond one spacing identity is a guess.
-_MOST_SPACINGS = 1.0
-# A track that was seen once has only a neighbour's slope, so its next point may lie this much farther off.
-_NEWBORN_REACH = 2.0
-# Where no marker is ever lost every point has its track: the threshold in spacings is as good as none.
-_OPEN_SPACINGS = 20.0
-# Rules under which the trial's span falls into this many times more tracks than in the trial are too narrow: where
-# markers outrun their spacing the trial itself breaks tracks, and shows neither the tail nor the odds as they are.
-_MOST_BREAKS, _MOST_WIDENINGS = 2.0, 4
-# Degrees of freedom, and weight of the take's own scale, with which gains are squared distances for all that matters.
-_SQUARES = 1e9
-# Part of the typical spacing within which two points are one marker, seen twice: markers of 10 mm that stand 100 mm
-# apart cannot come nearer to each other than 10 mm, while doubles are a millimetre or two apart.
-_DUPLICATE_SPACINGS = 0.05
+"""More points than this in a frame are no markers but a scanner's surface or noise; bounds the work per frame."""
+
+PAIRS_PER_CHUNK = 2_000_000
+"""Work between two calls of the monitor, in pairs of points: milliseconds."""
+
+TRIAL_SPANS, TRIAL_FRAMES = 10, 60
+"""The trial follows so many spans of so many frames, spread over the take: a take may begin at rest."""
+
+TRIAL_PAIRS, LEAST_TRIAL_FRAMES, LEAST_TRIAL_SPANS = 100_000_000, 10, 3
+"""Pairs of points that the trial may hold, and the least frames of a span and spans: the trial is followed several
+times, so frames with thousands of points must be few."""
+
+QUANTILE, MARGIN = 0.999, 1.5
+"""Where nothing is known of innovations, the reach is `MARGIN` times what all but one in a thousand stay below."""
+
+MOST_SPACINGS = 1.0
+"""Bound of the reach in typical spacings: beyond one spacing an identity is a guess."""
+
+NEWBORN_REACH = 2.0
+"""A track that was seen once has only a neighbour's slope, so its next point may lie this many times farther off."""
+
+OPEN_SPACINGS = 20.0
+"""Reach in typical spacings where no marker is ever lost: every point has its track, so there is no need for one."""
+
+MOST_BREAKS, MOST_WIDENINGS = 2.0, 4
+"""Rules that cut the trial into this many times more tracks are too narrow, and are widened, but not more often
+than this. Where markers outrun their spacing the trial breaks tracks, and its innovations are not those of markers."""
+
+SQUARES = 1e9
+"""Degrees of freedom, and prior weight of the take's own scale, with which gains are practically squared distances."""
+
+DUPLICATE_SPACINGS = 0.05
+"""Of the typical spacing: two points that are nearer are one marker, seen twice. Markers of 10 mm that stand 100 mm
+apart cannot come nearer to each other than 10 mm, while doubles are a millimetre or two apart."""
 
 
 def follow_points(cloud: PointCloud, parameters: LabelParameters, monitor: Monitor = SILENT) -> tuple[Ints, float]:
@@ -55,7 +65,7 @@ def follow_points(cloud: PointCloud, parameters: LabelParameters, monitor: Monit
     parameters : LabelParameters
         How to match, predict and bridge gaps.
     monitor : Monitor
-        Hears of the progress and of frames that are left out, and may cancel.
+        Receives progress and a notice of frames that are left out; may cancel.
 
     Returns
     -------
@@ -74,10 +84,10 @@ def follow_points(cloud: PointCloud, parameters: LabelParameters, monitor: Monit
     take = _Take(cloud.points[kept], starts, time_steps(cloud, monitor), point_weights(cloud)[kept])
     spacing = typical_spacing(cloud)
     is_open = not parameters.max_jump and bool(np.ptp(counts) == 0)
-    given = _OPEN_SPACINGS * spacing if is_open else parameters.max_jump
+    given = OPEN_SPACINGS * spacing if is_open else parameters.max_jump
     rules = _find_rules(take, spacing, given, parameters, monitor)
     if is_open:  # all points of all frames are somebody's: who is who is left to the best assignment of whole frames
-        rules = rules._replace(exchange=0.0, duplicate=0.0, tails=np.full(3, _SQUARES), habit=_SQUARES)
+        rules = rules._replace(exchange=0.0, duplicate=0.0, tails=np.full(3, SQUARES), prior_weight=SQUARES)
     followed, n_crowded = take.follow(rules, monitor)
     if n_crowded:
         monitor.notice(f"{n_crowded} frames hold too many points close together to be followed, and are left out")
@@ -89,37 +99,46 @@ def follow_points(cloud: PointCloud, parameters: LabelParameters, monitor: Monit
 
 
 def rules_of(parameters: LabelParameters, reach: float) -> Rules:
-    """Return the tracker's rules for a jump threshold `reach` [mm], where nothing is known of innovations."""
-    supposed = supposed_innovations(reach / _MARGIN, _QUANTILE, parameters.max_gap + 1, _NEWBORN_REACH)
+    """Return the rules of following where nothing is known of innovations.
+
+    Parameters
+    ----------
+    parameters : LabelParameters
+        How to match, predict and bridge gaps.
+    reach : float, mm
+        How far a point may lie from where a track that was just seen expected it.
+    """
+    supposed = supposed_innovations(reach / MARGIN, QUANTILE, parameters.max_gap + 1, NEWBORN_REACH)
     return _rules(parameters, supposed, reach, is_given=True, spacing=reach)
 
 
 @dataclass(frozen=True, eq=False)
 class _Take:
-    """What the tracker sees: points, where frames begin, steps of time between them, weights of points."""
+    """Points that are followed: where they are, where frames begin, time steps between frames, weights of points."""
 
     points: Floats
     starts: Ints
     steps: Ints
     weights: Floats
 
-    def follow(self, rules: Rules, monitor: Monitor, told: Floats | None = None) -> tuple[Ints, int]:
-        """Track of each point, and the number of frames left out; `told` receives slopes and calm."""
+    def follow(self, rules: Rules, monitor: Monitor, states: Floats | None = None) -> tuple[Ints, int]:
+        """Track of each point, and the number of frames left out.
+
+        `states`, shape (n_points, 5), receives the slope and the recent error of each point's track.
+        """
         counts = np.diff(self.starts)
         tracks = Tracks((rules.max_gap + 2) * int(counts.max(initial=1)))
-        track_of_point = np.full(
-            len(self.points), -1, dtype=np.int32
-        )  # an hour of markers holds tens of millions of points
+        track_of_point = np.full(len(self.points), -1, dtype=np.int32)  # short, as an hour holds millions of points
         state = (tracks.motion, tracks.counters, tracks.totals)
         for first, last in _chunks(counts):
             starts = self.starts[first : last + 1]
             span = slice(int(starts[0]), int(starts[-1]))
             found, surprise = np.empty(span.stop - span.start, dtype=np.intp), np.empty(span.stop - span.start)
-            # Copies, so that the loop is compiled once, for arrays that may be written to.
+            # Copies, so that the kernel is compiled once, for arrays that may be written to.
             points, weights = self.points[span].copy(), self.weights[span].copy()
-            heard = np.empty((0, 5)) if told is None else told[span]
+            received = np.empty((0, 5)) if states is None else states[span]
             steps = self.steps[first:last]
-            follow_frames(points, starts - span.start, state, rules, found, surprise, weights, steps, heard)
+            follow_frames(points, starts - span.start, state, rules, found, surprise, weights, steps, received)
             track_of_point[span] = found
             monitor.advance(last, len(counts))
         return track_of_point, int(tracks.totals[CROWDED])
@@ -128,11 +147,11 @@ class _Take:
         """Some spans of frames, with pauses between them; the whole take if it is short."""
         n_frames = len(self.steps)
         pairs = float((np.diff(self.starts).astype(np.float64) ** 2).mean()) if n_frames else 0.0
-        wanted = min(_TRIAL_SPANS * _TRIAL_FRAMES, int(_TRIAL_PAIRS / max(pairs, 1.0)))
-        wanted = max(wanted, _LEAST_TRIAL_SPANS * _LEAST_TRIAL_FRAMES)
+        wanted = min(TRIAL_SPANS * TRIAL_FRAMES, int(TRIAL_PAIRS / max(pairs, 1.0)))
+        wanted = max(wanted, LEAST_TRIAL_SPANS * LEAST_TRIAL_FRAMES)
         if n_frames <= wanted:
             return self
-        length = max(wanted // _TRIAL_SPANS, _LEAST_TRIAL_FRAMES)
+        length = max(wanted // TRIAL_SPANS, LEAST_TRIAL_FRAMES)
         begins = np.linspace(0, n_frames - length, wanted // length).astype(int)
         frames = (begins[:, np.newaxis] + np.arange(length)).ravel()
         steps = self.steps[frames]
@@ -160,21 +179,24 @@ def _without_crowds(cloud: PointCloud, monitor: Monitor) -> tuple[Bools | slice,
 
 
 def _find_rules(take: _Take, spacing: float, given: float, parameters: LabelParameters, monitor: Monitor) -> Rules:
-    """Find the rules of a take from how well a trial predicts; with the `given` reach [mm], a wide one if that is 0."""
+    """Find the rules of a take from how well a trial predicts.
+
+    The trial has the `given` reach [mm], or a wide one if that is 0.
+    """
     sample = take.sampled()
-    supposed = rules_of(parameters, given or _MOST_SPACINGS * spacing)
-    wide = supposed._replace(mute=0, evidence=0.0, exchange=0.0, duplicate=_DUPLICATE_SPACINGS * spacing)
-    told = np.full((len(sample.points), 5), np.nan)
-    track_of_point, _ = sample.follow(wide, monitor, told)
-    calm = told[:, 3:] * [wide.scales[0, 0] ** 2, 1.0]
-    trial = Trial(sample.points, sample.starts, sample.steps, track_of_point, told[:, :3], calm)
+    supposed = rules_of(parameters, given or MOST_SPACINGS * spacing)
+    wide = supposed._replace(mute=0, evidence=0.0, exchange=0.0, duplicate=DUPLICATE_SPACINGS * spacing)
+    states = np.full((len(sample.points), 5), np.nan)
+    track_of_point, _ = sample.follow(wide, monitor, states)
+    recent_errors = states[:, 3:] * [wide.scales[0, 0] ** 2, 1.0]
+    trial = Trial(sample.points, sample.starts, sample.steps, track_of_point, states[:, :3], recent_errors)
     found = find_innovations(trial, spacing, parameters.max_gap + 1)
     if found is None:
         return supposed._replace(duplicate=wide.duplicate)
-    most = given or _MOST_SPACINGS * spacing
+    most = given or MOST_SPACINGS * spacing
     rules = _rules(parameters, found, most, is_given=given > 0, spacing=spacing)
-    n_expected = _MOST_BREAKS * track_of_point.max(initial=0)
-    for _ in range(0 if given else _MOST_WIDENINGS):
+    n_expected = MOST_BREAKS * track_of_point.max(initial=0)
+    for _ in range(0 if given else MOST_WIDENINGS):
         tried, _ = sample.follow(rules._replace(mute=0, evidence=0.0, exchange=0.0), monitor)
         if tried.max(initial=0) <= n_expected:
             break
@@ -193,7 +215,7 @@ def _rules(
         "constant_velocity": (1.0, 1.0),
         "double_exponential": (1.0 - rest, parameters.smoothing**2),
     }
-    widest = most * np.array([[1.0], [_NEWBORN_REACH], [_NEWBORN_REACH]])
+    widest = most * np.array([[1.0], [NEWBORN_REACH], [NEWBORN_REACH]])
     likely = innovations.reaches(parameters.link_evidence)[0, 1]
     return Rules(
         most if is_given else float(min(likely, most)),
@@ -205,18 +227,18 @@ def _rules(
         tails=innovations.tails,
         exchange=float(np.exp(2.0 * parameters.link_evidence / (innovations.tails[0] + 3.0))),
         relative=innovations.relative,
-        habit=innovations.habit,
+        prior_weight=innovations.prior_weight,
         reaches=np.tile(widest, (1, parameters.max_gap + 2)),
         scales=innovations.scales,
         gains=innovations.odds - parameters.link_evidence,
         is_given=is_given,
-        duplicate=_DUPLICATE_SPACINGS * spacing,
+        duplicate=DUPLICATE_SPACINGS * spacing,
     )
 
 
 def _chunks(counts: Ints) -> Iterator[tuple[int, int]]:
     """Cut frames into spans of about equal work."""
     work = np.cumsum(counts.astype(np.float64) ** 2 + 1.0)
-    cuts = np.flatnonzero(np.diff(work // _PAIRS_PER_CHUNK)) + 1
+    cuts = np.flatnonzero(np.diff(work // PAIRS_PER_CHUNK)) + 1
     edges = [0, *(int(cut) for cut in cuts), len(counts)]
     return ((first, last) for first, last in itertools.pairwise(edges) if last > first)

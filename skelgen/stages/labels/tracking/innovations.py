@@ -1,7 +1,8 @@
-"""What a trial shows of a take: how far points lie from where tracks expect them, how often tracks are lost, and begin.
+"""Statistics of a trial: how far points lie from where tracks expect them, how often tracks are lost, and begin.
 
-From this the tracker's rules follow, without a number from the user: innovations of Student's t distribution in three
-dimensions, its scale for each number of unseen steps, and the odds of a link against a lost track and a new point.
+From these the rules of following are computed, without a number from the user: innovations of Student's t distribution
+in three dimensions, its scale for each number of unseen steps, and the odds of a link against a lost track and a new
+point.
 """
 
 from __future__ import annotations
@@ -14,22 +15,29 @@ from scipy.special import fdtri, gammaln
 
 from skelgen.model.arrays import Bools, Floats, Ints
 
-# The tail is found from quantiles of the innovations, the heavier one counts: farther out wrong links would tell.
-_MIDDLE, _FAR = 0.5, (0.95, 0.99)
-# Degrees of freedom that are tried: below 1.5 not even the mean is known, above 30 is normal for all that matters.
-_TAILS = np.geomspace(1.5, 30.0, 40)
-# Frames in which neighbours are looked at.
-_NEIGHBOUR_FRAMES = 200
-# Fewer innovations than this tell nothing of a tail.
+MIDDLE, FAR = 0.5, (0.95, 0.99)
+"""Quantiles of the innovations from which the tail is found; the heavier counts. Farther out, wrong links dominate."""
+
+TAILS = np.geomspace(1.5, 30.0, 40)
+"""Degrees of freedom that are tried: below 1.5 not even the mean is known, above 30 the distribution is normal."""
+
+NEIGHBOUR_FRAMES = 200
+"""Frames in which neighbours are compared."""
+
 LEAST_INNOVATIONS = 100
-# Nats by which links are favoured where tracks break too often: a factor of a hundred and fifty.
-_WIDENING = 5.0
-# Mean squared difference of two independent innovations, in their own.
-_INDEPENDENT = 2.0
-# A track's slope is its own from the third point on: the second gave the first difference.
-_SETTLED_AGE = 3
-# Part of the typical spacing that no scale goes below: in exact takes that stand still, rounding is not surprising.
-_LEAST_SCALE = 1e-6
+"""Fewer innovations do not show a tail."""
+
+WIDENING = 5.0
+"""nats by which links are favoured where tracks break too often: a factor of a hundred and fifty."""
+
+INDEPENDENT = 2.0
+"""Mean squared difference of two independent innovations, in units of their own mean square."""
+
+SETTLED_AGE = 3
+"""Points from which on a track's slope is its own: the second gave the first difference."""
+
+LEAST_SCALE = 1e-6
+"""Of the typical spacing: the least scale, as exact takes that stand still differ by rounding alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +56,7 @@ class Trial:
         Track of each point, -1 for none.
     slopes : ndarray, shape (n_points, 3), mm
         Step per frame that the track had after this point; NaN at a track's first point.
-    calm : ndarray, shape (n_points, 2)
+    recent_errors : ndarray, shape (n_points, 2)
         The track's fading sum of squared innovations per coordinate [mm^2] after this point, and of their number.
     """
 
@@ -57,12 +65,12 @@ class Trial:
     steps: Ints
     track_of_point: Ints
     slopes: Floats
-    calm: Floats
+    recent_errors: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """What is known of links, for tracks that are settled (row 0), were seen once (1), or had no neighbour either (2).
+    """Statistics of links, for tracks that were seen more than once (row 0), once (1), or once without neighbours (2).
 
     Attributes
     ----------
@@ -71,8 +79,8 @@ class Innovations:
     relative : float
         Median squared innovation of a track relative to its neighbour, in its own: 2 where neighbours move for
         themselves, less where they accelerate together.
-    habit : float
-        Number of a track's own innovations that the take's usual scale counts for.
+    prior_weight : float
+        Weight of the take's scale against a track's recent innovations, as a number of innovations.
     scales : ndarray, shape (3, n_steps + 1), mm
         Scale per coordinate for each number of steps since the track was last seen; column 0 is not used.
     odds : ndarray, shape (3, n_steps + 1), nats
@@ -81,7 +89,7 @@ class Innovations:
 
     tails: Floats
     relative: float
-    habit: float
+    prior_weight: float
     scales: Floats
     odds: Floats
 
@@ -93,19 +101,28 @@ class Innovations:
 
     def widened(self) -> Innovations:
         """Return innovations with a heavier tail, and odds that many more nats favour links."""
-        tails = np.maximum(self.tails / 2.0, _TAILS[0])
-        return replace(self, tails=tails, odds=self.odds + _WIDENING)
+        tails = np.maximum(self.tails / 2.0, TAILS[0])
+        return replace(self, tails=tails, odds=self.odds + WIDENING)
 
 
 def supposed_innovations(reach: float, quantile: float, n_steps: int, newborn: float) -> Innovations:
-    """Return innovations of which all but the part 1 - `quantile` stay below `reach` [mm], with the heaviest tail.
+    """Return innovations with the heaviest tail, for a take of which nothing is known.
 
-    Those of tracks that were seen once are `newborn` times as large.
+    Parameters
+    ----------
+    reach : float, mm
+        What the part `quantile` of the innovations stays below.
+    quantile : float
+        That part.
+    n_steps : int
+        Largest number of time steps over which tracks are followed.
+    newborn : float
+        How many times larger innovations are of tracks that were seen once.
     """
-    tail = float(_TAILS[0])
+    tail = float(TAILS[0])
     scales = np.full((3, n_steps + 1), reach / np.sqrt(3.0 * fdtri(3.0, tail, quantile)))
     scales[1:] *= newborn
-    return Innovations(np.full(3, tail), _INDEPENDENT, tail / 3.0, scales, np.zeros_like(scales))
+    return Innovations(np.full(3, tail), INDEPENDENT, tail / 3.0, scales, np.zeros_like(scales))
 
 
 def find_innovations(trial: Trial, spacing: float, n_steps: int) -> Innovations | None:
@@ -124,11 +141,11 @@ def find_innovations(trial: Trial, spacing: float, n_steps: int) -> Innovations 
     sizes, _ = runs.innovations(trial, 1)
     if len(sizes) < LEAST_INNOVATIONS:
         return None
-    least = _LEAST_SCALE * spacing
+    least = LEAST_SCALE * spacing
     mixed, usual = _fit_t(sizes, least)
-    habit = mixed / 3.0
-    # A track's own scale, in the take's usual one, after each of its points.
-    own = np.sqrt((habit + trial.calm[:, 0] / usual**2) / (habit + trial.calm[:, 1]))
+    prior_weight = mixed / 3.0
+    # Scale of each track in units of the take's, after each of its points.
+    own = np.sqrt((prior_weight + trial.recent_errors[:, 0] / usual**2) / (prior_weight + trial.recent_errors[:, 1]))
     by_step = [_ratios(runs.innovations(trial, step), own) for step in range(1, n_steps + 1)]
     tail, scale = _fit_t(by_step[0], least)
     middle = np.array([np.median(ratios) if len(ratios) else np.nan for ratios in by_step])
@@ -136,7 +153,7 @@ def find_innovations(trial: Trial, spacing: float, n_steps: int) -> Innovations 
     newborn, beside, alone = _by_neighbours(trial, runs, own)
     newborn_tail, newborn_scale = _fit_t(newborn, least) if len(newborn) else (tail, scale)
     lone_tail, lone_scale = _fit_t(alone, least) if len(alone) else (tail, scale)
-    relative = (max(float(np.median(beside)), least) / max(middle[0], least)) ** 2 if len(beside) else _INDEPENDENT
+    relative = (max(float(np.median(beside)), least) / max(middle[0], least)) ** 2 if len(beside) else INDEPENDENT
     grown = scale * np.maximum(growth, 1.0)
     factors = np.array([1.0, newborn_scale / scale, lone_scale / scale])
     scales = np.column_stack([np.full(3, usual), factors[:, np.newaxis] * grown])
@@ -146,22 +163,22 @@ def find_innovations(trial: Trial, spacing: float, n_steps: int) -> Innovations 
     seen = runs.log_odds(n_steps)
     seen[0, :2] = np.log((1.0 - losses) / losses)
     odds = constant[:, np.newaxis] - 3.0 * np.log(scales) - np.log(births) - _log_density(spacing) + seen
-    return Innovations(tails, relative, habit, scales, odds)
+    return Innovations(tails, relative, prior_weight, scales, odds)
 
 
 def _fit_t(sizes: Floats, least: float) -> tuple[float, float]:
     """Degrees of freedom and scale [mm] of distances: their squares, a third each, follow an F distribution."""
-    middle, *far = np.maximum(np.quantile(sizes, [_MIDDLE, *_FAR]), least)
+    middle, *far = np.maximum(np.quantile(sizes, [MIDDLE, *FAR]), least)
     tails = []
-    for quantile, size in zip(_FAR, far, strict=True):
-        ratios = np.sqrt(fdtri(3.0, _TAILS, quantile) / fdtri(3.0, _TAILS, _MIDDLE))
-        tails.append(float(_TAILS[np.argmin(np.abs(np.log(ratios * middle / size)))]))
+    for quantile, size in zip(FAR, far, strict=True):
+        ratios = np.sqrt(fdtri(3.0, TAILS, quantile) / fdtri(3.0, TAILS, MIDDLE))
+        tails.append(float(TAILS[np.argmin(np.abs(np.log(ratios * middle / size)))]))
     tail = min(tails)
-    return tail, float(middle / np.sqrt(3.0 * fdtri(3.0, tail, _MIDDLE)))
+    return tail, float(middle / np.sqrt(3.0 * fdtri(3.0, tail, MIDDLE)))
 
 
 def _log_density(spacing: float) -> float:
-    """Log of the points per mm^3 that other points see around them: one in two has one nearer than the spacing."""
+    """Log of the density of points [1/mm^3]: half of the points have another one nearer than the spacing."""
     return float(np.log(np.log(2.0) / (4.0 / 3.0 * np.pi * spacing**3)))
 
 
@@ -189,7 +206,7 @@ class _Runs:
     def innovations(self, trial: Trial, step: int) -> tuple[Floats, Ints]:
         """Distances [mm] of points from where settled tracks expected them `step` steps before, and from which."""
         same = self.track[step:] == self.track[:-step]
-        same &= (self.time[step:] - self.time[:-step] == step) & (self.age[:-step] >= _SETTLED_AGE)
+        same &= (self.time[step:] - self.time[:-step] == step) & (self.age[:-step] >= SETTLED_AGE)
         first, last = self.index[:-step][same], self.index[step:][same]
         return np.linalg.norm(trial.points[last] - trial.points[first] - step * trial.slopes[first], axis=1), first
 
@@ -214,9 +231,9 @@ class _Runs:
 
 
 def _turnover(trial: Trial) -> tuple[float, float]:
-    """Part of the points that are new in a frame, and part that is lost, by how the number of points changes.
+    """Part of the points that are new in a frame, and part that is lost, from changes of the number of points.
 
-    Tracks of the trial would tell too much of both where it loses markers that move fast.
+    The trial's tracks would give too much of both where the trial loses markers that move fast.
     """
     counts = np.diff(trial.starts)
     change = np.diff(counts)[trial.steps[1:] == 1]
@@ -230,15 +247,15 @@ def _log_odds(n_true: int, n_all: int) -> float:
 
 
 def _by_neighbours(trial: Trial, runs: _Runs, own: Floats) -> tuple[Floats, Floats, Floats]:
-    """Innovations of tracks that have only their neighbour's slope, innovations relative to the neighbour's, and steps.
+    """Innovations with the neighbour's slope, innovations relative to the neighbour's, and steps.
 
-    The first two by the own scale of the tracks, the last, which a track without a neighbour is surprised by, in mm.
+    The first two are in units of the tracks' own scales; steps are the innovations of tracks without a neighbour [mm].
     """
     next_point = np.full(len(trial.points), -1, dtype=np.intp)
     follows = (runs.track[1:] == runs.track[:-1]) & (np.diff(runs.time) == 1)
     next_point[runs.index[:-1][follows]] = runs.index[1:][follows]
     is_settled = np.zeros(len(trial.points), dtype=np.bool_)
-    is_settled[runs.index] = (runs.age >= _SETTLED_AGE) & (next_point[runs.index] >= 0)
+    is_settled[runs.index] = (runs.age >= SETTLED_AGE) & (next_point[runs.index] >= 0)
     here, near = _neighbours(trial, is_settled)
     steps = trial.points[next_point[here]] - trial.points[here]
     steps_of_near = trial.points[next_point[near]] - trial.points[near]
@@ -251,7 +268,7 @@ def _by_neighbours(trial: Trial, runs: _Runs, own: Floats) -> tuple[Floats, Floa
 def _neighbours(trial: Trial, chosen: Bools) -> tuple[Ints, Ints]:
     """Chosen points of some frames, and the chosen point of the same frame that is nearest to each."""
     points, nearest = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=np.intp)]
-    for frame in np.unique(np.linspace(0, len(trial.steps) - 1, _NEIGHBOUR_FRAMES).astype(int)):
+    for frame in np.unique(np.linspace(0, len(trial.steps) - 1, NEIGHBOUR_FRAMES).astype(int)):
         here = trial.starts[frame] + np.flatnonzero(chosen[trial.starts[frame] : trial.starts[frame + 1]])
         if len(here) > 1:
             _, found = cKDTree(trial.points[here]).query(trial.points[here], k=2)
