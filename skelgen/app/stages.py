@@ -256,9 +256,9 @@ PIPELINE = (
 def _labels_of_points(
     project: Project, cloud: PointCloud, settings: Settings, options: RunOptions, monitor: Monitor
 ) -> LabelResult:
-    from skelgen.stages.labels import label_with_quality  # noqa: PLC0415 - see the module's docstring
+    from skelgen.stages.labels import label_markers  # noqa: PLC0415 - see the module's docstring
 
-    trajectories, labelling = label_with_quality(
+    trajectories, labelling = label_markers(
         cloud,
         settings.labels,
         n_markers=options.n_markers or stated_number(project, "n_markers"),

@@ -147,9 +147,9 @@ def run_stages(take: PointCloud | Trajectories, solver: str = "") -> Run:
     """Run the stages that a take needs, and return what they took; modules load where they are first needed."""
     times = [time.process_time()]
     if isinstance(take, PointCloud):
-        from skelgen.stages.labels import LabelParameters, label_with_quality  # noqa: PLC0415
+        from skelgen.stages.labels import LabelParameters, label_markers  # noqa: PLC0415
 
-        take, _ = label_with_quality(take, LabelParameters())
+        take, _ = label_markers(take, LabelParameters())
     times.append(time.process_time())
     from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - its import is part of the time
 

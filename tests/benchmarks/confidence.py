@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 import skelgen
 from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.simulation import simulate
-from skelgen.stages.labels import LabelParameters, label_with_quality, labelling_of_markers
+from skelgen.stages.labels import LabelParameters, label_markers, labelling_of_markers
 from skelgen.stages.labels.point_labels import find_points
 
 USUAL_PLACE = Path(__file__).parents[3] / "shared" / "data"
@@ -90,7 +90,7 @@ def _without_labels(take: Trajectories, gap: float) -> tuple[PointCloud, np.ndar
 
 
 def _judged(cloud: PointCloud, true_of_point: np.ndarray) -> Judged:
-    markers, labelling = label_with_quality(cloud, LabelParameters())
+    markers, labelling = label_markers(cloud, LabelParameters())
     marker_of_point = find_points(cloud, markers.positions)
     frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
     used = marker_of_point >= 0

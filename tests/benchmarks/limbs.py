@@ -192,7 +192,7 @@ def markers_and_limbs(simulated: SimulatedTake) -> tuple[Trajectories, np.ndarra
     take, truth = simulated.take, simulated.truth
     if isinstance(take, Trajectories):
         return take, truth.limb_of_marker
-    found = label_markers(take, LabelParameters())
+    found = label_markers(take, LabelParameters())[0]
     owner = np.full(found.n_markers, -1)
     for marker in range(found.n_markers):
         gap = np.linalg.norm(truth.marker_positions - found.positions[:, marker : marker + 1], axis=2)

@@ -20,7 +20,7 @@ from skelgen.errors import SkelgenError
 from skelgen.model import PointCloud
 from skelgen.progress import SilentMonitor
 from skelgen.simulation import simulate
-from skelgen.stages.labels import LabelParameters, label_markers, label_with_quality
+from skelgen.stages.labels import LabelParameters, label_markers
 
 RATE = 200.0  # Hz
 N_MARKERS = 40
@@ -79,9 +79,9 @@ def labelled(n_frames: int, method: str, judged: bool) -> dict:
     with threadpool_limits(limits=1):
         try:
             if judged:
-                markers = label_with_quality(cloud, parameters, monitor=phases)[0].n_markers
+                markers = label_markers(cloud, parameters, monitor=phases)[0].n_markers
             else:
-                markers = label_markers(cloud, parameters, monitor=phases).n_markers
+                markers = label_markers(cloud, parameters, monitor=phases)[0].n_markers
         except SkelgenError as error:
             markers = str(error)
     ended = time.process_time()

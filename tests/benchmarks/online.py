@@ -92,7 +92,7 @@ def tracks_alone(cloud: skelgen.PointCloud, truth: np.ndarray) -> float:
 
 def offline(cloud: skelgen.PointCloud, truth: np.ndarray) -> float:
     """IDF1 of the labels stage, which sees the whole take."""
-    markers = label_markers(cloud, LabelParameters())
+    markers = label_markers(cloud, LabelParameters())[0]
     labels = np.full(cloud.n_points, -1)
     for frame, points in enumerate(cloud):
         seen = np.flatnonzero(markers.seen[frame])

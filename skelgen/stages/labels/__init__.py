@@ -18,7 +18,7 @@ from skelgen.stages.labels.online.pose_filter import PoseFilter
 from skelgen.stages.labels.online.skeleton_labels import SkeletonLabels
 from skelgen.stages.labels.online.tracker import Tracker
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.stage import check_labels, label_markers, label_with_quality
+from skelgen.stages.labels.stage import check_labels, label_markers
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
 from skelgen.stages.labels.user_labels.corrections import edited, judged_again
@@ -35,7 +35,6 @@ __all__ = [
     "history_of",
     "judged_again",
     "label_markers",
-    "label_with_quality",
     "labelling_of_cloud",
     "labelling_of_markers",
     "typical_spacing",

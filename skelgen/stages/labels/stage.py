@@ -63,8 +63,8 @@ def label_markers(
     identities: Identities | None = None,
     seed: int = 0,
     monitor: Monitor = SILENT,
-) -> Trajectories:
-    """Find the identity of each point over the whole take.
+) -> tuple[Trajectories, Labelling]:
+    """Find the identity of each point over the whole take, and how sure it is.
 
     Parameters
     ----------
@@ -83,41 +83,17 @@ def label_markers(
 
     Returns
     -------
-    Trajectories
+    trajectories : Trajectories
         Markers ``M000``, ``M001``, ... in the order in which they are first seen; NaN where unseen. Points that belong
         to no marker are left out, and a notice says how many.
+    labelling : Labelling
+        Confidence, doubtful spans, tracklets and points left out; with ``parameters.compare`` also what the classic
+        method gives.
 
     Raises
     ------
     InputError
         If there are no points, too many in a frame, impossible coordinates, or no marker that is seen long enough.
-    """
-    return _labelled(cloud, parameters.replace(compare=False), n_markers, identities, seed, monitor)[0]
-
-
-def label_with_quality(
-    cloud: PointCloud,
-    parameters: LabelParameters,
-    *,
-    n_markers: int | None = None,
-    identities: Identities | None = None,
-    seed: int = 0,
-    monitor: Monitor = SILENT,
-) -> tuple[Trajectories, Labelling]:
-    """Find the identity of each point, and how sure it is.
-
-    Parameters
-    ----------
-    cloud, parameters, n_markers, identities, seed, monitor
-        As in `label_markers`.
-
-    Returns
-    -------
-    trajectories : Trajectories
-        As `label_markers` returns them.
-    labelling : Labelling
-        Confidence, doubtful spans, tracklets and points left out; with ``parameters.compare`` also what the classic
-        method gives.
     """
     trajectories, points = _labelled(cloud, parameters, n_markers, identities, seed, monitor)
     history = history_of(points, trajectories.n_markers)

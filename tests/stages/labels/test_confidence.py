@@ -9,7 +9,7 @@ import pytest
 
 from skelgen.model import PointCloud, Trajectories
 from skelgen.simulation import simulate
-from skelgen.stages.labels import LabelParameters, label_with_quality, labelling_of_markers
+from skelgen.stages.labels import LabelParameters, label_markers, labelling_of_markers
 from skelgen.stages.labels.confidence.identity import LABELS_FOUND, LABELS_GIVEN, identity_confidence
 from skelgen.stages.labels.confidence.label_quality import PointLabels, history_of, labelling_of_cloud, tracklets_of
 from skelgen.stages.labels.point_labels import find_points
@@ -90,7 +90,7 @@ def test_repaired_labels_are_listed(human):
 
 def test_unlabelled_take_is_judged_whole():
     case = simulate("human", seed=1, n_frames=300, n_cameras=5, soft_tissue=2.0, ghosts=0.5, labelled=False)
-    markers, labelling = label_with_quality(case.take, LabelParameters(compare=True))
+    markers, labelling = label_markers(case.take, LabelParameters(compare=True))
     assert labelling.confidence.shape == markers.seen.shape
     assert labelling.left_out.sum() == case.take.n_points - markers.seen.sum()
     assert labelling.tracklets.n_points[labelling.tracklets.marker >= 0].sum() <= markers.seen.sum()
@@ -100,7 +100,7 @@ def test_unlabelled_take_is_judged_whole():
 @pytest.mark.parametrize("options", [{}, {"method": "sets"}, {"method": "sets", "compare": True}])
 def test_the_classic_method_runs_beside_another_one_only_where_it_is_asked_for(options):
     case = simulate("rods", seed=0, n_frames=200, labelled=False)
-    assert label_with_quality(case.take, LabelParameters(**options))[1].classic is None
+    assert label_markers(case.take, LabelParameters(**options))[1].classic is None
 
 
 def test_points_of_markers_are_found_again():

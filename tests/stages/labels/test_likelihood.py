@@ -98,7 +98,7 @@ def test_markers_are_found_again_after_a_pause_in_which_nothing_was_seen(structu
     kept = (frames < 400) | (frames >= 480)
     starts = np.concatenate([[0], np.cumsum(np.bincount(frames[kept], minlength=cloud.n_frames))])
     paused = PointCloud(cloud.points[kept], starts, cloud.times)
-    labels = label_markers(paused, LabelParameters())
+    labels = label_markers(paused, LabelParameters())[0]
     assert labels.n_markers == len(np.unique(truth[truth >= 0]))
     assert labels.seen[:400].any(axis=0).all()
     assert labels.seen[480:].any(axis=0).all()

@@ -23,7 +23,7 @@ OCCLUDED = {"n_cameras": 6, "soft_tissue": 2.0, "ghosts": 0.2, "noise": 0.3, "la
 
 
 def score(case, **settings):
-    labels = label_markers(case.take, LabelParameters(**settings))
+    labels = label_markers(case.take, LabelParameters(**settings))[0]
     return find_identity(Project(case.take).with_trajectories(labels, StageReport()), case.truth)[1]
 
 
@@ -37,12 +37,12 @@ def test_occluded_human_is_labelled_better_than_by_sets_alone(seed):
 
 def test_known_number_of_markers_is_obeyed():
     case = simulate("human", n_frames=400, seed=0, **OCCLUDED)
-    assert label_markers(case.take, LabelParameters(), n_markers=40).n_markers == 40
+    assert label_markers(case.take, LabelParameters(), n_markers=40)[0].n_markers == 40
 
 
 def test_labels_are_the_same_every_time():
     case = simulate("human", n_frames=300, seed=1, **OCCLUDED)
-    first, second = (label_markers(case.take, LabelParameters(), seed=5) for _ in range(2))
+    first, second = (label_markers(case.take, LabelParameters(), seed=5)[0] for _ in range(2))
     np.testing.assert_array_equal(first.positions, second.positions)
 
 
@@ -92,5 +92,5 @@ def test_half_of_the_points_being_doubtful_in_the_file_changes_no_label():
     case = simulate("human", n_frames=300, seed=2, **OCCLUDED)
     error = np.where(np.arange(case.take.n_points) % 2, 0.1, 0.4)
     doubted = dataclasses.replace(case.take, attributes={"reprojection_error": error})
-    plain, weighted = (label_markers(take, LabelParameters()) for take in (case.take, doubted))
+    plain, weighted = (label_markers(take, LabelParameters())[0] for take in (case.take, doubted))
     assert plain.n_markers == weighted.n_markers

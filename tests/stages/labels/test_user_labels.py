@@ -58,7 +58,7 @@ def disobeyed(cloud, result, stated):
 @pytest.mark.parametrize("method", METHODS)
 def test_true_statements_are_obeyed(hidden, method):
     stated = statements(hidden, np.random.default_rng(0), 40)
-    result = label_markers(hidden.take, LabelParameters(method=method), identities=stated)
+    result = label_markers(hidden.take, LabelParameters(method=method), identities=stated)[0]
     assert disobeyed(hidden.take, result, stated) == []
     assert "40 identities stated by hand are obeyed" in result.notices
 
@@ -70,26 +70,28 @@ def test_any_statements_are_obeyed_even_absurd_ones(hidden, seed):
     some = random.choice(cloud.n_points, 12, replace=False)
     frames, names = frames_of(cloud)[some], random.permutation([*"abcdefghijk", "nobody"])
     stated = identities_of(list(zip(names.tolist(), frames.tolist(), cloud.points[some], strict=True)))
-    result = label_markers(cloud, LabelParameters(method="sets"), identities=stated)
+    result = label_markers(cloud, LabelParameters(method="sets"), identities=stated)[0]
     assert disobeyed(cloud, result, stated) == []
 
 
 def test_no_point_is_used_twice(hidden):
     stated = statements(hidden, np.random.default_rng(1), 40)
-    result = label_markers(hidden.take, LabelParameters(method="sets"), identities=stated)
+    result = label_markers(hidden.take, LabelParameters(method="sets"), identities=stated)[0]
     assert (find_points(hidden.take, result.positions) >= 0).sum() == result.seen.sum()
 
 
 def test_statements_join_what_was_not_joined(simulated):
     hard = simulated("human", seed=0, n_frames=300, labelled=False, n_cameras=4, noise=0.3)
     cloud, true = hard.take, hard.truth.marker_of_point
-    plain = right_points(hard, label_markers(cloud, LabelParameters(method="sets")))
+    plain = right_points(hard, label_markers(cloud, LabelParameters(method="sets"))[0])
     middle = [np.flatnonzero(true == m) for m in range(hard.truth.n_markers)]
     frames = frames_of(cloud)
     entries = [
         (hard.truth.marker_names[m], int(frames[p]), cloud.points[p]) for m, of in enumerate(middle) for p in of[::20]
     ]
-    stated = right_points(hard, label_markers(cloud, LabelParameters(method="sets"), identities=identities_of(entries)))
+    stated = right_points(
+        hard, label_markers(cloud, LabelParameters(method="sets"), identities=identities_of(entries))[0]
+    )
     assert stated > max(plain, 0.97 * cloud.n_points)
 
 
@@ -148,7 +150,7 @@ def test_one_name_cannot_be_two_points_of_a_frame(hidden):
             hidden.take,
             LabelParameters(method="sets"),
             identities=Identities((Identity("a", 4, point=0), Identity("a", 4, point=1))),
-        )
+        )[0]
 
 
 def test_all_points_cannot_be_nobodys(hidden):
@@ -157,13 +159,13 @@ def test_all_points_cannot_be_nobodys(hidden):
         tuple(Identity("nobody", f, point=p) for f in range(cloud.n_frames) for p in range(len(cloud.frame(f))))
     )
     with pytest.raises(InputError, match="no marker is left"):
-        label_markers(cloud, LabelParameters(method="sets"), identities=stated)
+        label_markers(cloud, LabelParameters(method="sets"), identities=stated)[0]
 
 
 def test_more_names_than_markers_are_refused(hidden):
     stated = statements(hidden, np.random.default_rng(0), 40)
     with pytest.raises(InputError, match="names are stated by hand, more than the 5 markers asked for"):
-        label_markers(hidden.take, LabelParameters(method="sets"), identities=stated, n_markers=5)
+        label_markers(hidden.take, LabelParameters(method="sets"), identities=stated, n_markers=5)[0]
 
 
 class TestFiles:
@@ -202,7 +204,7 @@ class TestFiles:
         x, y, z = hidden.take.frame(5)[3] + np.array([0.0, 0.0, 4.0])
         stated = self.read(tmp_path, f"name,frame,x,y,z\na,5,{x},{y},{z}\n")
         with pytest.raises(FormatError, match=r"stated.csv:2: a: no point .* nearest is point 3 at .* 4.0 mm away"):
-            label_markers(hidden.take, LabelParameters(method="sets"), identities=stated)
+            label_markers(hidden.take, LabelParameters(method="sets"), identities=stated)[0]
 
     @pytest.mark.parametrize(
         ("line", "what"), [("a,300,0", "last frame is 299"), ("a,5,2000", "there is no point 2000")]
@@ -210,7 +212,7 @@ class TestFiles:
     def test_frames_and_points_that_do_not_exist_are_refused(self, hidden, tmp_path, line, what):
         stated = self.read(tmp_path, f"name,frame,point\n{line}\n")
         with pytest.raises(FormatError, match=what):
-            label_markers(hidden.take, LabelParameters(method="sets"), identities=stated)
+            label_markers(hidden.take, LabelParameters(method="sets"), identities=stated)[0]
 
 
 class TestLabelled:
