@@ -25,7 +25,7 @@ from skelgen.progress import Monitor
 from skelgen.simulation import Structure, simulate
 from skelgen.simulation.take import SimulatedTake
 
-STRUCTURES = ("human", "seed-human", "quadruped", "rods", "tree:8")
+STRUCTURES = ("human", "classic-human", "quadruped", "rods", "tree:8")
 FAULTS: dict[str, Any] = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
 WANTED_TIMES_BOUND = 1.05  # the Cramer-Rao bound of the true chain, the same dropouts given
 WANTED_OF_SCORE = 0.9  # of SCoRE's error under soft tissue
@@ -106,7 +106,7 @@ def measure_joints(effort: Effort, monitor: Monitor) -> Section:
         f"0.5 mm noise, 5 % dropouts, {effort.n_frames} frames, {len(effort.seeds)} seeds. The bound is that of Cramer "
         "and Rao for the true chain, the same dropouts given: one seed may lie a little below. Coverage is the part of "
         "the stated 95 % intervals that hold the truth. SCoRE (Ehrig et al. 2006) is told limbs and tree; joints of "
-        "limbs with fewer than three markers are beyond it and not in its mean (seed-human).",
+        "limbs with fewer than three markers are beyond it and not in its mean (classic-human).",
         (
             table(
                 f"Wanted: all exact, at most {WANTED_TIMES_BOUND} times the bound with every seed",

@@ -1,9 +1,8 @@
-"""The Cramer-Rao bound of a simulated take, from its truth and what of it was measured."""
+"""Joint errors of a simulated take beside its Cramer-Rao bound and beside the deviations that the result predicts."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,12 @@ from skelgen.simulation.truth import Truth
 
 MOST_FRAMES = 2000
 """Frames on which the bound rests at most, evenly spread: more would hardly make it smaller."""
+
+
+SIGMAS_OF_95 = 1.96
+"""Half the width of the interval that holds 95 % of normal numbers, in standard deviations."""
+DISTANCE_OF_STD = np.sqrt(8 / np.pi) / np.sqrt(3)
+"""Mean length of normal vectors whose deviation is 1 / sqrt 3 along each of three axes."""
 
 
 def bound_of_take(trajectories: Trajectories, true_of_marker: Ints, truth: Truth) -> tuple[Bound, float, Ints] | None:
@@ -95,13 +100,6 @@ def _second_axis(relative: Floats, first: Floats) -> Floats:
     return np.asarray(np.linalg.svd(seen - seen.mean(axis=0), full_matrices=False)[2][2])
 
 
-SIGMAS_OF_95 = 1.96
-"""Half the width of the interval that holds 95 % of normal numbers, in standard deviations."""
-
-DISTANCE_OF_STD = np.sqrt(8 / np.pi) / np.sqrt(3)
-"""Mean length of normal vectors whose deviation is 1 / sqrt 3 along each of three axes."""
-
-
 def with_limits(
     scores: tuple[JointScore, ...], project: Project, true_of_joint: Ints, true_of_marker: Ints, truth: Truth
 ) -> tuple[JointScore, ...]:
@@ -124,19 +122,18 @@ def with_limits(
     limit = bound_of_take(project.trajectories, true_of_marker, truth)
     result = []
     for score, joint, true_joint in zip(scores, shared, true_joints, strict=True):
-        found = motion.joint_positions[:, [joint]]
-        more: dict[str, Any] = {}
+        full, found = score, motion.joint_positions[:, [joint]]
         if limit is not None:
             bound, _, frames = limit
             use = bound.determined[:, true_joint + 1]
             smallest = float(bound.distance[use, true_joint + 1].mean())
             error = joint_distances(found, np.array([true_joint]), truth)[frames, 0][use]
-            more |= {"bound": smallest, "times_bound": float(error.mean()) / smallest}
+            full = dataclasses.replace(full, bound=smallest, times_bound=float(error.mean()) / smallest)
         if motion.joint_std is not None:
             std = motion.joint_std[:, joint]
             gap = np.abs(joint_gaps(found, np.array([true_joint]), truth)[:, 0])
             held = gap <= SIGMAS_OF_95 * std + np.finfo(np.float32).eps * np.abs(found[:, 0])
             predicted = DISTANCE_OF_STD * np.linalg.norm(std, axis=1).mean()
-            more |= {"predicted": float(predicted), "coverage": float(held.mean())}
-        result.append(dataclasses.replace(score, **more))
+            full = dataclasses.replace(full, predicted=float(predicted), coverage=float(held.mean()))
+        result.append(full)
     return tuple(result)

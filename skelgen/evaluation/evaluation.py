@@ -142,14 +142,19 @@ def evaluate(project: Project, truth: Truth) -> Evaluation:
         return Evaluation(labels, limbs)
     true_of_limb = match_limbs(limb_of_marker, true_of_marker, truth)
     topology = score_topology(project.topology.edges, true_of_limb, truth)
-    return Evaluation(labels, limbs, topology, **_motion_scores(project, truth, true_of_limb, true_of_marker))
+    found = Evaluation(labels, limbs, topology)
+    return _with_motion_scores(found, project, truth, true_of_limb, true_of_marker)
 
 
-def _motion_scores(project: Project, truth: Truth, true_of_limb: Ints, true_of_marker: Ints) -> dict[str, Any]:
+def _with_motion_scores(
+    found: Evaluation, project: Project, truth: Truth, true_of_limb: Ints, true_of_marker: Ints
+) -> Evaluation:
+    """Add the scores of joints, lengths and reconstructed markers."""
     raw_of_joint = match_joints(project.topology.edges, true_of_limb, truth)
     raw = project.topology.raw_joint_positions
     if not project.has("skeleton"):
-        return {"joints": score_joints(raw_of_joint, truth, raw=raw, fitted=None, kinds=())}
+        joints = score_joints(raw_of_joint, truth, raw=raw, fitted=None, kinds=())
+        return dataclasses.replace(found, joints=joints)
     skeleton, motion = project.skeleton, project.motion
     edges = np.array([(joint.parent, joint.child) for joint in skeleton.joints], dtype=np.intp).reshape(-1, 2)
     true_of_joint = match_joints(edges, true_of_limb, truth)
@@ -157,11 +162,12 @@ def _motion_scores(project: Project, truth: Truth, true_of_limb: Ints, true_of_m
     kinds = tuple(joint.kind for joint in skeleton.joints)
     fitted = motion.joint_positions
     joints = score_joints(true_of_joint, truth, raw=raw if same_joints else None, fitted=fitted, kinds=kinds)
-    return {
-        "joints": with_limits(joints, project, true_of_joint, true_of_marker, truth),
-        "lengths": score_lengths(skeleton, fitted, true_of_joint, truth),
-        "markers": score_markers(project.trajectories, motion, true_of_marker, truth),
-    }
+    return dataclasses.replace(
+        found,
+        joints=with_limits(joints, project, true_of_joint, true_of_marker, truth),
+        lengths=score_lengths(skeleton, fitted, true_of_joint, truth),
+        markers=score_markers(project.trajectories, motion, true_of_marker, truth),
+    )
 
 
 def _check_same_take(project: Project, truth: Truth) -> None:

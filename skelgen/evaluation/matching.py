@@ -1,4 +1,4 @@
-"""Which true marker each marker of a result is, and how well the labelling kept them apart.
+"""Which true marker, limb and joint those of a result are, and how well labels, limbs and tree agree with the truth.
 
 Labelled markers are matched by name. For an unlabelled take every position of the result is traced back to the point
 that it was made from, whose marker the truth knows; the identity of a marker is the optimal assignment on how often a

@@ -16,6 +16,12 @@ SAME_PLACE = 1e-3
 """mm: a marker's place is a measured position, which only rounding in a file may change."""
 
 
+NUMBERS = ("n_markers", "n_limbs")
+"""Kinds whose value is a number."""
+NOBODY = "nobody"
+"""Name that the user gives to a point that is no marker at all."""
+
+
 @dataclass(frozen=True)
 class Rule:
     """What a kind of correction consists of.
@@ -61,9 +67,6 @@ RULES: Mapping[str, Rule] = MappingProxyType(
     }
 )
 """Kinds of corrections."""
-
-NUMBERS = ("n_markers", "n_limbs")
-"""Kinds whose value is a number."""
 
 
 @dataclass(frozen=True)
@@ -202,10 +205,6 @@ def named_marker(correction: Correction, which: int, names: Sequence[str], posit
 
 def _listed(names: tuple[str, ...]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
-
-
-NOBODY = "nobody"
-"""Name that the user gives to a point that is no marker at all."""
 
 
 @dataclass(frozen=True)

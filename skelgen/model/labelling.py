@@ -15,6 +15,10 @@ in few frames only; another marker's place fits as well; no place fits; too few 
 were exchanged in the file."""
 
 
+FINDING_KINDS = ("exchanged", "moved", "slipped")
+"""Errors of labels that came with the take: exchanged in a ring; on another marker; on a marker that has slipped."""
+
+
 @dataclass(frozen=True, eq=False)
 class Tracklets:
     """Tracks of points, as they were followed, in the parts that went to one marker each.
@@ -113,10 +117,6 @@ class Doubt:
             raise InputError(f"a doubt of the kind {self.kind!r}; kinds are {', '.join(DOUBT_KINDS)}")
         if not 0 <= self.first_frame <= self.last_frame:
             raise InputError(f"a doubtful span from frame {self.first_frame} to frame {self.last_frame}")
-
-
-FINDING_KINDS = ("exchanged", "moved", "slipped")
-"""Errors of labels that came with the take: exchanged in a ring; on another marker; on a marker that has slipped."""
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ from skelgen.simulation.articulated import LimbModel, Structure
 from skelgen.simulation.recorded import BoneParameters, RecordedBody, recorded_body
 from skelgen.simulation.structures import (
     STRUCTURE_NAMES,
+    classic_human,
     find_structure,
     human,
     quadruped,
     random_tree,
     rods_chain,
-    seed_human,
 )
 from skelgen.simulation.take import SimulatedTake, SimulationParameters, simulate
 from skelgen.simulation.truth import TRUTH_SUFFIX, Truth, read_truth, write_truth
@@ -24,6 +24,7 @@ __all__ = [
     "SimulationParameters",
     "Structure",
     "Truth",
+    "classic_human",
     "find_structure",
     "human",
     "quadruped",
@@ -31,7 +32,6 @@ __all__ = [
     "read_truth",
     "recorded_body",
     "rods_chain",
-    "seed_human",
     "simulate",
     "write_truth",
 ]

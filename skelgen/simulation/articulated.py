@@ -22,6 +22,14 @@ DEGREES_OF_FREEDOM = {"free": 3, "ball": 3, "universal": 2, "hinge": 1}
 _UNIT_TOLERANCE = 1e-9  # of an axis that was divided by its length
 
 
+MARKER_STANDOFF = 10.0
+"""Distance [mm] of a marker's centre from the skin: a sphere of 14 mm on a base plate."""
+_TURN_BETWEEN_MARKERS = np.deg2rad(137.5)  # the golden angle: no two markers of a limb come to lie behind each other
+_FIRST_FRACTION, _LAST_FRACTION = 0.2, 0.85  # of the limb's axis: clear of the neighbouring limbs
+_MIN_MARKERS, _MAX_MARKERS = 2, 5
+_ROOT_AXES = np.eye(3)[::-1]  # turned one after the other: heading, pitch, roll
+
+
 @dataclass(frozen=True, eq=False)
 class LimbModel:
     """One rigid limb, the joint that carries it, and how far that joint is moved.
@@ -145,16 +153,6 @@ class Structure:
         return tuple(f"{limb.name} {i + 1}" for limb in self.limbs for i in range(len(limb.markers)))
 
 
-MARKER_STANDOFF = 10.0
-"""Distance [mm] of a marker's centre from the skin: a sphere of 14 mm on a base plate."""
-
-_TURN_BETWEEN_MARKERS = np.deg2rad(137.5)  # the golden angle: no two markers of a limb come to lie behind each other
-_FIRST_FRACTION, _LAST_FRACTION = 0.2, 0.85  # of the limb's axis: clear of the neighbouring limbs
-_MIN_MARKERS, _MAX_MARKERS = 2, 5
-
-_ROOT_AXES = np.eye(3)[::-1]  # turned one after the other: heading, pitch, roll
-
-
 class Swing(NamedTuple):
     """How far a joint is moved: every angle stays within offset ± amplitude.
 
@@ -173,46 +171,76 @@ class Swing(NamedTuple):
     axes: ArrayLike | None = None
 
 
+class Attachment(NamedTuple):
+    """How a limb hangs on its parent.
+
+    Attributes
+    ----------
+    parent : str
+        Name of the parent; empty for the root.
+    kind : str
+        ``free`` for the root, else the type of joint.
+    joint : array_like, shape (3,), mm
+        The joint in the parent's frame; of the root, its place in the world.
+    swing : Swing, optional
+        How the joint moves; by default 35 deg about each axis of a ball, and what a walker does for a root.
+    """
+
+    parent: str
+    kind: str
+    joint: ArrayLike
+    swing: Swing | None = None
+
+
+class Capsule(NamedTuple):
+    """The shape of a limb.
+
+    Attributes
+    ----------
+    tip : array_like, shape (3,), mm
+        End of the axis in the limb's frame.
+    radius : float, mm
+        Distance of the skin from the axis.
+    start : array_like, shape (3,), mm
+        Where the axis begins.
+    """
+
+    tip: ArrayLike
+    radius: float
+    start: ArrayLike = (0.0, 0.0, 0.0)
+
+
 _ROOT_SWING = Swing((150.0, 12.0, 12.0), axes=_ROOT_AXES)
 _BALL_SWING = Swing((35.0, 35.0, 35.0))
 
 
-def limb(
-    name: str,
-    parent: str,
-    kind: str,
-    joint: ArrayLike,
-    tip: ArrayLike,
-    *,
-    radius: float,
-    n: int,
-    swing: Swing | None = None,
-    start: ArrayLike = (0.0, 0.0, 0.0),
-) -> LimbModel:
+def limb(name: str, attachment: Attachment, capsule: Capsule, n_markers: int) -> LimbModel:
     """Build a limb whose markers wind around its axis.
 
     Parameters
     ----------
-    name, parent, kind, joint, radius
-        As in `LimbModel`.
-    tip, start : array_like, shape (3,), mm
-        Ends of the limb's axis in its own frame.
-    n : int
+    name : str
+        What it is called.
+    attachment : Attachment
+        Parent and joint.
+    capsule : Capsule
+        Shape.
+    n_markers : int
         Number of markers.
-    swing : Swing, optional
-        How the joint moves; by default 35 deg about each axis of a ball, and what a walker does for a root.
     """
+    parent, kind, joint, swing = attachment
     amplitudes, offsets, axes = swing or (_ROOT_SWING if kind == "free" else _BALL_SWING)
     n_angles = DEGREES_OF_FREEDOM[kind]
-    segment = np.stack([_floats(start), _floats(tip)])
+    segment = np.stack([_floats(capsule.start), _floats(capsule.tip)])
+    distance, phase = capsule.radius + MARKER_STANDOFF, float(len(name) + len(parent))
     return LimbModel(
         name=name,
         parent=parent,
         kind=kind,
         joint=_floats(joint),
         segment=segment,
-        radius=radius,
-        markers=markers_around(segment, radius + MARKER_STANDOFF, n, phase=float(len(name) + len(parent))),
+        radius=capsule.radius,
+        markers=markers_around(segment, distance, n_markers, phase),
         axes=unit(np.eye(3)[:n_angles] if axes is None else axes),
         amplitudes=_floats(amplitudes),
         offsets=np.zeros(n_angles) if offsets is None else _floats(offsets),

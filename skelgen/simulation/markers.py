@@ -1,4 +1,7 @@
-"""Cameras on a ring around the walk: a marker is seen when at least two of them see past all limbs to it."""
+"""What a tracker makes of markers: soft-tissue motion, occlusion, dropouts, jumps, merged and doubled points, ghosts.
+
+Cameras stand on a ring around the walk. They see a marker when at least two of them see past all limbs to it.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,22 @@ CAMERAS_NEEDED = 2
 _RING_MARGIN = 2000.0  # mm between the farthest marker and the ring
 _STANDOFF = 25.0  # mm before the marker where a line of sight ends: a limb does not hide what it touches
 _TINY = 1e-12  # mm^2: a line of sight or a limb of no length
+
+
+SINGLE_SHARE = 0.2
+"""Part of the dropouts that are single frames; the rest come in bursts."""
+BURST_FRAMES = (5, 40)
+"""Shortest and longest burst [frames]: a hand that passes a marker, a marker behind a turned back."""
+GHOST_FRAMES = (1, 5)
+"""Shortest and longest life [frames] of a ghost."""
+DUPLICATE_FRAMES = (1, 10)
+"""Shortest and longest time [frames] for which a marker is seen double."""
+DUPLICATE_OFFSET = 1.0
+"""Distance [mm] between a marker's two points: what two pairs of cameras calibrated to a millimetre disagree by."""
+EDGE_FRAMES = 2
+"""Frames at both ends of a marker's visibility in which its position may jump."""
+_SKIN_FREQUENCIES = (0.2, 2.0)  # Hz: skin slides with the motion and wobbles a little faster than it
+_NO_PAIRS = np.empty((0, 2), dtype=np.intp)
 
 
 def camera_ring(positions: Floats, n_cameras: int) -> Floats:
@@ -109,28 +128,6 @@ def _squared_distances(camera: Floats, positions: Floats, start: Floats, tip: Fl
     s = np.clip((b * t - c) / a, 0.0, end)
     gap = offset + s[..., np.newaxis] * sight - t[..., np.newaxis] * axis
     return np.asarray((gap * gap).sum(axis=2))
-
-
-SINGLE_SHARE = 0.2
-"""Part of the dropouts that are single frames; the rest come in bursts."""
-
-BURST_FRAMES = (5, 40)
-"""Shortest and longest burst [frames]: a hand that passes a marker, a marker behind a turned back."""
-
-GHOST_FRAMES = (1, 5)
-"""Shortest and longest life [frames] of a ghost."""
-
-DUPLICATE_FRAMES = (1, 10)
-"""Shortest and longest time [frames] for which a marker is seen double."""
-
-DUPLICATE_OFFSET = 1.0
-"""Distance [mm] between a marker's two points: what two pairs of cameras calibrated to a millimetre disagree by."""
-
-EDGE_FRAMES = 2
-"""Frames at both ends of a marker's visibility in which its position may jump."""
-
-_SKIN_FREQUENCIES = (0.2, 2.0)  # Hz: skin slides with the motion and wobbles a little faster than it
-_NO_PAIRS = np.empty((0, 2), dtype=np.intp)
 
 
 def carried_markers(structure: Structure, world_from_limb: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""The bodies of a human, of the seed's human and of a quadruped, in mm, with plausible proportions and ranges."""
+"""The structures that can be simulated, found by name: rods, humans, a quadruped, random trees; all lengths in mm."""
 
 from __future__ import annotations
 
@@ -8,151 +8,40 @@ import numpy as np
 
 from skelgen.errors import ParameterError
 from skelgen.model.arrays import Floats
-from skelgen.simulation.articulated import DEGREES_OF_FREEDOM, LimbModel, Structure, Swing, limb, markers_around, unit
+from skelgen.simulation.articulated import (
+    DEGREES_OF_FREEDOM,
+    Attachment,
+    Capsule,
+    LimbModel,
+    Structure,
+    Swing,
+    limb,
+    markers_around,
+    unit,
+)
 
 __all__ = [
     "ROD_LENGTH",
     "STRUCTURE_NAMES",
     "LimbModel",
     "Structure",
+    "classic_human",
     "find_structure",
     "human",
     "quadruped",
     "random_tree",
     "rods_chain",
-    "seed_human",
 ]
 
 _SIDES = {"left": 1.0, "right": -1.0}
 _TRUNK = Swing((25, 30, 35))
 
 
-def human(n_markers_per_limb: int = 3) -> Structure:
-    """Return a human of 15 limbs, 1.75 m tall, with hinges in elbows and knees, universal wrists and ankles.
-
-    Parameters
-    ----------
-    n_markers_per_limb : int
-        Markers on every limb.
-    """
-    n = n_markers_per_limb
-    limbs = [
-        limb("pelvis", "", "free", (0, 0, 960), (0, 110, 0), radius=95, n=n, start=(0, -110, 0)),
-        limb("chest", "pelvis", "ball", (-15, 0, 110), (0, 0, 300), radius=120, n=n, swing=_TRUNK),
-        limb("head", "chest", "ball", (10, 0, 370), (15, 0, 190), radius=80, n=n, swing=Swing((30, 35, 50))),
-    ]
-    for side in _SIDES:
-        limbs += _arm(side, n) + _leg(side, n)
-    return Structure("human", tuple(limbs))
-
-
-def _arm(side: str, n: int) -> list[LimbModel]:
-    s, upper, fore, hand = _SIDES[side], f"{side} upper arm", f"{side} forearm", f"{side} hand"
-    elbow = Swing((50,), (60,), [(-0.1 * s, -1, 0.15 * s)])
-    wrist = Swing((40, 30), (5, 0), [(0, -1, 0), (1, 0, 0)])
-    return [
-        limb(upper, "chest", "ball", (0, 185 * s, 300), (0, 0, -300), radius=45, n=n, swing=_shoulder(s)),
-        limb(fore, upper, "hinge", (0, 10 * s, -305), (0, 0, -250), radius=36, n=n, swing=elbow),
-        limb(hand, fore, "universal", (5, 5 * s, -260), (0, 0, -170), radius=28, n=n, swing=wrist),
-    ]
-
-
-def _leg(side: str, n: int) -> list[LimbModel]:
-    s, thigh, shank, foot = _SIDES[side], f"{side} thigh", f"{side} shank", f"{side} foot"
-    knee = Swing((45,), (50,), [(0.05 * s, 1, -0.1 * s)])
-    ankle = Swing((30, 25), axes=[(0, 1, 0), (1, 0, 0.3 * s)])
-    return [
-        limb(thigh, "pelvis", "ball", (0, 95 * s, -70), (0, 0, -415), radius=70, n=n, swing=_hip(s)),
-        limb(shank, thigh, "hinge", (0, 5 * s, -420), (0, 0, -390), radius=50, n=n, swing=knee),
-        limb(foot, shank, "universal", (-10, 0, -405), (190, 0, -55), radius=34, n=n, swing=ankle),
-    ]
-
-
-def _shoulder(s: float) -> Swing:
-    return Swing((40, 50, 40), (15 * s, -15, 0))
-
-
-def _hip(s: float) -> Swing:
-    return Swing((30, 40, 30), (8 * s, -15, 0))
-
-
-def seed_human() -> Structure:
-    """Return a human of 13 bones and 31 markers, most limbs with two, as in tables 5.2 and 5.3 of the seed.
-
-    The knees are hinges; all other joints are balls, as the joint errors in the seed's table 5.4 tell.
-    """
-    limbs = [
-        limb("breast", "", "free", (0, 0, 1250), (0, 0, 250), radius=120, n=3, start=(0, 0, -50)),
-        limb("head", "breast", "ball", (10, 0, 300), (15, 0, 190), radius=80, n=2),
-        limb("hip", "breast", "ball", (0, 0, -120), (0, 0, -150), radius=110, n=2, swing=_TRUNK),
-    ]
-    for side in _SIDES:
-        limbs += _seed_arm(side) + _seed_leg(side)
-    return Structure("seed-human", tuple(limbs))
-
-
-def _seed_arm(side: str) -> list[LimbModel]:
-    s, upper, fore, hand = _SIDES[side], f"{side} upper arm", f"{side} forearm", f"{side} hand"
-    elbow = Swing((25, 45, 35), (0, -55, 0))
-    return [
-        limb(upper, "breast", "ball", (0, 185 * s, 220), (0, 0, -300), radius=45, n=2, swing=_shoulder(s)),
-        limb(fore, upper, "ball", (0, 10 * s, -305), (0, 0, -250), radius=36, n=2, swing=elbow),
-        limb(hand, fore, "ball", (5, 5 * s, -260), (0, 0, -170), radius=28, n=2),
-    ]
-
-
-def _seed_leg(side: str) -> list[LimbModel]:
-    s, thigh, shank = _SIDES[side], f"{side} thigh", f"{side} lower leg"
-    knee = Swing((45,), (50,), [(0, 1, 0)])
-    return [
-        limb(thigh, "hip", "ball", (0, 95 * s, -220), (0, 0, -415), radius=70, n=3, swing=_hip(s)),
-        limb(shank, thigh, "hinge", (0, 5 * s, -420), (0, 0, -390), radius=50, n=3, swing=knee),
-    ]
-
-
-def quadruped() -> Structure:
-    """Return a dog-like animal of 17 limbs with three markers each: hinges in elbows, stifles and carpi."""
-    limbs = [
-        limb("pelvis", "", "free", (-300, 0, 600), (60, 0, 0), radius=90, n=3, start=(-100, 0, 0)),
-        limb("trunk", "pelvis", "ball", (80, 0, 10), (440, 0, 0), radius=110, n=3, swing=Swing((20, 20, 25))),
-        limb("neck", "trunk", "ball", (480, 0, 40), (130, 0, 130), radius=55, n=3, swing=Swing((20, 35, 35))),
-        limb("head", "neck", "ball", (150, 0, 150), (200, 0, -30), radius=55, n=3, swing=Swing((30, 30, 35))),
-        limb("tail", "pelvis", "ball", (-140, 0, 20), (-320, 0, 0), radius=20, n=3, swing=Swing((20, 30, 45))),
-    ]
-    for side in _SIDES:
-        limbs += _foreleg(side) + _hindleg(side)
-    return Structure("quadruped", tuple(limbs))
-
-
-def _foreleg(side: str) -> list[LimbModel]:
-    s, upper, fore, foot = _SIDES[side], f"{side} upper foreleg", f"{side} forearm", f"{side} forefoot"
-    shoulder = Swing((20, 35, 20))
-    elbow, carpus = Swing((40,), (30,), [(0.1 * s, -1, 0)]), Swing((45,), (20,), [(0, 1, 0.2 * s)])
-    return [
-        limb(upper, "trunk", "ball", (380, 100 * s, -60), (-40, 0, -190), radius=40, n=3, swing=shoulder),
-        limb(fore, upper, "hinge", (-45, 0, -200), (20, 0, -190), radius=30, n=3, swing=elbow),
-        limb(foot, fore, "hinge", (20, 0, -200), (50, 0, -110), radius=24, n=3, swing=carpus),
-    ]
-
-
-def _hindleg(side: str) -> list[LimbModel]:
-    s, thigh, shank, foot = _SIDES[side], f"{side} thigh", f"{side} shank", f"{side} hind foot"
-    hip = Swing((20, 35, 20))
-    stifle, hock = Swing((40,), (30,), [(0.1 * s, 1, 0)]), Swing((35, 20), axes=[(0, 1, 0), (1, 0, 0)])
-    return [
-        limb(thigh, "pelvis", "ball", (-40, 80 * s, -50), (40, 0, -210), radius=55, n=3, swing=hip),
-        limb(shank, thigh, "hinge", (45, 0, -220), (-70, 0, -190), radius=35, n=3, swing=stifle),
-        limb(foot, shank, "universal", (-75, 0, -200), (60, 0, -130), radius=24, n=3, swing=hock),
-    ]
-
-
 ROD_LENGTH = 350.0
-"""Length [mm] of each rod of the seed's construction (seed, 5.1)."""
-
+"""Length [mm] of each rod (Schönauer 2007, 5.1)."""
 _ROD_HEIGHT = 1200.0  # mm: carried by hand
 _ROD_RADIUS = 8.0  # mm
 _STICK = 60.0  # mm: the carbon fibre sticks that hold the markers off the rods
-
 _TREE_PREFIX = "tree:"
 _TREE_LIMBS = (2, 40)  # fewest and most limbs of a random tree
 _TREE_LENGTHS = (200.0, 400.0)  # mm
@@ -165,50 +54,144 @@ _TREE_HEIGHT = 1200.0  # mm
 _SMALLEST_SINE = 0.6  # between a hinge's axis and its limb: a limb that spins about itself moves no marker far
 
 
+def human(n_markers_per_limb: int = 3) -> Structure:
+    """Return a human of 15 limbs, 1.75 m tall, with hinges in elbows and knees, universal wrists and ankles.
+
+    Parameters
+    ----------
+    n_markers_per_limb : int
+        Markers on every limb.
+    """
+    n = n_markers_per_limb
+    limbs = [
+        limb("pelvis", Attachment("", "free", (0, 0, 960)), Capsule((0, 110, 0), 95, start=(0, -110, 0)), n),
+        limb("chest", Attachment("pelvis", "ball", (-15, 0, 110), _TRUNK), Capsule((0, 0, 300), 120), n),
+        limb("head", Attachment("chest", "ball", (10, 0, 370), Swing((30, 35, 50))), Capsule((15, 0, 190), 80), n),
+    ]
+    for side in _SIDES:
+        limbs += _arm(side, n) + _leg(side, n)
+    return Structure("human", tuple(limbs))
+
+
+def _arm(side: str, n: int) -> list[LimbModel]:
+    s, upper, fore, hand = _SIDES[side], f"{side} upper arm", f"{side} forearm", f"{side} hand"
+    elbow = Swing((50,), (60,), [(-0.1 * s, -1, 0.15 * s)])
+    wrist = Swing((40, 30), (5, 0), [(0, -1, 0), (1, 0, 0)])
+    return [
+        limb(upper, Attachment("chest", "ball", (0, 185 * s, 300), _shoulder(s)), Capsule((0, 0, -300), 45), n),
+        limb(fore, Attachment(upper, "hinge", (0, 10 * s, -305), elbow), Capsule((0, 0, -250), 36), n),
+        limb(hand, Attachment(fore, "universal", (5, 5 * s, -260), wrist), Capsule((0, 0, -170), 28), n),
+    ]
+
+
+def _leg(side: str, n: int) -> list[LimbModel]:
+    s, thigh, shank, foot = _SIDES[side], f"{side} thigh", f"{side} shank", f"{side} foot"
+    knee = Swing((45,), (50,), [(0.05 * s, 1, -0.1 * s)])
+    ankle = Swing((30, 25), axes=[(0, 1, 0), (1, 0, 0.3 * s)])
+    return [
+        limb(thigh, Attachment("pelvis", "ball", (0, 95 * s, -70), _hip(s)), Capsule((0, 0, -415), 70), n),
+        limb(shank, Attachment(thigh, "hinge", (0, 5 * s, -420), knee), Capsule((0, 0, -390), 50), n),
+        limb(foot, Attachment(shank, "universal", (-10, 0, -405), ankle), Capsule((190, 0, -55), 34), n),
+    ]
+
+
+def _shoulder(s: float) -> Swing:
+    return Swing((40, 50, 40), (15 * s, -15, 0))
+
+
+def _hip(s: float) -> Swing:
+    return Swing((30, 40, 30), (8 * s, -15, 0))
+
+
+def classic_human() -> Structure:
+    """Return a human of 13 bones and 31 markers, most limbs with two, as in (Schönauer 2007, tables 5.2 and 5.3).
+
+    The knees are hinges; all other joints are balls, as the joint errors in table 5.4 show.
+    """
+    limbs = [
+        limb("breast", Attachment("", "free", (0, 0, 1250)), Capsule((0, 0, 250), 120, start=(0, 0, -50)), 3),
+        limb("head", Attachment("breast", "ball", (10, 0, 300)), Capsule((15, 0, 190), 80), 2),
+        limb("hip", Attachment("breast", "ball", (0, 0, -120), _TRUNK), Capsule((0, 0, -150), 110), 2),
+    ]
+    for side in _SIDES:
+        limbs += _classic_arm(side) + _classic_leg(side)
+    return Structure("classic-human", tuple(limbs))
+
+
+def _classic_arm(side: str) -> list[LimbModel]:
+    s, upper, fore, hand = _SIDES[side], f"{side} upper arm", f"{side} forearm", f"{side} hand"
+    elbow = Swing((25, 45, 35), (0, -55, 0))
+    return [
+        limb(upper, Attachment("breast", "ball", (0, 185 * s, 220), _shoulder(s)), Capsule((0, 0, -300), 45), 2),
+        limb(fore, Attachment(upper, "ball", (0, 10 * s, -305), elbow), Capsule((0, 0, -250), 36), 2),
+        limb(hand, Attachment(fore, "ball", (5, 5 * s, -260)), Capsule((0, 0, -170), 28), 2),
+    ]
+
+
+def _classic_leg(side: str) -> list[LimbModel]:
+    s, thigh, shank = _SIDES[side], f"{side} thigh", f"{side} lower leg"
+    knee = Swing((45,), (50,), [(0, 1, 0)])
+    return [
+        limb(thigh, Attachment("hip", "ball", (0, 95 * s, -220), _hip(s)), Capsule((0, 0, -415), 70), 3),
+        limb(shank, Attachment(thigh, "hinge", (0, 5 * s, -420), knee), Capsule((0, 0, -390), 50), 3),
+    ]
+
+
+def quadruped() -> Structure:
+    """Return a dog-like animal of 17 limbs with three markers each: hinges in elbows, stifles and carpi."""
+    limbs = [
+        limb("pelvis", Attachment("", "free", (-300, 0, 600)), Capsule((60, 0, 0), 90, start=(-100, 0, 0)), 3),
+        limb("trunk", Attachment("pelvis", "ball", (80, 0, 10), Swing((20, 20, 25))), Capsule((440, 0, 0), 110), 3),
+        limb("neck", Attachment("trunk", "ball", (480, 0, 40), Swing((20, 35, 35))), Capsule((130, 0, 130), 55), 3),
+        limb("head", Attachment("neck", "ball", (150, 0, 150), Swing((30, 30, 35))), Capsule((200, 0, -30), 55), 3),
+        limb("tail", Attachment("pelvis", "ball", (-140, 0, 20), Swing((20, 30, 45))), Capsule((-320, 0, 0), 20), 3),
+    ]
+    for side in _SIDES:
+        limbs += _foreleg(side) + _hindleg(side)
+    return Structure("quadruped", tuple(limbs))
+
+
+def _foreleg(side: str) -> list[LimbModel]:
+    s, upper, fore, foot = _SIDES[side], f"{side} upper foreleg", f"{side} forearm", f"{side} forefoot"
+    shoulder = Swing((20, 35, 20))
+    elbow, carpus = Swing((40,), (30,), [(0.1 * s, -1, 0)]), Swing((45,), (20,), [(0, 1, 0.2 * s)])
+    return [
+        limb(upper, Attachment("trunk", "ball", (380, 100 * s, -60), shoulder), Capsule((-40, 0, -190), 40), 3),
+        limb(fore, Attachment(upper, "hinge", (-45, 0, -200), elbow), Capsule((20, 0, -190), 30), 3),
+        limb(foot, Attachment(fore, "hinge", (20, 0, -200), carpus), Capsule((50, 0, -110), 24), 3),
+    ]
+
+
+def _hindleg(side: str) -> list[LimbModel]:
+    s, thigh, shank, foot = _SIDES[side], f"{side} thigh", f"{side} shank", f"{side} hind foot"
+    hip = Swing((20, 35, 20))
+    stifle, hock = Swing((40,), (30,), [(0.1 * s, 1, 0)]), Swing((35, 20), axes=[(0, 1, 0), (1, 0, 0)])
+    return [
+        limb(thigh, Attachment("pelvis", "ball", (-40, 80 * s, -50), hip), Capsule((40, 0, -210), 55), 3),
+        limb(shank, Attachment(thigh, "hinge", (45, 0, -220), stifle), Capsule((-70, 0, -190), 35), 3),
+        limb(foot, Attachment(shank, "universal", (-75, 0, -200), hock), Capsule((60, 0, -130), 24), 3),
+    ]
+
+
 def rods_chain() -> Structure:
-    """Return the seed's chain: three rods of 350 mm, ball joints between them, three markers on sticks on each."""
+    """Return three rods of 350 mm with ball joints between them and three markers on sticks on each."""
     half = ROD_LENGTH / 2
     tilt, waving = (150.0, 40.0, 40.0), (40.0, 40.0, 40.0)
-    return Structure(
-        "rods",
-        (
-            _rod("middle rod", "", "free", (0.0, 0.0, _ROD_HEIGHT), span=(-half, half), amplitudes=tilt, phase=0.3),
-            _rod(
-                "rear rod",
-                "middle rod",
-                "ball",
-                (-half, 0.0, 0.0),
-                span=(-ROD_LENGTH, 0.0),
-                amplitudes=waving,
-                phase=1.1,
-            ),
-            _rod(
-                "front rod",
-                "middle rod",
-                "ball",
-                (half, 0.0, 0.0),
-                span=(0.0, ROD_LENGTH),
-                amplitudes=waving,
-                phase=2.3,
-            ),
-        ),
+    rods = (
+        _rod("middle rod", Attachment("", "free", (0.0, 0.0, _ROD_HEIGHT), Swing(tilt)), (-half, half), phase=0.3),
+        _rod("rear rod", Attachment("middle rod", "ball", (-half, 0, 0), Swing(waving)), (-ROD_LENGTH, 0.0), phase=1.1),
+        _rod("front rod", Attachment("middle rod", "ball", (half, 0, 0), Swing(waving)), (0.0, ROD_LENGTH), phase=2.3),
     )
+    return Structure("rods", rods)
 
 
-def _rod(
-    name: str,
-    parent: str,
-    kind: str,
-    joint: tuple[float, float, float],
-    *,
-    span: tuple[float, float],
-    amplitudes: tuple[float, float, float],
-    phase: float,
-) -> LimbModel:
+def _rod(name: str, attachment: Attachment, span: tuple[float, float], phase: float) -> LimbModel:
+    """Build a rod along x, from one coordinate [mm] to another, whose markers start at an angle [rad]."""
+    parent, kind, joint, swing = attachment
     segment = np.array([[span[0], 0.0, 0.0], [span[1], 0.0, 0.0]])
     axes = np.eye(3)[::-1] if kind == "free" else np.eye(3)
     markers = markers_around(segment, _STICK, 3, phase)
-    angles = np.array(amplitudes)
+    angles = np.array(swing.amplitudes if swing else 0.0)
     return LimbModel(name, parent, kind, np.array(joint), segment, _ROD_RADIUS, markers, axes, angles, np.zeros(3))
 
 
@@ -230,7 +213,7 @@ def random_tree(n_limbs: int, seed: int = 0) -> Structure:
     n_children = [0]
     for index in range(1, n_limbs):
         parent = int(rng.choice([i for i, count in enumerate(n_children) if count < len(_TREE_ROOM)]))
-        joint = _attachment(rng, limbs[parent], n_children[parent])
+        joint = _random_joint(rng, limbs[parent], n_children[parent])
         kind = str(rng.choice(["ball", "universal", "hinge"]))
         limbs.append(_random_limb(rng, f"limb {index + 1}", limbs[parent].name, kind, joint))
         n_children[parent] += 1
@@ -238,7 +221,7 @@ def random_tree(n_limbs: int, seed: int = 0) -> Structure:
     return Structure(f"{_TREE_PREFIX}{n_limbs}", tuple(limbs))
 
 
-def _attachment(rng: np.random.Generator, parent: LimbModel, n_children: int) -> Floats:
+def _random_joint(rng: np.random.Generator, parent: LimbModel, n_children: int) -> Floats:
     start, tip = parent.segment
     aside = unit(np.cross(tip - start, _direction(rng)))
     return np.asarray(start + _TREE_ROOM[n_children] * (tip - start) + _TREE_ASIDE * aside)
@@ -269,9 +252,11 @@ def _direction(rng: np.random.Generator) -> Floats:
 _BUILDERS: dict[str, Callable[[], Structure]] = {
     "rods": rods_chain,
     "human": human,
-    "seed-human": seed_human,
+    "classic-human": classic_human,
     "quadruped": quadruped,
 }
+
+_FORMER_NAMES = {"seed-human": "classic-human"}  # of version 0.1.0
 
 STRUCTURE_NAMES = (*_BUILDERS, f"{_TREE_PREFIX}8")
 """Names that `find_structure` knows; any number of limbs may follow ``tree:``."""
@@ -283,7 +268,7 @@ def find_structure(name: str, seed: int = 0) -> Structure:
     Parameters
     ----------
     name : str
-        One of ``rods``, ``human``, ``human:4`` (markers per limb), ``seed-human``, ``quadruped``, ``tree:8`` (limbs).
+        ``rods``, ``human``, ``human:4`` (markers per limb), ``classic-human``, ``quadruped`` or ``tree:8`` (limbs).
     seed : int
         Seed of a random tree.
 
@@ -292,6 +277,7 @@ def find_structure(name: str, seed: int = 0) -> Structure:
     ParameterError
         If there is no such structure.
     """
+    name = _FORMER_NAMES.get(name, name)
     kind, _, count = name.partition(":")
     if name in _BUILDERS:
         return _BUILDERS[name]()

@@ -101,7 +101,7 @@ def simulate(
     Parameters
     ----------
     structure : Structure, RecordedBody or str
-        What moves: a structure, or its name for `find_structure`, e.g. ``seed-human`` or ``tree:8``; or a body with
+        What moves: a structure, or its name for `find_structure`, e.g. ``classic-human`` or ``tree:8``; or a body with
         its recorded motion, which is taken as it is, at its own rate, as many frames as there are or are wished.
     seed : int
         Seed of the motion and of all faults. Each has random numbers of its own: more noise changes neither the motion
@@ -198,8 +198,14 @@ def _settings(parameters: SimulationParameters, options: dict[str, Any]) -> Simu
 def _observed(scene: _Scene) -> Floats:
     settings, streams, positions = scene.settings, scene.streams, scene.rigid
     if settings.soft_tissue > 0:
-        options: dict[str, Any] = {"rate": settings.rate, "deviation": settings.soft_tissue, "rng": streams["tissue"]}
-        positions = positions + soft_tissue_motion(scene.body, scene.poses, scene.angles, **options)
+        positions = positions + soft_tissue_motion(
+            scene.body,
+            scene.poses,
+            scene.angles,
+            rate=settings.rate,
+            deviation=settings.soft_tissue,
+            rng=streams["tissue"],
+        )
     observed = positions + settings.noise * streams["noise"].normal(size=positions.shape)
     if settings.n_cameras:
         cameras = camera_ring(positions, settings.n_cameras)

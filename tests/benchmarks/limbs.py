@@ -22,7 +22,7 @@ from skelgen.stages.joints import find_joints
 from skelgen.stages.labels import LabelParameters, label_markers
 from skelgen.stages.limbs import LimbParameters, find_limbs
 
-MIXED = ("human", "seed-human", "quadruped", "tree:8", "tree:15")
+MIXED = ("human", "classic-human", "quadruped", "tree:8", "tree:15")
 NOISE = 0.5  # mm
 STANDOFF = 10.0  # mm: of a marker's centre from the skin, as the simulation has it
 SMALL = ("head", "left hand", "right hand", "left foot", "right foot")
@@ -109,7 +109,7 @@ ROWS = {
     "mixed 700": Row("the same with seeds from 700", mixed_cases(700), 36, is_exact_wanted=False),
     "mixed 900": Row("the same with seeds from 900", mixed_cases(900), 36, is_exact_wanted=False),
     "unseen": Row("20 % unseen, 1 mm soft tissue", cases(MIXED, range(4), dropouts=0.2, soft_tissue=1.0), 18),
-    "short": Row("seed-human, 400 frames", cases(["seed-human"], range(10), n_frames=400), 9),
+    "short": Row("classic-human, 400 frames", cases(["classic-human"], range(10), n_frames=400), 9),
     "unlabelled": Row(
         "labels found first, 2 % dropouts", cases(["human", "rods"], range(2), dropouts=0.02), 4, unlabelled=True
     ),

@@ -21,7 +21,12 @@ from skelgen.simulation import find_structure, simulate
 
 SEEDS = (1, 2, 3)
 OTHER_MOTION = 100  # added to the seed of the other take
-KNOWN_CASES = (("human", 0.0), ("human", 2.0), ("quadruped", 2.0), ("seed-human", 0.0))  # structure, soft tissue [mm]
+KNOWN_CASES = (
+    ("human", 0.0),
+    ("human", 2.0),
+    ("quadruped", 2.0),
+    ("classic-human", 0.0),
+)  # structure, soft tissue [mm]
 FAULTS = {"n_frames": 600, "noise": 0.5, "labelled": False, "n_cameras": 8, "ghosts": 0.3}
 JOINT_CASES = (("human", 0.0, True), ("human", 2.0, False))  # structure, soft tissue [mm], labelled
 JOINT_FRAMES = 300

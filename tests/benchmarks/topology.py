@@ -14,7 +14,7 @@ from skelgen.model.arrays import Ints
 from skelgen.simulation import SimulatedTake, simulate
 from skelgen.stages.joints import find_joints
 
-STRUCTURES = ("human", "seed-human", "quadruped", "tree:8", "tree:10", "tree:30", "rods")
+STRUCTURES = ("human", "classic-human", "quadruped", "tree:8", "tree:10", "tree:30", "rods")
 FAULTS: dict[str, dict[str, Any]] = {
     "0.3 mm": {"noise": 0.3},
     "1 mm": {"noise": 1.0},

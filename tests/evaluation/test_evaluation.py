@@ -54,7 +54,7 @@ def test_a_perfect_result_scores_perfectly(human: SimulatedTake, perfect) -> Non
     assert [joint.kind_found for joint in scores.joints] == list(human.truth.joint_kinds)
 
 
-@pytest.mark.parametrize("name", ["rods", "seed-human", "quadruped", "tree:9"])
+@pytest.mark.parametrize("name", ["rods", "classic-human", "quadruped", "tree:9"])
 def test_every_structure_can_be_evaluated(name: str, perfect) -> None:
     simulated = simulate(name, n_frames=10)
     scores = evaluate(perfect(simulated), simulated.truth)

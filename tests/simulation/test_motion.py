@@ -7,7 +7,7 @@ import pytest
 
 from skelgen.simulation import Truth, find_structure, simulate
 
-NAMES = ["rods", "human", "seed-human", "quadruped", "tree:12"]
+NAMES = ["rods", "human", "classic-human", "quadruped", "tree:12"]
 ROUNDING = 1e-9  # mm: metres of 1e3 mm in double precision, through a chain of a dozen rotations
 N_FRAMES = 120
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from skelgen.errors import InputError, ParameterError
-from skelgen.simulation import Structure, find_structure, human, quadruped, random_tree, rods_chain, seed_human
+from skelgen.simulation import Structure, classic_human, find_structure, human, quadruped, random_tree, rods_chain
 
-NAMES = ["rods", "human", "human:4", "seed-human", "quadruped", "tree:8", "tree:25"]
+NAMES = ["rods", "human", "human:4", "classic-human", "quadruped", "tree:8", "tree:25"]
 SMALLEST_TRIANGLE = 100.0  # mm^2: three markers 10 mm off a line, well above the noise of any tracker
 
 
@@ -54,7 +54,7 @@ def test_a_human_has_fifteen_limbs_with_hinges_in_elbows_and_knees() -> None:
 
 
 def test_the_seeds_human_has_the_markers_of_its_tables() -> None:
-    body = seed_human()
+    body = classic_human()
     assert (body.n_limbs, body.n_markers) == (13, 31)
     assert Counter(len(limb.markers) for limb in body.limbs) == {2: 8, 3: 5}
 

@@ -30,6 +30,10 @@ _LOG_RANGE = (-14.0, 20.0)
 _LOG_STEPS = 137  # a quarter apart: the trapezoidal rule is exact to 1e-4 for so smooth a bell
 
 
+DETERMINED = 10.0
+"""Frames count in which a joint's bound is at most this many times its median: in others too few markers are seen."""
+
+
 @dataclass(frozen=True, eq=False)
 class FrameCovariances:
     """What is uncertain in each frame.
@@ -171,10 +175,6 @@ def expected_distance(covariances: Floats) -> Floats:
     highest = np.exp(-_LOG_RANGE[1] / 2)  # above it is 1
     integral = result * (logs[1] - logs[0]) + 2 * lowest + 2 * highest
     return np.asarray(np.sqrt(total) * integral / (2 * np.sqrt(np.pi)))
-
-
-DETERMINED = 10.0
-"""Frames count in which a joint's bound is at most this many times its median: in others too few markers are seen."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,10 @@ LEAST_GAIN = 1e-7
 State = TypeVar("State")
 
 
+FEW_LAGS = 32
+"""Lags whose products take less time than a Fourier transform that finds all."""
+
+
 @dataclass(frozen=True, eq=False)
 class LinearisedProblem:
     """A least squares problem made linear: residuals and their slopes, whitened.
@@ -187,10 +191,6 @@ def pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
     root = vectors[:, known] / np.sqrt(values[known]) / scale[:, np.newaxis]
     unknown = vectors[:, ~known] / scale[:, np.newaxis]
     return root @ root.T, unknown / np.linalg.norm(unknown, axis=0)
-
-
-FEW_LAGS = 32
-"""Lags whose products take less time than a Fourier transform that finds all."""
 
 
 def effective_frames(residuals: Floats, *, of_squares: bool = False) -> float:

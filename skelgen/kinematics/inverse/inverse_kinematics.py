@@ -28,6 +28,10 @@ ANGLE_FRAMES = 8_192
 """Frames whose angles are computed together: their covariances take some 20 MB."""
 
 
+MOST_FRAMES = 5000
+"""Frames on which tables rest, evenly spread."""
+
+
 @dataclass(frozen=True, eq=False)
 class Posture:
     """A skeleton's pose in some frames.
@@ -280,10 +284,6 @@ class LiveSkeleton:
             raise InputError(f"the first frame shows no marker of limb {tree.limbs[0]} and those beyond it")
         unknown = pose_covariances(tree.chain, tree.articulation, before, positions, tree.noise)
         return PosedTree(before, np.zeros((1, len(tree.limbs)), dtype=bool), unknown)
-
-
-MOST_FRAMES = 5000
-"""Frames on which tables rest, evenly spread."""
 
 
 @dataclass(frozen=True)

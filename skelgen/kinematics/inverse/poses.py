@@ -19,6 +19,14 @@ from skelgen.model.arrays import Floats
 MAX_STEPS = 15
 
 
+UNKNOWN_TURN = 1.0
+"""rad; what is stated for a turn that nothing in the frame determines."""
+UNKNOWN_SHIFT = 1000.0
+"""mm; the same for the place of the root."""
+LEAST_NOISE = 1e-6
+"""mm; keeps matrices regular for exact takes."""
+
+
 def fit_poses(
     chain: Chain,
     start: ChainPoses,
@@ -49,16 +57,6 @@ def fit_poses(
     measured = fresh(positions), fresh(seen_weights(positions, weights))
     settle_frames(chain_table(chain, articulation), *measured, fitted.root, fitted.rotations, max_steps)
     return fitted
-
-
-UNKNOWN_TURN = 1.0
-"""rad; what is stated for a turn that nothing in the frame determines."""
-
-UNKNOWN_SHIFT = 1000.0
-"""mm; the same for the place of the root."""
-
-LEAST_NOISE = 1e-6
-"""mm; keeps matrices regular for exact takes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,19 @@ RELATIVE_RIDGE = 1e-7
 """Weight of nearness beside one frame's equations: its bias is below 1e-3 mm for joints that turn by 10 degrees."""
 
 
+FEWEST_ON_SPHERE = 5
+MAX_STEPS = 20
+STEP_TOLERANCE = 1e-9
+"""mm."""
+RIDGE = 1e-9
+"""Weight of nearness in the linear form, relative to the points' spread: it decides only what nothing else does."""
+N_STARTS = 48
+"""Directions all over the half sphere, some 20 degrees apart: minima are wider."""
+N_ROUNDS = 4
+"""Rounds of alternation from each; the refinement does the rest."""
+_GOLDEN = (1 + 5**0.5) / 2
+
+
 @dataclass(frozen=True, eq=False)
 class FixedPoint:
     """A fixed point of two bodies.
@@ -96,15 +109,6 @@ def fit_fixed_point(
         axis_in_second=vt[0],
         n_frames=n_frames,
     )
-
-
-FEWEST_ON_SPHERE = 5
-MAX_STEPS = 20
-STEP_TOLERANCE = 1e-9
-"""mm."""
-
-RIDGE = 1e-9
-"""Weight of nearness in the linear form, relative to the points' spread: it decides only what nothing else does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,15 +214,6 @@ def hinge_angles(rotations: Floats, in_parent: Floats, in_child: Floats) -> Floa
     sine = between[:, 1, 0] - between[:, 0, 1]
     cosine = between[:, 0, 0] + between[:, 1, 1]
     return np.asarray(np.arctan2(sine, cosine))
-
-
-N_STARTS = 48
-"""Directions all over the half sphere, some 20 degrees apart: minima are wider."""
-
-N_ROUNDS = 4
-"""Rounds of alternation from each; the refinement does the rest."""
-
-_GOLDEN = (1 + 5**0.5) / 2
 
 
 def nearest_universal(rotations: Floats) -> UniversalRotation:

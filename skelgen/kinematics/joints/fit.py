@@ -31,6 +31,12 @@ UNKNOWN = 1000.0
 KINDS = ("ball", "hinge", "universal", "rigid")
 
 
+FREEDOMS_OF_GAP = 3.0
+"""Per frame: what poses alone tell of their noise is how far a ball joint's two images are apart."""
+VARIANCE_OF_THIRD = 20.0
+"""Of third differences of independent numbers of variance 1: 1 + 9 + 9 + 1."""
+
+
 @dataclass(frozen=True, eq=False)
 class JointFit:
     """A joint of one kind between two bodies.
@@ -272,14 +278,6 @@ def _gap(joint: JointModel, measured: RelativePoses) -> float:
     """Root mean square distance [mm] of the joint's images in the two measured bodies."""
     images = measured.shifts + measured.rotations @ joint.in_child - joint.in_parent
     return float(np.sqrt((images**2).sum(axis=1).mean()))
-
-
-FREEDOMS_OF_GAP = 3.0
-"""Per frame: what poses alone tell of their noise is how far a ball joint's two images are apart."""
-
-
-VARIANCE_OF_THIRD = 20.0
-"""Of third differences of independent numbers of variance 1: 1 + 9 + 9 + 1."""
 
 
 @dataclass(frozen=True, eq=False)

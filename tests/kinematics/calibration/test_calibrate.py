@@ -42,7 +42,7 @@ def test_noise_estimate_is_the_simulated_noise(true_chain, noise, dropouts):
 
 
 def test_noise_estimate_holds_for_two_marker_limbs(true_chain):
-    case = true_chain("seed-human", n_frames=300, noise=0.5)
+    case = true_chain("classic-human", n_frames=300, noise=0.5)
     assert calibrate(case.chain, case.poses, case.positions).noise == pytest.approx(0.5, rel=0.1)
 
 

@@ -58,7 +58,7 @@ def test_normal_matrix_is_that_of_the_numerical_jacobian(case):
     np.testing.assert_allclose(hessian, jacobian.swapaxes(1, 2) @ jacobian, rtol=1e-4, atol=0.5)
 
 
-@pytest.mark.parametrize("name", ["rods", "human", "seed-human"])
+@pytest.mark.parametrize("name", ["rods", "human", "classic-human"])
 def test_poses_of_exact_markers_come_back_to_the_truth(true_chain, name):
     case = true_chain(name, n_frames=40)
     fitted = fit_poses(case.chain, disturbed(case.poses, 0.2), case.positions)

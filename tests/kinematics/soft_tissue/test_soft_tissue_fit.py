@@ -124,7 +124,7 @@ def test_pull_is_the_slope_of_the_squares(true_chain):
 
 
 def test_limbs_of_one_and_two_markers_take_part(true_chain):
-    case = true_chain("seed-human", n_frames=300, noise=0.3, tissue=TISSUE)
+    case = true_chain("classic-human", n_frames=300, noise=0.3, tissue=TISSUE)
     last = calibrate(case.chain, case.poses, case.positions)
     found = fit_soft_tissue(last)
     assert found is not None

@@ -15,7 +15,7 @@ from skelgen.stages.classic.joint_cost import joint_cost
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.joints.placing import sample_frames
 
-STRUCTURES = ("rods", "human", "quadruped", "tree:8", "seed-human")
+STRUCTURES = ("rods", "human", "quadruped", "tree:8", "classic-human")
 FAULTS = {"noise": 0.5, "dropouts": 0.05}
 DESCENT = JointParameters(solver="conjugate-gradient", tolerance=1e-9, max_iterations=2000)
 EXACT = 1e-2  # mm: what the issue asks of joints in exact takes

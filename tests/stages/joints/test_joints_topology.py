@@ -165,7 +165,7 @@ def test_recordings_are_as_many_trees_as_bodies(recording, reconstructed, path, 
     assert len(find_joints(take, find_limbs(take)).roots) == n_trees
 
 
-@pytest.mark.parametrize("structure", ["rods", "seed-human"])
+@pytest.mark.parametrize("structure", ["rods", "classic-human"])
 @pytest.mark.parametrize("seed", range(2))
 def test_limbs_of_one_and_two_markers_hang_where_they_truly_do(simulated, structure, seed):
     case = simulated(structure, seed, n_frames=600, noise=0.5)

@@ -90,7 +90,7 @@ def test_sets_of_one_group_never_overlap_in_time():
     assert not (same & sets.overlaps).any()
 
 
-@pytest.mark.parametrize("structure", ["seed-human", "tree:8"])
+@pytest.mark.parametrize("structure", ["classic-human", "tree:8"])
 def test_markers_are_found_again_after_a_pause_in_which_nothing_was_seen(structure):
     case = simulate(structure, n_frames=900, seed=0, noise=0.3, dropouts=0.02, labelled=False)
     cloud, truth = case.take, case.truth.marker_of_point

@@ -44,7 +44,7 @@ def agreement(trajectories, cloud, marker_of_point):
     return right / true.sum(), right / found.sum()
 
 
-@pytest.mark.parametrize("structure", ["rods", "seed-human", "quadruped"])
+@pytest.mark.parametrize("structure", ["rods", "classic-human", "quadruped"])
 def test_takes_without_occlusion_are_labelled_exactly(structure):
     simulated = simulate(structure, labelled=False, n_frames=300, noise=0.5, seed=1)
     trajectories = label_markers(simulated.take, DEFAULTS)[0]
@@ -53,7 +53,7 @@ def test_takes_without_occlusion_are_labelled_exactly(structure):
     assert trajectories.notices == ()
 
 
-@pytest.mark.parametrize("structure", ["rods", "seed-human", "human"])
+@pytest.mark.parametrize("structure", ["rods", "classic-human", "human"])
 def test_dropouts_cost_points_but_hardly_ever_identities(structure):
     simulated = simulate(structure, labelled=False, n_frames=800, noise=0.5, dropouts=0.05, seed=0)
     trajectories = label_markers(simulated.take, DEFAULTS)[0]
@@ -101,7 +101,7 @@ def test_the_given_number_of_markers_is_obeyed():
 
 
 def test_same_seed_gives_the_same_bits():
-    take = simulate("seed-human", labelled=False, n_frames=300, dropouts=0.05, seed=2).take
+    take = simulate("classic-human", labelled=False, n_frames=300, dropouts=0.05, seed=2).take
     parameters = LabelParameters(clustering="spectral", add_random=True, max_jitter=0.2)
     first, second = (label_markers(take, parameters, seed=4)[0].positions for _ in range(2))
     assert np.array_equal(first, second, equal_nan=True)

@@ -11,7 +11,7 @@ from skelgen.errors import InputError
 from skelgen.model import Trajectories
 from skelgen.stages.limbs import LimbParameters, find_limbs
 
-STRUCTURES = ("rods", "human", "quadruped", "tree:8", "seed-human")
+STRUCTURES = ("rods", "human", "quadruped", "tree:8", "classic-human")
 FAULTS = {"noise": 0.5, "dropouts": 0.05}
 SPECTRAL = {
     "local scaling": {},
@@ -63,7 +63,7 @@ def test_moving_the_world_changes_no_limb(simulated, moved_world, settings):
 
 
 @pytest.mark.parametrize("settings", SPECTRAL.values(), ids=SPECTRAL)
-@pytest.mark.parametrize("name", ["rods", "human", "seed-human"])
+@pytest.mark.parametrize("name", ["rods", "human", "classic-human"])
 def test_spectral_clustering_parts_a_known_number_of_limbs(simulated, same_partition, name, settings):
     case = simulated(name, **FAULTS)
     limbs = find_limbs(case.take, LimbParameters(method="spectral", **settings), n_limbs=case.truth.n_limbs)

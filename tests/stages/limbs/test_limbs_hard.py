@@ -31,14 +31,14 @@ def rods_of_one():
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", ["human", "seed-human", "tree:8"])
+@pytest.mark.parametrize("name", ["human", "classic-human", "tree:8"])
 def test_limbs_under_three_mm_of_soft_tissue_are_exact(simulated, same_partition, name, seed):
     case = simulated(name, seed, **TISSUE)
     assert same_partition(find_limbs(case.take).limb_of_marker, case.truth.limb_of_marker)
 
 
 def test_a_fifth_unseen_changes_no_limb(simulated, same_partition):
-    case = simulated("seed-human", 2, n_frames=600, noise=0.5, soft_tissue=1.0, dropouts=0.2)
+    case = simulated("classic-human", 2, n_frames=600, noise=0.5, soft_tissue=1.0, dropouts=0.2)
     assert same_partition(find_limbs(case.take).limb_of_marker, case.truth.limb_of_marker)
 
 

@@ -14,7 +14,7 @@ FOLDED = 15.0  # mm: an arm on the wrong side is 40 mm off, the right side with 
 @pytest.fixture(scope="module")
 def arm_with_a_marker_too_few():
     """Two-marker arm; in frames 890 to 899 two of its markers are unseen, and folding it fits about as well."""
-    simulated = simulate("seed-human", seed=0, n_frames=1000, noise=0.5, dropouts=0.05)
+    simulated = simulate("classic-human", seed=0, n_frames=1000, noise=0.5, dropouts=0.05)
     return simulated.truth, skelgen.reconstruct(simulated.take, seed=0)
 
 

@@ -35,7 +35,7 @@ def noisy(simulated, reconstructed):
     return case, reconstructed(case.take)
 
 
-@pytest.mark.parametrize("name", ["rods", "human", "quadruped", "tree:8", "seed-human"])
+@pytest.mark.parametrize("name", ["rods", "human", "quadruped", "tree:8", "classic-human"])
 def test_exact_takes_are_explained_exactly(simulated, reconstructed, name):
     case = simulated(name, n_frames=400)
     scores = evaluate(reconstructed(case.take), case.truth)
@@ -185,7 +185,7 @@ def test_frames_without_any_marker_are_bridged(simulated, reconstructed, true_li
 
 
 def test_limbs_of_two_markers_are_posed_by_their_joints(simulated, reconstructed):
-    case = simulated("seed-human", n_frames=400, **FAULTS)
+    case = simulated("classic-human", n_frames=400, **FAULTS)
     scores = evaluate(reconstructed(case.take), case.truth)
     assert scores.limbs.is_exact
     assert scores.topology.is_exact
