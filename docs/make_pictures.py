@@ -17,7 +17,7 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication, QDockWidget
 from skelgen_formats.capture_settings import write_settings
 from skelgen_gui.capture.page import CapturePage
-from skelgen_gui.project.session import Selection
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.widgets.theme import Theme, prepare_high_dpi
 from skelgen_gui.window import Window
@@ -49,12 +49,12 @@ def main() -> None:
         path = Path(sys.argv[1]) if len(sys.argv) > 1 else recording(Path(folder))
         window.open(path)
         wait(app, lambda: window.session.project is not None and not window.jobs.is_busy)
-        window.commanding.run_all()
+        window.commands.run_all()
         wait(app, lambda: not window.jobs.is_busy and window.session.project.has("skeleton"))
         FOLDER.mkdir(exist_ok=True)
         take_pictures(app, window)
         take_capture_pictures(app, window)
-        window.care.close = lambda then: then()
+        window.files.close = lambda then: then()
         window.close()
         settle(app)
 

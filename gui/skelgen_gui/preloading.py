@@ -15,7 +15,7 @@ INTERVAL = 50
 """ms between two looks, and between two pages."""
 
 
-class Warming(QObject):
+class Preloading(QObject):
     """Loads stages on a thread of its own; then builds one page after the other.
 
     Parameters
@@ -36,7 +36,7 @@ class Warming(QObject):
     def __init__(self, pages: PageStack, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._pages = pages
-        self._thread = threading.Thread(target=_load, name="warming", daemon=True)
+        self._thread = threading.Thread(target=_load, name="preloading", daemon=True)
         self._timer = QTimer(self, interval=INTERVAL)
         self._timer.timeout.connect(self._go_on)
 

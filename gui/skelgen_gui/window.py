@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QPoint, Qt, QTimer
+from PySide6.QtCore import QCoreApplication, QPoint, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QTabWidget, QWidget
 
@@ -18,17 +18,19 @@ from skelgen.model import Project
 from skelgen_gui.diagrams.graph_view import GraphView
 from skelgen_gui.diagrams.matrix_view import MatrixView
 from skelgen_gui.model.scene import Scene
+from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.translation import translate_with
 from skelgen_gui.page_stack import Middle, PageStack
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
-from skelgen_gui.preloading import Warming
+from skelgen_gui.preloading import Preloading
 from skelgen_gui.project.cameras import VIEW, Cameras
 from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.document import Document
-from skelgen_gui.project.file_actions import FileCare
+from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.recovery import Autosave, Remains
 from skelgen_gui.project.runner import Runner
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.project.session import Session
 from skelgen_gui.status_line import StatusLine
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
@@ -37,7 +39,7 @@ from skelgen_gui.widgets.errors import ErrorReporter
 from skelgen_gui.widgets.painting import rich
 from skelgen_gui.widgets.preferences import AXES, Preferences
 from skelgen_gui.widgets.shortcuts import add_view_actions, make_actions
-from skelgen_gui.window_commands import Commanding
+from skelgen_gui.window_commands import WindowCommands
 
 SIZE = (1440, 900)  # px, before the user has chosen one
 
@@ -59,23 +61,25 @@ class Window(QMainWindow):
         self, preferences: Preferences, entries: tuple[PageEntry, ...] = PAGES, recovery: Path | None = None
     ) -> None:
         super().__init__()
+        translate_with(QCoreApplication.translate)
         self.preferences = preferences
         self.errors = ErrorReporter(self)
         self.session, self.jobs = Session(self), Jobs(self)
         self.document = Document(self.session, self)
         self.runner = Runner(self.document, self.jobs, self.errors.report, self)
-        self.care = FileCare(self.document, self.jobs, preferences, self.view_state, self.errors.report, self)
+        self.files = FileActions(self.document, self.jobs, preferences, self.view_state, self.errors.report, self)
         self.cameras = Cameras(self.errors.report, self)
         self.autosave = Autosave(self.session, preferences, recovery, self)
         self.corrections = CorrectionActions(self.document, self.runner, self.errors.report, self)
         self.actions_by_id = make_actions(self)
         self._make_views()
-        self.pages = PageStack(entries, self._context())
+        context = self._context()
+        self.pages = PageStack(entries, context)
         self._make_docks()
         self.status = StatusLine(self.jobs, self)
         self.setStatusBar(self.status)
-        self.commanding = Commanding(self)
-        self.warming = Warming(self.pages, self)
+        self.commands = WindowCommands(self, self.actions_by_id, context, self.pages, self.view3d, self.corrections)
+        self.preloading = Preloading(self.pages, self)
         self._connect()
         self.setAcceptDrops(True)
         self.resize(*SIZE)
@@ -87,21 +91,21 @@ class Window(QMainWindow):
 
     def open(self, path: Path) -> None:
         """Open a recording or a project."""
-        self.care.open(path)
+        self.files.open(path)
 
     def offer(self, remains: Remains) -> None:
         """Ask whether to go on with what a window that died left behind."""
         question = self.tr("skelgen ended without saving {0} (kept at {1:%X}, {1:%x}). Restore it?")
         question = question.format(remains.name, remains.when)
         if QMessageBox.question(self, self.tr("Recovery"), rich(question)) == QMessageBox.StandardButton.Yes:
-            self.care.restore(remains)
+            self.files.restore(remains)
         else:
             remains.forget()
 
     def end_without_asking(self) -> None:
         """End at once: what runs is cancelled, and unsaved work is put aside for the next window to offer."""
         self.jobs.stop()
-        if self.care.has_unsaved_work:
+        if self.files.has_unsaved_work:
             self.autosave.save()
             self.autosave.leave()
         else:
@@ -126,7 +130,7 @@ class Window(QMainWindow):
             self.runner,
             self.preferences,
             self.errors.report,
-            self.care,
+            self.files,
             self.cameras,
         )
 
@@ -178,8 +182,8 @@ class Window(QMainWindow):
     def _connect(self) -> None:
         self.session.state_changed.connect(self._follow_state)
         self.preferences.changed.connect(self._follow_preferences)
-        self.care.opened.connect(self._show_opened)
-        self.care.restored.connect(self.autosave.take_over)
+        self.files.opened.connect(self._show_opened)
+        self.files.restored.connect(self.autosave.take_over)
         self.runner.finished.connect(self._show_finished)
         self.autosave.failed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
@@ -237,7 +241,7 @@ class Window(QMainWindow):
             event.accept()
             return
         event.ignore()
-        self.care.close(self._close)
+        self.files.close(self._close)
 
     def _close(self) -> None:
         self._is_closing = True
@@ -248,5 +252,5 @@ class Window(QMainWindow):
     def _rest(self) -> None:
         """Do nothing any more, and keep how the window was."""
         self.timeline.player.pause()
-        self.warming.end()
+        self.preloading.end()
         self.preferences.keep_window(self.saveGeometry(), self.middle.layout_of_window())

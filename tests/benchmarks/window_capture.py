@@ -40,12 +40,12 @@ def main() -> None:
         collector = Collector(window)
         window.resize(*SIZE)
         window.show()
-        window.warming.begin()
-        until(app, lambda: not window.warming.is_busy)
+        window.preloading.begin()
+        until(app, lambda: not window.preloading.is_busy)
         titles = "what", "wanted", "reached", ""
         show("The Capture page", titles, capture_rows(app, window, seconds))
         show("Joints are taken and calibrated", titles, taking_rows(app, window, seconds))
-        window.care.close(window._close)
+        window.files.close(window._close)
         until(app, lambda: not window.isVisible())
         collector.end()
 

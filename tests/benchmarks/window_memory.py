@@ -17,7 +17,7 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication, QDockWidget
 from shown import show, show_machine, verdict
 from skelgen_gui.main import Collector
-from skelgen_gui.project.session import Selection
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 from window import FLAT, memory
@@ -56,7 +56,7 @@ def main() -> None:
         show("Memory", ("figure", "wanted", "reached", ""), [row])
         print(f"after each minute: {told}")
         collector.end()
-        window.care.close(window._close)
+        window.files.close(window._close)
         os._exit(0)
 
 

@@ -77,7 +77,7 @@ def _pauses(app: QApplication, take: Path, folder: Path) -> Iterator[tuple[str, 
     preferences = Preferences(QSettings(str(folder / "settings.ini"), QSettings.Format.IniFormat))
     window = Window(preferences, recovery=folder / "recovery")
     collector, heart = Collector(window), Heart()
-    window.warming.ended.connect(collector.spare_what_is_there)
+    window.preloading.ended.connect(collector.spare_what_is_there)
 
     def pause(act: Callable[[], object], is_done: Callable[[], bool] = lambda: True) -> tuple[float, float]:
         heart.start()
@@ -86,7 +86,7 @@ def _pauses(app: QApplication, take: Path, folder: Path) -> Iterator[tuple[str, 
         return heart.own, heart.longest
 
     window.show()
-    yield "starting", pause(window.warming.begin, lambda: not window.warming.is_busy)
+    yield "starting", pause(window.preloading.begin, lambda: not window.preloading.is_busy)
     what = f"{N_FRAMES} frames"
     yield f"opening a C3D of {what}", pause(lambda: window.open(take))
     yield "running all stages", pause(window.actions_by_id["run_all"].trigger)
@@ -95,11 +95,11 @@ def _pauses(app: QApplication, take: Path, folder: Path) -> Iterator[tuple[str, 
     yield "looking at every page", pause(lambda: [window.pages.page(entry.key) for entry in window.pages.entries])
     yield "looking at every view", pause(lambda: [window.tabs.setCurrentIndex(index) for index in range(3)])
     saved = folder / "long.skelgen"
-    yield "saving", pause(lambda: window.care._write(saved, None))
+    yield "saving", pause(lambda: window.files._write(saved, None))
     yield "opening what was saved", pause(lambda: window.open(saved))
     yield "playing for 5 s", pause(window.timeline.player.play, after(5.0))
     window.timeline.player.pause()
-    window.care.close(window._close)
+    window.files.close(window._close)
     until(app, lambda: not window.isVisible())
     collector.end()
     window.deleteLater()

@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from PySide6.QtWidgets import QApplication
 from shown import verdict
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.deriving import Deriver
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from skelgen_gui.model.offers import new_name, offers
-from skelgen_gui.project.session import Selection
+from skelgen_gui.model.selection import Selection, new_name, offers
 
 from skelgen.app.corrections import with_correction
 from skelgen.model import Project

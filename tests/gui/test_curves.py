@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPointF, Qt
 from skelgen_gui.model.curves import Curve, Extremes, Panel, joint_curve
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.model.selection import Selection
+from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.widgets.theme import colour_of_limb, component_colour
 

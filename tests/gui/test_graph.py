@@ -11,16 +11,19 @@ from skelgen_gui.diagrams.graph_painting import NODE
 from skelgen_gui.diagrams.graph_view import GraphView
 from skelgen_gui.model.graph import (
     body_places,
-    find_graph,
+    joint_sentences,
+    margin_label,
     nearest_line,
     nearest_point,
+    pair_sentences,
     place_words,
-    tree_path,
     tree_places,
 )
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.model.selection import Selection
+from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour, theme_palette
 
+from skelgen.app.drawing.graph import find_cost_graph, tree_path
 from skelgen.model import Project, Topology
 
 
@@ -84,23 +87,23 @@ def test_hover_over_a_joint_tells_cost_margin_rival_kind_and_range(view, topolog
 
 
 def test_the_margin_of_a_doubtful_joint_is_told_as_such(ringed):
-    joints = find_graph(ringed).joints
+    joints = find_cost_graph(ringed).joints
     assert [joint.is_doubtful for joint in joints] == [False, False, True]
     assert joints[2].rival == (0, 3)
     assert joints[2].ratio == pytest.approx(3.2 / 3)
-    assert joints[2].label == "1.1×"
-    assert "hardly any" in joints[2].sentences
+    assert margin_label(joints[2]) == "1.1×"
+    assert "hardly any" in joint_sentences(joints[2])
 
 
 def test_a_pair_that_is_not_joined_says_which_way_the_tree_takes(ringed):
-    told = find_graph(ringed).sentence_of_pair(0, 3)
+    told = pair_sentences(find_cost_graph(ringed), 0, 3)
     assert "cost 3.20 mm²" in told
     assert "by way of 1 and 2, at no joint for more than 3.00 mm²" in told
 
 
-def test_a_ring_is_told(ringed, ring):
+def test_a_kinematic_loop_is_told(ringed, ring):
     looped = replace(ringed, _topology=replace(ring, loops=((0, 3),)))
-    assert "closes a ring" in find_graph(looped).sentence_of_pair(3, 0)
+    assert "closes a kinematic loop" in pair_sentences(find_cost_graph(looped), 3, 0)
 
 
 def test_separate_bodies_are_told():
@@ -109,7 +112,7 @@ def test_separate_bodies_are_told():
 
 
 def test_other_pairs_are_sorted_by_cost_with_the_cheapest_strongest(walked, topology):
-    facts = find_graph(walked[0])
+    facts = find_cost_graph(walked[0])
     costs = topology.joint_costs[facts.pairs[:, 0], facts.pairs[:, 1]]
     assert (np.diff(costs) >= 0).all()
     assert (facts.strengths[0], facts.strengths[-1]) == (1.0, 0.0)
@@ -122,9 +125,9 @@ def test_other_pairs_are_sorted_by_cost_with_the_cheapest_strongest(walked, topo
 def test_ranges_of_motion_are_told_in_degrees(walked):
     project = walked[0]
     hinge = next(index for index, one in enumerate(project.skeleton.joints) if one.kind == "hinge")
-    fact = find_graph(project).joints[hinge]
+    fact = find_cost_graph(project).joints[hinge]
     low, high = np.degrees([fact.ranges[0].low, fact.ranges[0].high]).round()
-    assert f"turn: {low:.0f}° … {high:.0f}°".replace("-", "\N{MINUS SIGN}") in fact.sentences
+    assert f"turn: {low:.0f}° … {high:.0f}°".replace("-", "\N{MINUS SIGN}") in joint_sentences(fact)
     assert high - low > 20
 
 

@@ -47,7 +47,7 @@ WATCHED = """
                 print("told:", dialog.sentence.text(), flush=True)
                 dialog.reject()
             elif project is not None and COMMAND == "run" and not project.has("skeleton"):
-                window.commanding.run_all()
+                window.commands.run_all()
                 return
             elif project is not None:
                 window.autosave.save()

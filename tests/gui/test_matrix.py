@@ -8,10 +8,11 @@ from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QApplication
 from skelgen_gui.diagrams.matrix_view import MatrixView
-from skelgen_gui.model.matrix import Region, find_matrix
+from skelgen_gui.model.matrix import Region, cell_sentence
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.theme import colour_of_limb, theme_palette
 
+from skelgen.app.drawing.matrix import find_deviation_matrix
 from skelgen.model import Project
 
 
@@ -22,7 +23,7 @@ def view(session, shown):
 
 @pytest.fixture
 def matrix(walked):
-    return find_matrix(walked[0])
+    return find_deviation_matrix(walked[0])
 
 
 def pixel(view, place):
@@ -110,8 +111,8 @@ def test_a_pair_that_is_never_seen_together_says_so(small_project):
 
     deviation = np.full((10, 10), np.nan)
     limbs = Limbs(small_project.limbs.limb_of_marker, deviation)
-    matrix = find_matrix(replace(small_project, _limbs=limbs))
-    assert matrix.sentence(0, 4).endswith("never seen together")
+    matrix = find_deviation_matrix(replace(small_project, _limbs=limbs))
+    assert cell_sentence(matrix, 0, 4).endswith("never seen together")
     assert matrix.pixels.shape == (10, 10, 4)
 
 

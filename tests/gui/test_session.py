@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from skelgen_gui.project.session import Selection
+from skelgen_gui.model.selection import Selection
 
 
 def test_frames_beyond_the_take_show_its_ends(session):

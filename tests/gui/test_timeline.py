@@ -9,7 +9,8 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QApplication
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.model.selection import Selection
+from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, clock
 from skelgen_gui.timeline.timeline import Timeline
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour, theme_palette

@@ -9,8 +9,9 @@ import pytest
 from PySide6.QtCore import QPointF
 from skelgen_gui.diagrams.graph_view import GraphView
 from skelgen_gui.diagrams.matrix_view import MatrixView
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.deriving import Deriver
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
 

@@ -6,8 +6,9 @@ import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPalette, QPen
 
+from skelgen.app.drawing.graph import Bar, CostGraph, Disc, JointCost, joint_sign
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.graph import GraphFacts, JointFact, place_words
+from skelgen_gui.model.graph import margin_label, place_words
 from skelgen_gui.widgets.painting import draw_lines
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour, is_dark
 
@@ -30,7 +31,7 @@ class GraphPainting:
     ----------
     painter : QPainter
         An active painter.
-    facts : GraphFacts
+    graph : CostGraph
         What is painted.
     places : ndarray, shape (n_limbs, 2), px
         Middle of each limb.
@@ -38,26 +39,26 @@ class GraphPainting:
         Colours of texts and ground.
     """
 
-    def __init__(self, painter: QPainter, facts: GraphFacts, places: Floats, palette: QPalette) -> None:
-        self._painter, self._facts, self._places, self._palette = painter, facts, places, palette
+    def __init__(self, painter: QPainter, graph: CostGraph, places: Floats, palette: QPalette) -> None:
+        self._painter, self._graph, self._places, self._palette = painter, graph, places, palette
         self._metrics = QFontMetricsF(painter.font())
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
 
     def pairs(self) -> None:
-        """Paint joints that were tried and not taken: the cheaper, the stronger; rings dotted."""
+        """Paint joints that were tried and not taken: the cheaper, the stronger; kinematic loops dotted."""
         colour = QColor(self._palette.color(_Role.Text))
-        shades = np.round(self._facts.strengths**2 * (_SHADES - 1)).astype(int)
+        shades = np.round(self._graph.strengths**2 * (_SHADES - 1)).astype(int)
         for shade in range(_SHADES):
-            chosen = self._facts.pairs[shades == shade]
+            chosen = self._graph.pairs[shades == shade]
             colour.setAlphaF(_FAINTEST + (_STRONGEST - _FAINTEST) * shade / (_SHADES - 1))
             self._painter.setPen(QPen(colour, _THIN))
             draw_lines(self._painter, self._places[chosen])
-        for pair in self._facts.topology.loops:
+        for pair in self._graph.topology.loops:
             self.line(pair, self._palette.color(_Role.Link), Qt.PenStyle.DotLine)
 
     def tree(self, selected: int | None) -> None:
         """Paint the joints of the tree, doubtful ones dashed, the selected one on a halo."""
-        for number, joint in enumerate(self._facts.joints):
+        for number, joint in enumerate(self._graph.joints):
             if number == selected:
                 pen = QPen(self._palette.color(_Role.Highlight), _TREE + 2 * _HALO)
                 pen.setCapStyle(Qt.PenCapStyle.RoundCap)
@@ -68,7 +69,7 @@ class GraphPainting:
             self._painter.setPen(QPen(colour, _TREE, style, Qt.PenCapStyle.FlatCap))
             self._painter.drawLine(*self._ends((joint.parent, joint.child)))
 
-    def rival(self, joint: JointFact | None) -> None:
+    def rival(self, joint: JointCost | None) -> None:
         """Paint the joint that would be used without this one."""
         if joint is not None and joint.rival is not None:
             self.line(joint.rival, doubt_colour(self._palette), Qt.PenStyle.DashDotLine)
@@ -81,29 +82,30 @@ class GraphPainting:
     def signs(self) -> None:
         """Paint the kind of each joint in its middle."""
         ground, text = self._palette.color(_Role.Window), self._palette.color(_Role.Text)
-        for joint in self._facts.joints:
+        for joint in self._graph.joints:
             start, end = self._ends((joint.parent, joint.child))
             middle = (start + end) / 2
             self._painter.setPen(QPen(ground, 3.0))
             self._painter.setBrush(text)
-            self._painter.drawPath(joint_sign(joint.kind, middle, _SIGN))
+            self._painter.drawPath(_sign_path(joint.kind, middle, _SIGN))
             self._painter.setPen(Qt.PenStyle.NoPen)
-            self._painter.drawPath(joint_sign(joint.kind, middle, _SIGN))
+            self._painter.drawPath(_sign_path(joint.kind, middle, _SIGN))
 
     def margins(self) -> None:
         """Write beside each joint how much dearer the next best would be."""
-        joints = self._facts.joints
+        joints = self._graph.joints
         edges = np.array([(joint.parent, joint.child) for joint in joints], dtype=np.intp).reshape(-1, 2)
         lines, height = self._places[edges], self._metrics.height()
-        sizes = np.array([(self._width(joint.label), height if joint.label else 0.0) for joint in joints])
+        labels = [margin_label(joint) for joint in joints]
+        sizes = np.array([(self._width(label), height if label else 0.0) for label in labels])
         placed = place_words(lines.mean(axis=1), sizes.reshape(-1, 2), self._places, NODE, lines)
         ground = QColor(self._palette.color(_Role.Window))
         ground.setAlphaF(0.8)
-        for joint, (x, y), (width, _) in zip(joints, placed.tolist(), sizes.tolist(), strict=True):
+        for joint, label, (x, y), (width, _) in zip(joints, labels, placed.tolist(), sizes.tolist(), strict=True):
             room = QRectF(x - width / 2, y - height / 2, width, height)
             self._painter.fillRect(room, ground)
             self._painter.setPen(doubt_colour(self._palette) if joint.is_doubtful else self._palette.color(_Role.Text))
-            self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, joint.label)
+            self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, label)
 
     def _width(self, label: str) -> float:
         return self._metrics.horizontalAdvance(label) + _WORDS_PAD if label else 0.0
@@ -119,7 +121,7 @@ class GraphPainting:
                 self._painter.setPen(Qt.PenStyle.NoPen)
                 self._painter.setBrush(colour)
                 self._painter.drawEllipse(at, NODE + _HALO, NODE + _HALO)
-            is_root = self._facts.topology.parents[limb] < 0
+            is_root = self._graph.topology.parents[limb] < 0
             self._painter.setPen(QPen(self._palette.color(_Role.Text if is_root else _Role.Window), 2.0))
             self._painter.setBrush(colour_of_limb(limb, self._palette))
             self._painter.drawEllipse(at, NODE, NODE)
@@ -144,7 +146,7 @@ class GraphPainting:
         for kind, name in kinds:
             self._painter.setPen(Qt.PenStyle.NoPen)
             self._painter.setBrush(text)
-            self._painter.drawPath(joint_sign(kind, QPointF(x, y), _SIGN - 1))
+            self._painter.drawPath(_sign_path(kind, QPointF(x, y), _SIGN - 1))
             self._painter.setPen(text)
             self._painter.drawText(QPointF(x + _SIGN + 5, y + self._metrics.ascent() / 2 - 1), name)
             x += _SIGN + 5 + self._metrics.horizontalAdvance(name) + 18
@@ -157,38 +159,20 @@ class GraphPainting:
         return QPointF(*self._places[first].tolist()), QPointF(*self._places[second].tolist())
 
 
-_ROUND = 2.0
-
-
-def joint_sign(kind: str, at: QPointF, size: float) -> QPainterPath:
-    """Return the sign of a kind: ball a disc, hinge a bar, universal a cross, rigid a square, others a ring.
-
-    Parameters
-    ----------
-    kind : str
-        Of the joint; empty where it is not known yet.
-    at : QPointF, px
-        Middle of the sign.
-    size : float, px
-        Half its height.
-    """
+def _sign_path(kind: str, at: QPointF, size: float) -> QPainterPath:
+    """The sign of a kind of joint about a place; `size` [px] is half its height."""
     path = QPainterPath()
-    if kind == "ball":
-        path.addEllipse(at, size, size)
-    elif kind == "hinge":
-        path.addRoundedRect(_box(at, 0.45 * size, 1.2 * size), _ROUND, _ROUND)
-    elif kind == "universal":
-        path.addRoundedRect(_box(at, 0.4 * size, 1.2 * size), _ROUND, _ROUND)
-        across = QPainterPath()
-        across.addRoundedRect(_box(at, 1.2 * size, 0.4 * size), _ROUND, _ROUND)
-        path = path.united(across)
-    elif kind == "rigid":
-        path.addRect(_box(at, 0.9 * size, 0.9 * size))
-    else:
-        path.addEllipse(at, size, size)
-        path.addEllipse(at, 0.5 * size, 0.5 * size)
+    for part in joint_sign(kind):
+        outline = QPainterPath()
+        if isinstance(part, Disc):
+            outline.addEllipse(at, size * part.radius, size * part.radius)
+            outline.addEllipse(at, size * part.hole, size * part.hole)
+        else:
+            outline.addRoundedRect(_box(at, size, part), size * part.corner, size * part.corner)
+        path = path.united(outline) if not path.isEmpty() else outline
     return path
 
 
-def _box(at: QPointF, half_width: float, half_height: float) -> QRectF:
+def _box(at: QPointF, size: float, bar: Bar) -> QRectF:
+    half_width, half_height = size * bar.half_width, size * bar.half_height
     return QRectF(at.x() - half_width, at.y() - half_height, 2 * half_width, 2 * half_height)

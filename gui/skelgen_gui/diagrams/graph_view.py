@@ -9,21 +9,22 @@ from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
+from skelgen.app.drawing.graph import CostGraph, JointCost, find_cost_graph
 from skelgen.app.drawing.wording import counted, shortened
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.diagrams.graph_painting import NODE, GraphPainting
 from skelgen_gui.model.graph import (
-    GraphFacts,
-    JointFact,
     body_places,
-    find_graph,
+    joint_sentences,
     nearest_line,
     nearest_point,
+    pair_sentences,
     tree_places,
 )
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.deriving import Deriver
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, tell
 
 _MARGIN = 28.0  # px about the graph
@@ -50,8 +51,8 @@ class GraphView(QWidget):
     def __init__(self, session: Session, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._session = session
-        self._facts: GraphFacts | None = None
-        self._facts_of: Project | None = None
+        self._graph: CostGraph | None = None
+        self._graph_of: Project | None = None
         self._layouts: tuple[Floats, Floats] = (np.zeros((0, 2)), np.zeros((0, 2)))
         self._zoom, self._shift = 1.0, QPointF(0, 0)
         self._pressed: QPointF | None = None
@@ -80,9 +81,9 @@ class GraphView(QWidget):
         self._follow_project()
 
     @property
-    def facts(self) -> GraphFacts | None:
+    def graph(self) -> CostGraph | None:
         """What is shown; None while it is derived, or before there are joints."""
-        return self._facts
+        return self._graph
 
     @property
     def places(self) -> Floats:
@@ -105,15 +106,15 @@ class GraphView(QWidget):
     def tip_at(self, place: QPointF) -> str:
         """Return what is told of a limb, a joint or a pair of limbs at a place."""
         limb, joint, pair = self._found_at(place)
-        project = self._facts_of
+        project = self._graph_of
         if limb is not None and project is not None:
             markers = project.limbs.markers_of(limb).tolist()
             names = shortened([project.trajectories.names[marker] for marker in markers], _NAMES_ROOM)
             return f"limb {limb}: {counted(len(markers), 'marker')}\n{names}"
-        if joint is not None and self._facts is not None:
-            return self._facts.joints[joint].sentences
-        if pair is not None and self._facts is not None:
-            return self._facts.sentence_of_pair(*pair)
+        if joint is not None and self._graph is not None:
+            return joint_sentences(self._graph.joints[joint])
+        if pair is not None and self._graph is not None:
+            return pair_sentences(self._graph, *pair)
         return self.tr("Strong lines: the tree · faint lines: joints that were tried · × : cost of the next best joint")
 
     def event(self, event: QEvent) -> bool:
@@ -158,10 +159,10 @@ class GraphView(QWidget):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Go from limb to limb, or to the joint above one."""
         key = Qt.Key(event.key())
-        if key in _STEPS and self._facts is not None:
+        if key in _STEPS and self._graph is not None:
             self._step(np.array(_STEPS[key], dtype=np.float64))
-        elif key == Qt.Key.Key_J and self._facts is not None:
-            self._select_joint_above(self._facts)
+        elif key == Qt.Key.Key_J and self._graph is not None:
+            self._select_joint_above(self._graph)
         elif key == Qt.Key.Key_0:
             self.show_all()
         elif key == Qt.Key.Key_Escape:
@@ -172,14 +173,14 @@ class GraphView(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the graph, and what is selected."""
         painter = QPainter(self)
-        if self._facts is None:
+        if self._graph is None:
             words = self.tr("Run the step Joints to see what the tree was chosen from")
             paint_words(painter, QRectF(self.rect()), words, self.palette())
         else:
-            painting = GraphPainting(painter, self._facts, self.places, self.palette())
+            painting = GraphPainting(painter, self._graph, self.places, self.palette())
             painting.pairs()
             painting.tree(self._session.selection.joint)
-            painting.rival(self._marked_joint(self._facts))
+            painting.rival(self._marked_joint(self._graph))
             painting.signs()
             painting.limbs(self._selected_limbs(), self._pointed_limb)
             painting.margins()
@@ -191,14 +192,14 @@ class GraphView(QWidget):
         project = self._session.project
         self.deriver.forget()
         if project is None or not project.has("joints"):
-            self._facts = self._facts_of = None
+            self._graph = self._graph_of = None
             self.update()
         else:
             self.deriver.derive(partial(_derive, project), partial(self._take, project))
 
-    def _take(self, project: Project, found: tuple[GraphFacts, tuple[Floats, Floats]]) -> None:
-        is_same_take = self._facts_of is not None and self._facts_of.take is project.take
-        self._facts_of, (self._facts, self._layouts) = project, found
+    def _take(self, project: Project, found: tuple[CostGraph, tuple[Floats, Floats]]) -> None:
+        is_same_take = self._graph_of is not None and self._graph_of.take is project.take
+        self._graph_of, (self._graph, self._layouts) = project, found
         self._pointed_limb = self._pointed_joint = None
         if is_same_take:
             self.update()
@@ -207,29 +208,29 @@ class GraphView(QWidget):
 
     def _found_at(self, place: QPointF) -> tuple[int | None, int | None, tuple[int, int] | None]:
         """The limb, the joint, or the pair of limbs at a place."""
-        if self._facts is None:
+        if self._graph is None:
             return None, None, None
         places, at = self.places, np.array([place.x(), place.y()])
         limb = nearest_point(places, at, NODE)
         if limb is not None:
             return limb, None, None
-        joint = nearest_line(places[self._facts.topology.edges], at, _NEAR_JOINT)
+        joint = nearest_line(places[self._graph.topology.edges], at, _NEAR_JOINT)
         if joint is not None:
             return None, joint, None
-        pair = nearest_line(places[self._facts.pairs], at, _NEAR_PAIR)
+        pair = nearest_line(places[self._graph.pairs], at, _NEAR_PAIR)
         if pair is None:
             return None, None, None
-        first, second = self._facts.pairs[pair].tolist()
+        first, second = self._graph.pairs[pair].tolist()
         return None, None, (first, second)
 
-    def _marked_joint(self, facts: GraphFacts) -> JointFact | None:
+    def _marked_joint(self, graph: CostGraph) -> JointCost | None:
         """The joint under the pointer, otherwise the selected one."""
         number = self._session.selection.joint if self._pointed_joint is None else self._pointed_joint
-        return None if number is None or number >= len(facts.joints) else facts.joints[number]
+        return None if number is None or number >= len(graph.joints) else graph.joints[number]
 
     def _selected_limbs(self) -> set[int]:
         """The selected limb, and those of selected markers."""
-        selection, project = self._session.selection, self._facts_of
+        selection, project = self._session.selection, self._graph_of
         limbs = set() if selection.limb is None else {selection.limb}
         if project is not None:
             markers = [marker for marker in selection.markers if marker < project.limbs.n_markers]
@@ -238,11 +239,11 @@ class GraphView(QWidget):
 
     def _step(self, direction: Floats) -> None:
         """Select the nearest limb in a direction, at first the first root."""
-        if self._facts is None or not self._facts.topology.n_limbs:
+        if self._graph is None or not self._graph.topology.n_limbs:
             return
         limb = self._session.selection.limb
-        if limb is None or limb >= self._facts.topology.n_limbs:
-            self._session.select(Selection(limb=int(self._facts.topology.roots[0])))
+        if limb is None or limb >= self._graph.topology.n_limbs:
+            self._session.select(Selection(limb=int(self._graph.topology.roots[0])))
             return
         between = self.places - self.places[limb]
         along = between @ direction
@@ -252,11 +253,11 @@ class GraphView(QWidget):
         if np.isfinite(effort).any():
             self._session.select(Selection(limb=int(effort.argmin())))
 
-    def _select_joint_above(self, facts: GraphFacts) -> None:
-        above = np.flatnonzero(facts.topology.children == self._session.selection.limb)
+    def _select_joint_above(self, graph: CostGraph) -> None:
+        above = np.flatnonzero(graph.topology.children == self._session.selection.limb)
         if len(above):
             self._session.select(Selection(joint=int(above[0])))
 
 
-def _derive(project: Project) -> tuple[GraphFacts, tuple[Floats, Floats]]:
-    return find_graph(project), (body_places(project), tree_places(project.topology.parents))
+def _derive(project: Project) -> tuple[CostGraph, tuple[Floats, Floats]]:
+    return find_cost_graph(project), (body_places(project), tree_places(project.topology.parents))

@@ -6,9 +6,11 @@ from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
+from skelgen.app.drawing.matrix import DeviationMatrix, find_deviation_matrix
 from skelgen_gui.diagrams.matrix_painting import MatrixPainting, place_matrix
-from skelgen_gui.model.matrix import Matrix, Placed, Region, find_matrix
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.model.matrix import PlacedRegion, Region, cell_sentence
+from skelgen_gui.model.selection import Selection
+from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import ZOOM, image_of, notches, paint_words, tell
 
 _CLICK = 4.0  # px, that the pointer may move in a click
@@ -30,7 +32,7 @@ class MatrixView(QWidget):
     def __init__(self, session: Session, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._session = session
-        self._matrix: Matrix | None = None
+        self._matrix: DeviationMatrix | None = None
         self._image = QImage()
         self._region = Region.whole(1)
         self._cell: tuple[int, int] | None = None
@@ -55,14 +57,14 @@ class MatrixView(QWidget):
 
     def cell_place(self, row: int, column: int) -> QPointF:
         """Return the middle of a cell in this widget; rows and columns are ordered by limb."""
-        return self._placed.block(row, row + 1, column, column + 1).center()
+        return QPointF(*self._placed.block((row, row + 1), (column, column + 1)).middle)
 
     def tip_at(self, place: QPointF) -> str:
         """Return what is told of a place: the pair, and how much its distance varies."""
-        cell = self._placed.cell_at(place)
+        cell = self._cell_at(place)
         if self._matrix is None or cell is None:
             return self.tr("Click: select both markers · drag: zoom · wheel: zoom · double click: show all")
-        return self._matrix.sentence(*cell)
+        return cell_sentence(self._matrix, *cell)
 
     def event(self, event: QEvent) -> bool:
         """Name the pair under the pointer."""
@@ -72,7 +74,7 @@ class MatrixView(QWidget):
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Begin a click or a square."""
-        if event.button() == Qt.MouseButton.LeftButton and self._placed.cell_at(event.position()) is not None:
+        if event.button() == Qt.MouseButton.LeftButton and self._cell_at(event.position()) is not None:
             self._pressed = self._dragged = event.position()
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
@@ -80,7 +82,7 @@ class MatrixView(QWidget):
         if self._pressed is not None:
             self._dragged = event.position()
             self.update()
-        self._point_at(self._placed.cell_at(event.position()))
+        self._point_at(self._cell_at(event.position()))
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """Select the pair, or show the square."""
@@ -88,10 +90,10 @@ class MatrixView(QWidget):
         if pressed is None:
             return
         if (event.position() - pressed).manhattanLength() <= _CLICK:
-            self._point_at(self._placed.cell_at(pressed))
+            self._point_at(self._cell_at(pressed))
             self._select(event.modifiers())
         else:
-            self._show(Region.around(self._placed.index_at(pressed), self._placed.index_at(event.position())))
+            self._show(Region.around(self._index_at(pressed), self._index_at(event.position())))
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Show all."""
@@ -99,7 +101,7 @@ class MatrixView(QWidget):
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the pointer."""
-        self._show(self._region.zoomed(ZOOM ** notches(event)[1], *self._placed.index_at(event.position())))
+        self._show(self._region.zoomed(ZOOM ** notches(event)[1], *self._index_at(event.position())))
         event.accept()
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
@@ -138,7 +140,7 @@ class MatrixView(QWidget):
     def _follow_project(self) -> None:
         project = self._session.project
         before = self._n
-        self._matrix = find_matrix(project) if project is not None and project.has("limbs") else None
+        self._matrix = find_deviation_matrix(project) if project is not None and project.has("limbs") else None
         self._cell, self._pressed = None, None
         if self._matrix is not None:
             self._image = image_of(self._matrix.pixels)
@@ -175,6 +177,12 @@ class MatrixView(QWidget):
         more = bool(modifiers & Qt.KeyboardModifier.ControlModifier)
         self._session.select(Selection(markers | self._session.selection.markers if more else markers))
 
+    def _cell_at(self, place: QPointF) -> tuple[int, int] | None:
+        return self._placed.cell_at(place.x(), place.y())
+
+    def _index_at(self, place: QPointF) -> tuple[float, float]:
+        return self._placed.index_at(place.x(), place.y())
+
     @property
-    def _placed(self) -> Placed:
+    def _placed(self) -> PlacedRegion:
         return place_matrix(self._region, self._n, self.width(), self.height())

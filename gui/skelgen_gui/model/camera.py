@@ -18,7 +18,7 @@ HOME = (math.radians(32), math.radians(14))
 """Azimuth from the front, and elevation, of the first look at a take."""
 
 
-class Outlook:
+class ViewCamera:
     """A scene, the floor beneath it, and the viewer before it.
 
     Attributes

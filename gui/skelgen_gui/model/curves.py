@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 
 from skelgen.app.drawing.measures import residual_per_frame
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
@@ -15,6 +14,7 @@ from skelgen.kinematics.joints.angles import angle_names, joint_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.model.lanes import point_counts
+from skelgen_gui.model.translation import translate
 
 _BLOCK = 64  # frames whose extremes are kept: an hour at 100 Hz is 6000 blocks
 
@@ -204,8 +204,6 @@ def joint_curve(project: Project, joint: int) -> JointCurve:
     std = np.repeat(posture.angle_std[joint], step, axis=0)[: motion.n_frames]
     return JointCurve(angle_names(one), angles, std, step)
 
-
-translate = QCoreApplication.translate
 
 MOST_CURVES = 6
 """Markers whose residuals are drawn at once: the legend has room for no more."""

@@ -1,195 +1,74 @@
-"""What the graph of joint costs shows: places of limbs, joints with margins, and where words go."""
+"""What is told of the graph of joint costs, where its limbs lie, where words go, and what lies under the pointer."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from PySide6.QtCore import QCoreApplication
 
+from skelgen.app.drawing.graph import CostGraph, JointCost, tree_path
 from skelgen.app.drawing.measures import tidy_places
 from skelgen.app.drawing.poses import find_views, reference_markers
 from skelgen.app.drawing.wording import digits, fixed, listed
-from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, angle_ranges
-from skelgen.model import Project, Topology
+from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.joints import SMALL_MARGIN
-
-translate = QCoreApplication.translate
-
-
-@dataclass(frozen=True, eq=False)
-class JointFact:
-    """What is told of a joint of the tree.
-
-    Attributes
-    ----------
-    parent, child : int
-        Limbs.
-    cost, margin : float, mm^2
-        Its cost, and how much worse the best tree without it is; NaN where there is no other.
-    rival : tuple of int or None
-        The limbs that the cheapest other joint would connect.
-    kind : str
-        Empty before the skeleton.
-    ranges : tuple of AngleRange
-        Of each angle; none before the skeleton.
-    """
-
-    parent: int
-    child: int
-    cost: float
-    margin: float
-    rival: tuple[int, int] | None
-    kind: str
-    ranges: tuple[AngleRange, ...]
-
-    @property
-    def ratio(self) -> float:
-        """Cost of the best other joint over its own; infinite where there is no other or nothing is lost here."""
-        if self.rival is None or self.cost <= 0:
-            return np.inf
-        return (self.cost + self.margin) / self.cost
-
-    @property
-    def is_doubtful(self) -> bool:
-        """Whether another joint would do nearly as well."""
-        return self.ratio < SMALL_MARGIN
-
-    @property
-    def label(self) -> str:
-        """How many times dearer the best other joint is; empty where there is none."""
-        if not np.isfinite(self.ratio):
-            return ""
-        return f"{digits(self.ratio, 2)}×"
-
-    @property
-    def sentences(self) -> str:
-        """All that is told, a line each."""
-        lines = [_pair(self.parent, self.child) + (": " + translate("Graph", self.kind) if self.kind else "")]
-        lines.append(translate("Graph", "cost {0} mm²").format(digits(self.cost)))
-        if self.rival is None:
-            lines.append(translate("Graph", "no other joint could connect the two sides"))
-        else:
-            best = translate("Graph", "best other joint: {0}, {1} mm²")
-            lines.append(best.format(_pair(*self.rival), digits(self.cost + self.margin)))
-            doubtful, sure = translate("Graph", "margin {0} mm²: hardly any"), translate("Graph", "margin {0} mm²")
-            lines.append((doubtful if self.is_doubtful else sure).format(digits(self.margin)))
-        for angle in self.ranges:
-            low, high = (fixed(float(np.degrees(end)), 0) for end in (angle.low, angle.high))
-            lines.append(f"{angle.name}: {low}° … {high}°")
-        return "\n".join(lines)
-
-
-@dataclass(frozen=True, eq=False)
-class GraphFacts:
-    """What the graph shows.
-
-    Attributes
-    ----------
-    topology : Topology
-        Of the project.
-    joints : tuple of JointFact
-        In the order of the topology's children.
-    pairs : ndarray of intp, shape (n_pairs, 2)
-        Limbs between which a joint was tried and not taken, the cheapest first.
-    strengths : ndarray, shape (n_pairs,)
-        1 for the cheapest pair, 0 for the dearest.
-    """
-
-    topology: Topology
-    joints: tuple[JointFact, ...]
-    pairs: Ints
-    strengths: Floats
-
-    def sentence_of_pair(self, first: int, second: int) -> str:
-        """Say why the tree does not join two limbs."""
-        costs = self.topology.joint_costs
-        lines = [translate("Graph", "{0}: not in the tree").format(_pair(first, second))]
-        lines.append(translate("Graph", "cost {0} mm²").format(digits(float(costs[first, second]))))
-        if (first, second) in self.topology.loops or (second, first) in self.topology.loops:
-            lines.append(translate("Graph", "seems to be a joint as well: it closes a ring"))
-        return "\n".join([*lines, self._way(first, second)])
-
-    def _way(self, first: int, second: int) -> str:
-        """How the tree joins two limbs."""
-        costs, path = self.topology.joint_costs, tree_path(self.topology.parents, first, second)
-        if not path:
-            return translate("Graph", "the two limbs belong to separate bodies")
-        dearest = max(float(costs[one, other]) for one, other in pairwise(path))
-        way = listed([str(limb) for limb in path[1:-1]])
-        told = translate("Graph", "the tree joins them by way of {0}, at no joint for more than {1} mm²")
-        return told.format(way, digits(dearest))
-
-
-def _pair(first: int, second: int) -> str:
-    return translate("Graph", "limb {0} – limb {1}").format(first, second)
-
-
-def find_graph(project: Project) -> GraphFacts:
-    """Return what the graph of a project with joints shows."""
-    topology = project.topology
-    margins, rivals = topology.margins, topology.rivals
-    ranges: tuple[tuple[AngleRange, ...], ...] = ((),) * topology.n_joints
-    if project.has("skeleton"):
-        ranges = angle_ranges(project.skeleton, project.motion, project.trajectories.positions)
-    joints = tuple(
-        JointFact(
-            parent,
-            child,
-            float(topology.joint_costs[parent, child]),
-            float(margins[joint]),
-            None if rivals[joint, 0] < 0 else (int(rivals[joint, 0]), int(rivals[joint, 1])),
-            project.skeleton.joints[joint].kind if project.has("skeleton") else "",
-            ranges[joint],
-        )
-        for joint, (parent, child) in enumerate(topology.edges.tolist())
-    )
-    pairs = _other_pairs(topology)
-    return GraphFacts(topology, joints, pairs, _strengths(topology.joint_costs[pairs[:, 0], pairs[:, 1]]))
-
-
-def tree_path(parents: Ints, first: int, second: int) -> list[int]:
-    """Return the limbs from one to another along the tree, both included; none between separate bodies."""
-    to_root = [_upward(parents, limb) for limb in (first, second)]
-    shared = next((limb for limb in to_root[0] if limb in to_root[1]), None)
-    if shared is None:
-        return []
-    there, back = (way[: way.index(shared)] for way in to_root)
-    return [*there, shared, *reversed(back)]
-
-
-def _upward(parents: Ints, limb: int) -> list[int]:
-    way = [limb]
-    while parents[way[-1]] >= 0:
-        way.append(int(parents[way[-1]]))
-    return way
-
-
-def _other_pairs(topology: Topology) -> Ints:
-    """Pairs with a known cost that are no joints of the tree, the cheapest first."""
-    known = np.triu(~np.isnan(topology.joint_costs), 1)
-    for parent, child in topology.edges.tolist():
-        known[min(parent, child), max(parent, child)] = False
-    pairs = np.argwhere(known)
-    costs = topology.joint_costs[pairs[:, 0], pairs[:, 1]]
-    return pairs[np.argsort(costs, kind="stable")]
-
-
-def _strengths(costs: Floats) -> Floats:
-    """1 for the smallest cost, 0 for the largest, by their logarithms."""
-    positive = np.maximum(costs, np.finfo(np.float64).tiny)
-    if not len(costs) or positive.max() <= positive.min():
-        return np.ones(len(costs))
-    logs = np.log(positive)
-    return np.asarray((logs.max() - logs) / (logs.max() - logs.min()))
-
+from skelgen_gui.model.lines import distances_to_lines
+from skelgen_gui.model.translation import translate
 
 _SAMPLES = 200  # frames that tell which way is up
 _ROUNDS = 60  # of pushing limbs apart; more than enough for 100 limbs
 _WIDEST = 1.6  # factor
 _APART = 1.1  # of the mean distance that limbs on a grid would have
+
+
+def margin_label(joint: JointCost) -> str:
+    """Say how many times dearer the best other joint is; empty where there is none."""
+    return f"{digits(joint.ratio, 2)}×" if np.isfinite(joint.ratio) else ""
+
+
+def joint_sentences(joint: JointCost) -> str:
+    """Say what is known of a joint of the tree, a line for each fact."""
+    lines = [_pair(joint.parent, joint.child) + (": " + translate("Graph", joint.kind) if joint.kind else "")]
+    lines.append(translate("Graph", "cost {0} mm²").format(digits(joint.cost)))
+    if joint.rival is None:
+        lines.append(translate("Graph", "no other joint could connect the two sides"))
+    else:
+        best = translate("Graph", "best other joint: {0}, {1} mm²")
+        lines.append(best.format(_pair(*joint.rival), digits(joint.cost + joint.margin)))
+        doubtful, sure = translate("Graph", "margin {0} mm²: hardly any"), translate("Graph", "margin {0} mm²")
+        lines.append((doubtful if joint.is_doubtful else sure).format(digits(joint.margin)))
+    for angle in joint.ranges:
+        low, high = (fixed(float(np.degrees(end)), 0) for end in (angle.low, angle.high))
+        lines.append(f"{angle.name}: {low}° … {high}°")
+    return "\n".join(lines)
+
+
+def pair_sentences(graph: CostGraph, first: int, second: int) -> str:
+    """Say why the tree does not join two limbs.
+
+    Parameters
+    ----------
+    graph : CostGraph
+        The graph.
+    first, second : int
+        Limbs.
+    """
+    topology = graph.topology
+    lines = [translate("Graph", "{0}: not in the tree").format(_pair(first, second))]
+    lines.append(translate("Graph", "cost {0} mm²").format(digits(float(topology.joint_costs[first, second]))))
+    if (first, second) in topology.loops or (second, first) in topology.loops:
+        lines.append(translate("Graph", "seems to be a joint as well: it closes a kinematic loop"))
+    path = tree_path(topology.parents, first, second)
+    if not path:
+        return "\n".join([*lines, translate("Graph", "the two limbs belong to separate bodies")])
+    dearest = max(float(topology.joint_costs[one, other]) for one, other in pairwise(path))
+    between = listed([str(limb) for limb in path[1:-1]])
+    joined = translate("Graph", "the tree joins them by way of {0}, at no joint for more than {1} mm²")
+    return "\n".join([*lines, joined.format(between, digits(dearest))])
+
+
+def _pair(first: int, second: int) -> str:
+    return translate("Graph", "limb {0} – limb {1}").format(first, second)
 
 
 def body_places(project: Project) -> Floats:
@@ -249,7 +128,7 @@ def _widened(places: Floats) -> Floats:
 
 
 def _apart(places: Floats) -> Floats:
-    """Push limbs apart that lie too near to be told."""
+    """Push limbs apart that lie too near to be distinguished."""
     n_limbs = len(places)
     least = _APART / np.sqrt(n_limbs) / 2
     turn = np.arange(n_limbs) * 2.4  # different directions for limbs on the same place
@@ -332,11 +211,18 @@ def nearest_point(points: Floats, at: Floats, most: float) -> int | None:
 
 
 def nearest_line(ends: Floats, at: Floats, most: float) -> int | None:
-    """Return the index of the nearest line within a distance, or None; ends of shape (n, 2, 2) [px]."""
-    along = ends[:, 1] - ends[:, 0]
-    squares = np.maximum((along**2).sum(axis=1), np.finfo(np.float64).tiny)
-    parts = np.clip(((at - ends[:, 0]) * along).sum(axis=1) / squares, 0.0, 1.0)
-    return _nearest(np.linalg.norm(ends[:, 0] + parts[:, np.newaxis] * along - at, axis=1), most)
+    """Return the index of the nearest line within a distance, or None.
+
+    Parameters
+    ----------
+    ends : ndarray, shape (n, 2, 2), px
+        Both ends of each line.
+    at : ndarray, shape (2,), px
+        From where.
+    most : float, px
+        How far it may be.
+    """
+    return _nearest(distances_to_lines(ends, at), most)
 
 
 def _nearest(distances: Floats, most: float) -> int | None:

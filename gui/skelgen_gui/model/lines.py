@@ -1,4 +1,4 @@
-"""Lines of the 3-D view: bones, trails of markers, and frustums of cameras."""
+"""Lines of the 3-D view: bones, trails of markers, frustums of cameras; and how far a place is from lines."""
 
 from __future__ import annotations
 
@@ -161,3 +161,19 @@ def frustum(
         [np.stack([centre, corners], axis=1), np.stack([corners, np.roll(corners, -1, axis=0)], axis=1), above[None]]
     )
     return np.asarray(lines @ world_from_camera[:3, :3].T + world_from_camera[:3, 3])
+
+
+def distances_to_lines(lines: Floats, place: Floats) -> Floats:
+    """Return the distance [px] of a place from each line between two ends, shape (n_lines,).
+
+    Parameters
+    ----------
+    lines : ndarray, shape (n_lines, 2, 2), px
+        Both ends of each; NaN gives NaN.
+    place : ndarray, shape (2,), px
+        The place.
+    """
+    start, along = lines[:, 0], lines[:, 1] - lines[:, 0]
+    squares = np.maximum((along**2).sum(axis=1), np.finfo(np.float64).tiny)
+    parts = np.clip(((place - start) * along).sum(axis=1) / squares, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(start + parts[:, np.newaxis] * along - place, axis=1))

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.model.arrays import Floats
+from skelgen_gui.model.lines import distances_to_lines
 from skelgen_gui.model.picture import Picture
 from skelgen_gui.model.scene import Scene
-from skelgen_gui.project.session import Selection
+from skelgen_gui.model.selection import Selection
 
 REACH = 9.0
 """Pixels from a marker or joint at which it is still meant."""
@@ -69,22 +70,6 @@ def markers_within(picture: Picture, left: float, top: float, right: float, bott
     """Return the markers that are drawn within a rectangle [px], its border included."""
     inside = (picture.markers >= (left, top)) & (picture.markers <= (right, bottom))
     return frozenset(np.flatnonzero(inside.all(axis=1)).tolist())
-
-
-def distances_to_lines(lines: Floats, place: Floats) -> Floats:
-    """Return the distance [px] of a place from each line between two ends, shape (n_lines,).
-
-    Parameters
-    ----------
-    lines : ndarray, shape (n_lines, 2, 2), px
-        Both ends of each; NaN gives NaN.
-    place : ndarray, shape (2,), px
-        The place.
-    """
-    start, along = lines[:, 0], lines[:, 1] - lines[:, 0]
-    squares = np.maximum((along**2).sum(axis=1), np.finfo(np.float64).tiny)
-    parts = np.clip(((place - start) * along).sum(axis=1) / squares, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(start + parts[:, np.newaxis] * along - place, axis=1))
 
 
 def _nearest(distances: Floats, depths: Floats, reach: float) -> int | None:

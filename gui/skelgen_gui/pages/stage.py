@@ -31,9 +31,9 @@ from skelgen.app.project_file.archive import SUFFIX, find_result, open_project
 from skelgen.app.project_file.checks import with_saved
 from skelgen.app.stage_summary import Pointer, stage_pointers, stage_sentences
 from skelgen.model import Project
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
-from skelgen_gui.project.session import Selection
 from skelgen_gui.widgets.fields import FoundOrGiven
 from skelgen_gui.widgets.forms import stage_form
 
@@ -166,11 +166,11 @@ class StagePage(QWidget):
         if self.uses_saved.isChecked():
             self._take_saved(project)
             return
-        self.obey_number()
+        self.apply_number()
         self._context.runner.run(self._stage)
 
-    def obey_number(self) -> None:
-        """Let the project say what this page says of the number."""
+    def apply_number(self) -> None:
+        """Write the number that is given on this page into the project."""
         project = self._context.session.project
         if self.number is None or project is None:
             return

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QWidget
 
 from skelgen_gui.project.cameras import Cameras
 from skelgen_gui.project.document import Document
-from skelgen_gui.project.file_actions import FileCare
+from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.runner import Runner
 from skelgen_gui.project.session import Session
@@ -37,7 +37,7 @@ class Context:
         What is kept between runs.
     report_error : callable (error)
         Shows what went wrong.
-    files : FileCare
+    files : FileActions
         Opens recordings and projects.
     cameras : Cameras
         Knows which cameras took recordings.
@@ -49,7 +49,7 @@ class Context:
     runner: Runner
     preferences: Preferences
     report_error: Callable[[Exception], None]
-    files: FileCare
+    files: FileActions
     cameras: Cameras
 
 

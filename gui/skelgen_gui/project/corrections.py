@@ -23,10 +23,10 @@ from PySide6.QtWidgets import (
 
 from skelgen.errors import SkelgenError
 from skelgen.model.corrections import Correction
-from skelgen_gui.model.offers import Offer, new_name, offers
+from skelgen_gui.model.selection import Offer, Selection, new_name, offers
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.runner import Runner
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import rich
 
 _MENUS = ("move", "kind")

@@ -25,7 +25,7 @@ from skelgen_gui.widgets.preferences import Preferences
 Button = QMessageBox.StandardButton
 
 
-class FileCare(QObject):
+class FileActions(QObject):
     """Opens and saves the document.
 
     Parameters

@@ -5,33 +5,12 @@ Pages and views read it, wish through its methods, and follow its signals; they 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
 from skelgen.model import Project
-
-NO_MARKERS: frozenset[int] = frozenset()
-
-
-@dataclass(frozen=True)
-class Selection:
-    """What is selected.
-
-    Attributes
-    ----------
-    markers : frozenset of int
-        Indices of markers; of an unlabelled take, before the first stage, nothing can be selected.
-    limb : int or None
-        Index of a limb.
-    joint : int or None
-        Index into the topology's and the skeleton's joints; there can be one before there is a skeleton.
-    """
-
-    markers: frozenset[int] = NO_MARKERS
-    limb: int | None = None
-    joint: int | None = None
+from skelgen_gui.model.selection import Selection
 
 
 class Session(QObject):

@@ -23,8 +23,9 @@ from PySide6.QtWidgets import QScrollBar, QSizePolicy, QWidget
 from skelgen.model import Project
 from skelgen.model.arrays import Ints
 from skelgen_gui.model.lanes import Lanes, State, find_lanes, lane_picture, lane_sentence
+from skelgen_gui.model.selection import NO_MARKERS, Selection
 from skelgen_gui.project.deriving import Deriver
-from skelgen_gui.project.session import NO_MARKERS, Selection, Session
+from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
 from skelgen_gui.widgets.painting import paint_words, pixmap_of, tell
 from skelgen_gui.widgets.theme import blended, colour_of_limb, cursor_colour, doubt_colour, rgb_of

@@ -14,7 +14,8 @@ from PySide6.QtGui import QAction
 
 from skelgen.model import Take
 from skelgen_gui.model.lanes import next_doubt
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.model.selection import Selection
+from skelgen_gui.project.session import Session
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Speeds to choose from, in parts of the take's own."""

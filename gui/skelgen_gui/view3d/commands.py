@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from PySide6.QtCore import QObject, Qt
+from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QHBoxLayout, QMenu, QToolButton, QWidget
 
 from skelgen_gui.model.scene import MAGNIFICATIONS, TRAIL_SECONDS, Shown
 from skelgen_gui.model.viewpoint import DOWN
 
-if TYPE_CHECKING:
-    from skelgen_gui.view3d.view import View3D
-
 _KEYS = {"trails": "T", "names": "N"}  # of switches
 
 
 class Commands(QObject):
-    """The actions of one view; they follow what it shows.
+    """The actions of the 3-D view.
+
+    Signals
+    -------
+    shown_changed(Shown)
+        The user switched something on or off.
 
     Attributes
     ----------
     fit, fit_take, front, side, top : QAction
-        Move the viewer.
+        Move the camera of the view.
     rectangle : QAction
         Checkable: dragging selects by a rectangle instead of turning the view.
     switches : dict of str to QAction
@@ -36,25 +38,28 @@ class Commands(QObject):
 
     Parameters
     ----------
-    view : View3D
-        The view, which becomes the parent.
+    shown : Shown
+        What is shown at first.
+    parent : QWidget
+        The view.
     """
 
-    def __init__(self, view: View3D) -> None:
-        super().__init__(view)
-        self._view = view
+    shown_changed = Signal(object)
+
+    def __init__(self, shown: Shown, parent: QWidget) -> None:
+        super().__init__(parent)
+        self._shown = shown
         tr = self.tr
-        self.fit = self._do(tr("Fit"), "F", tr("Show all of this frame, or what is selected"), view.fit)
-        self.fit_take = self._do(tr("Fit take"), "Shift+F", tr("Show where all of the take happens"), view.fit_take)
-        self.front = self._do(tr("Front"), "1", tr("Look at the wider side"), view.look_from_front)
-        self.side = self._do(tr("Side"), "3", tr("Look at the narrower side"), view.look_from_side)
-        self.top = self._do(tr("Top"), "7", tr("Look from above"), view.look_from_top)
-        self.rectangle = self._do(tr("Select"), "B", tr("Drag a rectangle around markers (also: Shift and drag)"))
+        self.fit = self._action(tr("Fit"), "F", tr("Show all of this frame, or what is selected"))
+        self.fit_take = self._action(tr("Fit take"), "Shift+F", tr("Show where all of the take happens"))
+        self.front = self._action(tr("Front"), "1", tr("Look at the wider side"))
+        self.side = self._action(tr("Side"), "3", tr("Look at the narrower side"))
+        self.top = self._action(tr("Top"), "7", tr("Look from above"))
+        self.rectangle = self._action(tr("Select"), "B", tr("Drag a rectangle around markers (also: Shift and drag)"))
         self.rectangle.setCheckable(True)
         self.switches = {name: self._switch(name, *words) for name, words in self._switch_words().items()}
         self.choices = {name: self._choice(name, values) for name, values in self._choice_words().items()}
-        view.shown_changed.connect(self._follow)
-        self._follow(view.shown)
+        self.follow(shown)
 
     @property
     def with_keys(self) -> tuple[QAction, ...]:
@@ -100,12 +105,6 @@ class Commands(QObject):
         ups += [(self.tr("X down"), DOWN), (self.tr("Y down"), DOWN + 1), (self.tr("Z down"), DOWN + 2)]
         return {"trail_seconds": list(seconds), "magnification": times, "up": ups}
 
-    def _do(self, text: str, key: str, explanation: str, act: Callable[[], None] | None = None) -> QAction:
-        action = self._action(text, key, explanation)
-        if act is not None:
-            action.triggered.connect(act)
-        return action
-
     def _action(self, text: str, key: str, explanation: str) -> QAction:
         action = QAction(text, self)
         action.setStatusTip(explanation)
@@ -132,13 +131,14 @@ class Commands(QObject):
         return actions
 
     def _set(self, name: str, value: Any) -> None:
-        self._view.show_only(replace(self._view.shown, **{name: value}))
+        self.shown_changed.emit(replace(self._shown, **{name: value}))
 
     def _choose(self, name: str, action: QAction) -> None:
         self._set(name, action.data())
 
-    def _follow(self, shown: Shown) -> None:
-        """Check what is shown."""
+    def follow(self, shown: Shown) -> None:
+        """Check what is shown by now."""
+        self._shown = shown
         for name, action in self.switches.items():
             action.setChecked(getattr(shown, name))
         for name, actions in self.choices.items():

@@ -14,7 +14,7 @@ from skelgen_gui.model.floor import Floor
 from skelgen_gui.model.picking import Marked
 from skelgen_gui.model.picture import Canvas, Picture, take_picture
 from skelgen_gui.model.scene import Scene, Shown, Snapshot
-from skelgen_gui.project.session import Selection
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.view3d import painting
 from skelgen_gui.view3d.colours import Colours, Inks
 from skelgen_gui.view3d.painting import Brushes
@@ -33,7 +33,7 @@ _NAME_MARGIN = (QPointF(-1, 0), QPointF(1, 0), QPointF(0, -1), QPointF(0, 1))
 _MOST_NAMES = 12  # of selected markers, beside them
 
 
-class Easel:
+class Renderer:
     """Paints scenes in the colours of a palette.
 
     Parameters

@@ -22,16 +22,17 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QApplication, QWidget
 
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.camera import Outlook
+from skelgen_gui.model.camera import ViewCamera
 from skelgen_gui.model.floor import Floor
 from skelgen_gui.model.picking import Marked, Pick, is_drawn, is_selected, markers_within, pick, with_pick
 from skelgen_gui.model.picture import Canvas, Picture
 from skelgen_gui.model.scene import Scene, Shown, Snapshot
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.viewpoint import Viewpoint
-from skelgen_gui.model.wording import Wording
-from skelgen_gui.project.session import Selection, Session
+from skelgen_gui.model.wording import about
+from skelgen_gui.project.session import Session
 from skelgen_gui.view3d.commands import Commands, ViewButtons
-from skelgen_gui.view3d.renderer import NO_FRUSTUMS, Easel
+from skelgen_gui.view3d.renderer import NO_FRUSTUMS, Renderer
 from skelgen_gui.widgets.painting import paint_words
 
 _TURN = math.radians(0.4)  # per pixel dragged
@@ -76,18 +77,17 @@ class View3D(QWidget):
         super().__init__(parent)
         self._session = session
         self._shown = Shown()
-        self._outlook = Outlook()
+        self._camera = ViewCamera()
         self._other: Scene | None = None
         self._frustums = NO_FRUSTUMS
-        self._easel: Easel | None = None
+        self._renderer: Renderer | None = None
         self._painted: tuple[Snapshot, Picture] | None = None
         self._hovered: Pick | None = None
         self._drag: Drag | None = None
         self._pointer = QPointF()
-        self._wording = Wording(self)
         self._set_up_widget()
-        self.commands = Commands(self)
-        self.addActions(self.commands.with_keys)
+        self.commands = Commands(self._shown, self)
+        self._connect_commands()
         self._buttons = ViewButtons(self.commands, self)
         session.project_changed.connect(self._take_project)
         session.other_changed.connect(self._take_other)
@@ -104,21 +104,21 @@ class View3D(QWidget):
     @property
     def viewpoint(self) -> Viewpoint:
         """Where the viewer stands."""
-        return self._outlook.canvas.viewpoint
+        return self._camera.canvas.viewpoint
 
     @property
     def up(self) -> int:
         """The coordinate axis that points up."""
-        return self._outlook.up
+        return self._camera.up
 
     def show_only(self, shown: Shown) -> None:
         """Show other things."""
         if shown == self._shown:
             return
         if shown.up != self._shown.up:
-            self._outlook.point_up(shown.up)
+            self._camera.point_up(shown.up)
         if shown.follow != self._shown.follow:
-            self._outlook.follow(self._session.frame if shown.follow else None)
+            self._camera.follow(self._session.frame if shown.follow else None)
         self._shown = shown
         self.shown_changed.emit(shown)
         self.update()
@@ -134,19 +134,19 @@ class View3D(QWidget):
             The coordinate axis that points up, or with `DOWN` added down, if the cameras tell.
         """
         self._frustums = np.concatenate([NO_FRUSTUMS, *frustums])
-        self._outlook.show_cameras(self._frustums.reshape(-1, 3), up)
+        self._camera.show_cameras(self._frustums.reshape(-1, 3), up)
         self.update()
 
     def fit(self) -> None:
         """Fit the markers that are selected or on the selected limb, otherwise all of this frame."""
-        scene = self._outlook.scene
+        scene = self._camera.scene
         chosen = set() if scene is None else Marked(self._session.selection).markers(scene)
-        self._outlook.fit_frame(self._session.frame, chosen)
+        self._camera.fit_frame(self._session.frame, chosen)
         self.update()
 
     def fit_take(self) -> None:
         """Fit where all of the take happens."""
-        self._outlook.fit_take()
+        self._camera.fit_take()
         self.update()
 
     def look_from_front(self) -> None:
@@ -170,10 +170,10 @@ class View3D(QWidget):
 
     def note(self) -> str:
         """What is said of the thing under the pointer; empty if there is none."""
-        hovered, painted, scene = self._hovered, self._painted, self._outlook.scene
+        hovered, painted, scene = self._hovered, self._painted, self._camera.scene
         if hovered is None or painted is None or scene is None or not is_drawn(painted[1], hovered):
             return ""
-        return self._wording.about(hovered, scene, painted[0])
+        return about(hovered, scene, painted[0])
 
     def sizeHint(self) -> QSize:
         """Return a comfortable size."""
@@ -189,32 +189,32 @@ class View3D(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the frame."""
-        canvas = self._outlook.canvas_at(self._session.frame)
-        floor = self._outlook.floor if self._shown.floor else None
+        canvas = self._camera.canvas_at(self._session.frame)
+        floor = self._camera.floor if self._shown.floor else None
         frustums = self._frustums if self._shown.cameras else NO_FRUSTUMS
         with QPainter(self) as painter:
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            easel = self._present_easel()
-            easel.paint_backdrop(painter, canvas, floor, frustums, self._legend())
-            self._painted = self._paint_scenes(painter, easel, canvas, floor)
+            renderer = self._present_renderer()
+            renderer.paint_backdrop(painter, canvas, floor, frustums, self._legend())
+            self._painted = self._paint_scenes(painter, renderer, canvas, floor)
             if self._drag is not None and self._drag.kind is DragKind.BAND:
-                easel.paint_band(painter, self._drag.band)
+                renderer.paint_band(painter, self._drag.band)
             elif self._session.project is None:
                 words = self.tr("Drop a recording or a project here, or choose File, Open")
                 paint_words(painter, QRectF(self.rect()), words, self.palette())
             elif self._drag is None and (text := self.note()):
-                easel.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
+                renderer.paint_note(painter, text, self._pointer.x(), self._pointer.y(), canvas)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Keep the buttons in their corner, and an untouched view fitted."""
         self._buttons.adjustSize()
         self._buttons.move(self.width() - self._buttons.width() - _MARGIN, _MARGIN)
-        self._outlook.resize(self.width(), self.height())
+        self._camera.resize(self.width(), self.height())
 
     def changeEvent(self, event: QEvent) -> None:
         """Follow the colours of the desktop."""
         if event.type() in (QEvent.Type.PaletteChange, QEvent.Type.StyleChange):
-            self._easel = None
+            self._renderer = None
             self.update()
         super().changeEvent(event)
 
@@ -276,12 +276,26 @@ class View3D(QWidget):
                 self._move(self.viewpoint.panned(-_KEY_SHIFT * right, -_KEY_SHIFT * down, self.height()))
         elif event.key() in _ZOOMS and modifiers & _CONTROL:
             self._move(self.viewpoint.zoomed(_ZOOMS[Qt.Key(event.key())]))
-        elif event.matches(QKeySequence.StandardKey.SelectAll) and self._outlook.scene is not None:
-            self._session.select(Selection(frozenset(range(self._outlook.scene.n_markers))))
+        elif event.matches(QKeySequence.StandardKey.SelectAll) and self._camera.scene is not None:
+            self._session.select(Selection(frozenset(range(self._camera.scene.n_markers))))
         elif event.key() == Qt.Key.Key_Escape:
             self._session.select(Selection())
         else:
             super().keyPressEvent(event)
+
+    def _connect_commands(self) -> None:
+        commands = self.commands
+        for action, move in (
+            (commands.fit, self.fit),
+            (commands.fit_take, self.fit_take),
+            (commands.front, self.look_from_front),
+            (commands.side, self.look_from_side),
+            (commands.top, self.look_from_top),
+        ):
+            action.triggered.connect(move)
+        commands.shown_changed.connect(self.show_only)
+        self.shown_changed.connect(commands.follow)
+        self.addActions(commands.with_keys)
 
     def _set_up_widget(self) -> None:
         self.setAccessibleName(self.tr("3-D view"))
@@ -296,7 +310,7 @@ class View3D(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
 
     def _take_project(self) -> None:
-        self._outlook.open(self._session.project)
+        self._camera.open(self._session.project)
         self._hovered, self._painted = None, None
         self.update()
 
@@ -305,33 +319,33 @@ class View3D(QWidget):
         self.update()
 
     def _look(self, right_of_front: float, elevation: float) -> None:
-        self._outlook.look(right_of_front, elevation)
+        self._camera.look(right_of_front, elevation)
         self.update()
 
     def _move(self, viewpoint: Viewpoint) -> None:
-        self._outlook.move(viewpoint)
+        self._camera.move(viewpoint)
         self.update()
 
-    def _present_easel(self) -> Easel:
+    def _present_renderer(self) -> Renderer:
         ratio = self.devicePixelRatioF()
-        if self._easel is None or self._easel.ratio != ratio:
-            self._easel = Easel(self.palette(), ratio)
-        return self._easel
+        if self._renderer is None or self._renderer.ratio != ratio:
+            self._renderer = Renderer(self.palette(), ratio)
+        return self._renderer
 
     def _paint_scenes(
-        self, painter: QPainter, easel: Easel, canvas: Canvas, floor: Floor | None
+        self, painter: QPainter, renderer: Renderer, canvas: Canvas, floor: Floor | None
     ) -> tuple[Snapshot, Picture] | None:
-        frame, scene, other = self._session.frame, self._outlook.scene, self._other
+        frame, scene, other = self._session.frame, self._camera.scene, self._other
         if other is not None and self._shown.other and frame < other.n_frames:
-            easel.paint_other(painter, other, frame, canvas, self._shown)
+            renderer.paint_other(painter, other, frame, canvas, self._shown)
         if scene is None or frame >= scene.n_frames:
             return None
         marked = Marked(self._session.selection, self._hovered)
-        return easel.paint_scene(painter, scene, frame, canvas, self._shown, marked, floor)
+        return renderer.paint_scene(painter, scene, frame, canvas, self._shown, marked, floor)
 
     def _legend(self) -> str:
         """Say how large the grid's cells and the ellipsoids are."""
-        scene, floor, parts = self._outlook.scene, self._outlook.floor, []
+        scene, floor, parts = self._camera.scene, self._camera.floor, []
         if floor is not None and self._shown.floor:
             parts.append(self.tr("grid {spacing:g} mm").format(spacing=floor.spacing))
         if self._shown.uncertainty and scene is not None and scene.project.has("skeleton"):
@@ -353,7 +367,7 @@ class View3D(QWidget):
 
     def _select(self, picked: Pick | None, adds: bool) -> None:
         """Select one thing, or nothing, besides what is selected or instead of it."""
-        before, scene = self._session.selection if adds else Selection(), self._outlook.scene
+        before, scene = self._session.selection if adds else Selection(), self._camera.scene
         self._session.select(before if picked is None or scene is None else with_pick(before, picked, scene))
 
     def _select_within(self, band: QRectF, adds: bool) -> None:
@@ -365,7 +379,7 @@ class View3D(QWidget):
 
     def _ask_for_menu(self, event: QMouseEvent) -> None:
         """Ask for a menu for what is selected; what is clicked and not selected is selected first."""
-        picked, scene = self._pick(event.position()), self._outlook.scene
+        picked, scene = self._pick(event.position()), self._camera.scene
         if picked is not None and scene is not None and not is_selected(picked, self._session.selection, scene):
             self._select(picked, adds=False)
         self.context_requested.emit(event.globalPosition().toPoint(), self._session.selection)

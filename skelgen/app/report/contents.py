@@ -26,7 +26,7 @@ from skelgen.app.report.labels import labels_content
 from skelgen.app.report.matrix import cost_figure, deviation_figure
 from skelgen.app.report.pose import pose_figures
 from skelgen.app.report.timelines import gaps_figure
-from skelgen.app.report.tree import cost_graph, joint_sign, tree_figure
+from skelgen.app.report.tree import cost_graph, sign_figure, tree_figure
 from skelgen.app.tables import column_rows
 from skelgen.model import PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import Source
@@ -259,7 +259,7 @@ def _tree(project: Project, lengths: list[measures.Length]) -> Content:
 
 
 def _sign(kind: str) -> Markup:
-    return svg.drawing(_SIGN_SIDE, _SIGN_SIDE, f"sign of a {kind} joint", joint_sign(kind, 9, 9), least=_SIGN_SIDE)
+    return svg.drawing(_SIGN_SIDE, _SIGN_SIDE, f"sign of a {kind} joint", sign_figure(kind, 9, 9), least=_SIGN_SIDE)
 
 
 def _deviations(project: Project) -> Content:

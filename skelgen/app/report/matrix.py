@@ -6,6 +6,7 @@ import base64
 import struct
 import zlib
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from markupsafe import Markup
@@ -13,10 +14,10 @@ from numpy.typing import NDArray
 
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.colours import ramp_rgba
+from skelgen.app.drawing.matrix import DeviationMatrix, find_deviation_matrix
 from skelgen.app.drawing.scales import LogScale
 from skelgen.app.drawing.wording import clipped, counted, digits, plain
 from skelgen.model import Project
-from skelgen.model.arrays import Ints
 
 _WIDTH = 640.0  # of the matrix of markers, without its labels
 _LARGEST_CELL, _SMALLEST_LABELLED_CELL = 26.0, 8.5
@@ -30,30 +31,26 @@ _LEAST_SCALE = 0.75
 
 def deviation_figure(project: Project) -> Markup:
     """Draw the matrix of distance deviations, ordered by limb, with the limbs' boundaries and colours."""
-    order = measures.subtree_markers(project)
-    matrix = project.limbs.distance_deviation[np.ix_(order, order)].copy()
-    np.fill_diagonal(matrix, 0.0)
-    cell = min(_WIDTH / len(order), _LARGEST_CELL)
-    side = cell * len(order)
-    colours = LogScale.of(matrix)
+    matrix = find_deviation_matrix(project)
+    cell = min(_WIDTH / matrix.n, _LARGEST_CELL)
+    side = cell * matrix.n
     left, top = _LABEL_WIDTH + _STRIP + _SPACE, _STRIP + 18
     parts = [
-        svg.image(left, top, side, side, png_uri(ramp_rgba(colours.fractions(matrix)))),
-        *_limb_marks(project.limbs.limb_of_marker[order], cell, left, top),
-        *_marker_labels([project.trajectories.names[marker] for marker in order], cell, left, top),
-        _scale(colours, "mm", left, top + side + 14),
+        svg.image(left, top, side, side, png_uri(matrix.pixels)),
+        *_limb_marks(matrix, cell, left, top),
+        *_marker_labels(matrix.names, cell, left, top),
+        _scale(matrix.scale, "mm", left, top + side + 14),
     ]
     width, height = left + max(side, _SCALE_WIDTH + 40) + 4, top + side + 48
-    label = f"Distance deviation of {counted(len(order), 'marker')}, ordered by limb"
+    label = f"Distance deviation of {counted(matrix.n, 'marker')}, ordered by limb"
     return svg.drawing(width, height, label, *parts, least=_LEAST_SCALE * width)
 
 
-def _limb_marks(limb_of_row: Ints, cell: float, left: float, top: float) -> list[Markup]:
+def _limb_marks(matrix: DeviationMatrix, cell: float, left: float, top: float) -> list[Markup]:
     """Strips in the limbs' colours at the left and above, and a frame about each limb's block."""
     marks = []
-    starts = [0, *(np.flatnonzero(np.diff(limb_of_row)) + 1).tolist()]
-    for start, stop in zip(starts, [*starts[1:], len(limb_of_row)], strict=True):
-        limb, offset, size = int(limb_of_row[start]), start * cell, (stop - start) * cell
+    for start, stop in pairwise(matrix.borders):
+        limb, offset, size = int(matrix.limbs[start]), start * cell, (stop - start) * cell
         marks.append(
             svg.group(
                 svg.rect(left - _STRIP - _SPACE, top + offset + 0.5, _STRIP, size - 1, "fill"),

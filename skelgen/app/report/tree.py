@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.drawing import measures, svg
+from skelgen.app.drawing.graph import Bar, Disc, joint_sign, tried_pairs
 from skelgen.app.drawing.wording import clipped, counted, digits, shortened
 from skelgen.model import Project
 from skelgen.model.arrays import Ints
@@ -17,6 +18,7 @@ from skelgen.model.arrays import Ints
 _BOX_WIDTH, _BOX_HEIGHT = 148.0, 36.0
 _COLUMN, _ROW = 190.0, 62.0
 _MARGIN = 8.0
+_SIGN = 5.5  # px, half the height of a joint's sign
 _LABEL_SPACE = 20.0  # above a box, for its joint
 _NAME_ROOM = 18  # characters beside the limb's number
 _LEAST_COMMON = 4  # characters that make a common beginning a name
@@ -49,20 +51,20 @@ def tree_figure(project: Project, lengths: list[measures.Length]) -> Markup:
     return svg.drawing(width, height, label, *edges, *boxes, least=_LEAST_SCALE * width)
 
 
-def joint_sign(kind: str, x: float, y: float) -> Markup:
-    """Draw the sign of a joint kind, centred at a place; an empty ring where the kind is not known yet."""
-    signs = {
-        "ball": svg.circle(x, y, 5, "sign"),
-        "hinge": svg.rect(x - 2.5, y - 8, 5, 16, "sign", rx=2),
-        "universal": svg.tag("path", d=_cross(x, y), cls="sign-line"),
-        "rigid": svg.rect(x - 5, y - 5, 10, 10, "sign"),
-    }
-    return signs.get(kind, svg.circle(x, y, 4.5, "sign-open"))
+def sign_figure(kind: str, x: float, y: float) -> Markup:
+    """Draw the sign of a joint kind, centred at a place [px]."""
+    parts = joint_sign(kind)
+    outlines = [_sign_part(part, x, y, "sign") for part in parts]
+    inside = [_sign_part(part, x, y, "sign", style="stroke:none") for part in parts]  # no seams where parts cross
+    return svg.group(*outlines, *inside) if len(parts) > 1 else outlines[0]
 
 
-def _cross(x: float, y: float) -> str:
-    left, right, top, bottom = (svg.number(value) for value in (x - 6, x + 6, y - 6, y + 6))
-    return f"M{left} {top}L{right} {bottom}M{left} {bottom}L{right} {top}"
+def _sign_part(part: Disc | Bar, x: float, y: float, cls: str, **attributes: str) -> Markup:
+    if isinstance(part, Disc):
+        return svg.circle(x, y, _SIGN * part.radius, "sign-open" if part.hole else cls)
+    half_width, half_height = _SIGN * part.half_width, _SIGN * part.half_height
+    corner = _SIGN * part.corner
+    return svg.rect(x - half_width, y - half_height, 2 * half_width, 2 * half_height, cls, rx=corner, **attributes)
 
 
 def _places(parents: Ints) -> list[_Place]:
@@ -108,7 +110,7 @@ def _edge(project: Project, lengths: list[measures.Length], places: list[_Place]
     kind = project.skeleton.joints[joint].kind if project.has("skeleton") else ""
     parts = [
         svg.tag("path", d=curve, cls="edge"),
-        joint_sign(kind, end.x - 12, end.y),
+        sign_figure(kind, end.x - 12, end.y),
         svg.text(places[child].x + 2, places[child].y - 6, _edge_label(joint, kind, length), "small"),
     ]
     return svg.group(*parts)
@@ -152,19 +154,11 @@ def _on_circle(index: int, count: int) -> tuple[float, float]:
 
 def _candidates(project: Project, places: dict[int, tuple[float, float]]) -> list[Markup]:
     topology = project.topology
-    kept = {frozenset(edge) for edge in topology.edges.tolist()}
-    first, second = np.triu_indices(topology.n_limbs, 1)
-    costs = topology.joint_costs[first, second]
-    cheapest_first = np.argsort(costs, kind="stable").tolist()
-    known = [pair for pair in cheapest_first if not np.isnan(costs[pair])]
-    shown = [pair for pair in known if {int(first[pair]), int(second[pair])} not in kept][
-        : _CANDIDATES_PER_LIMB * topology.n_limbs
-    ]
+    shown = tried_pairs(topology)[: _CANDIDATES_PER_LIMB * topology.n_limbs].tolist()
     lines = []
-    for rank, pair in enumerate(shown):
+    for rank, (first, second) in enumerate(shown):
         opacity = _STRONGEST + (_FAINTEST - _STRONGEST) * (rank / max(len(shown) - 1, 1)) ** 0.5
-        ends = (*places[int(first[pair])], *places[int(second[pair])])
-        lines.append(svg.line(*ends, "candidate", stroke_opacity=f"{opacity:.2f}"))
+        lines.append(svg.line(*places[first], *places[second], "candidate", stroke_opacity=f"{opacity:.2f}"))
     return lines[::-1]
 
 

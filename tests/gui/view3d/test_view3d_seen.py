@@ -11,8 +11,8 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
 from skelgen_gui.model.lines import frustum
 from skelgen_gui.model.scene import Shown
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.viewpoint import DOWN
-from skelgen_gui.project.session import Selection
 from skelgen_gui.view3d.colours import Colours
 from skelgen_gui.widgets.theme import doubt_colour, theme_palette
 
@@ -174,8 +174,8 @@ def test_cameras_say_which_axis_points_down_until_somebody_says_otherwise(view, 
     camera = frustum(np.eye(4), (640, 480), (600.0, 600.0))
     view.show_cameras([camera], DOWN + 1)
     assert view.up == DOWN + 1
-    canvas = view._outlook.canvas_at(0)
-    places, _ = canvas.project(np.concatenate([camera.reshape(-1, 3), view._outlook.scene.usual]))
+    canvas = view._camera.canvas_at(0)
+    places, _ = canvas.project(np.concatenate([camera.reshape(-1, 3), view._camera.scene.usual]))
     assert (places > 0).all()
     assert (places < (canvas.width, canvas.height)).all()
     view.show_only(replace(eye.BARE, up=2))
@@ -198,7 +198,7 @@ def test_the_viewer_stays_when_a_stage_has_run_and_looks_anew_at_another_take(vi
 def test_a_view_that_follows_keeps_what_moves_in_its_place(view, session, eye):
     def middle():
         joints = session.project.motion.joint_positions[session.frame]
-        canvas = view._outlook.canvas_at(session.frame)
+        canvas = view._camera.canvas_at(session.frame)
         return canvas.project(joints.mean(axis=0)[np.newaxis])[0][0]
 
     stays = middle()

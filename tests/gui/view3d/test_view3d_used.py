@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtGui import QContextMenuEvent, QWheelEvent
 from PySide6.QtWidgets import QApplication, QToolButton
-from skelgen_gui.project.session import Selection
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.widgets.shortcuts import COMMANDS
 
 
@@ -90,11 +90,11 @@ def test_keys_do_what_the_buttons_do(qtbot, view, key):
     view.setFocus()
     qtbot.waitUntil(view.hasFocus)
     view.fit()
-    view._outlook.move(view.viewpoint.orbited(0.3, 0.2))
+    view._camera.move(view.viewpoint.orbited(0.3, 0.2))
     before = view.viewpoint
     qtbot.keyClick(view, getattr(Qt.Key, f"Key_{key}"))
     by_key = view.viewpoint
-    view._outlook.move(before)
+    view._camera.move(before)
     actions = {"1": view.commands.front, "3": view.commands.side, "7": view.commands.top, "F": view.commands.fit}
     actions[key].trigger()
     assert by_key == view.viewpoint

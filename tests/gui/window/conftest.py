@@ -37,7 +37,7 @@ class Person:
         self._window.actions_by_id[command].trigger()
 
     def opens(self, path):
-        with self._qtbot.waitSignal(self._window.care.opened, timeout=WAIT):
+        with self._qtbot.waitSignal(self._window.files.opened, timeout=WAIT):
             self._window.open(path)
         self.waits()
 
@@ -88,7 +88,7 @@ def threads():
 def _end(window):
     """Close without a question, which nobody is there to answer."""
     assert window.jobs.stop()
-    window.care.close = lambda then: then()
+    window.files.close = lambda then: then()
 
 
 @pytest.fixture

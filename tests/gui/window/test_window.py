@@ -11,8 +11,8 @@ import pytest
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDropEvent
 from PySide6.QtWidgets import QFileDialog, QMessageBox
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.pages import open as open_page
-from skelgen_gui.project.session import Selection
 
 import skelgen
 from skelgen.app.files import given_identities as read
@@ -31,8 +31,8 @@ def test_a_recording_is_opened_run_corrected_undone_saved_reopened_exported(qtbo
     moved, target = (int(project.limbs.markers_of(limb)[0]) for limb in (0, 1))
     names = project.trajectories.names
     window.session.select(Selection(frozenset({moved})))
-    window.corrections.fill(window.commanding.correct_menu)
-    submenu = next(action.menu() for action in window.commanding.correct_menu.actions() if action.menu())
+    window.corrections.fill(window.commands.correct_menu)
+    submenu = next(action.menu() for action in window.commands.correct_menu.actions() if action.menu())
     next(action for action in submenu.actions() if action.text() == names[target]).trigger()
     person.waits(lambda: window.session.project.has("skeleton"))
     limbs = window.session.project.limbs.limb_of_marker
@@ -168,7 +168,7 @@ def test_a_file_is_dropped_on_the_window(qtbot, window, rods):
     data = QMimeData()
     data.setUrls([QUrl.fromLocalFile(str(rods))])
     arguments = (Qt.DropAction.CopyAction, data, Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier)
-    with qtbot.waitSignal(window.care.opened, timeout=WAIT):
+    with qtbot.waitSignal(window.files.opened, timeout=WAIT):
         window.dropEvent(QDropEvent(QPointF(QPoint(9, 9)), *arguments))
     assert window.session.project.take.n_markers == 9
 

@@ -79,7 +79,7 @@ def test_names_of_markers_with_any_character_are_shown_saved_and_opened(window, 
     person.opens(path)
     person.runs_all()
     window.session.select(type(window.session.selection)(frozenset(range(take.n_markers))))
-    window.corrections.fill(window.commanding.correct_menu)
+    window.corrections.fill(window.commands.correct_menu)
     window.grab()
     person.saves_as(tmp_path / "again.skelgen")
     assert open_project(tmp_path / "again.skelgen").trajectories.names == take.names

@@ -93,7 +93,7 @@ def test_what_was_recorded_while_capturing_is_opened_and_labelled(qtbot, window,
     ended = stops(qtbot, page)
     (recorded,) = ended.recorded
     assert skelgen.read(recorded.path).n_frames == recorded.n_frames > 1
-    with qtbot.waitSignal(window.care.opened, timeout=WAIT):
+    with qtbot.waitSignal(window.files.opened, timeout=WAIT):
         qtbot.mouseClick(page.live.recorder.open, Qt.MouseButton.LeftButton)
     person.waits()
     assert window.pages.current.key == "labels"

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication, QInputDialog
+from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.corrections import FramesDialog
-from skelgen_gui.project.session import Selection
 
 import skelgen
 from skelgen.app.project_file.archive import find_result, open_project
@@ -58,7 +58,7 @@ def chooses(window, person):
 
     def choose(selection, text, inner=None):
         window.session.select(selection)
-        menu = window.commanding.correct_menu
+        menu = window.commands.correct_menu
         window.corrections.fill(menu)
         (action,) = (one for one in menu.actions() if one.text().startswith(text))
         if inner is not None:

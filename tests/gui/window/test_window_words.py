@@ -18,12 +18,14 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 from skelgen_gui.model.curves import joint_panels
-from skelgen_gui.model.graph import find_graph
-from skelgen_gui.model.matrix import find_matrix
+from skelgen_gui.model.graph import joint_sentences, pair_sentences
+from skelgen_gui.model.matrix import cell_sentence
 from skelgen_gui.project.file_actions import RecentMenu
 from skelgen_gui.widgets.errors import sentence_of
 
 from skelgen.app.configuration import parameters_class
+from skelgen.app.drawing.graph import find_cost_graph
+from skelgen.app.drawing.matrix import find_deviation_matrix
 from skelgen.model.project import STAGES
 
 COMPUTED = {"What is open", "What came out of this step", "What will be written"}
@@ -91,9 +93,11 @@ def test_every_text_of_the_window_can_be_translated(request):
 
 @pytest.mark.usefixtures("marked")
 def test_what_is_said_under_the_pointer_can_be_translated(qtbot, request):
+    request.getfixturevalue("window")
     project, _ = request.getfixturevalue("walked")
-    matrix, graph = find_matrix(project), find_graph(project)
-    told = [matrix.sentence(0, 1), graph.joints[0].sentences, graph.sentence_of_pair(*graph.pairs[0].tolist())]
+    matrix, graph = find_deviation_matrix(project), find_cost_graph(project)
+    told = [cell_sentence(matrix, 0, 1), joint_sentences(graph.joints[0])]
+    told.append(pair_sentences(graph, *graph.pairs[0].tolist()))
     told += [words for panel in joint_panels(project, 0) for words in (panel.title, panel.note, panel.about)]
     told.append(sentence_of(ValueError("x")))
     assert all(OPEN in words for words in told if words)

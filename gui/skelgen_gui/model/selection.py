@@ -1,4 +1,4 @@
-"""What can be corrected of what is selected: pure, without widgets."""
+"""What is selected, and what can be corrected of it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,27 @@ from dataclasses import dataclass
 from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
 from skelgen.model import Project
 from skelgen.model.corrections import Correction
-from skelgen_gui.project.session import Selection
+
+NO_MARKERS: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What is selected.
+
+    Attributes
+    ----------
+    markers : frozenset of int
+        Indices of markers; of an unlabelled take, before the first stage, nothing can be selected.
+    limb : int or None
+        Index of a limb.
+    joint : int or None
+        Index into the topology's and the skeleton's joints; there can be one before there is a skeleton.
+    """
+
+    markers: frozenset[int] = NO_MARKERS
+    limb: int | None = None
+    joint: int | None = None
 
 
 @dataclass(frozen=True)

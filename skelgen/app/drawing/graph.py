@@ -1,0 +1,169 @@
+"""The graph of joint costs: joints of the tree with their margins, joints that were tried, signs of joint kinds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, angle_ranges
+from skelgen.model import Project, Topology
+from skelgen.model.arrays import Floats, Ints
+from skelgen.stages.joints import SMALL_MARGIN
+
+
+@dataclass(frozen=True, eq=False)
+class JointCost:
+    """What a joint of the tree costs, and how sure it is.
+
+    Attributes
+    ----------
+    parent, child : int
+        Limbs.
+    cost, margin : float, mm^2
+        Its cost, and how much worse the best tree without it is; NaN where there is no other.
+    rival : tuple of int or None
+        The limbs that the cheapest other joint would connect.
+    kind : str
+        Kind of the joint; empty before the skeleton.
+    ranges : tuple of AngleRange
+        Range of each angle; none before the skeleton.
+    """
+
+    parent: int
+    child: int
+    cost: float
+    margin: float
+    rival: tuple[int, int] | None
+    kind: str
+    ranges: tuple[AngleRange, ...]
+
+    @property
+    def ratio(self) -> float:
+        """Cost of the best other joint over its own; infinite where there is no other, or where its own is 0."""
+        if self.rival is None or self.cost <= 0:
+            return np.inf
+        return (self.cost + self.margin) / self.cost
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another joint would do nearly as well."""
+        return self.ratio < SMALL_MARGIN
+
+
+@dataclass(frozen=True, eq=False)
+class CostGraph:
+    """The tree and the joints that were tried.
+
+    Attributes
+    ----------
+    topology : Topology
+        Of the project.
+    joints : tuple of JointCost
+        In the order of the topology's children.
+    pairs : ndarray of intp, shape (n_pairs, 2)
+        Limbs between which a joint was tried and not taken, the cheapest first.
+    strengths : ndarray, shape (n_pairs,)
+        1 for the cheapest pair, 0 for the dearest.
+    """
+
+    topology: Topology
+    joints: tuple[JointCost, ...]
+    pairs: Ints
+    strengths: Floats
+
+
+def find_cost_graph(project: Project) -> CostGraph:
+    """Return the graph of a project with joints; kinds and ranges of joints are known with its skeleton."""
+    topology = project.topology
+    margins, rivals = topology.margins, topology.rivals
+    ranges: tuple[tuple[AngleRange, ...], ...] = ((),) * topology.n_joints
+    if project.has("skeleton"):
+        ranges = angle_ranges(project.skeleton, project.motion, project.trajectories.positions)
+    joints = tuple(
+        JointCost(
+            parent,
+            child,
+            float(topology.joint_costs[parent, child]),
+            float(margins[joint]),
+            None if rivals[joint, 0] < 0 else (int(rivals[joint, 0]), int(rivals[joint, 1])),
+            project.skeleton.joints[joint].kind if project.has("skeleton") else "",
+            ranges[joint],
+        )
+        for joint, (parent, child) in enumerate(topology.edges.tolist())
+    )
+    pairs = tried_pairs(topology)
+    return CostGraph(topology, joints, pairs, _strengths(topology.joint_costs[pairs[:, 0], pairs[:, 1]]))
+
+
+def tried_pairs(topology: Topology) -> Ints:
+    """Return the limbs between which a joint was tried and not taken, the cheapest first, shape (n_pairs, 2)."""
+    known = np.triu(~np.isnan(topology.joint_costs), 1)
+    for parent, child in topology.edges.tolist():
+        known[min(parent, child), max(parent, child)] = False
+    pairs = np.argwhere(known)
+    costs = topology.joint_costs[pairs[:, 0], pairs[:, 1]]
+    return pairs[np.argsort(costs, kind="stable")]
+
+
+def _strengths(costs: Floats) -> Floats:
+    """1 for the smallest cost, 0 for the largest, by their logarithms."""
+    positive = np.maximum(costs, np.finfo(np.float64).tiny)
+    if not len(costs) or positive.max() <= positive.min():
+        return np.ones(len(costs))
+    logs = np.log(positive)
+    return np.asarray((logs.max() - logs) / (logs.max() - logs.min()))
+
+
+def tree_path(parents: Ints, first: int, second: int) -> list[int]:
+    """Return the limbs from one to another along the tree, both included; none between separate bodies.
+
+    Parameters
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parent of each limb, -1 for a root.
+    first, second : int
+        Limbs.
+    """
+    to_root = [_path_to_root(parents, limb) for limb in (first, second)]
+    shared = next((limb for limb in to_root[0] if limb in to_root[1]), None)
+    if shared is None:
+        return []
+    there, back = (path[: path.index(shared)] for path in to_root)
+    return [*there, shared, *reversed(back)]
+
+
+def _path_to_root(parents: Ints, limb: int) -> list[int]:
+    path = [limb]
+    while parents[path[-1]] >= 0:
+        path.append(int(parents[path[-1]]))
+    return path
+
+
+class Disc(NamedTuple):
+    """A disc of a radius, or a ring around a hole."""
+
+    radius: float
+    hole: float = 0.0
+
+
+class Bar(NamedTuple):
+    """An upright rectangle; both halves of its size, and the radius of its corners."""
+
+    half_width: float
+    half_height: float
+    corner: float = 0.0
+
+
+_SIGNS: dict[str, tuple[Disc | Bar, ...]] = {
+    "ball": (Disc(1.0),),
+    "hinge": (Bar(0.45, 1.2, 0.33),),
+    "universal": (Bar(0.4, 1.2, 0.33), Bar(1.2, 0.4, 0.33)),
+    "rigid": (Bar(0.9, 0.9),),
+}
+
+
+def joint_sign(kind: str) -> tuple[Disc | Bar, ...]:
+    """Return the sign of a kind of joint, about 0: a disc, a bar, a cross, a square; a ring where it is not known."""
+    return _SIGNS.get(kind, (Disc(1.0, hole=0.5),))
