@@ -14,14 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.errors import WriteError
 from skelgen.geometry.euler import euler_angles, gimbal_distance
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model import Joint, Motion, Project
 from skelgen.model.arrays import Floats
 from skelgen_formats.bones import joint_names, parent_from_child
-from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options, Writable
-from skelgen_formats.parts import finished_project
+from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options
 
 M_PER_MM = 1e-3
 """These formats are in metres."""
@@ -84,21 +82,13 @@ class Link:
         return tuple(f"{self.joint}_{name}" for name in _ANGLE_NAMES.get(self.kind, ("rx", "ry", "rz")))
 
 
-def articulated_project(value: Writable, title: str) -> Project:
-    """Return a finished project with at least one limb and one frame; parameters and errors as `finished_project`."""
-    project = finished_project(value, title)
-    if project.skeleton.n_limbs == 0 or project.motion.n_frames == 0:
-        raise WriteError(f"{title} needs at least one limb and one frame")
-    return project
-
-
 def links_of(project: Project, joints: str) -> tuple[Link, ...]:
     """Return all limbs from the roots outward.
 
     Parameters
     ----------
     project : Project
-        From `articulated_project`.
+        From `skelgen_formats.parts.moving_project`.
     joints : str
         A choice of `JOINTS`.
     """

@@ -16,8 +16,7 @@ from skelgen.errors import FormatError, ParameterError, WriteError
 from skelgen.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
-from skelgen_formats.options import AUTO, MM_PER_UNIT, Writable
-from skelgen_formats.parts import finished_project
+from skelgen_formats.options import AUTO, MM_PER_UNIT
 
 
 def xyzw_from_matrix(rotations: Floats) -> Floats:
@@ -48,6 +47,13 @@ def parent_from_child(world_from_parent: Floats, world_from_child: Floats) -> tu
     apart = world_from_child[..., :3, 3] - world_from_parent[..., :3, 3]
     translation = (parent_from_world @ apart[..., np.newaxis])[..., 0]
     return translation, parent_from_world @ world_from_child[..., :3, :3]
+
+
+def scaled_poses(poses: Floats, scale: float) -> Floats:
+    """Return poses, shape (..., 4, 4), with their translations multiplied by a factor."""
+    scaled = poses.copy()
+    scaled[..., :3, 3] *= scale
+    return scaled
 
 
 def bone_transforms(poses: Floats, parent: int, limb: int) -> tuple[Floats, Floats]:
@@ -139,22 +145,6 @@ def distinct_names(names: Sequence[str]) -> tuple[str, ...]:
 
 _LARGEST = float(np.finfo(np.float32).max)
 _SHORTEST_TIP = 1.0  # mm: importers turn a bone of no length into none, or into one of a metre
-
-
-def animated_project(value: Writable, title: str) -> Project:
-    """Return a project whose skeleton moves.
-
-    Raises
-    ------
-    WriteError
-        If it is no project, or there is no limb or no frame.
-    MissingResultError
-        If a stage has not run.
-    """
-    project = finished_project(value, title)
-    if project.motion.n_frames == 0 or project.skeleton.n_limbs == 0:
-        raise WriteError(f"{title} needs at least one bone and one frame")
-    return project
 
 
 def check_single_precision(project: Project, title: str) -> None:

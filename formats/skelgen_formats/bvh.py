@@ -45,7 +45,6 @@ from skelgen.model.takes import BoneMotion
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
     LARGEST_MM,
-    animated_project,
     bone_name,
     bone_tip,
     bone_transforms,
@@ -54,6 +53,7 @@ from skelgen_formats.bones import (
     lost_in_animations,
 )
 from skelgen_formats.options import AUTO, AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
+from skelgen_formats.parts import moving_project
 from skelgen_formats.registry import Format
 from skelgen_formats.text import count_in, number_in, parse_rows, read_lines
 
@@ -69,6 +69,17 @@ _DECIMALS_OF_DEGREES = 7  # 2e-9 rad: on a chain of a hundred metres less than a
 def write_bvh(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write skeleton and motion of a finished project, every root with its place, every joint with three angles.
 
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        The file.
+    unit : str
+        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError
@@ -76,7 +87,7 @@ def write_bvh(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = 
     MissingResultError
         If the project has no skeleton yet.
     """
-    project = animated_project(value, _TITLE)
+    project = moving_project(value, _TITLE)
     rows = with_progress(_rows(project, unit), project.motion.n_frames, monitor)
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
         stream.writelines(f"{line}\n" for line in _hierarchy(project.skeleton, unit))
@@ -416,7 +427,7 @@ FORMAT = Format(
     holds="skeleton",
     read_motion=read_bvh,
     write=lambda value, path, options, monitor: write_bvh(value, path, options.unit, monitor),
-    check=lambda value, options: animated_project(value, _TITLE),
+    check=lambda value, options: moving_project(value, _TITLE),
     keeps=("joints", "motion"),
     remarks=_remarks,
     options=(AXES, UNIT, RATE),

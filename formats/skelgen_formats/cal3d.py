@@ -18,8 +18,9 @@ from skelgen.files import replacing
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bones import animated_project, bone_name, bone_transforms, check_single_precision, xyzw_from_matrix
+from skelgen_formats.bones import bone_name, bone_transforms, check_single_precision, scaled_poses, xyzw_from_matrix
 from skelgen_formats.options import AXES, RATE, UNIT, Options, Writable, per_mm
+from skelgen_formats.parts import moving_project
 from skelgen_formats.registry import Format
 
 _TITLE = "Cal3D"
@@ -32,6 +33,17 @@ _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
 def write_cal3d(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write skeleton and animation beside each other, whichever of the two `path` names.
 
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        Skeleton or animation; the other stands beside it.
+    unit : str
+        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError
@@ -39,7 +51,7 @@ def write_cal3d(value: Writable, path: Path, unit: str = "mm", monitor: Monitor 
     MissingResultError
         If the project has no skeleton yet.
     """
-    project = animated_project(value, _TITLE)
+    project = moving_project(value, _TITLE)
     check_single_precision(project, _TITLE)  # the loaders silently zero all that follows a number beyond
     skeleton_path, animation_path = files = _files(path)
     with replacing(skeleton_path) as skeleton_file, replacing(animation_path) as animation_file:
@@ -58,7 +70,7 @@ def _write(path: Path, lines: Iterator[str]) -> None:
 
 
 def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
-    reference_pose = _in_unit(skeleton.reference_pose, unit)
+    reference_pose = scaled_poses(skeleton.reference_pose, per_mm(unit))
     order = skeleton.outward.tolist()
     bone_of_limb = {limb: bone for bone, limb in enumerate(order)} | {-1: -1}
     yield f'<HEADER MAGIC="XSF" VERSION="{_VERSION}"/>\n<SKELETON NUMBONES="{len(order)}">\n'
@@ -85,7 +97,7 @@ def _transforms(reference_pose: Floats, parent: int, limb: int) -> Iterator[str]
 
 def _animation(project: Project, unit: str, monitor: Monitor) -> Iterator[str]:
     skeleton, motion = project.skeleton, project.motion
-    world_from_limb = _in_unit(motion.world_from_limb, unit)
+    world_from_limb = scaled_poses(motion.world_from_limb, per_mm(unit))
     order = skeleton.outward.tolist()
     times = [f"{time:.9g}" for time in motion.times]
     duration = times[-1] if motion.n_frames > 1 else f"{1 / motion.rate:.9g}"  # zero is refused by the loaders
@@ -98,12 +110,6 @@ def _animation(project: Project, unit: str, monitor: Monitor) -> Iterator[str]:
         yield from (key % (time, *row) for time, row in zip(times, numbers.tolist(), strict=True))
         yield "</TRACK>\n"
     yield "</ANIMATION>\n"
-
-
-def _in_unit(poses: Floats, unit: str) -> Floats:
-    scaled = poses.copy()
-    scaled[..., :3, 3] *= per_mm(unit)
-    return scaled
 
 
 def _element(name: str, numbers: Floats) -> str:
@@ -126,7 +132,7 @@ FORMAT = Format(
     suffixes=(SKELETON_SUFFIX, ANIMATION_SUFFIX),
     holds="skeleton",
     write=lambda value, path, options, monitor: write_cal3d(value, path, options.unit, monitor),
-    check=lambda value, options: animated_project(value, _TITLE),
+    check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("joints", "motion"),
     remarks=_remarks,

@@ -81,13 +81,11 @@ def read_csm(path: Path, dropout: str = "word") -> Trajectories | PointCloud:
     """
     lines = read_lines(path)
     sections, first = _sections(path, lines)
-    order_line, names = _section(path, sections, "$order")
+    _, names = _section(path, sections, "$order")
     rate_line, rate = _section(path, sections, "$rate")
     rows, numbers = _frames(path, lines, first, len(names))
     notices: list[str] = []
     _check_numbers(path, sections, numbers, first, notices)
-    if not len(rows):
-        raise FormatError(path, order_line, "holds no frame: nothing can be read from it")
     positions = zeros_unseen(rows.reshape(len(rows), len(names), 3))
     rate_value = rate_in(path, rate_line, rate[0], "$Rate")
     return take_from_markers(path, scaled(path, positions, _MM), names, rate_value, notices)
@@ -176,7 +174,7 @@ def _frames(path: Path, lines: Sequence[str], first: int, n_markers: int) -> tup
         numbers.append(count_in(path, index + 1, words[0], "the frame number"))
         if len(numbers) > 1 and numbers[-1] != numbers[-2] + 1:
             raise FormatError(path, index + 1, f"frame {numbers[-1]} follows frame {numbers[-2]}; a line is missing")
-    return (np.array(rows) if rows else np.empty((0, 0))), numbers
+    return np.array(rows).reshape(len(rows), 3 * n_markers), numbers
 
 
 def _numbers(path: Path, words: Sequence[str], line: int) -> Floats:

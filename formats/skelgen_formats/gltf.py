@@ -26,14 +26,15 @@ from skelgen.model import Joint, Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
-    animated_project,
     bone_name,
     bone_transforms,
     check_single_precision,
     lost_in_animations,
+    scaled_poses,
     xyzw_from_matrix,
 )
 from skelgen_formats.options import AXES, RATE, UNIT, Option, Options, Writable, per_mm
+from skelgen_formats.parts import moving_project
 from skelgen_formats.registry import Format
 
 _TITLE = "glTF"
@@ -52,6 +53,17 @@ _SKELETON_NODE = 0
 def write_gltf(value: Writable, path: Path, unit: str = "m", monitor: Monitor = SILENT) -> list[Path]:
     """Write skeleton, motion and markers of a finished project.
 
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        The file.
+    unit : str
+        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError
@@ -60,7 +72,7 @@ def write_gltf(value: Writable, path: Path, unit: str = "m", monitor: Monitor = 
     MissingResultError
         If the project has no skeleton yet.
     """
-    project = animated_project(value, _TITLE)
+    project = moving_project(value, _TITLE)
     check_single_precision(project, _TITLE)
     data = _Data()
     document = _document(project, per_mm(unit), data, monitor)
@@ -106,7 +118,7 @@ class _Data:
 
 def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, Any]:
     skeleton = project.skeleton
-    rest = _scaled(skeleton.reference_pose, scale)
+    rest = scaled_poses(skeleton.reference_pose, scale)
     nodes: list[dict[str, Any]] = [{"name": "skeleton", "children": [_node(root) for root in skeleton.roots.tolist()]}]
     nodes += [_bone(skeleton, rest, limb) for limb in range(skeleton.n_limbs)]
     shown = [_SKELETON_NODE]
@@ -188,12 +200,6 @@ def continuous(quaternions: Floats) -> Floats:
     return np.asarray(quaternions * np.cumprod(np.concatenate([[1.0], flips]))[:, np.newaxis])
 
 
-def _scaled(poses: Floats, scale: float) -> Floats:
-    scaled = poses.copy()
-    scaled[..., :3, 3] *= scale
-    return scaled
-
-
 def _inverse(poses: Floats) -> Floats:
     back = poses[..., :3, :3].swapaxes(-1, -2)
     return transform_from(back, -(back @ poses[..., :3, 3, np.newaxis])[..., 0])
@@ -214,7 +220,7 @@ FORMAT = Format(
     suffixes=(".glb",),
     holds="skeleton",
     write=lambda value, path, options, monitor: write_gltf(value, path, options.unit, monitor),
-    check=lambda value, options: animated_project(value, _TITLE),
+    check=lambda value, options: moving_project(value, _TITLE),
     keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
     options=(AXES, _METRES, RATE),

@@ -18,17 +18,10 @@ from skelgen.geometry.rotations import quaternion_from_matrix
 from skelgen.model import Project
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.articulated import (
-    M_PER_MM,
-    Link,
-    articulated_project,
-    bones_of,
-    links_of,
-    markers_on,
-    remarks_on_joints,
-)
+from skelgen_formats.articulated import M_PER_MM, Link, bones_of, links_of, markers_on, remarks_on_joints
 from skelgen_formats.motion_csv import write_motion
 from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
+from skelgen_formats.parts import moving_project
 from skelgen_formats.registry import Format
 from skelgen_formats.xml_files import number_text, write_tree
 
@@ -41,6 +34,17 @@ _BONE_RADIUS_M, _SITE_RADIUS_M = "0.01", "0.005"
 def write_mjcf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Monitor = SILENT) -> list[Path]:
     """Write the model, and a table with the coordinates of every frame.
 
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        The model; its motion stands beside it.
+    joints : str
+        `AS_MOVED` or `AS_FOUND`.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError
@@ -48,7 +52,7 @@ def write_mjcf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Mon
     MissingResultError
         If the project has no skeleton yet.
     """
-    project = articulated_project(value, _TITLE)
+    project = moving_project(value, _TITLE)
     links = {link.name: link for link in links_of(project, joints)}
     with arriving_together(path.parent) as folder:
         model, motion = _files(folder / path.name)
@@ -133,7 +137,7 @@ FORMAT = Format(
     suffixes=(MODEL_SUFFIX, ".mjcf"),
     holds="skeleton",
     write=lambda value, path, options, monitor: write_mjcf(value, path, options.joints, monitor),
-    check=lambda value, options: articulated_project(value, _TITLE),
+    check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("names", "limbs", "joints", "angles", "kinds", "motion"),
     remarks=_remarks,

@@ -18,7 +18,6 @@ are. Machines that use decimal commas export with semicolons; both are understoo
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,13 +71,11 @@ def read_motive(path: Path) -> Trajectories | PointCloud:
     unit = header.get("Length Units", "")
     if not unit:
         notices.append("the header names no length unit; metres are assumed")
-    pick = operator.itemgetter(*[column for triple in columns.values() for column in triple])
-    rows = parse_rows(path, lines, titles.first, len(titles.axes), delimiter, pick=pick)
+    wanted = [column for triple in columns.values() for column in triple]
+    rows = parse_rows(path, lines, titles.first, len(titles.axes), delimiter, wanted)
     if "Total Exported Frames" in header:
         announced = count_in(path, 1, header["Total Exported Frames"], "Total Exported Frames")
         check_frames(path, 1, announced, len(rows), notices)
-    if not len(rows):
-        raise FormatError(path, "", "holds no frame: nothing can be read from it")
     positions = rows.reshape(len(rows), len(columns), 3)
     factor = mm_per_unit(path, 1, unit or _DEFAULT_UNIT)
     return take_from_markers(path, scaled(path, positions, factor), list(columns), rate, notices)

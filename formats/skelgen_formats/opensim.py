@@ -24,7 +24,6 @@ from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.articulated import (
     M_PER_MM,
     Link,
-    articulated_project,
     frame_along,
     links_of,
     markers_on,
@@ -32,6 +31,7 @@ from skelgen_formats.articulated import (
     remarks_on_joints,
 )
 from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
+from skelgen_formats.parts import moving_project
 from skelgen_formats.registry import Format
 from skelgen_formats.trc import write_trc
 from skelgen_formats.xml_files import number_text, write_tree
@@ -56,6 +56,17 @@ _JOINT_TYPES = {
 def write_opensim(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Monitor = SILENT) -> list[Path]:
     """Write model, motion, markers and setup beside each other, whichever of the first two `path` names.
 
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        The model or its motion; the other files stand beside it.
+    joints : str
+        `AS_MOVED` or `AS_FOUND`.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError
@@ -63,7 +74,7 @@ def write_opensim(value: Writable, path: Path, joints: str = AS_MOVED, monitor: 
     MissingResultError
         If the project has no skeleton yet.
     """
-    project = articulated_project(value, _TITLE)
+    project = moving_project(value, _TITLE)
     links = links_of(project, joints)
     named = replace(project.trajectories, names=plain_names(project.trajectories.names))
     with arriving_together(path.parent) as folder:
@@ -215,7 +226,7 @@ FORMAT = Format(
     suffixes=SUFFIXES[:2],
     holds="skeleton",
     write=lambda value, path, options, monitor: write_opensim(value, path, options.joints, monitor),
-    check=lambda value, options: articulated_project(value, _TITLE),
+    check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("markers", "names", "limbs", "joints", "angles", "kinds", "motion"),
     remarks=_remarks,

@@ -81,3 +81,11 @@ def finished_project(value: Writable, title: str) -> Project:
         )
     _ = value.motion  # says which stage is missing
     return value
+
+
+def moving_project(value: Writable, title: str) -> Project:
+    """Return a finished project with at least one limb and one frame; parameters and errors as `finished_project`."""
+    project = finished_project(value, title)
+    if project.skeleton.n_limbs == 0 or project.motion.n_frames == 0:
+        raise WriteError(f"{title} needs at least one limb and one frame")
+    return project

@@ -76,6 +76,17 @@ def read_poses(path: Path) -> Poses:
 def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write bodies with orientation; quaternions with scalar first.
 
+    Parameters
+    ----------
+    value : Project or Poses
+        Bodies with orientation.
+    path : Path
+        The file.
+    unit : str
+        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError

@@ -44,7 +44,7 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud:
     lines = read_lines(path)
     header, first = _header(lines)
     _refuse_bodies(path, header)
-    line, names = _entry(path, header, "MARKER_NAMES")
+    _, names = _entry(path, header, "MARKER_NAMES")
     rate_line, rate_text = _entry(path, header, "FREQUENCY")
     rate = rate_in(path, rate_line, rate_text[0], "FREQUENCY")
     _check_marker_count(path, header, len(names))
@@ -53,8 +53,6 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud:
     notices: list[str] = []
     frames_line, frames = _entry(path, header, _FIRST_KEY)
     check_frames(path, frames_line, count_in(path, frames_line, frames[0], _FIRST_KEY), len(rows), notices)
-    if not len(rows):
-        raise FormatError(path, line, "holds no frame: nothing can be read from it")
     positions = zeros_unseen(rows[:, leading:].reshape(len(rows), len(names), 3))
     return take_from_markers(path, scaled(path, positions, _MM), names, rate, notices)
 

@@ -32,6 +32,15 @@ _PACKAGES = ("skelgen", "numpy", "scipy", "scikit-learn", "numba")
 def write_summary_json(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write `summary` of a project, finished or not.
 
+    Parameters
+    ----------
+    value : Project
+        Finished or not.
+    path : Path
+        The file.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError

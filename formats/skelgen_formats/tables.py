@@ -40,6 +40,17 @@ Rows = Callable[[Project, Ints, str], Columns]
 def write_csv_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
     """Write the three tables as CSV.
 
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        Its stem is that of the three files.
+    unit : str
+        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError
@@ -51,7 +62,7 @@ def write_csv_tables(value: Writable, path: Path, unit: str = "mm", monitor: Mon
 
 
 def write_parquet_tables(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = SILENT) -> list[Path]:
-    """Write the three tables as Parquet; errors as `write_csv_tables`, and without pyarrow."""
+    """Write the three tables as Parquet; parameters and errors as `write_csv_tables`, and an error without pyarrow."""
     _check_parquet(value)
     return _write(value, path, PARQUET_SUFFIX, unit, monitor, _write_parquet)
 

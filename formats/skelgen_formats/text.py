@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -110,8 +110,7 @@ def parse_rows(
     first: int,
     n_cells: int,
     delimiter: str,
-    *,
-    pick: Callable[[list[str]], Sequence[str]] | None = None,
+    columns: Sequence[int] | None = None,
 ) -> Floats:
     """Return the numbers of the non-blank lines from index `first` on; empty cells and words like NaN become NaN.
 
@@ -127,12 +126,12 @@ def parse_rows(
         Cells that each line must have; blank ones beyond them are ignored.
     delimiter : str
         What separates cells. Decimal commas are understood where it is not a comma itself.
-    pick : callable (cells) -> cells, optional
-        Chooses the cells that are wanted, in the wanted order.
+    columns : sequence of int, optional
+        Indices of the cells that are wanted, in the wanted order; all if left out.
 
     Returns
     -------
-    ndarray, shape (n_rows, n_picked)
+    ndarray, shape (n_rows, n_columns)
 
     Raises
     ------
@@ -147,9 +146,9 @@ def parse_rows(
         cells = line.split(delimiter)
         if len(cells) != n_cells:
             cells = _fitted(path, cells, index + 1, n_cells, delimiter)
-        wanted = pick(cells) if pick else cells
+        wanted = cells if columns is None else [cells[column] for column in columns]
         rows.append(_row(path, wanted, index + 1, delimiter))
-    return np.array(rows, dtype=np.float64) if rows else np.empty((0, 0))
+    return np.array(rows, dtype=np.float64).reshape(len(rows), n_cells if columns is None else len(columns))
 
 
 def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: str) -> list[str]:

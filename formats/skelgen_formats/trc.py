@@ -83,8 +83,6 @@ def read_trc(path: Path) -> Trajectories | PointCloud:
     rows = parse_rows(path, _without_comments(lines), start + _HEADER_LINES, _LEADING_CELLS + 3 * n_markers, "\t")
     notices: list[str] = []
     announced = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
-    if not len(rows):
-        raise FormatError(path, "", "holds no frame: nothing can be read from it")
     _check_length(lines, announced, rows, notices)
     positions = zeros_unseen(rows[:, _LEADING_CELLS:].reshape(len(rows), n_markers, 3))
     return take_from_markers(path, scaled(path, positions, factor), names, rate, notices)
@@ -95,7 +93,18 @@ def write_trc(
 ) -> list[Path]:
     """Write labelled markers as TRC; unseen markers are empty cells.
 
-    With `filled`, filled positions are written as well, and the table that tells which they are.
+    Parameters
+    ----------
+    value : Project, Trajectories or Filled
+        What has labelled markers.
+    path : Path
+        The file.
+    filled : bool
+        Whether filled positions are written too, and the table that says which they are.
+    unit : str
+        Of the lengths in the file: ``mm``, ``cm`` or ``m``.
+    monitor : Monitor
+        Shows progress; may cancel.
 
     Raises
     ------
@@ -154,7 +163,7 @@ def _check_length(lines: Sequence[str], announced: int, rows: Floats, notices: l
     if len(rows) == announced:
         return
     notices.append(f"{len(rows)} frames were read although the header announces {announced}")
-    if len(rows) < announced and lines[-1].strip():
+    if 0 < len(rows) < announced and lines[-1].strip():
         rows[-1, -1] = np.nan  # the marker's other coordinates follow when half-seen markers become unseen
         notices.append("the last line has no line end, so its last marker, which may be cut off, is taken as unseen")
 

@@ -22,7 +22,6 @@ from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import (
     M_PER_MM,
     Link,
-    articulated_project,
     bones_of,
     frame_along,
     links_of,
@@ -32,6 +31,7 @@ from skelgen_formats.articulated import (
 )
 from skelgen_formats.motion_csv import write_motion
 from skelgen_formats.options import AS_MOVED, AXES, JOINTS, RATE, Options, Writable
+from skelgen_formats.parts import moving_project
 from skelgen_formats.registry import Format
 from skelgen_formats.xml_files import number_text, write_tree
 
@@ -55,6 +55,17 @@ class _Single(NamedTuple):
 def write_urdf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Monitor = SILENT) -> list[Path]:
     """Write the robot, and a table with the value of each joint in every frame.
 
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        The robot; its motion stands beside it.
+    joints : str
+        `AS_MOVED` or `AS_FOUND`.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError
@@ -62,7 +73,7 @@ def write_urdf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Mon
     MissingResultError
         If the project has no skeleton yet.
     """
-    project = articulated_project(value, _TITLE)
+    project = moving_project(value, _TITLE)
     links = links_of(project, joints)
     singles = [single for link in links for single in _singles(link)]
     columns = [f"{single.name}_{single.unit}" for single in singles]
@@ -161,7 +172,7 @@ FORMAT = Format(
     suffixes=(MODEL_SUFFIX,),
     holds="skeleton",
     write=lambda value, path, options, monitor: write_urdf(value, path, options.joints, monitor),
-    check=lambda value, options: articulated_project(value, _TITLE),
+    check=lambda value, options: moving_project(value, _TITLE),
     files=lambda path, options: _files(path),
     keeps=("names", "limbs", "joints", "angles", "motion"),
     remarks=_remarks,

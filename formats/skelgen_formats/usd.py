@@ -24,7 +24,6 @@ from skelgen.model import Project, Skeleton, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
-    animated_project,
     bone_name,
     bone_transforms,
     check_single_precision,
@@ -32,6 +31,7 @@ from skelgen_formats.bones import (
     xyzw_from_matrix,
 )
 from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
+from skelgen_formats.parts import moving_project
 from skelgen_formats.registry import Format
 
 _TITLE = "USD"
@@ -82,7 +82,7 @@ def write_usd(
 
 
 def _project(value: Writable) -> Project:
-    project = animated_project(value, _TITLE)
+    project = moving_project(value, _TITLE)
     if find_spec("pxr") is None:
         raise WriteError("USD files are written with Pixar's library: pip install 'skelgen[usd]'")
     return project

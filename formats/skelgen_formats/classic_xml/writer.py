@@ -49,6 +49,15 @@ _CHUNK_FRAMES = 500  # frames whose numbers are Python objects at one time: 500 
 def write_classic_xml(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
     """Write a finished project; the file is described in `skelgen_formats.classic_xml`.
 
+    Parameters
+    ----------
+    value : Project
+        Finished.
+    path : Path
+        The file.
+    monitor : Monitor
+        Shows progress; may cancel.
+
     Raises
     ------
     WriteError
