@@ -46,7 +46,7 @@ def evidence_of(
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         NaN where unseen.
     distance, spread, mates, rivals, reach
-        As in `skelgen.stages.labels.confidence.distance_statistics.Usual`.
+        As in `skelgen.stages.labels.confidence.distance_statistics.DistanceStatistics`.
     """
     n_frames, n_markers = positions.shape[:2]
     evidence = np.zeros((n_frames, n_markers), dtype=np.float32)

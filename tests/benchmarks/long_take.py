@@ -48,12 +48,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("lengths", type=int, nargs="*", default=LENGTHS, help="in frames")
     parser.add_argument("--method", default="rigidity")
-    parser.add_argument("--judged", action="store_true", help="tell how sure the labels are, too")
     given = parser.parse_args()
     show_machine()
     rows = []
     for n_frames in given.lengths:
-        facts = in_own_process(labelled, n_frames, given.method, given.judged)
+        facts = in_own_process(labelled, n_frames, given.method)
         rows.append(row_of(n_frames, facts))
         phases = ", ".join(f"{name} {seconds:.1f} s (until {peak:.2f} GB)" for name, seconds, peak in facts["phases"])
         print(f"{n_frames} frames: {phases}\n", flush=True)
@@ -71,17 +70,14 @@ def row_of(n_frames: int, facts: dict) -> tuple[str, ...]:
     return (str(n_frames), str(facts["n_points"]), *numbers, str(facts["markers"]), verdict(reached))
 
 
-def labelled(n_frames: int, method: str, judged: bool) -> dict:
+def labelled(n_frames: int, method: str) -> dict:
     """Label a take, and note time and memory."""
     cloud, parameters = long_cloud(n_frames), LabelParameters(method=method)
     before, phases = peak_gigabytes(), Phases()
     started = time.process_time()
     with threadpool_limits(limits=1):
         try:
-            if judged:
-                markers = label_markers(cloud, parameters, monitor=phases)[0].n_markers
-            else:
-                markers = label_markers(cloud, parameters, monitor=phases)[0].n_markers
+            markers = label_markers(cloud, parameters, monitor=phases)[0].n_markers
         except SkelgenError as error:
             markers = str(error)
     ended = time.process_time()

@@ -12,16 +12,16 @@ from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 
 N_MATES = 6
-"""Mates of each marker: a point has three coordinates, the others stand in for mates that are hidden."""
+"""Mates of each marker: a point has three coordinates, and some mates may be hidden."""
 
 N_RIVALS = 4
 """Other markers whose places are tried: the most similar ones."""
 
 SAMPLE_FRAMES = 300
-"""Frames from which the usual distances are taken."""
+"""Frames from which the statistics are taken."""
 
 MOST_SAMPLES = 20_000_000
-"""Distances looked at for the usual ones: with very many markers fewer frames are sampled."""
+"""Distances from which the statistics are taken: with very many markers fewer frames are sampled."""
 
 CHUNK_VALUES = 1_000_000
 """Distances held at once: 8 MB per array."""
@@ -30,19 +30,19 @@ LEAST_SAMPLES = 20
 """Frames that are sampled in any case."""
 
 LEAST_COMMON = 8
-"""Fewer common frames say nothing of a distance."""
+"""Common frames that a distance needs."""
 
 LEAST_SPREAD = 1e-3
-"""Of a distance: what even an exact take may vary."""
+"""Of a distance: the least spread, however exact the take."""
 
 TINY_SPREAD = 1e-9
-"""mm; keeps the law of distances finite for markers that coincide."""
+"""mm; keeps the density of distances finite for markers that coincide."""
 
-TOLD_APART = 2.0
-"""Standard deviations by which distances must differ, root mean square, for two markers to be told apart."""
+LOOK_ALIKE = 2.0
+"""Root mean square of the standard deviations by which distances must differ, or two markers look alike."""
 
 COMMON_PART = 0.02
-"""Part of its frames in which a piece of a marker may be seen together with the rest of it: false points."""
+"""Part of its frames in which a piece of a marker may be seen together with the rest, because of false points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class DistanceStatistics:
     separation : ndarray, shape (n_markers, n_rivals)
         By how many standard deviations their distances differ, root mean square.
     reach : float, mm
-        How far markers are apart at most: where a point lies that is nowhere in particular.
+        Largest distance of two markers; a point that belongs to no marker may lie anywhere within it.
     """
 
     distance: Floats
@@ -71,7 +71,7 @@ class DistanceStatistics:
     reach: float
 
     def without_pieces(self, original: Ints) -> DistanceStatistics:
-        """Return the same without rivals that are pieces of the marker itself; see `look_alikes` for `original`."""
+        """Return the statistics without rivals that are pieces of the marker itself; `original` as in `look_alikes`."""
         own = (self.rivals >= 0) & (original[self.rivals] == np.arange(len(original))[:, np.newaxis])
         return replace(self, rivals=np.where(own, -1, self.rivals))
 
@@ -121,35 +121,35 @@ def _median_and_spread(values: Floats) -> tuple[Floats, Floats]:
 
 
 def _with_floor(distance: Floats, spread: Floats) -> Floats:
-    """No distance is surer than half of what the steadiest distance of a marker usually is."""
+    """Bound spreads from below by half of the median spread of each marker's steadiest distance."""
     known = ~np.isnan(spread)
     steadiest = np.where(known, spread, np.inf).min(axis=1, initial=np.inf)
     steadiest = steadiest[np.isfinite(steadiest)]
-    usual = float(np.median(steadiest)) / 2 if len(steadiest) else 0.0
-    return np.asarray(np.maximum(spread, np.maximum(max(usual, TINY_SPREAD), LEAST_SPREAD * distance)))
+    least = float(np.median(steadiest)) / 2 if len(steadiest) else 0.0
+    return np.asarray(np.maximum(spread, np.maximum(max(least, TINY_SPREAD), LEAST_SPREAD * distance)))
 
 
 def _separations(marker: int, mates: Ints, distance: Floats, spread: Floats) -> Floats:
-    """How many deviations each marker differs from one in the distances to that one's mates, shape (n_markers,)."""
+    """Root mean square deviations between the distances of each marker and of one to that one's mates, (n_markers,)."""
     mates = mates[mates >= 0]
     result = np.full(len(distance), np.inf)
     if not len(mates):
         return result
     apart = (distance[:, mates] - distance[marker, mates]) / np.hypot(spread[:, mates], spread[marker, mates])
-    told = ~np.isnan(apart)
-    squares = np.where(told, apart**2, 0.0).sum(axis=1)
-    some = told.any(axis=1)
-    result[some] = np.sqrt(squares[some] / told[some].sum(axis=1))
+    known = ~np.isnan(apart)
+    squares = np.where(known, apart**2, 0.0).sum(axis=1)
+    some = known.any(axis=1)
+    result[some] = np.sqrt(squares[some] / known[some].sum(axis=1))
     result[marker] = np.inf
     return result
 
 
-def look_alikes(usual: DistanceStatistics, seen: Bools) -> tuple[Ints, tuple[tuple[int, int], ...]]:
+def look_alikes(statistics: DistanceStatistics, seen: Bools) -> tuple[Ints, tuple[tuple[int, int], ...]]:
     """Find which marker each one is probably a piece of, and which pairs no distance tells apart.
 
     Parameters
     ----------
-    usual : DistanceStatistics
+    statistics : DistanceStatistics
         Of the markers.
     seen : ndarray of bool, shape (n_frames, n_markers)
         When each marker is seen.
@@ -164,20 +164,20 @@ def look_alikes(usual: DistanceStatistics, seen: Bools) -> tuple[Ints, tuple[tup
     counts = seen.sum(axis=0)
     original = np.full(len(counts), -1, dtype=np.intp)
     twins = set()
-    for marker, slot in np.argwhere(usual.separation < TOLD_APART).tolist():
-        other = int(usual.rivals[marker, slot])
+    for marker, slot in np.argwhere(statistics.separation < LOOK_ALIKE).tolist():
+        other = int(statistics.rivals[marker, slot])
         together = int((seen[:, marker] & seen[:, other]).sum())
         if together > COMMON_PART * min(counts[marker], counts[other]):
-            if not _is_told_apart(marker, other, usual):
+            if not _differ(marker, other, statistics):
                 twins.add((min(marker, other), max(marker, other)))
         elif (counts[other], -other) > (counts[marker], -marker) and original[marker] < 0:
             original[marker] = other
     return original, tuple(sorted(twins))
 
 
-def _is_told_apart(first: int, second: int, usual: DistanceStatistics) -> bool:
+def _differ(first: int, second: int, statistics: DistanceStatistics) -> bool:
     """Whether the distance to any third marker would change visibly if two were exchanged."""
-    change = np.abs(usual.distance[first] - usual.distance[second])
-    change /= np.hypot(usual.spread[first], usual.spread[second])
+    change = np.abs(statistics.distance[first] - statistics.distance[second])
+    change /= np.hypot(statistics.spread[first], statistics.spread[second])
     change[[first, second]] = np.nan
-    return bool((change > TOLD_APART).any())
+    return bool((change > LOOK_ALIKE).any())

@@ -1,10 +1,11 @@
 r"""How sure it is that each marker is the one that it is called: a probability per marker and frame.
 
 Every marker has mates, the markers whose distances to it vary least, wherever they sit. In each frame the distances
-:math:`d_j` to the mates that are seen are weighed: the likelihood of what they usually are against that of the best
-rival, which is another marker's place, or nowhere in particular. Over time a marker is in one of two states, right or
-wrong; it seldom changes while it is seen without a break, more easily over a gap. The probability of being right, given
-the evidence of all frames, comes from the forward-backward recursion of that hidden Markov chain (Rabiner 1989).
+:math:`d_j` to the mates that are seen give identity evidence: their likelihood at the marker's own place against that
+at the best rival, which is another marker's place or any place at all. Over time a marker is in one of two states,
+right or wrong; it seldom changes while it is seen without a break, and more easily over a gap. The probability of being
+right, given the evidence of all frames, comes from the forward-backward recursion of this hidden Markov chain (Rabiner
+1989).
 """
 
 from __future__ import annotations
@@ -21,23 +22,23 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.labels.confidence.distance_statistics import TINY_SPREAD, distance_statistics, look_alikes
 
 CORRELATED_SECONDS = 0.4
-"""Evidence within this time repeats itself, as a pose lasts: together it counts as one frame's."""
+"""Evidence within this time is correlated, as a pose lasts: together it counts like that of one frame."""
 
 PIECE_RIGHT = 0.1
-"""Probability that a marker is one of its own although another one fits it and is never seen together with it."""
+"""Probability that a marker exists although another one fits its place and is never seen together with it."""
 
 RARELY_SEEN = 0.2
-"""Part of the frames below which a marker that was found is as often a piece of another one as one of its own."""
+"""Part of the frames; a marker seen in fewer is a piece of another one about as often as not."""
 
 ALONE_RIGHT = 0.3
-"""Probability of a marker whose distance to no other one is known."""
+"""Probability of a marker that has no known distance to another one."""
 
 JUMP_DEVIATIONS = 20.0
-"""A step that surprises by this many times what is usual is a break, where nothing else tells of tracks."""
+"""Where tracks are not known, a step that deviates by this many times the median deviation counts as a break."""
 
 
 class Prior(NamedTuple):
-    """What is believed before distances speak.
+    """Probabilities before any distance is compared.
 
     Attributes
     ----------
@@ -46,7 +47,7 @@ class Prior(NamedTuple):
     lost : float
         Probability that another marker is taken for one that was out of sight, or was followed anew.
     rare : float
-        Probability that a marker which is seldom seen is one of its own; NaN: that is not doubted.
+        Probability that a marker which is seldom seen is no piece of another one; NaN: that is not doubted.
     """
 
     right: float
@@ -55,35 +56,35 @@ class Prior(NamedTuple):
 
 
 LABELS_FOUND = Prior(right=0.9, lost=0.1, rare=0.5)
-"""Of takes that came as points."""
+"""For takes that came as points."""
 
 LABELS_GIVEN = Prior(right=0.97, lost=0.05, rare=np.nan)
-"""Of takes that came with labels: somebody has looked at them."""
+"""For takes that came with labels: somebody has checked them."""
 
 
 @dataclass(frozen=True, eq=False)
-class Certainty:
-    """What is known of identities in each frame.
+class IdentityConfidence:
+    """How sure the identity of each marker is in each frame.
 
     Attributes
     ----------
     confidence : ndarray, shape (n_frames, n_markers)
         Probability that the marker is the one that it is called; NaN where it is unseen.
     rival : ndarray of int16, shape (n_frames, n_markers)
-        The marker whose place fits next best, -1 = nowhere in particular.
+        The marker whose place fits next best, -1 = any place.
     n_mates : ndarray of int8, shape (n_frames, n_markers)
         Mates seen in the frame.
     evidence : ndarray of float32, shape (n_frames, n_markers), nats
-        For the marker's own place against the best rival's, from the frame alone.
+        For the marker's own place against the best rival, from this frame alone.
     original : ndarray of intp, shape (n_markers,)
-        The marker that each one is probably a piece of: it lies where that belongs and is never seen together with it;
+        The marker that each one is probably a piece of: its place is the same, and both are never seen together.
         -1 = none.
     alone : ndarray of bool, shape (n_markers,)
-        Markers whose distance to no other one is known.
+        Markers that have no known distance to another one.
     rare : ndarray of bool, shape (n_markers,)
-        Markers that are seen so seldom that they may be pieces of others although none fits.
+        Markers that are seen so seldom that they may be pieces of others, although no other one fits.
     twins : tuple of (int, int)
-        Pairs that no distance tells apart although they are seen together.
+        Pairs that are seen together, but that no distance distinguishes.
     """
 
     confidence: Floats
@@ -101,8 +102,8 @@ def identity_confidence(
     breaks: Bools | None = None,
     stated: Bools | None = None,
     prior: Prior = LABELS_GIVEN,
-) -> Certainty:
-    """Judge the identity of every marker in every frame.
+) -> IdentityConfidence:
+    """Compute how sure the identity of every marker is in every frame.
 
     Parameters
     ----------
@@ -113,21 +114,26 @@ def identity_confidence(
     stated : ndarray of bool, shape (n_frames, n_markers), optional
         Frames in which the user says that the marker is the one that it is called.
     prior : Prior
-        What is believed beforehand.
+        Probabilities before any distance is compared.
     """
     if breaks is None:
         breaks = jumps(trajectories)
-    usual = distance_statistics(trajectories)
-    original, twins = look_alikes(usual, trajectories.seen)
-    alone: Bools = np.asarray((usual.mates < 0).all(axis=1))
+    statistics = distance_statistics(trajectories)
+    original, twins = look_alikes(statistics, trajectories.seen)
+    alone: Bools = np.asarray((statistics.mates < 0).all(axis=1))
     rare: Bools = (trajectories.seen.mean(axis=0) < RARELY_SEEN) & (original < 0) & ~alone & ~np.isnan(prior.rare)
     if stated is not None:
-        told = stated.any(axis=0)
-        original[told], alone[told], rare[told] = -1, False, False
-    usual = usual.without_pieces(original)
+        sure = stated.any(axis=0)
+        original[sure], alone[sure], rare[sure] = -1, False, False
+    statistics = statistics.without_pieces(original)
     seen = trajectories.seen
     evidence, rival, n_seen = evidence_of(
-        trajectories.positions, usual.distance, usual.spread, usual.mates, usual.rivals, usual.reach
+        trajectories.positions,
+        statistics.distance,
+        statistics.spread,
+        statistics.mates,
+        statistics.rivals,
+        statistics.reach,
     )
     stated = np.zeros((0, 0), dtype=np.bool_) if stated is None else stated
     share = max(1.0, CORRELATED_SECONDS * trajectories.rate)
@@ -136,16 +142,16 @@ def identity_confidence(
     confidence[:, alone] *= ALONE_RIGHT
     confidence[:, rare] *= prior.rare
     confidence.flags.writeable = False
-    return Certainty(confidence, rival, n_seen, evidence, original, alone, rare, twins)
+    return IdentityConfidence(confidence, rival, n_seen, evidence, original, alone, rare, twins)
 
 
 def jumps(trajectories: Trajectories) -> Bools:
     """Frames in which a marker is far from where its last step would have brought it, shape (n_frames, n_markers)."""
-    surprise = np.linalg.norm(np.diff(trajectories.positions, n=2, axis=0), axis=2)
-    known = surprise[~np.isnan(surprise)]
+    deviation = np.linalg.norm(np.diff(trajectories.positions, n=2, axis=0), axis=2)
+    known = deviation[~np.isnan(deviation)]
     result = np.zeros(trajectories.seen.shape, dtype=np.bool_)
     if len(known):
-        result[2:] = surprise > JUMP_DEVIATIONS * max(float(np.median(known)), TINY_SPREAD)
+        result[2:] = deviation > JUMP_DEVIATIONS * max(float(np.median(known)), TINY_SPREAD)
     return result
 
 

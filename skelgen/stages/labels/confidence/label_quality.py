@@ -1,4 +1,4 @@
-"""The account of a labelling: confidence, doubtful spans, tracklets and where they went, points that are left out."""
+"""Label quality: confidence, doubtful spans with their reasons, tracklets and their markers, points left out."""
 
 from __future__ import annotations
 
@@ -10,16 +10,21 @@ import numpy as np
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.labelling import Agreement, Doubt, Finding, Labelling, Tracklets, seen_runs
-from skelgen.stages.labels.confidence.identity import CORRELATED_SECONDS, LABELS_FOUND, Certainty, identity_confidence
+from skelgen.stages.labels.confidence.identity import (
+    CORRELATED_SECONDS,
+    LABELS_FOUND,
+    IdentityConfidence,
+    identity_confidence,
+)
 from skelgen.stages.labels.point_labels import LONG_BLOCK_FRAMES, Block, blocks_of
 
-SEED_METHOD = "sets"
-"""The method of the labels stage that is the seed's own."""
+CLASSIC_METHOD = "sets"
+"""The method of the labels stage that is the thesis' own."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointLabels:
-    """What labelled markers were made of.
+    """Which marker each point of a take became, and how.
 
     Attributes
     ----------
@@ -30,7 +35,7 @@ class PointLabels:
     marker_of_point : ndarray of intp, shape (n_points,)
         Marker that each point became, -1 for none.
     classic : ndarray of intp, shape (n_points,), or None
-        Marker of each point by the seed's method, -1 for none, where another method came after it.
+        Marker of each point by the classic method, -1 for none, where it was compared.
     stated : ndarray of bool, shape (n_points,), or None
         Points whose marker the user has stated.
     """
@@ -44,7 +49,7 @@ class PointLabels:
 
 @dataclass(frozen=True, eq=False)
 class LabelHistory:
-    """What the account needs of how points became markers; small, whatever the number of points.
+    """What label quality needs of how points became markers; small, whatever the number of points.
 
     Attributes
     ----------
@@ -57,7 +62,7 @@ class LabelHistory:
     tracklets : Tracklets
         Tracks in the parts that went to one marker each.
     classic : Agreement or None
-        What the seed's method gave.
+        What the classic method gave.
     """
 
     changes: Bools
@@ -68,7 +73,15 @@ class LabelHistory:
 
 
 def history_of(points: PointLabels, n_markers: int) -> LabelHistory:
-    """Gather what the account needs, so that the points may be forgotten."""
+    """Gather what label quality needs, so that the points may be released.
+
+    Parameters
+    ----------
+    points : PointLabels
+        Which marker each point became.
+    n_markers : int
+        Number of markers.
+    """
     changes = np.zeros((points.cloud.n_frames, n_markers), dtype=np.bool_)
     stated = None if points.stated is None else np.zeros_like(changes)
     left_out = np.zeros(points.cloud.n_frames, dtype=np.intp)
@@ -76,18 +89,18 @@ def history_of(points: PointLabels, n_markers: int) -> LabelHistory:
     for block in blocks_of(points.cloud, LONG_BLOCK_FRAMES):
         frames = slice(block.first, block.first + block.n_frames)
         marker = points.marker_of_point[block.points]
-        track_of_point = points.track_of_point[block.points]
-        changes[frames] = _track_changes(block, marker, track_of_point, n_markers)
+        track = points.track_of_point[block.points]
+        changes[frames] = _track_changes(block, marker, track, n_markers)
         if points.stated is not None and stated is not None:
             stated[frames] = _stated(block, marker, points.stated[block.points], n_markers)
         left_out[frames] = np.bincount(block.frames[marker < 0], minlength=block.n_frames)
-        parts.append(_parts(track_of_point, marker, block.frames + block.first))
+        parts.append(_parts(track, marker, block.frames + block.first))
     agreement = None if points.classic is None else _agreement(points.classic, points.marker_of_point, n_markers)
     return LabelHistory(changes, stated, left_out, _tracklets_of_parts(parts), agreement)
 
 
 def labelling_of_cloud(trajectories: Trajectories, history: LabelHistory) -> Labelling:
-    """Judge markers that were found in an unlabelled take.
+    """Compute the label quality of markers that were found in an unlabelled take.
 
     Parameters
     ----------
@@ -108,7 +121,7 @@ def labelling_of_cloud(trajectories: Trajectories, history: LabelHistory) -> Lab
 
 
 def labelling_of_markers(trajectories: Trajectories, file: Trajectories, findings: Iterable[Finding] = ()) -> Labelling:
-    """Judge markers that came with labels.
+    """Compute the label quality of markers that came with labels.
 
     Parameters
     ----------
@@ -126,37 +139,47 @@ def labelling_of_markers(trajectories: Trajectories, file: Trajectories, finding
     return Labelling(certainty.confidence, ordered, certainty.twins, nothing, findings=tuple(findings))
 
 
-def _track_changes(block: Block, marker: Ints, track_of_point: Ints, n_markers: int) -> Bools:
+def _track_changes(block: Block, marker: Ints, track: Ints, n_markers: int) -> Bools:
     """Frames in which a marker's point is of another track than in the frame before, shape (n_frames, n_markers)."""
-    track = np.full((block.n_frames, n_markers), -1, dtype=np.intp)
+    followed = np.full((block.n_frames, n_markers), -1, dtype=np.intp)
     used = marker >= 0
-    track[block.frames[used], marker[used]] = track_of_point[used]
-    seen = np.zeros(track.shape, dtype=np.bool_)
+    followed[block.frames[used], marker[used]] = track[used]
+    seen = np.zeros(followed.shape, dtype=np.bool_)
     seen[block.frames[used], marker[used]] = True
-    changes = np.zeros(track.shape, dtype=np.bool_)  # nothing is said where two blocks meet
-    changes[1:] = seen[1:] & ((track[1:] != track[:-1]) | (track[1:] < 0))
+    changes = np.zeros(followed.shape, dtype=np.bool_)  # unknown where two blocks meet: False
+    changes[1:] = seen[1:] & ((followed[1:] != followed[:-1]) | (followed[1:] < 0))
     return changes
 
 
 def _stated(block: Block, marker: Ints, stated: Bools, n_markers: int) -> Bools:
     """Frames in which the user says that the marker is the one that it is called."""
     result = np.zeros((block.n_frames, n_markers), dtype=np.bool_)
-    told = stated & (marker >= 0)
-    result[block.frames[told], marker[told]] = True
+    sure = stated & (marker >= 0)
+    result[block.frames[sure], marker[sure]] = True
     return result
 
 
 def tracklets_of(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints) -> Tracklets:
-    """Cut tracks into the parts that went to one marker each."""
+    """Cut tracks into the parts that went to one marker each.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    track_of_point : ndarray of intp, shape (n_points,)
+        Track of each point, -1 for none.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    """
     frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
     return _tracklets_of_parts([_parts(track_of_point, marker_of_point, frame_of_point)])
 
 
-def _parts(track_of_point: Ints, marker_of_point: Ints, frame_of_point: Ints) -> Ints:
+def _parts(track: Ints, marker_of_point: Ints, frame_of_point: Ints) -> Ints:
     """Track, marker, first and last frame and number of points of each part, shape (5, n_parts)."""
-    order = np.argsort(track_of_point, kind="stable")
-    order = order[track_of_point[order] >= 0]
-    track, marker, frame = track_of_point[order], marker_of_point[order], frame_of_point[order]
+    order = np.argsort(track, kind="stable")
+    order = order[track[order] >= 0]
+    track, marker, frame = track[order], marker_of_point[order], frame_of_point[order]
     starts = np.flatnonzero(_begins(track, marker))
     ends = np.append(starts[1:], len(order)) - 1 if len(starts) else starts
     return np.stack([track[starts], marker[starts], frame[starts], frame[ends], ends - starts + 1])
@@ -182,7 +205,7 @@ def _begins(track: Ints, marker: Ints) -> Bools:
 
 
 def _agreement(classic: Ints, found: Ints, n_markers: int) -> Agreement:
-    """Compare with what the seed's method gave."""
+    """Compare with what the classic method gave."""
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
 
     n_theirs = int(classic.max(initial=-1)) + 1
@@ -191,7 +214,7 @@ def _agreement(classic: Ints, found: Ints, n_markers: int) -> Agreement:
     counts = counts.reshape(n_theirs, n_markers)
     same = int(counts[linear_sum_assignment(counts, maximize=True)].sum())
     either = int(((classic >= 0) | (found >= 0)).sum())
-    return Agreement(SEED_METHOD, n_theirs, int((classic >= 0).sum()), same / max(either, 1))
+    return Agreement(CLASSIC_METHOD, n_theirs, int((classic >= 0).sum()), same / max(either, 1))
 
 
 DOUBTFUL = 0.9
@@ -201,7 +224,7 @@ ENOUGH_MATES = 3
 """Mates whose distances fix a point in space."""
 
 
-def doubtful_spans(trajectories: Trajectories, certainty: Certainty) -> tuple[Doubt, ...]:
+def doubtful_spans(trajectories: Trajectories, certainty: IdentityConfidence) -> tuple[Doubt, ...]:
     """List the spans in which confidence is low, in the order of their first frames.
 
     Spans of one marker are joined where it is trusted for less than a tenth of a second between them.
@@ -210,8 +233,8 @@ def doubtful_spans(trajectories: Trajectories, certainty: Certainty) -> tuple[Do
     ----------
     trajectories : Trajectories
         The markers.
-    certainty : Certainty
-        What is known of them.
+    certainty : IdentityConfidence
+        How sure they are.
     """
     low: Bools = certainty.confidence < DOUBTFUL
     trusted = trajectories.seen & ~low
@@ -260,7 +283,7 @@ def _joined(low: Bools, trusted: Bools, bridged: int) -> tuple[Ints, Ints, Ints]
     return marker[starts], first[starts], last[np.append(starts[1:], len(marker)) - 1]
 
 
-def _doubt(trajectories: Trajectories, certainty: Certainty, marker: int, first: int, last: int) -> Doubt:
+def _doubt(trajectories: Trajectories, certainty: IdentityConfidence, marker: int, first: int, last: int) -> Doubt:
     span = slice(first, last + 1)
     confidence = certainty.confidence[span, marker]
     low = confidence < DOUBTFUL
@@ -280,7 +303,7 @@ def _doubt(trajectories: Trajectories, certainty: Certainty, marker: int, first:
     return Doubt(marker, first, last, kind, rival, float(np.nanmin(confidence)), reason)
 
 
-def _cause(certainty: Certainty, marker: int, span: slice, low: Bools) -> tuple[str, int]:
+def _cause(certainty: IdentityConfidence, marker: int, span: slice, low: Bools) -> tuple[str, int]:
     """Why confidence is low, and the marker that it may be instead."""
     if certainty.original[marker] >= 0:
         return "piece", int(certainty.original[marker])
