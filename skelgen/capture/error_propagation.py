@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen.capture.optics.matrices import inverse_symmetric
 from skelgen.capture.optics.projection import in_image, project, projection_jacobian
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.model.arrays import Bools, Floats
@@ -34,7 +33,7 @@ def point_covariances(rig: StereoRig, points: Floats) -> Floats:
         NaN for points that are behind a camera; see `seen_by_both` for the images' borders.
     """
     slope = np.concatenate([projection_jacobian(rig.left, points), projection_jacobian(rig.right, points)], axis=-2)
-    return rig.noise**2 * inverse_symmetric(np.swapaxes(slope, -1, -2) @ slope)
+    return rig.noise**2 * _inverse_where_finite(np.swapaxes(slope, -1, -2) @ slope)
 
 
 def seen_by_both(rig: StereoRig, points: Floats) -> Bools:
@@ -76,7 +75,7 @@ def pose_covariances(rig: StereoRig, target: BodyTarget, world_from_body: Floats
     seen = seen_by_both(rig, points) if seen is None else seen
     turn = world_from_body[..., np.newaxis, :3, :3]
     calibrated = (turn * target_variance(target)[:, np.newaxis, :]) @ np.swapaxes(turn, -1, -2)
-    weights = inverse_symmetric(point_covariances(rig, points) + calibrated)
+    weights = _inverse_where_finite(point_covariances(rig, points) + calibrated)
     weights = np.where(seen[..., np.newaxis, np.newaxis], weights, 0.0)
     slope = np.concatenate([-cross_matrix(turned), np.broadcast_to(np.eye(3), (*turned.shape, 3))], axis=-1)
     information = (np.swapaxes(slope, -1, -2) @ weights @ slope).sum(axis=-3)
@@ -174,3 +173,10 @@ def held_slope(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
     slope[..., :3], slope[..., 6:9] = cross_matrix(parent_arm), -cross_matrix(child_arm)
     slope[..., 3:6], slope[..., 9:] = -np.eye(3), np.eye(3)
     return np.concatenate([slope, turn_slope(joint, poses)[..., :2, :]], axis=-2) if joint.kind == HINGE else slope
+
+
+def _inverse_where_finite(matrices: Floats) -> Floats:
+    """Inverses of matrices, shape (..., 3, 3); NaN where one holds NaN, for which LAPACK would refuse all."""
+    out, is_finite = np.full_like(matrices, np.nan), np.isfinite(matrices).all(axis=(-1, -2))
+    out[is_finite] = np.linalg.inv(matrices[is_finite])
+    return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
+from skelgen.capture.optics.matching import match_and_triangulate
 from skelgen.capture.values import Balls, FramePair, StereoPoints
 from skelgen.model.rig import StereoRig
 
@@ -84,6 +85,4 @@ def matched_share(left: Balls, right: Balls, points: StereoPoints) -> float:
 
 def exchanged_share(left: Balls, right: Balls, rig: StereoRig) -> float:
     """Return what `matched_share` would be if the cameras were exchanged."""
-    from skelgen.capture.optics.matching import match_and_triangulate  # noqa: PLC0415 - only in trouble
-
     return matched_share(right, left, match_and_triangulate(right, left, rig))

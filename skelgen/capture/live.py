@@ -18,7 +18,10 @@ import numpy as np
 
 from skelgen.capture.angles import JointAngle, find_angles
 from skelgen.capture.bodies import BodyFinder, BodyParameters
+from skelgen.capture.detection import DetectionParameters, correct_eccentricity, detect_balls
 from skelgen.capture.health import RigWatch
+from skelgen.capture.optics.matching import match_and_triangulate
+from skelgen.capture.optics.projection import project
 from skelgen.capture.prediction import Prediction, PredictionParameters
 from skelgen.capture.values import Balls, FoundBody, FramePair, FrameSource, Image, StereoPoints
 from skelgen.errors import InputError
@@ -70,12 +73,8 @@ class PointFinder:
     """
 
     def __init__(self, settings: CaptureSettings, executor: Executor | None = None) -> None:
-        from skelgen.capture.detection import DetectionParameters, centred, detect_balls  # noqa: PLC0415 - numba takes a second
-        from skelgen.capture.optics.matching import match_and_triangulate  # noqa: PLC0415
-
         self.rig, self._executor = settings.rig, executor
         self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
-        self._detect, self._centred, self._triangulate = detect_balls, centred, match_and_triangulate
 
     def load(self) -> None:
         """Load what is compiled, which takes a second: a camera that already runs would lose pairs meanwhile."""
@@ -92,10 +91,10 @@ class PointFinder:
         self._check_sizes(pair)
         run = map if self._executor is None else self._executor.map
         left, right = run(self._balls, (pair.left, pair.right), (self.rig.left, self.rig.right))
-        return left, right, self._triangulate(left, right, self.rig)
+        return left, right, match_and_triangulate(left, right, self.rig)
 
     def _balls(self, image: Image, camera: Camera) -> Balls:
-        return self._centred(camera, self._detect(image, self._parameters))
+        return correct_eccentricity(camera, detect_balls(image, self._parameters))
 
     def _check_sizes(self, pair: FramePair) -> None:
         for side, image, camera in (("left", pair.left, self.rig.left), ("right", pair.right, self.rig.right)):
@@ -240,8 +239,6 @@ def trial_points(target: BodyTarget) -> StereoPoints:
 
 
 def _image(camera: Camera, points: Floats) -> Image:
-    from skelgen.capture.optics.projection import project  # noqa: PLC0415 - only when a capture begins
-
     rows, columns = np.indices((camera.height, camera.width))
     image = np.zeros((camera.height, camera.width), dtype=np.uint8)
     for x, y in project(camera, points).tolist():

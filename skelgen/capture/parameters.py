@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
 from skelgen.parameters import StageParameters, declare
 
@@ -22,8 +23,8 @@ class DetectionParameters(StageParameters):
         Whether and when a spot is looked at as several balls that touch.
     noise
         How uncertain the brightness of a pixel is.
-    centre, method
-        How centres are found, and what labels the spots.
+    centre
+        How centres are found.
     """
 
     stage: ClassVar[str] = "detection"
@@ -48,7 +49,7 @@ class DetectionParameters(StageParameters):
         low=1.0,
         high=255.0,
     )
-    min_area: int = declare(16, "Smallest ball, the seed's 4 x 4.", unit="px", low=1, high=100_000, basic=True)
+    min_area: int = declare(16, "Smallest ball.", unit="px", low=1, high=100_000, basic=True)
     max_area: int = declare(4_000, "Largest spot that is looked at.", unit="px", low=1, high=10_000_000)
     max_elongation: float = declare(
         1.5,
@@ -70,15 +71,23 @@ class DetectionParameters(StageParameters):
     )
     centre: str = declare(
         "edge",
-        "How the centre of a ball is found: from the grey values along its whole edge, or as in the seed, from all "
-        "pixels weighted by their brightness between the thresholds.",
+        "How the centre of a ball is found: from the grey values along its whole edge, or, as in "
+        "Gaschler (2011), from all pixels weighted by their brightness between the thresholds.",
         choices=("edge", "brightness"),
     )
-    method: str = declare(
-        "union-find",
-        "What labels the spots; all give the same balls. plain is slow and needs no compiler, opencv needs OpenCV.",
-        choices=("union-find", "plain", "opencv"),
-    )
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any], where: str = "") -> Self:
+        """Build parameters from names and values; see `StageParameters.from_mapping`.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            Settings of skelgen 0.1.0 may hold ``method``, which changed no result and is passed over.
+        where : str
+            Prefix for errors.
+        """
+        return super().from_mapping({name: value for name, value in values.items() if name != "method"}, where)
 
 
 @dataclass(frozen=True)
@@ -121,7 +130,7 @@ class BodyParameters(StageParameters):
 
 @dataclass(frozen=True)
 class RenderParameters(StageParameters):
-    """What balls, lamps, lenses and sensors of the simulated rig are like; the defaults are the seed's conditions.
+    """What balls, lamps, lenses and sensors of the simulated rig are like; the defaults are those of Gaschler (2011).
 
     Attributes
     ----------

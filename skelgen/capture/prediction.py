@@ -18,11 +18,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from skelgen._kernels.kalman import N_STATE, BodyState, Innovation, correct, predict
 from skelgen.capture.bodies import ExpectedPose
-from skelgen.capture.plain_filter import N_STATE
 from skelgen.capture.values import FoundBody
-from skelgen.compiling import loops
-from skelgen.model.arrays import Floats
 from skelgen.parameters import StageParameters, declare
 
 FRAME = 1 / 60
@@ -37,11 +35,11 @@ PACE = 0.1
 SCALES = (0.003, 30.0)
 """Least and largest part of the typical jerk: a body at rest, and one that is hit."""
 
-MOST_SURPRISE = 8.0
+MAX_INNOVATION = 8.0
 """Of one pose, in squared deviations per freedom: more says nothing more."""
 
 _POSE, _VELOCITY, _ACCELERATION = slice(0, 6), slice(6, 12), slice(12, 18)  # each turn, then place
-_TURNS = np.array([True, True, True, False, False, False])
+_ROTATIONS = np.array([True, True, True, False, False, False])
 
 DOUBT = 25.0
 """Squared Mahalanobis distance per freedom of a found pose from the predicted one above which the filter starts anew:
@@ -78,39 +76,37 @@ class BodyFilter:
 
     def __init__(self, parameters: PredictionParameters) -> None:
         self._parameters = parameters
-        self._loops = loops("skelgen.capture.compiled_filter", "skelgen.capture.plain_filter")
         self._time: float | None = None
         self._seen = 0.0
-        self._pose = np.eye(4)
-        self._rates = np.zeros(12)
-        self._covariance = np.eye(N_STATE)
-        self._scales = np.ones(2)  # of the jerk of turns and of shifts
-        self._ahead: tuple[float, Floats, Floats, Floats] | None = None  # what was predicted last, and for when
+        self._state = BodyState(np.eye(4), np.zeros(12), np.eye(N_STATE))
+        self._scales = np.ones(2)  # of the jerk of rotations and of shifts
+        self._ahead: tuple[float, BodyState] | None = None  # what was predicted last, and for when
 
     def expected(self, time: float) -> ExpectedPose | None:
         """Return where the body will be at a time [s], or None if nobody knows."""
         if self._time is None or time - self._seen > self._parameters.hold:
             return None
-        pose, _, covariance = self._predicted(time)
-        return ExpectedPose(pose, covariance[_POSE, _POSE])
+        state = self._predicted(time)
+        return ExpectedPose(state.pose, state.covariance[_POSE, _POSE])
 
     def corrected(self, time: float, found: FoundBody) -> FoundBody:
         """Take in a pose that was found at a time [s]; return the body with the smoothed pose and its covariance."""
         if self._time is None or time - self._seen > self._parameters.hold or time < self._time:
             return self._begun(time, found)
-        after = self._loops.corrected(*self._predicted(time), *_as_floats(found))
-        if not after.deviation <= DOUBT * _POSE.stop:
+        pose, covariance = (np.array(part, np.float64, order="C") for part in (found.world_from_body, found.covariance))
+        state, innovation = correct(self._predicted(time), pose, covariance)
+        if not innovation.deviation <= DOUBT * _POSE.stop:
             return self._begun(time, found)
         self._ahead = None
-        self._learn(after.surprises)
-        self._pose, self._rates, self._covariance = after.pose, after.rates, after.covariance
+        self._follow_jerk(innovation)
+        self._state = BodyState(*state)
         self._time = self._seen = time
-        return replace(found, world_from_body=self._pose, covariance=self._covariance[_POSE, _POSE].copy())
+        return replace(found, world_from_body=self._state.pose, covariance=self._state.covariance[_POSE, _POSE].copy())
 
-    def _learn(self, surprises: tuple[float, float]) -> None:
-        """Let the jerk follow how far poses are from the predicted ones, in units of what is to be expected."""
-        for part, surprise in enumerate(surprises):
-            scale = self._scales[part] * math.exp(PACE * (min(surprise, MOST_SURPRISE) - 1))
+    def _follow_jerk(self, innovation: Innovation) -> None:
+        """Raise or lower the jerk by how far the pose is from the predicted one, in units of what is to be expected."""
+        for part, deviation in enumerate((innovation.rotation, innovation.shift)):
+            scale = self._scales[part] * math.exp(PACE * (min(deviation, MAX_INNOVATION) - 1))
             self._scales[part] = min(max(scale, SCALES[0]), SCALES[1])
 
     def _begun(self, time: float, found: FoundBody) -> FoundBody:
@@ -118,25 +114,23 @@ class BodyFilter:
         self._ahead = None
         self._scales = np.ones(2)
         self._time = self._seen = time
-        self._pose, self._rates = np.array(found.world_from_body), np.zeros(12)
         speed, acceleration, turning, turning_acceleration = FASTEST
-        self._covariance = np.zeros((N_STATE, N_STATE))
-        self._covariance[_POSE, _POSE] = found.covariance
-        self._covariance[_VELOCITY, _VELOCITY] = np.diag(np.where(_TURNS, turning, speed) ** 2)
-        fastest = np.where(_TURNS, turning_acceleration, acceleration)
-        self._covariance[_ACCELERATION, _ACCELERATION] = np.diag(fastest**2)
+        covariance = np.zeros((N_STATE, N_STATE))
+        covariance[_POSE, _POSE] = found.covariance
+        covariance[_VELOCITY, _VELOCITY] = np.diag(np.where(_ROTATIONS, turning, speed) ** 2)
+        covariance[_ACCELERATION, _ACCELERATION] = np.diag(
+            np.where(_ROTATIONS, turning_acceleration, acceleration) ** 2
+        )
+        self._state = BodyState(np.array(found.world_from_body, np.float64, order="C"), np.zeros(12), covariance)
         return found
 
-    def _predicted(self, time: float) -> tuple[Floats, Floats, Floats]:
-        """Pose, rates and covariance at a later time."""
+    def _predicted(self, time: float) -> BodyState:
+        """The state at a later time."""
         if self._ahead is None or self._ahead[0] != time:  # asked twice a frame: before the search and after it
-            self._ahead = time, *self._carried(time - (self._time or 0.0))
-        return self._ahead[1:]
-
-    def _carried(self, step: float) -> tuple[Floats, Floats, Floats]:
-        turning, shifting = self._scales * [self._parameters.turning_jerk, self._parameters.jerk]
-        power = np.where(_TURNS, turning, shifting) ** 2 * FRAME
-        return self._loops.carried(self._pose, self._rates, self._covariance, power, step)  # type: ignore[no-any-return]
+            turning, shifting = self._scales * [self._parameters.turning_jerk, self._parameters.jerk]
+            power = np.where(_ROTATIONS, turning, shifting) ** 2 * FRAME
+            self._ahead = time, BodyState(*predict(self._state, power, time - (self._time or 0.0)))
+        return self._ahead[1]
 
 
 class Prediction:
@@ -153,14 +147,9 @@ class Prediction:
 
     def expected(self, time: float) -> Mapping[str, ExpectedPose]:
         """Return where bodies will be at a time [s], those of which nobody knows left out."""
-        told = {name: one.expected(time) for name, one in self._filters.items()}
-        return {name: pose for name, pose in told.items() if pose is not None}
+        expected = {name: one.expected(time) for name, one in self._filters.items()}
+        return {name: pose for name, pose in expected.items() if pose is not None}
 
     def corrected(self, time: float, found: Iterable[FoundBody]) -> list[FoundBody]:
         """Take in the bodies that were found at a time [s], and return them smoothed."""
         return [self._filters[body.name].corrected(time, body) for body in found]
-
-
-def _as_floats(found: FoundBody) -> tuple[Floats, Floats]:
-    """A pose and its covariance as compiled functions take them."""
-    return np.array(found.world_from_body, np.float64, order="C"), np.array(found.covariance, np.float64, order="C")

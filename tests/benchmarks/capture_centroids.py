@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from shown import show, show_machine, verdict
 
-from skelgen.capture.detection import DetectionParameters, centred, detect_balls
+from skelgen.capture.detection import DetectionParameters, correct_eccentricity, detect_balls
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import RenderParameters, render_pair, render_view, simulated_rig
 from skelgen.capture.simulated_rig.view import ViewTruth
@@ -52,7 +52,7 @@ def images(camera: Camera, distance: float) -> Iterator[tuple[Image, ViewTruth]]
 
 def ours(parameters: DetectionParameters, camera: Camera, image: Image) -> Floats:
     """Centres by this package."""
-    return centred(camera, detect_balls(image, parameters)).centres
+    return correct_eccentricity(camera, detect_balls(image, parameters)).centres
 
 
 def blob_detector(image: Image) -> Floats:
@@ -127,7 +127,7 @@ def show_deviations(camera: Camera) -> None:
             rng = np.random.default_rng(seed)
             points = places(rng, rng.uniform(800.0, 2000.0), N_BALLS)
             image, truth = render_view(camera, points, RenderParameters(noise=noise, reflections=0), seed)
-            balls, wanted = centred(camera, detect_balls(image)), alone(truth)
+            balls, wanted = correct_eccentricity(camera, detect_balls(image)), alone(truth)
             gaps = np.linalg.norm(balls.centres[np.newaxis] - wanted[:, np.newaxis], axis=2)
             nearest = gaps.argmin(axis=1)
             near = gaps.min(axis=1) < 1.0
@@ -148,7 +148,7 @@ def show_touching(camera: Camera) -> None:
                 behind = near + apart * RADIUS * np.array([np.cos(turn), np.sin(turn), 0.0])
                 points = np.stack([near, behind * (1 + rng.uniform(10.0, 100.0) / distance)])
                 image, truth = render_view(camera, points, RenderParameters(reflections=0), seed)
-                found = centred(camera, detect_balls(image)).centres
+                found = correct_eccentricity(camera, detect_balls(image)).centres
                 if len(found) == 2:
                     gaps = np.linalg.norm(found[np.newaxis] - truth.centres[:, np.newaxis], axis=2)
                     off.append(found[gaps.argmin(axis=1)] - truth.centres)
@@ -176,18 +176,16 @@ def show_speed(camera: Camera) -> None:
     rows = []
     for n_balls in (5, 20, 40):
         image, _ = render_view(camera, places(np.random.default_rng(3), 1200.0, n_balls), RenderParameters(), 1)
-        for method in ("union-find", "opencv", "plain"):
-            median, worst = milliseconds(partial(detect_balls, image, DetectionParameters(method=method)))
-            is_asked = n_balls == N_USUAL and method == "union-find"
-            told = (f"<= {MILLISECONDS}", verdict(median <= MILLISECONDS)) if is_asked else ("", "")
-            rows.append((f"{n_balls} balls", method, f"{median:.2f}", f"{worst:.2f}", *told))
+        median, worst = milliseconds(partial(detect_balls, image))
+        told = (f"<= {MILLISECONDS}", verdict(median <= MILLISECONDS)) if n_balls == N_USUAL else ("", "")
+        rows.append((f"{n_balls} balls", "detection", f"{median:.2f}", f"{worst:.2f}", *told))
         median, worst = milliseconds(partial(blob_detector, image))
         rows.append((f"{n_balls} balls", "OpenCV, blob detector", f"{median:.2f}", f"{worst:.2f}", "", ""))
     source = simulated_rig("arm", n_frames=REPEATS + 1)
     pairs = iter([source.render(index)[0].left for index in range(REPEATS + 1)])
     median, worst = milliseconds(lambda: detect_balls(next(pairs)))
     told = (f"<= {MILLISECONDS}", verdict(median <= MILLISECONDS))
-    rows.append(("arm, targets before each other", "union-find", f"{median:.2f}", f"{worst:.2f}", *told))
+    rows.append(("arm, targets before each other", "detection", f"{median:.2f}", f"{worst:.2f}", *told))
     points = places(np.random.default_rng(3), 1200.0, 20)
     median, worst = milliseconds(lambda: render_pair(reference_rig(), points))
     told = (f"<= {RENDERED:g}", verdict(median <= RENDERED))

@@ -23,7 +23,7 @@ import gc
 source = simulated_rig("arm", n_frames=30)
 pairs = [source.render(index)[0] for index in range(0, 30, 3)]
 def loaded():
-    parts = [one for one in gc.get_objects() if isinstance(one, Dispatcher) and ".rig." not in one.__module__]
+    parts = [one for one in gc.get_objects() if isinstance(one, Dispatcher) and "rendering" not in one.__module__]
     return {(one.__module__, one.__name__, len(one.overloads)) for one in parts if one.overloads}
 with MotionCapture(source.settings, prediction=PredictionParameters(), threads=False) as capture:
     before = loaded()

@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture import plain_filter
 from skelgen.capture.prediction import BodyFilter, Prediction, PredictionParameters
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
@@ -45,32 +44,6 @@ def filtered(hertz):
         away = errors(better.world_from_body[np.newaxis], pose[np.newaxis])[0]
         squares.append(away @ np.linalg.solve(better.covariance, away) / 6)
     return errors(np.array(raw), poses)[30:], errors(np.array(smooth), poses)[30:], np.array(squares)[30:]
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.01, 2.0, 3.1])
-def test_compiled_and_plain_filters_agree(angle):
-    compiled = pytest.importorskip("skelgen.capture.compiled_filter", reason="numba is not installed")
-    rng = np.random.default_rng(0)
-    pose, found = (transform_from(matrix_from_vector(rng.normal(size=3)), rng.normal(size=3)) for _ in range(2))
-    root, spread = rng.normal(size=(18, 18)), np.diag(rng.uniform(0.1, 1.0, 6))
-    state = pose, rng.normal(size=12), root @ root.T, rng.uniform(1.0, 9.0, 6), 0.02
-    ahead = plain_filter.carried(*state)
-    for one, other in zip(compiled.carried(*state), ahead, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
-    found[:3, :3] = matrix_from_vector(np.array([angle, 0.0, 0.0])) @ ahead[0][:3, :3]
-    one, other = (twin.corrected(*ahead, found, spread) for twin in (compiled, plain_filter))
-    assert one.deviation == pytest.approx(other.deviation, rel=1e-6)
-    for part, same in zip(one[:3], other[:3], strict=True):
-        np.testing.assert_allclose(part, same, rtol=1e-6, atol=1e-8)
-    assert one.surprises == pytest.approx(other.surprises, rel=1e-6)
-
-
-@pytest.mark.parametrize("twin", ["compiled_filter", "plain_filter"])
-def test_a_pose_turned_by_half_a_circle_is_far_off(twin):
-    half = transform_from(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
-    filter_loops = pytest.importorskip(f"skelgen.capture.{twin}", reason="numba is not installed")
-    after = filter_loops.corrected(np.eye(4), np.zeros(12), np.eye(18), half, np.eye(6))
-    assert after.deviation == pytest.approx(np.pi**2 / 2)  # both err by 1 rad
 
 
 def test_smoothed_poses_of_a_slow_body_err_less():

@@ -1,6 +1,7 @@
 """Rigid bodies among unlabelled points (Gaschler 2011, 3.3): matched by distances, posed with their covariance.
 
-Pairs of balls are matched to pairs of points by their distance, and the best pair is extended depth-first; see `plain`.
+Pairs of balls are matched to pairs of points by their distance, and the best pair is extended depth-first; see
+`skelgen._kernels.rigid_body_search`.
 """
 
 from skelgen.capture.bodies.design import (

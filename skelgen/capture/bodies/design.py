@@ -8,7 +8,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from skelgen.capture.bodies.plain import squares_of
+from skelgen._kernels.rigid_body_search import sum_of_squares
 from skelgen.capture.parameters import BodyParameters
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
@@ -123,6 +123,7 @@ class _Matcher:
         self.n_matched, self.distinct = parameters.min_points, parameters.distinct
         self.is_same = first is second
         self.best: tuple[float, dict[int, int]] = (self.n_matched * self.distinct**2, {})
+        self.points = [np.array(target.points, order="C") for target in (first, second)]
         self.lengths = [_lengths(target.points) for target in (first, second)]
         self.tolerance = np.sqrt(2 * self.n_matched) * self.distinct
 
@@ -140,7 +141,7 @@ class _Matcher:
     def _extend(self, matched: dict[int, int], ball: int) -> None:
         if len(matched) == self.n_matched:
             if not (self.is_same and all(one == other for one, other in matched.items())):
-                self.best = (squares_of(self.first.points, self.second.points, matched), matched)
+                self.best = (self._squares(matched), matched)
             return
         if len(matched) + len(self.first.points) - ball < self.n_matched or self._is_clear():
             return
@@ -148,9 +149,16 @@ class _Matcher:
             if other in matched.values() or not self._agrees(matched, ball, other):
                 continue
             more = matched | {ball: other}
-            if len(more) < 3 or squares_of(self.first.points, self.second.points, more) < self.best[0]:
+            if len(more) < 3 or self._squares(more) < self.best[0]:
                 self._extend(more, ball + 1)
         self._extend(matched, ball + 1)
+
+    def _squares(self, matched: dict[int, int]) -> float:
+        """Sum of squared distances [mm^2] of balls that are laid on others."""
+        others = np.full(len(self.points[0]), -1, dtype=np.intp)
+        others[list(matched)] = list(matched.values())
+        first, second = self.points
+        return sum_of_squares(first, second, others)
 
     def _is_clear(self) -> bool:
         return bool(self.best[1]) and self.best[0] < self.n_matched * (CLEAR * self.distinct) ** 2

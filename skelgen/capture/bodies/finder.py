@@ -10,10 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.capture.bodies import plain, plain_pose
+from skelgen._kernels.rigid_body_pose import (
+    PointTable,
+    PosedBody,
+    SearchRules,
+    TargetTable,
+    chi_squared_limit,
+    fit_body,
+)
+from skelgen._kernels.rigid_body_search import Search, find_matching, point_distances
 from skelgen.capture.bodies.design import check_targets
-from skelgen.capture.bodies.plain_pose import Settled
-from skelgen.capture.bodies.tables import Rules, Scene, TargetTable, rules_of, scene_plain, target_table
 from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import vector_from_matrix
@@ -41,8 +47,14 @@ class ExpectedPose:
 
 
 class _Candidate(NamedTuple):
-    settled: Settled
+    """A matching of a target with points, its pose, and its cost [mm]."""
+
+    body: PosedBody
     cost: float
+
+    @property
+    def n_matched(self) -> int:
+        return int((self.body.matched >= 0).sum())
 
 
 def find_bodies(
@@ -88,8 +100,6 @@ class BodyFinder:
         Limits of the search.
     executor : Executor, optional
         Threads that search for one body each.
-    compiled : bool, optional
-        Whether to use the compiled twin; by default where numba can keep what it compiles.
 
     Raises
     ------
@@ -102,212 +112,160 @@ class BodyFinder:
         targets: Sequence[BodyTarget],
         parameters: BodyParameters | None = None,
         executor: Executor | None = None,
-        compiled: bool | None = None,
     ) -> None:
         parameters = parameters or BodyParameters()
         check_targets(targets, parameters)
         self.targets = tuple(targets)
-        self._tables = [target_table(target) for target in targets]
-        self._rules, self._distinct = rules_of(parameters), parameters.distinct
+        self._tables = [table_of_target(target) for target in targets]
+        self._rules, self._distinct = search_rules(parameters), parameters.distinct
         self._clearly = 2.0 * math.log(1.0 / parameters.doubt - 1.0)  # of two misfits: minus twice the log of the odds
         self._executor = executor
-        self._twin: _Twin = _CompiledTwin() if _can_compile(compiled) else _PlainTwin()
 
     def find(self, points: StereoPoints, expected: Mapping[str, ExpectedPose] | None = None) -> list[FoundBody]:
         """Find the targets in one frame; see `find_bodies`."""
         if len(points) < self._rules.min_points or not self.targets:
             return []
-        scene = self._twin.scene(points)
+        scene = table_of_points(points)
         free = np.ones(len(points), dtype=bool)
-        found: dict[int, Settled] = {}
+        found: dict[int, PosedBody] = {}
         left = list(range(len(self.targets)))
         while left:
             candidates = self._candidates(scene, left, free, expected or {})
-            rivals = [body for body in left if candidates[body] is not None]
             left = []
-            for body in sorted(rivals, key=lambda body: _cost(candidates[body])):
-                settled = _settled(candidates[body])
-                if free[settled.matched[settled.matched >= 0]].all():
-                    found[body] = settled
-                    free &= _not_excluded(scene, settled.matched)
+            for body, candidate in sorted(candidates.items(), key=lambda item: item[1].cost):
+                matched = candidate.body.matched
+                if free[matched[matched >= 0]].all():
+                    found[body] = candidate.body
+                    free &= _not_excluded(scene, matched)
                 else:
-                    left.append(body)  # somebody else has its points: search again among those that are left
+                    left.append(body)  # another body has its points: search again among those that are left
         return [_found_body(self.targets[body], found[body]) for body in sorted(found)]
 
     def _candidates(
-        self, scene: Scene, bodies: Sequence[int], free: Bools, expected: Mapping[str, ExpectedPose]
-    ) -> dict[int, _Candidate | None]:
-        def one(body: int) -> _Candidate | None:
+        self, scene: PointTable, bodies: Sequence[int], free: Bools, expected: Mapping[str, ExpectedPose]
+    ) -> dict[int, _Candidate]:
+        """The likeliest matching of each body that has one."""
+
+        def search_one(body: int) -> _Candidate | None:
             return self._candidate(scene, body, free, expected.get(self.targets[body].name))
 
         run = map if self._executor is None or len(bodies) == 1 else self._executor.map
-        return dict(zip(bodies, run(one, bodies), strict=True))
+        found = zip(bodies, run(search_one, bodies), strict=True)
+        return {body: candidate for body, candidate in found if candidate is not None}
 
-    def _candidate(self, scene: Scene, body: int, free: Bools, expected: ExpectedPose | None) -> _Candidate | None:
+    def _candidate(self, scene: PointTable, body: int, free: Bools, expected: ExpectedPose | None) -> _Candidate | None:
+        """The likeliest matching of a body, first where it is expected to be."""
         table = self._tables[body]
-        everywhere = np.tile(free, (len(table.points), 1))
+        nothing = np.full(len(table.points), -1, dtype=np.intp)
         if expected is not None:
             near = _near(table, scene, expected, self._rules) & free
-            found = self._certain(table, scene, near, free)
+            found = self._certain(Search(table, scene, near, nothing, self._rules), free)
             if found is not None:
                 return found
-        return self._certain(table, scene, everywhere, free)
+        return self._certain(Search(table, scene, np.tile(free, (len(table.points), 1)), nothing, self._rules), free)
 
-    def _certain(self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools) -> _Candidate | None:
-        """The likeliest matching, or None if another one that tells another pose is nearly as likely."""
-        found = self._sound(table, scene, allowed, free)
+    def _certain(self, search: Search, free: Bools) -> _Candidate | None:
+        """The likeliest matching, or None if another one with another pose is nearly as likely."""
+        found = self._sound(search, free)
         if found is None:
             return None
-        rivals = self._rivals(table, scene, allowed, free, found)
-        best, *others = sorted([found, *rivals], key=lambda one: (-_n_matched(one), one.settled.misfit))
+        rivals = self._rivals(search, free, found)
+        best, *others = sorted([found, *rivals], key=lambda one: (-one.n_matched, one.body.misfit))
         for other in others:
-            is_likely = other.settled.misfit - best.settled.misfit < self._clearly
-            if (
-                _n_matched(other) == _n_matched(best)
-                and is_likely
-                and _are_apart(table, best.settled, other.settled, self._distinct)
-            ):
+            is_likely = other.body.misfit - best.body.misfit < self._clearly
+            if other.n_matched == best.n_matched and is_likely and self._are_apart(search.target, best, other):
                 return None
-        return best if best.settled.rms <= self._rules.max_distance else None
+        return best if best.body.rms <= self._rules.max_distance else None
 
-    def _rivals(
-        self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools, found: _Candidate
-    ) -> list[_Candidate]:
-        """Matchings of as many balls that tell another pose and that the noise explains, however far off in mm."""
-        rules = self._rules._replace(min_points=_n_matched(found), max_distance=np.inf)
-        rival = self._searched(table, scene, allowed, free, rules, known=found.settled.matched)
+    def _rivals(self, search: Search, free: Bools, found: _Candidate) -> list[_Candidate]:
+        """Matchings of as many balls with another pose that the noise explains, however far off in mm."""
+        rules = self._rules._replace(min_points=found.n_matched, max_distance=np.inf)
+        search = search._replace(rules=rules)
+        rival = self._searched(search._replace(known=found.body.matched), free)
         if rival is None:  # as nearly always
             return []
-        rivals = [rival, *self._without(table, scene, allowed, free, found.settled.matched, rules)]
-        return [
-            rival
-            for rival in rivals
-            if rival.settled.is_sound and _are_apart(table, found.settled, rival.settled, self._distinct)
-        ]
+        rivals = [rival, *self._without(search, free, found.body.matched)]
+        return [one for one in rivals if one.body.is_sound and self._are_apart(search.target, found, one)]
 
-    def _sound(self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools) -> _Candidate | None:
+    def _sound(self, search: Search, free: Bools) -> _Candidate | None:
         """The best matching that the noise explains; one of more balls, if there is such, as it proves more."""
-        best = self._searched(table, scene, allowed, free, self._rules)
+        best = self._searched(search, free)
         if best is None:
             return None
-        n_matched = _n_matched(best)
-        if n_matched < len(table.points):
-            more = self._searched(table, scene, allowed, free, self._rules._replace(min_points=n_matched + 1))
-            if more is not None and more.settled.is_sound:
+        if best.n_matched < len(search.target.points):
+            rules = self._rules._replace(min_points=best.n_matched + 1)
+            more = self._searched(search._replace(rules=rules), free)
+            if more is not None and more.body.is_sound:
                 return more
-        if best.settled.is_sound:
+        if best.body.is_sound:
             return best
-        others = self._without(table, scene, allowed, free, best.settled.matched, self._rules)
-        return min((other for other in others if other.settled.is_sound), key=_cost, default=None)
+        others = [one for one in self._without(search, free, best.body.matched) if one.body.is_sound]
+        return min(others, key=lambda one: one.cost, default=None)
 
-    def _without(
-        self, table: TargetTable, scene: Scene, allowed: Bools, free: Bools, matched: Ints, rules: Rules
-    ) -> Iterator[_Candidate]:
+    def _without(self, search: Search, free: Bools, matched: Ints) -> Iterator[_Candidate]:
         """The cheapest matchings without one or another match of a given one."""
         for ball in np.flatnonzero(matched >= 0):
-            others = allowed.copy()
+            others = search.allowed.copy()
             others[ball, matched[ball]] = False
-            found = self._searched(table, scene, others, free, rules)
+            found = self._searched(search._replace(allowed=others), free)
             if found is not None:
                 yield found
 
-    def _searched(
-        self,
-        table: TargetTable,
-        scene: Scene,
-        allowed: Bools,
-        free: Bools,
-        rules: Rules,
-        known: Ints | None = None,
-    ) -> _Candidate | None:
-        if allowed.any(axis=1).sum() < rules.min_points:
+    def _are_apart(self, table: TargetTable, first: _Candidate, second: _Candidate) -> bool:
+        """Whether two poses put the balls farther apart than is distinct [mm], and than the poses' errors explain."""
+        one, other = first.body, second.body
+        away = table.points @ (one.pose[:3, :3] - other.pose[:3, :3]).T + one.pose[:3, 3] - other.pose[:3, 3]
+        if (away**2).sum() <= len(away) * self._distinct**2:  # as where one of two balls hides the other
+            return False
+        turn = vector_from_matrix(one.pose[:3, :3] @ other.pose[:3, :3].T)
+        step = np.concatenate([turn, one.pose[:3, 3] - other.pose[:3, 3]])
+        return bool(step @ np.linalg.solve(one.covariance, step) > chi_squared_limit(len(step), _FAR))
+
+    def _searched(self, search: Search, free: Bools) -> _Candidate | None:
+        """The cheapest matching, posed."""
+        if search.allowed.any(axis=1).sum() < search.rules.min_points:
             return None
-        known = np.full(len(table.points), -1, dtype=np.intp) if known is None else known
-        matched, cost = self._twin.search(table, scene, allowed, rules, known)
+        matched, cost = find_matching(search)
         if not np.isfinite(cost):
             return None
-        return _Candidate(self._twin.settle(table, scene, matched, free, rules), cost)
+        return _Candidate(PosedBody(*fit_body(search.target, search.scene, matched, free, search.rules)), cost)
 
 
-class _PlainTwin:
-    """The search in plain Python and NumPy."""
-
-    def scene(self, points: StereoPoints) -> Scene:
-        return scene_plain(points)
-
-    def search(self, table: TargetTable, scene: Scene, allowed: Bools, rules: Rules, known: Ints) -> tuple[Ints, float]:
-        return plain.search(table, scene, allowed, rules, known)
-
-    def settle(self, table: TargetTable, scene: Scene, matched: Ints, free: Bools, rules: Rules) -> Settled:
-        return plain_pose.settle(table, scene, matched, free, rules)
-
-
-class _CompiledTwin:
-    """The compiled search."""
-
-    def __init__(self) -> None:
-        from skelgen.capture.bodies import compiled_pose, compiled_search  # noqa: PLC0415 - numba takes a second
-
-        self._span_tables, self._search = compiled_search.span_tables, compiled_search.search
-        self._distances, self._settle = compiled_search.Distances, compiled_pose.settle
-
-    def scene(self, points: StereoPoints) -> Scene:
-        places, covariances = np.array(points.points), np.array(points.covariance)
-        left, right = (np.array(side, dtype=np.intp) for side in (points.left, points.right))
-        return Scene(places, covariances, *self._span_tables(places, covariances, left, right))
-
-    def search(self, table: TargetTable, scene: Scene, allowed: Bools, rules: Rules, known: Ints) -> tuple[Ints, float]:
-        distances = self._distances(table.edges, table.edge_variances, scene.spans, scene.span_variances)
-        return self._search(table.points, scene.points, distances, allowed, rules, known)
-
-    def settle(self, table: TargetTable, scene: Scene, matched: Ints, free: Bools, rules: Rules) -> Settled:
-        places = (scene.points, scene.covariances, scene.spans)
-        return Settled(*self._settle(table.points, table.variances, *places, matched, free, rules))
+def search_rules(parameters: BodyParameters) -> SearchRules:
+    """Return parameters as kernels take them."""
+    return SearchRules(
+        float(parameters.max_distance),
+        parameters.min_points,
+        parameters.penalty,
+        parameters.gate,
+        parameters.floor,
+        parameters.queue,
+    )
 
 
-_Twin = _PlainTwin | _CompiledTwin
+def table_of_target(target: BodyTarget) -> TargetTable:
+    """Return a target with the distances between its balls."""
+    points, variances = np.array(target.points, order="C"), np.array(target.std, order="C") ** 2
+    between = points[:, np.newaxis] - points
+    distances = np.linalg.norm(between, axis=2)
+    along = between / np.where(distances > 0, distances, 1.0)[..., np.newaxis]
+    spread = (along**2 * (variances[:, np.newaxis] + variances)).sum(axis=2)
+    return TargetTable(points, variances, distances, spread)
 
 
-def _can_compile(wanted: bool | None) -> bool:
-    """Whether numba is there and can keep what it compiles, unless the caller says what is wanted."""
-    if wanted is not None:
-        return wanted
-    try:
-        _CompiledTwin()
-    except (ImportError, RuntimeError):
-        return False
-    return True
+def table_of_points(found: StereoPoints) -> PointTable:
+    """Return the points of one frame with the distances between them."""
+    points, covariances = np.array(found.points, order="C"), np.array(found.covariance, order="C")
+    left, right = (np.array(side, dtype=np.intp) for side in (found.left, found.right))
+    return PointTable(points, covariances, *point_distances(points, covariances, left, right))
 
 
-def _cost(candidate: _Candidate | None) -> float:
-    return np.inf if candidate is None else candidate.cost
-
-
-def _n_matched(candidate: _Candidate) -> int:
-    return int((candidate.settled.matched >= 0).sum())
-
-
-def _are_apart(table: TargetTable, one: Settled, other: Settled, distinct: float) -> bool:
-    """Whether two poses put the balls farther apart than is distinct [mm], and than the errors of the pose tell."""
-    away = table.points @ (one.pose[:3, :3] - other.pose[:3, :3]).T + one.pose[:3, 3] - other.pose[:3, 3]
-    if (away**2).sum() <= len(away) * distinct**2:  # as where one of two balls hides the other
-        return False
-    turn = vector_from_matrix(one.pose[:3, :3] @ other.pose[:3, :3].T)
-    step = np.concatenate([turn, one.pose[:3, 3] - other.pose[:3, 3]])
-    return bool(step @ np.linalg.solve(one.covariance, step) > plain_pose.fit_limit(len(step), _FAR))
-
-
-def _settled(candidate: _Candidate | None) -> Settled:
-    assert candidate is not None
-    return candidate.settled
-
-
-def _not_excluded(scene: Scene, matched: Ints) -> Bools:
+def _not_excluded(scene: PointTable, matched: Ints) -> Bools:
     """Points that are not taken, and share no ball of an image with those that are."""
-    return np.asarray(np.isfinite(scene.spans[matched[matched >= 0]]).all(axis=0))
+    return np.asarray(np.isfinite(scene.distances[matched[matched >= 0]]).all(axis=0))
 
 
-def _near(table: TargetTable, scene: Scene, expected: ExpectedPose, rules: Rules) -> Bools:
+def _near(table: TargetTable, scene: PointTable, expected: ExpectedPose, rules: SearchRules) -> Bools:
     """Which point may be which ball, if the body is where it is expected, shape (k, n)."""
     turn, place = expected.world_from_body[:3, :3], expected.world_from_body[:3, 3]
     arms = table.points @ turn.T
@@ -322,8 +280,8 @@ def _near(table: TargetTable, scene: Scene, expected: ExpectedPose, rules: Rules
     return np.asarray((away**2 <= rules.gate**2 * limits).all(axis=2))
 
 
-def _found_body(target: BodyTarget, settled: Settled) -> FoundBody:
-    return FoundBody(target.name, settled.pose, settled.covariance, settled.matched, float(settled.rms))
+def _found_body(target: BodyTarget, posed: PosedBody) -> FoundBody:
+    return FoundBody(target.name, posed.pose, posed.covariance, posed.matched, float(posed.rms))
 
 
 def resolved_points(points: StereoPoints, bodies: Iterable[FoundBody]) -> Ints:

@@ -1,7 +1,7 @@
-"""Bright balls in an image: adaptive thresholds, spots by union-find, brightness-weighted centres, touching balls."""
+"""Bright balls in an image (Gaschler 2011, 3.1): thresholds, bright spots, centres from edges, balls that touch."""
 
-from skelgen.capture.detection.detect import check_image, detect_balls
-from skelgen.capture.detection.outline import centred
+from skelgen.capture.detection.balls import check_image, detect_balls
+from skelgen.capture.detection.eccentricity import correct_eccentricity
 from skelgen.capture.parameters import DetectionParameters
 
-__all__ = ["DetectionParameters", "centred", "check_image", "detect_balls"]
+__all__ = ["DetectionParameters", "check_image", "correct_eccentricity", "detect_balls"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.capture.detection.spots import FULL
+from skelgen._kernels.bright_spots import FULL
 from skelgen.capture.parameters import DetectionParameters
 
 _WHITE = 200  # grey level of half the image above which it is over-exposed

@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skelgen.capture.bodies.tables import target_table
+from skelgen.capture.bodies.finder import table_of_target
 from skelgen.capture.markers.candidates import Candidates
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
@@ -70,10 +70,10 @@ def triangles_of_targets(targets: Sequence[BodyTarget]) -> Triangles:
     """Return the triangles of all targets."""
     found = _no_triangles()
     for target in targets:
-        table = target_table(target)
+        table = table_of_target(target)
         corners = np.array(list(combinations(range(len(table.points)), 3)), dtype=np.intp).reshape(-1, 3)
         nobody = np.full(corners.shape, NOBODY)
-        found += _from_every_ball(corners, table.edges, np.sqrt(table.edge_variances), nobody)
+        found += _from_every_ball(corners, table.distances, np.sqrt(table.distance_variances), nobody)
     return found
 
 

@@ -1,20 +1,25 @@
-"""Points in space from pairs of centres, with the covariance that the noise in both images gives them."""
+"""Points in space from corresponding pixels of two cameras, with the covariance that the images' noise gives them.
+
+The point is that of Hartley and Sturm's optimal correction; see `skelgen._kernels.stereo_matching`.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.capture.optics.correction import Corrected, correct
-from skelgen.capture.optics.epipolar import Rays, essential_matrix, homogeneous, rays_of
-from skelgen.capture.optics.matrices import inverse_symmetric
-from skelgen.model.arrays import Floats
-from skelgen.model.rig import StereoRig
+from skelgen._kernels import stereo_matching
+from skelgen._kernels.stereo_matching import Geometry, View
+from skelgen.capture.optics.projection import camera_numbers
+from skelgen.geometry.rotations import cross_matrix
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.rig import Camera, StereoRig
 
 
-class Triangulated(NamedTuple):
-    """Points of pairs of centres.
+@dataclass(frozen=True, eq=False)
+class Triangulated:
+    """Points of pairs of pixels.
 
     Attributes
     ----------
@@ -22,13 +27,17 @@ class Triangulated(NamedTuple):
         In the rig's world; NaN where the rays do not meet in front of both cameras.
     covariance : ndarray, shape (n, 3, 3), mm^2
         In the world; NaN where the point is.
-    corrected : Corrected
-        The rays that meet there.
+    rays : ndarray, shape (n, 2, 2)
+        Normalised coordinates in the left and in the right camera that meet in the point.
+    shifts : ndarray, shape (n, 2)
+        How far both pixels were moved for that, in their standard deviations; the sum of squares is chi-squared with
+        one degree of freedom.
     """
 
     points: Floats
     covariance: Floats
-    corrected: Corrected
+    rays: Floats
+    shifts: Floats
 
 
 def triangulate(rig: StereoRig, left: Floats, right: Floats, std: float | None = None) -> Triangulated:
@@ -44,42 +53,53 @@ def triangulate(rig: StereoRig, left: Floats, right: Floats, std: float | None =
         Standard deviation of a pixel along one axis; that of the rig if not given.
     """
     noise = np.full(len(left), rig.noise if std is None else std)
-    return triangulate_rays(rig, rays_of(rig.left, left, noise), rays_of(rig.right, right, noise))
+    both = np.arange(len(left))
+    views = view_of(rig.left, left, noise), view_of(rig.right, right, noise)
+    return triangulate_pairs(rig, *views, np.stack([both, both], axis=1))
 
 
-def triangulate_rays(rig: StereoRig, left: Rays, right: Rays) -> Triangulated:
-    """Return the most likely points of pairs of rays, the n-th with the n-th; see `triangulate`."""
+def triangulate_pairs(rig: StereoRig, left: View, right: View, pairs: Ints) -> Triangulated:
+    """Return the most likely points of pairs of pixels.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        Both cameras.
+    left, right : View
+        What they see; see `view_of`.
+    pairs : ndarray of intp, shape (n, 2)
+        The left and the right pixel of each.
+    """
+    found = stereo_matching.triangulate(left, right, geometry_of(rig), pairs)
+    camera_from_world = rig.left.camera_from_world
+    back = camera_from_world[:3, :3].T
+    points = (found.points - camera_from_world[:3, 3]) @ back.T
+    return Triangulated(points, np.asarray(back @ found.covariances @ back.T), found.rays, found.shifts)
+
+
+def view_of(camera: Camera, pixels: Floats, std: Floats) -> View:
+    """Return what a camera sees as kernels take it.
+
+    Parameters
+    ----------
+    camera : Camera
+        Its place does not matter.
+    pixels : ndarray, shape (n, 2), px
+        Lens included.
+    std : ndarray, shape (n,), px
+        Standard deviation of each along one axis.
+    """
+    return View(np.array(pixels, dtype=np.float64, order="C"), np.array(std, dtype=np.float64), camera_numbers(camera))
+
+
+def geometry_of(rig: StereoRig) -> Geometry:
+    """Return where the right camera is, seen from the left one, as kernels take it."""
     right_from_left = rig.right_from_left
-    turn, shift = right_from_left[:3, :3], right_from_left[:3, 3]
-    with np.errstate(all="ignore"):  # NaN stands for rays that do not meet
-        corrected = correct(essential_matrix(rig), (-turn.T @ shift, shift), left, right)
-        inside = _meeting(turn, shift, corrected)
-        covariance = _covariance(turn, inside, inside @ turn.T + shift, left, right)
-    back = rig.left.camera_from_world[:3, :3].T
-    points = (inside - rig.left.camera_from_world[:3, 3]) @ back.T
-    return Triangulated(points, np.asarray(back @ covariance @ back.T), corrected)
+    rotation, shift = np.array(right_from_left[:3, :3], order="C"), np.array(right_from_left[:3, 3])
+    return Geometry(rotation, shift, essential_matrix(rig))
 
 
-def _meeting(turn: Floats, shift: Floats, corrected: Corrected) -> Floats:
-    """Where rays that meet do so, in the left camera's frame, shape (n, 3)."""
-    from_left, from_right = homogeneous(corrected.left), homogeneous(corrected.right)
-    across = np.cross(from_right, from_left @ turn.T)
-    depth = -(np.cross(from_right, shift) * across).sum(axis=1) / (across * across).sum(axis=1)
-    points = from_left * depth[:, np.newaxis]
-    is_before_both = (depth > 0) & (points @ turn[2] + shift[2] > 0)
-    points[~is_before_both] = np.nan
-    return np.asarray(points)
-
-
-def _covariance(turn: Floats, in_left: Floats, in_right: Floats, left: Rays, right: Rays) -> Floats:
-    """Covariance in the left camera's frame, shape (n, 3, 3): (J^T J)^-1 with J of the four whitened coordinates."""
-    slope = np.concatenate([_slope(in_left, left), _slope(in_right, right) @ turn], axis=1)
-    return inverse_symmetric(np.swapaxes(slope, 1, 2) @ slope)
-
-
-def _slope(points: Floats, rays: Rays) -> Floats:
-    """Derivative of whitened coordinates by the point in a camera's frame, shape (n, 2, 3)."""
-    slope = np.zeros((len(points), 2, 3))
-    slope[:, 0, 0] = slope[:, 1, 1] = 1.0
-    slope[:, :, 2] = -points[:, :2] / points[:, 2:]
-    return np.asarray(np.linalg.solve(rays.spread, slope / points[:, 2:, np.newaxis]))
+def essential_matrix(rig: StereoRig) -> Floats:
+    """Return E with x'^T E x = 0 for normalised coordinates x of the left, x' of the right camera, shape (3, 3)."""
+    right_from_left = rig.right_from_left
+    return np.asarray(cross_matrix(right_from_left[:3, 3]) @ right_from_left[:3, :3])

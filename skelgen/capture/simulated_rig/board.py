@@ -11,11 +11,12 @@ from typing import Self
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from skelgen._kernels.rendering import PADDING
 from skelgen.capture.calibration.board import Board, coverage
 from skelgen.capture.optics.projection import project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig.source import due_pairs
-from skelgen.capture.simulated_rig.view import PADDING, corner_rays
+from skelgen.capture.simulated_rig.view import corner_rays
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
-from types import ModuleType
-from typing import Any
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
+from skelgen._kernels.rendering import N_NORMALS, SAMPLES, DrawnBall, Light, NearerBalls, Sensor, draw_ball, expose
 from skelgen.capture.optics.projection import in_image, project
 from skelgen.capture.parameters import RenderParameters
-from skelgen.capture.simulated_rig import plain
 from skelgen.capture.simulated_rig.scene import Scene
 from skelgen.capture.simulated_rig.view import SeenBalls, ViewTruth, background, corner_rays, look_at
 from skelgen.capture.values import Balls, FramePair, Image
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats
 from skelgen.model.rig import Camera, StereoRig
+
+_BLUR_REACH = 4.5  # standard deviations beyond which the blur leaves 1e-5
+_AREA, _BRIGHTNESS = 30.0, 4000.0  # px, grey levels: of a ball at the distance of the reference rig
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,48 +96,61 @@ def render_view(
     camera: Camera, points: Floats, parameters: RenderParameters, seed: int = 0, noise_of: tuple[int, ...] = (0,)
 ) -> tuple[Image, ViewTruth]:
     """Render balls into one image; arguments as `render_pair`, `noise_of` tells noises of one seed apart."""
-    loops: Any = _loops()
     balls, truth = look_at(camera, points, parameters)
     light = background(camera, parameters, seed).copy()
-    rays, kernel = corner_rays(camera), plain.blur_kernel(parameters.blur)
-    radius = parameters.diameter / 2
+    rays, blur = corner_rays(camera), _blur_of_samples(parameters.blur)
+    radius, darkening = parameters.diameter / 2, parameters.limb_darkening
     for ball in range(len(balls.index)):
-        nearer = _covering(balls, ball)
-        visible = loops.draw_ball(
-            *(light, rays, balls.windows[ball], balls.places[ball], radius, balls.scale[ball]),
-            *(balls.places[nearer], balls.scale[nearer], balls.light[ball], parameters.limb_darkening, kernel),
+        covering = _covering(balls, ball)
+        nearer = NearerBalls(balls.places[covering], balls.scale[covering])
+        drawn = DrawnBall(
+            balls.windows[ball],
+            balls.places[ball],
+            radius,
+            float(balls.scale[ball]),
+            float(balls.light[ball]),
+            darkening,
         )
+        visible = draw_ball(light, rays, drawn, nearer, blur)
         truth.visible[balls.index[ball]] = min(visible / balls.areas[ball], 1.0)
     image = np.empty((camera.height, camera.width), dtype=np.uint8)
     key = np.random.SeedSequence([seed, *noise_of]).generate_state(1, np.uint64)[0]
-    loops.expose(light, _normals(), key, parameters.noise, parameters.shot_noise, image)
+    expose(light, _normal_quantiles(), Sensor(key, parameters.noise, parameters.shot_noise), image)
     image.flags.writeable = False
     return image, truth
 
 
-def _covering(balls: SeenBalls, ball: int) -> Any:
-    """Nearer balls whose windows overlap that of a ball, as indices."""
+def _covering(balls: SeenBalls, ball: int) -> Ints:
+    """Nearer balls whose windows overlap that of a ball."""
     mine, others = balls.windows[ball], balls.windows[:ball]
     across = (others[:, 0] < mine[1]) & (others[:, 1] > mine[0])
     return np.nonzero(across & (others[:, 2] < mine[3]) & (others[:, 3] > mine[2]))[0]
 
 
 @lru_cache(maxsize=1)
-def _normals() -> Any:
-    return plain.normal_table()
+def _normal_quantiles() -> Light:
+    """`N_NORMALS` evenly spread quantiles of the normal distribution, rising."""
+    return np.asarray(ndtri((np.arange(N_NORMALS) + 0.5) / N_NORMALS), dtype=np.float32)
 
 
-@lru_cache(maxsize=1)
-def _loops() -> ModuleType:
-    """The compiled loops; the plain ones where numba cannot keep what it compiles."""
-    try:
-        from skelgen.capture.simulated_rig import compiled  # noqa: PLC0415 - numba takes a second to import
-    except (ImportError, RuntimeError):
-        return plain
-    return compiled
+def _blur_of_samples(blur: float) -> Floats:
+    """How much of a sample's light each pixel receives along one axis: the normal density summed over the pixel.
 
+    Parameters
+    ----------
+    blur : float, px
+        Standard deviation.
 
-_AREA, _BRIGHTNESS = 30.0, 4000.0  # px, grey levels: of a ball at the seed's distance
+    Returns
+    -------
+    ndarray, shape ((2 reach + 1) `SAMPLES`,)
+        For the samples from `reach` pixels before a pixel to as many behind it.
+    """
+    reach = math.ceil(_BLUR_REACH * blur)
+    n_samples = (2 * reach + 1) * SAMPLES
+    offsets = (np.arange(n_samples) + 0.5) / SAMPLES - reach - 0.5
+    received = ndtr((offsets + 0.5) / blur) - ndtr((offsets - 0.5) / blur)
+    return np.asarray(received / received.sum())
 
 
 def projected_balls(

@@ -8,13 +8,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from skelgen._kernels.rendering import PADDING
 from skelgen.capture.optics.projection import project, undistort
 from skelgen.capture.parameters import RenderParameters
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import Camera
-
-PADDING = 16
-"""Pixels around the image whose light the blur may still bring in: five deviations of the strongest blur."""
 
 _Key = tuple[int, int, bytes, bytes, bytes]  # a camera's numbers: cameras that are alike see alike
 

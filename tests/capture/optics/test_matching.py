@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from skelgen.capture.optics.epipolar import essential_matrix, fundamental_matrix, homogeneous
 from skelgen.capture.optics.matching import match_and_triangulate
-from skelgen.capture.optics.projection import in_image, pixels_from_normalised, project, undistort
-from skelgen.capture.optics.triangulation import triangulate
+from skelgen.capture.optics.projection import in_image, project, undistort
+from skelgen.capture.optics.triangulation import essential_matrix, triangulate
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.values import Balls, StereoPoints
+from skelgen.capture.values import Balls
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.rig import Camera, StereoRig
 
@@ -35,12 +34,16 @@ def test_exact_projections_give_their_points(rng):
     assert np.abs(found.points - points).max() < ROUNDING_MM
 
 
-def test_fundamental_matrix_holds_for_undistorted_pixels(rng):
+def homogeneous(rays: np.ndarray) -> np.ndarray:
+    return np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1)
+
+
+def test_rays_to_one_point_lie_in_one_plane_with_both_cameras(rng):
     rig = reference_rig()
     points = visible_points(rig, rng, 50)
-    left, right = (pixels_from_normalised(eye, undistort(eye, project(eye, points))) for eye in (rig.left, rig.right))
-    residuals = (homogeneous(right) * (homogeneous(left) @ fundamental_matrix(rig).T)).sum(axis=1)
-    assert np.abs(residuals).max() < 1e-9  # of terms of 1: pixels of 500 times lines of norm 1e-3
+    left, right = (undistort(eye, project(eye, points)) for eye in (rig.left, rig.right))
+    residuals = (homogeneous(right) * (homogeneous(left) @ essential_matrix(rig).T)).sum(axis=1)
+    assert np.abs(residuals).max() < 1e-9 * rig.baseline
 
 
 def test_scatter_of_noisy_points_is_the_predicted_covariance(rng):
@@ -58,10 +61,9 @@ def test_corrected_rays_meet_and_no_other_pair_of_rays_that_meet_is_nearer(rng):
     points = visible_points(rig, rng, 100)
     noise = 2.0 * rng.normal(size=(2, len(points), 2))
     found = triangulate(rig, project(rig.left, points) + noise[0], project(rig.right, points) + noise[1])
-    rays = found.corrected
-    meets = (homogeneous(rays.right) * (homogeneous(rays.left) @ essential_matrix(rig).T)).sum(axis=1)
+    meets = (homogeneous(found.rays[:, 1]) * (homogeneous(found.rays[:, 0]) @ essential_matrix(rig).T)).sum(axis=1)
     assert np.abs(meets).max() < 1e-9 * rig.baseline
-    cost = rays.left_shift**2 + rays.right_shift**2
+    cost = (found.shifts**2).sum(axis=1)
     for move in 0.3 * rng.normal(size=(20, 1, 3)):  # rays of points near by meet as well
         near = found.points + move
         other = [project(rig.left, near) - project(rig.left, points) - noise[0]]
@@ -77,12 +79,12 @@ def test_optimum_next_to_the_epipole_is_the_best_of_all_lines_through_it(rng):
     rig = StereoRig(Camera(640, 480, matrix), behind, noise=1.0)
     points = np.column_stack([rng.uniform(-30, 30, (200, 2)), np.full(200, 1500.0)])
     left, right = (project(side, points) + rng.normal(size=(200, 2)) for side in (rig.left, rig.right))
-    found = triangulate(rig, left, right).corrected
+    found = triangulate(rig, left, right)
     angles = np.linspace(0, np.pi, 5000)
     across = np.stack([-np.sin(angles), np.cos(angles)])
     epipole = np.array([320.0, 240.0]) + 800.0 * np.array([3.0, 2.0]) / 500.0  # of both: they look the same way
     every = ((left - epipole) @ across) ** 2 + ((right - epipole) @ across) ** 2
-    assert np.allclose(found.left_shift**2 + found.right_shift**2, every.min(axis=1), atol=1e-3)  # of 5000 lines
+    assert np.allclose((found.shifts**2).sum(axis=1), every.min(axis=1), atol=1e-3)  # of 5000 lines
 
 
 def test_forty_balls_all_find_their_partner_and_ambiguous_pairs_are_told(rng):
@@ -144,16 +146,8 @@ def test_points_turn_with_the_world(rng):
     assert np.allclose(back[:3, :3] @ before.covariance @ back[:3, :3].T, after.covariance, rtol=1e-8)
 
 
-def same_points(one: StereoPoints, other: StereoPoints) -> bool:
-    """Whether two ways of matching agree, but for rounding."""
-    assert (one.left == other.left).all() and (one.right == other.right).all()
-    assert (one.ambiguous == other.ambiguous).all()
-    close = [np.allclose(one.points, other.points, atol=1e-7), np.allclose(one.covariance, other.covariance, rtol=1e-7)]
-    return all(close) and np.allclose(one.epipolar_distance, other.epipolar_distance, atol=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_compiled_and_plain_matching_agree(seed):
+@pytest.mark.parametrize("seed", range(3))
+def test_skewed_cameras_with_strong_lenses_find_their_points_beside_pixels_that_no_ray_reaches(seed):
     rng = np.random.default_rng(seed)
     rig = reference_rig()
     lens = np.array([-0.3, 0.1, 0.002, -0.001, 0.02])
@@ -164,29 +158,21 @@ def test_compiled_and_plain_matching_agree(seed):
         Camera(640, 480, rig.right.matrix, lens, rig.right.camera_from_world @ pose),
     )
     points = visible_points(reference_rig(), rng, 60) @ pose[:3, :3] - pose[:3, 3] @ pose[:3, :3]
-    left, right = (project(eye, points) + 0.1 * rng.normal(size=(60, 2)) for eye in (rig.left, rig.right))
+    left, right = (project(eye, points) for eye in (rig.left, rig.right))
     left[3], right[5] = 1e5, np.nan  # a pixel that no ray reaches, and none at all
-    seen = balls(left, std=0.2), balls(rng.permutation(right))
-    plain, compiled = (match_and_triangulate(*seen, rig, gate=50.0, compiled=how) for how in (False, True))
-    assert len(plain) > 60
-    assert same_points(plain, compiled)
+    order = rng.permutation(60)
+    found = match_and_triangulate(balls(left), balls(right[order]), rig)
+    is_true = order[found.right] == found.left
+    assert set(found.left[is_true]) == set(range(60)) - {3, 5}
+    assert np.abs(found.points[is_true] - points[found.left[is_true]]).max() < 10 * ROUNDING_MM
 
 
-def test_compiled_matching_leaves_the_neighbourhood_of_epipoles_to_the_plain_one(rng):
+def test_matching_finds_the_points_next_to_the_epipoles(rng):
     matrix = np.array([[800.0, 0, 320], [0, 800, 240], [0, 0, 1]])
     behind = Camera(640, 480, matrix, camera_from_world=transform_from(np.eye(3), np.array([3.0, 2.0, 500.0])))
     rig = StereoRig(Camera(640, 480, matrix), behind, noise=1.0)
     points = np.column_stack([rng.uniform(-30, 30, (20, 2)), np.full(20, 1500.0)])
-    seen = [balls(project(eye, points)) for eye in (rig.left, rig.right)]
-    plain, compiled = (match_and_triangulate(*seen, rig, compiled=how) for how in (False, True))
-    assert same_points(plain, compiled)
-
-
-def test_matching_works_where_nothing_compiled_can_be_kept(rng, monkeypatch):
-    from skelgen.capture.optics import matching
-
-    monkeypatch.setattr(matching, "_compiled_twin", lambda: None)
-    rig = reference_rig()
-    points = visible_points(rig, rng, 10)
-    found = match_and_triangulate(balls(project(rig.left, points)), balls(project(rig.right, points)), rig)
-    assert len(found) >= 10
+    found = match_and_triangulate(*(balls(project(eye, points)) for eye in (rig.left, rig.right)), rig)
+    is_true = found.left == found.right
+    assert is_true.sum() == 20
+    assert np.abs(found.points[is_true] - points).max() < 1e-5  # mm: depth is hardly seen here

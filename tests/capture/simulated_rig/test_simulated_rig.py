@@ -16,7 +16,6 @@ from skelgen.capture.simulated_rig import (
     RenderParameters,
     SimulatedRig,
     hand_held_target,
-    plain,
     reference_arm,
     render_pair,
     render_view,
@@ -111,18 +110,6 @@ def test_hidden_absent_and_unseen_balls_leave_the_image_dark():
     pair, truth = render_pair(reference_rig(), points, CLEAN, hidden=hidden)
     assert pair.left.max() == pair.right.max() == 0
     assert not truth.left.visible.any()
-
-
-def test_the_compiled_loops_do_what_the_plain_ones_do(monkeypatch):
-    pytest.importorskip("numba", reason="numba is not installed")
-    from skelgen.capture.simulated_rig import render
-
-    points = np.vstack([BEFORE, BEFORE[0] + [5.0, 3.0, 60.0]])
-    pair, truth = render_pair(reference_rig(), points, seed=3)
-    monkeypatch.setattr(render, "_loops", lambda: plain)
-    twin, twin_truth = render_pair(reference_rig(), points, seed=3)
-    assert np.abs(pair.left.astype(int) - twin.left).max() <= 1  # a sum in another order may round otherwise
-    assert truth.left.visible == pytest.approx(twin_truth.left.visible, abs=1e-9)
 
 
 def test_noise_has_its_deviation_and_differs_from_frame_to_frame():

@@ -1,0 +1,233 @@
+"""From one image to the balls in it: thresholds, bright spots, and what the spots are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelgen._kernels.ball_discs import BRIGHTNESS, RADIUS, STD
+from skelgen._kernels.bright_spots import (
+    AREA,
+    BOTTOM,
+    EDGE,
+    EDGE_X,
+    EDGE_XX,
+    EDGE_Y,
+    EDGE_YY,
+    FULL,
+    LEFT,
+    M00,
+    M01,
+    M02,
+    M10,
+    M11,
+    M20,
+    MOST_PIXELS,
+    RIGHT,
+    TOP,
+    SpotTable,
+    edge_centres,
+    find_spots,
+    histogram,
+)
+from skelgen._kernels.touching_balls import MARGIN, find_discs, light_of_spot
+from skelgen.capture.detection.thresholds import Thresholds, dark_noise, find_thresholds
+from skelgen.capture.parameters import DetectionParameters
+from skelgen.capture.values import Balls, Image
+from skelgen.errors import InputError
+from skelgen.model.arrays import Bools, Floats
+
+_DEFAULTS = DetectionParameters()
+_FLOOR = 0.006  # px: what the grid of pixels makes of a centre without any noise
+_FITTED_FLOOR = 0.05  # px: what discs with even edges leave of balls that touch
+_BLUR_VARIANCE = 0.5  # px^2 that blur adds to a disc's second moments
+_TINY = 1e-3  # px^2: a spot of one row or column has no width
+_ROUNDER = 0.06  # part by which the second moments of one disc may exceed those of its area
+
+
+def detect_balls(
+    image: Image, parameters: DetectionParameters | None = None, *, size: tuple[int, int] | None = None
+) -> Balls:
+    """Find the bright balls of a grey image.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (height, width)
+        What a camera has taken.
+    parameters : DetectionParameters, optional
+        Thresholds, and which spots are balls.
+    size : tuple of int, px, optional
+        Width and height that the image must have, those of the calibrated camera.
+
+    Returns
+    -------
+    Balls
+        Largest first. Empty with a notice if the image is black, over-exposed or full of noise.
+
+    Raises
+    ------
+    InputError
+        If it is no grey image of 8 bits, or of another size.
+    """
+    settings = parameters or _DEFAULTS
+    check_image(image, size)
+    image = np.ascontiguousarray(image)
+    counts = histogram(image, min(settings.row_step, image.shape[0]))
+    thresholds = find_thresholds(counts, settings)
+    if thresholds.notice:
+        return _no_balls(thresholds.notice)
+    spots, is_noise = find_spots(image, int(thresholds.low), thresholds.weights, settings.min_area)
+    if is_noise or len(spots) > settings.max_balls:
+        return _no_balls(
+            f"the image has more than {settings.max_balls} bright spots, which cannot all be balls; "
+            "keep sunlight and lamps out of the view, or raise the detection's min_area"
+        )
+    return _Spots(image, thresholds, spots, settings.noise or dark_noise(counts)).balls(settings)
+
+
+def check_image(image: Image, size: tuple[int, int] | None = None) -> None:
+    """Refuse what is no grey image of 8 bits, or has another size than the camera that was calibrated.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (height, width)
+        What is to be checked.
+    size : tuple of int, px, optional
+        Width and height of the calibrated camera.
+
+    Raises
+    ------
+    InputError
+        Says what the image is and what is needed.
+    """
+    if not isinstance(image, np.ndarray) or image.ndim != 2 or image.dtype != np.uint8:
+        shape, kind = getattr(image, "shape", None), getattr(image, "dtype", type(image).__name__)
+        raise InputError(f"an image has shape {shape} and type {kind}; grey images of 8 bits are needed")
+    height, width = image.shape
+    if not 0 < min(height, width) <= max(height, width) <= MOST_PIXELS:
+        raise InputError(f"an image has {width} x {height} pixels; sides of 1 to {MOST_PIXELS} are possible")
+    if size is not None and (width, height) != tuple(size):
+        raise InputError(
+            f"an image has {width} x {height} pixels where the calibrated camera has {size[0]} x {size[1]}; "
+            "use the calibration of this camera in this mode"
+        )
+
+
+def _no_balls(notice: str) -> Balls:
+    nothing = np.empty(0)
+    return Balls(np.empty((0, 2)), nothing, nothing, nothing, np.empty(0, dtype=np.bool_), notice)
+
+
+@dataclass(frozen=True, eq=False)
+class _Spots:
+    """The bright spots of an image.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (height, width)
+        The image.
+    thresholds : Thresholds
+        What is bright in it.
+    table : ndarray of int64, shape (n_spots, N_COLUMNS)
+        Sums of each spot; see `skelgen._kernels.bright_spots`.
+    noise : float, grey levels
+        Standard deviation of a pixel.
+    """
+
+    image: Image
+    thresholds: Thresholds
+    table: SpotTable
+    noise: float
+
+    def balls(self, settings: DetectionParameters) -> Balls:
+        """Return the balls of all spots, largest first."""
+        elongation, is_cut = _elongation(self.table), self._is_cut()
+        may_be_several = settings.separate & _may_be_several(self.table, elongation, settings.separate_elongation)
+        is_small = self.table[:, AREA] <= settings.max_area
+        is_one_ball = is_small & ~is_cut & (may_be_several | (elongation <= settings.max_elongation))
+        parts = []
+        for spot in np.nonzero(is_small & (is_cut | may_be_several))[0]:
+            found = self._fitted_discs(self.table[spot])
+            if found is not None and (len(found) > 1 or is_cut[spot]):
+                parts.append(found)
+                is_one_ball[spot] = False
+            elif found is None and elongation[spot] > settings.max_elongation:
+                is_one_ball[spot] = False
+        rows = np.concatenate([self._single_balls(is_one_ball, settings.centre == "edge"), *parts])
+        rows = rows[np.argsort(-rows[:, 2], kind="stable")]
+        return Balls(rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 4], rows[:, 5] > 0)
+
+    def _single_balls(self, is_one_ball: Bools, by_edge: bool) -> Floats:
+        """Rows x, y, area, brightness, std, touching of spots that are one ball each."""
+        spots = self.table[is_one_ball]
+        rows = _weighted_centres(spots, self._noise_of_weight())
+        if by_edge and len(spots):
+            found = edge_centres(self.image, self.table, self.thresholds.background)[is_one_ball]
+            is_found = np.isfinite(found[:, 2])
+            rows[is_found, :2] = found[is_found, :2]
+            rows[is_found, 4] = np.hypot(self.noise * found[is_found, 2], _FLOOR)
+        return rows
+
+    def _noise_of_weight(self) -> float:
+        """Standard deviation of a pixel between the thresholds, 1 being the upper one."""
+        return self.noise / (self.thresholds.high - self.thresholds.low)
+
+    def _is_cut(self) -> Bools:
+        """Whether the image's border cuts each spot."""
+        height, width = self.image.shape
+        low = (self.table[:, [LEFT, TOP]] == 0).any(axis=1)
+        return np.asarray(low | (self.table[:, RIGHT] == width - 1) | (self.table[:, BOTTOM] == height - 1))
+
+    def _fitted_discs(self, spot: NDArray[np.int64]) -> Floats | None:
+        """Rows of the balls that discs fitted to a spot are, or None if it is not made of discs."""
+        height, width = self.image.shape
+        left, top = max(spot[LEFT] - MARGIN, 0), max(spot[TOP] - MARGIN, 0)
+        right, bottom = min(spot[RIGHT] + MARGIN + 1, width), min(spot[BOTTOM] + MARGIN + 1, height)
+        window = light_of_spot(self.thresholds.weights[self.image[top:bottom, left:right]])
+        at_border = (bool(left == 0), bool(right == width), bool(top == 0), bool(bottom == height))
+        discs, _, rms = find_discs(window, self._noise_of_weight(), at_border)
+        if not math.isfinite(rms):
+            return None
+        areas, std = np.pi * discs[:, RADIUS] ** 2, np.hypot(discs[:, STD], _FITTED_FLOOR)
+        touching = np.full(len(discs), float(len(discs) > 1))
+        return np.column_stack([discs[:, :RADIUS] + (left, top), areas, discs[:, BRIGHTNESS] * areas, std, touching])
+
+
+def _weighted_centres(spots: SpotTable, noise: float) -> Floats:
+    """Rows of spots that are one ball each, centres weighted by brightness (Gaschler 2011, equation 3.2)."""
+    total = spots[:, M00].astype(np.float64)
+    x, y = spots[:, M10] / total, spots[:, M01] / total
+    spread = _squares_about(spots[:, [EDGE, EDGE_X, EDGE_XX]], x) + _squares_about(spots[:, [EDGE, EDGE_Y, EDGE_YY]], y)
+    std = np.hypot(noise * np.sqrt(spread / 2) * FULL / total, _FLOOR)
+    return np.column_stack([x, y, spots[:, AREA], total / FULL, std, np.zeros(len(spots))])
+
+
+def _squares_about(sums: NDArray[np.int64], centre: Floats) -> Floats:
+    """Sums of squares about a centre, from number, sum and sum of squares, shape (n, 3)."""
+    count, first, second = sums.T
+    return np.asarray(np.maximum(second - 2 * centre * first + centre * centre * count, 0.0))
+
+
+def _covariances(spots: SpotTable) -> tuple[Floats, Floats, Floats]:
+    """Second moments xx, xy, yy [px^2] of each spot about its centre."""
+    total = spots[:, M00].astype(np.float64)
+    x, y = spots[:, M10] / total, spots[:, M01] / total
+    return spots[:, M20] / total - x * x, spots[:, M11] / total - x * y, spots[:, M02] / total - y * y
+
+
+def _elongation(spots: SpotTable) -> Floats:
+    """Longest axis of each spot over its shortest."""
+    xx, xy, yy = _covariances(spots)
+    middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    return np.asarray(np.sqrt((middle + half) / np.maximum(middle - half, _TINY)))
+
+
+def _may_be_several(spots: SpotTable, elongation: Floats, limit: float) -> Bools:
+    """Whether a spot is too long, or too spread for its area, to be one disc: of a disc 4 pi sqrt(det) is the area."""
+    xx, xy, yy = _covariances(spots)
+    own = 4 * np.pi * np.sqrt(np.maximum(xx * yy - xy * xy, 0.0))
+    area = spots[:, M00] / FULL
+    return np.asarray((elongation > limit) | (own > (1 + _ROUNDER) * area + 4 * np.pi * _BLUR_VARIANCE))
