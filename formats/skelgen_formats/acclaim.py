@@ -88,7 +88,7 @@ def read_acclaim(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> 
     index_of = {bone.name: index for index, bone in enumerate(asf.bones)}
     places = np.stack([_places(bone, values[bone.name], asf, index_of) for bone in asf.bones], axis=1)
     stretched = [bone.name for bone in asf.bones if "l" in bone.freedoms]
-    said = (f"lengths that change are taken as constant: {', '.join(stretched)}",) if stretched else ()
+    notices = (f"lengths that change are taken as constant: {', '.join(stretched)}",) if stretched else ()
     return BoneMotion(
         names=tuple(bone.name for bone in asf.bones),
         parents=np.array([index_of.get(bone.parent, -1) for bone in asf.bones], dtype=np.intp),
@@ -97,7 +97,7 @@ def read_acclaim(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> 
         tips=tuple((bone.length * bone.direction)[np.newaxis] for bone in asf.bones),
         rate=RATE,
         name=path.name,
-        notices=(*said, f"the file states no frame rate; taken as {RATE:g} Hz unless --motion-rate says otherwise"),
+        notices=(*notices, f"the file states no frame rate; taken as {RATE:g} Hz unless --motion-rate says otherwise"),
     )
 
 

@@ -149,7 +149,7 @@ def plain_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def remarks_on_joints(project: Project, options: Options, *, by_three_angles: bool) -> tuple[str, ...]:
-    """Say what becomes of joints that wobble, of rings, and of balls where three angles do not tell a turn apart.
+    """Say what becomes of joints that wobble, of closed loops, and of balls near the gimbal position.
 
     Parameters
     ----------
@@ -160,15 +160,14 @@ def remarks_on_joints(project: Project, options: Options, *, by_three_angles: bo
     by_three_angles : bool
         Whether the format turns balls by three angles.
     """
-    wish = options.joints
-    links = links_of(project, wish)
-    said = [*_on_wobble(project, links, wish)]
+    links = links_of(project, options.joints)
+    remarks = [*_on_wobble(project, links, options.joints)]
     if project.skeleton.loops:
-        said.append("Joints that close rings are left out; the motion keeps the rings closed all the same.")
+        remarks.append("Joints that close loops are left out; the motion keeps the loops closed all the same.")
     near = [link.joint for link in links if link.kind in {"ball", "free"} and _is_near_gimbal(link)]
     if by_three_angles and near:
-        said.append(f"Near the gimbal position, where poses are right but angles turn fast, come {', '.join(near)}.")
-    return tuple(said)
+        remarks.append(f"Near the gimbal position, where poses are right but angles turn fast, come {', '.join(near)}.")
+    return tuple(remarks)
 
 
 def _root(project: Project, limb: int) -> Link:
@@ -179,11 +178,11 @@ def _root(project: Project, limb: int) -> Link:
     return Link(limb, -1, f"world-limb{limb}", "free", place, np.eye(3), angles, poses[:, :3, 3], rotations)
 
 
-def _link(joint: Joint, name: str, motion: Motion, wish: str) -> Link:
+def _link(joint: Joint, name: str, motion: Motion, joints: str) -> Link:
     world = motion.world_from_limb
     _, rotations = parent_from_child(world[:, joint.parent], world[:, joint.child])
     kind, axes, angles = _by_kind(joint, rotations)
-    if wish == AS_MOVED and _departure(axes, angles, rotations) > _HELD:
+    if joints == AS_MOVED and _departure(axes, angles, rotations) > _HELD:
         kind, axes, angles = "ball", np.eye(3), euler_angles("XYZ", rotations)
     place = joint.position_in_parent
     translations = np.broadcast_to(place, (len(world), 3))
@@ -214,8 +213,8 @@ def _departure(axes: Floats, angles: Floats, rotations: Floats) -> float:
     return float(np.linalg.norm(apart, axis=1).max())
 
 
-def _on_wobble(project: Project, links: Sequence[Link], wish: str) -> list[str]:
-    if wish == AS_FOUND:
+def _on_wobble(project: Project, links: Sequence[Link], joints: str) -> list[str]:
+    if joints == AS_FOUND:
         moved = _moved_markers(project, links)
         return [f"Joints kept to their kinds move markers by up to {moved:.3g} mm."] if moved > _MOVED else []
     found = {joint.child: joint.kind for joint in project.skeleton.joints}

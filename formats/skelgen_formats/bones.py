@@ -102,7 +102,7 @@ def bone_unit(
     ParameterError
         If there is no such unit.
     FormatError
-        If the unit is to be told from a body without size.
+        If the unit is to be found from a body without size.
     """
     if unit != AUTO:
         return _stated(unit), ()
@@ -112,11 +112,11 @@ def bone_unit(
             reach[bone] = reach[parent] + np.linalg.norm(offsets[bone])
     longest = max(reach[bone] + np.linalg.norm(ends, axis=1).max(initial=0.0) for bone, ends in enumerate(tips))
     if not 0 < longest < LARGEST_MM:
-        raise FormatError(path, "", "no bone has a length, so that the unit cannot be told; give --motion-unit")
+        raise FormatError(path, "", "no bone has a length, so that the unit cannot be found; give --motion-unit")
     best = min(_CANDIDATES, key=lambda name: abs(np.log(longest * MM_PER_UNIT[name] / _USUAL_MM)))
     size = longest * MM_PER_UNIT[best]
-    said = f"the file states no unit; taken as {best}, which makes its longest row of bones {size:.0f} mm"
-    return MM_PER_UNIT[best], (f"{said}; --motion-unit says otherwise",)
+    notice = f"the file states no unit; taken as {best}, which makes its longest row of bones {size:.0f} mm"
+    return MM_PER_UNIT[best], (f"{notice}; --motion-unit says otherwise",)
 
 
 def _stated(unit: str) -> float:
@@ -178,13 +178,15 @@ def bone_tip(skeleton: Skeleton, limb: int) -> Floats:
 
 
 def lost_in_animations(project: Project, title: str) -> tuple[str, ...]:
-    """Say what of this project's skeleton no tree of bones holds: rings, and which frames are interpolated."""
-    said = []
+    """Say what of this project's skeleton no tree of bones holds: closed loops, and which frames are interpolated."""
+    remarks = []
     if project.skeleton.loops:
-        rings = len(project.skeleton.loops)
-        said.append(f"{title} knows trees only: {rings} joint{'s' if rings > 1 else ''} closing rings are left out.")
+        n_loops = len(project.skeleton.loops)
+        remarks.append(
+            f"{title} holds trees only: {n_loops} joint{'s' if n_loops > 1 else ''} closing loops are left out."
+        )
     interpolated = int((~project.motion.limb_seen).any(axis=1).sum())
     if interpolated:
         frames = f"{interpolated} of {project.motion.n_frames} frames"
-        said.append(f"{title} cannot tell that in {frames} some limb is not seen but interpolated.")
-    return tuple(said)
+        remarks.append(f"{title} cannot say that in {frames} some limb is not seen but interpolated.")
+    return tuple(remarks)

@@ -3,14 +3,14 @@
 Layout, text::
 
     HIERARCHY
-    ROOT limb0                                    the root's place and turn are its six channels
+    ROOT limb0                                    the root's position and rotation are its six channels
     {
       OFFSET 0 0 0
       CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
       JOINT limb1
       {
         OFFSET 0 0 350                            the joint in the parent's frame, which at rest has the world's axes
-        CHANNELS 3 Zrotation Xrotation Yrotation  degrees; the turn against the parent is Rz Rx Ry
+        CHANNELS 3 Zrotation Xrotation Yrotation  degrees; the rotation in the parent is Rz Rx Ry
         End Site                                  where a bone ends that carries no other
         {
           OFFSET 0 0 300
@@ -172,10 +172,10 @@ def _template(unit: str) -> str:
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     unit = options.unit
-    said = [f"BVH files name neither unit nor axes: lengths are in {unit}; most programs take y to be up."]
+    remarks = [f"BVH files name neither unit nor axes: lengths are in {unit}; most programs take y to be up."]
     if len(project.skeleton.roots) > 1:
-        said.append(f"{len(project.skeleton.roots)} bodies hang on one root, {_WORLD!r}, that stays still.")
-    return (*said, *lost_in_animations(project, _TITLE))
+        remarks.append(f"{len(project.skeleton.roots)} bodies hang on one root, {_WORLD!r}, that stays still.")
+    return (*remarks, *lost_in_animations(project, _TITLE))
 
 
 _CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
@@ -212,7 +212,7 @@ def read_bvh(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> Bone
     FormatError
         If the file is not BVH, or is cut off, with the line where that shows.
     ParameterError
-        If a skeleton is given, or the unit is not known.
+        If a skeleton is given, or there is no such unit.
     """
     if skeleton is not None:
         raise ParameterError(f"{path}: a BVH file holds its skeleton itself; leave {skeleton} out")
@@ -224,7 +224,7 @@ def read_bvh(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> Bone
     tips = [np.array(bone.tips).reshape(-1, 3) for bone in bones]
     parents = np.array([bone.parent for bone in bones], dtype=np.intp)
     rotations, places = _posed(bones, offsets, rows)
-    scale, said = bone_unit(path, unit, parents, offsets, tips)
+    scale, notices = bone_unit(path, unit, parents, offsets, tips)
     if max(np.abs(places).max(), np.abs(offsets).max()) * scale > LARGEST_MM:
         raise FormatError(path, "", f"a place is farther than {LARGEST_MM:g} mm; check the file and --motion-unit")
     return BoneMotion(
@@ -235,7 +235,7 @@ def read_bvh(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> Bone
         tips=tuple(tip * scale for tip in tips),
         rate=rate,
         name=path.name,
-        notices=said,
+        notices=notices,
     )
 
 

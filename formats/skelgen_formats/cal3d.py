@@ -117,7 +117,7 @@ def _element(name: str, numbers: Floats) -> str:
 
 
 def _template(name: str, length: int) -> str:
-    places = " ".join(["%.9g"] * length)  # nine digits tell every single-precision number
+    places = " ".join(["%.9g"] * length)  # nine digits determine every single-precision number
     return f"<{name}>{places}</{name}>\n"
 
 

@@ -1,8 +1,9 @@
-"""The seed's ``config.xml`` (4.9): all parameters, grouped by the part of the program that they steer.
+"""``config.xml`` (Schönauer 2007, 4.9): all parameters, grouped by the part of the program that they steer.
 
 The root is ``Parameters``. An element with the attributes ``value`` and ``type`` (``double``, ``int`` or ``string``) is
-a parameter, any other element a group. Parameters bear the seed's names where it has one, else their own in capitals.
-Truth values are 0 or 1; a choice that the seed codes as a number is written as that number and read as either.
+a parameter, any other element a group. Parameters bear the classic names where there is one, else their own in
+capitals. Truth values are 0 or 1; a choice that the classic file codes as a number is written as that number and read
+as either.
 """
 
 from __future__ import annotations

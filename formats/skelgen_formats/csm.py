@@ -52,7 +52,7 @@ from skelgen_formats.text import count_in, decoded_head, number_in, rate_in, rea
 
 _TITLE = "CSM"
 _DROPOUT = "DROPOUT"
-_SPINE_LINKS = 4  # what a new Biped has; the importer needs a number and markers do not tell one
+_SPINE_LINKS = 4  # what a new Biped has; the importer needs a number, and markers do not determine one
 _MM = 1.0
 _KNOWN_FIRST = ("$comments", "$firstframe", "$lastframe", "$spinelinks", "$rate", "$order", "$points")
 
@@ -110,11 +110,11 @@ def write_csm(
     dropout : str
         ``word`` writes DROPOUT for an unseen marker, ``zero`` three zeros.
     filled : bool
-        Write filled positions as well, and the table that tells which they are.
+        Write filled positions as well, and the table that says which they are.
     unit : str
         Unit of the lengths, which the file does not say: ``mm``, ``cm`` or ``m``.
     monitor : Monitor
-        Told of progress; may cancel.
+        Shows progress; may cancel.
 
     Raises
     ------

@@ -93,7 +93,7 @@ def _chunk(kind: bytes, content: bytes, padding: bytes) -> bytes:
 
 
 class _Data:
-    """The binary part while it grows, with the views and accessors that tell what is where."""
+    """The binary part while it grows, with the views and accessors that say what is where."""
 
     def __init__(self) -> None:
         self.content = bytearray()
@@ -206,12 +206,14 @@ def _inverse(poses: Floats) -> Floats:
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
-    said = ["glTF takes y to be up: where z is up in the recording, choose axes z-to-y."]
+    remarks = ["glTF takes y to be up: where z is up in the recording, choose axes z-to-y."]
     unit = options.unit
     if unit != _METRES.default:
-        said.append(f"glTF demands metres: other programs will take the {unit} in the file for metres.")
-    said.append("Markers ride on their limbs, where the skeleton has them; measured positions and gaps are not held.")
-    return (*said, *lost_in_animations(project, _TITLE))
+        remarks.append(f"glTF demands metres: other programs will take the {unit} in the file for metres.")
+    remarks.append(
+        "Markers ride on their limbs, where the skeleton has them; measured positions and gaps are not held."
+    )
+    return (*remarks, *lost_in_animations(project, _TITLE))
 
 
 FORMAT = Format(
@@ -224,5 +226,5 @@ FORMAT = Format(
     keeps=("names", "limbs", "joints", "kinds", "uncertainty", "motion"),
     remarks=_remarks,
     options=(AXES, _METRES, RATE),
-    note="Skin, joints, animation, and markers as points that ride on their limbs; metres unless told otherwise.",
+    note="Skin, joints, animation, and markers as points that ride on their limbs; metres by default.",
 )

@@ -58,9 +58,9 @@ def _is_content(line: str) -> bool:
 
 def _columns(path: Path, number: int, cells: list[str]) -> tuple[str, ...]:
     names = tuple(_SYNONYMS.get(cell.lower(), cell.lower()) for cell in cells)
-    odd = [cell for cell, name in zip(cells, names, strict=True) if name not in _COLUMNS]
-    if odd:
-        raise FormatError(path, number, f"the column {odd[0]!r} is unknown; columns are {', '.join(_COLUMNS)}")
+    unknown = [cell for cell, name in zip(cells, names, strict=True) if name not in _COLUMNS]
+    if unknown:
+        raise FormatError(path, number, f"the column {unknown[0]!r} is unknown; columns are {', '.join(_COLUMNS)}")
     if len(set(names)) < len(names):
         raise FormatError(path, number, "a column stands there twice")
     if not {"name", "frame"} <= set(names) or not ({"point"} <= set(names) or set(_AXES) <= set(names)):

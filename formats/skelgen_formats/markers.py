@@ -85,14 +85,14 @@ def take_from_markers(
     rate : float, Hz
         Frame rate.
     notices : sequence of str
-        What the reader has to say already.
+        Notices of the reader so far.
 
     Raises
     ------
     FormatError
         If there is no frame or no marker, none is ever seen, or two have the same name.
     """
-    said = list(notices)
+    notices = list(notices)
     if len(positions) == 0 or positions.shape[1] == 0:
         what = "frame" if len(positions) == 0 else "marker"
         raise FormatError(path, "", f"holds no {what}: nothing can be read from it")
@@ -103,13 +103,13 @@ def take_from_markers(
         raise FormatError(path, "", "no marker is seen in any frame: there is nothing to reconstruct from")
     labelled = np.array([not is_unlabelled(name) for name in names])
     if not (labelled & ever).any():
-        said.append("all trajectories are unlabelled: they are taken as points without identity")
-        return cloud_from_markers(positions, rate, path.name, said)
-    _note(said, names, ~ever, "dropped because never seen")
-    _note(said, names, ever & ~labelled, "left out because unlabelled")
+        notices.append("all trajectories are unlabelled: they are taken as points without identity")
+        return cloud_from_markers(positions, rate, path.name, notices)
+    _note(notices, names, ~ever, "dropped because never seen")
+    _note(notices, names, ever & ~labelled, "left out because unlabelled")
     keep = np.flatnonzero(ever & labelled).tolist()
-    kept_names = without_prefixes([names[index] for index in keep], said)
-    return Trajectories(positions[:, keep], kept_names, rate, path.name, tuple(said))
+    kept_names = without_prefixes([names[index] for index in keep], notices)
+    return Trajectories(positions[:, keep], kept_names, rate, path.name, tuple(notices))
 
 
 def is_unlabelled(name: str) -> bool:
@@ -230,13 +230,13 @@ def markers_to_write(value: Writable, title: str, filled: bool, monitor: Monitor
     Parameters
     ----------
     value : Project, Trajectories or Filled
-        Of `Filled` without the wish, the measured markers; of a project with it, its gaps are filled.
+        Of `Filled` without `filled`, the measured markers are written; the gaps of a project are filled with it.
     title : str
         Of the format, for errors.
     filled : bool
         Whether filled positions are wanted.
     monitor : Monitor
-        Told of the filling; may cancel.
+        Shows the progress of filling; may cancel.
 
     Raises
     ------
@@ -249,7 +249,7 @@ def markers_to_write(value: Writable, title: str, filled: bool, monitor: Monitor
     if isinstance(value, Filled):
         return value if filled else value.measured
     if filled and isinstance(value, Project):
-        from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - numeric code that only this wish needs
+        from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - numeric code that only filling needs
 
         return fill_gaps(value.trajectories, value.skeleton, value.motion, monitor)
     return trajectories_of(value, title)

@@ -1,4 +1,4 @@
-"""mfml: unlabelled points per frame as the optical tracker of the seed records them; layout in `mfml_stream`."""
+"""mfml: unlabelled points per frame as an optical tracker records them; layout in `mfml_stream`."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def write_mfml(
     timestamp_unit : str
         Unit in which time stamps are written.
     monitor : Monitor
-        Told of progress; may cancel.
+        Shows progress; may cancel.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""mfml: unlabelled points per frame as the optical tracker of the seed records them (chapter 4.11).
+"""mfml: unlabelled points per frame as an optical tracker records them (Schönauer 2007, 4.11).
 
 Layout, little-endian, written field by field without padding: frame after frame a header, then its markers.
 
@@ -6,7 +6,7 @@ Layout, little-endian, written field by field without padding: frame after frame
 offset  type    frame header, 12 bytes
 ======  ======  ==========================  =====================================================
 0       u32     number of markers
-4       u64     time stamp                  microseconds unless told otherwise
+4       u64     time stamp                  microseconds by default
 ======  ======  ==========================  =====================================================
 
 ======  ======  ==========================  =====================================================
@@ -15,7 +15,7 @@ offset  type    marker, 20 bytes + id
 0       3 f32   centre                      mm
 12      f32     mean reprojection error     mm
 16      u32     number of blobs used
-20      id      unique id                   4, 8 or 16 bytes; the seed leaves it open
+20      id      unique id                   4, 8 or 16 bytes; left open in the thesis
 ======  ======  ==========================  =====================================================
 
 The reader takes the id width with which the whole file parses and no time stamp falls; where several do (files of
@@ -136,7 +136,7 @@ def frame_bytes(path: Path, time: float, markers: Markers, timestamp_unit: str =
     Raises
     ------
     WriteError
-        If the time stamp [s] is negative or does not fit; tells of `path`.
+        If the time stamp [s] is negative or does not fit; the error begins with `path`.
     """
     return _HEADER.pack(len(markers), _stamp(path, time, timestamp_unit)) + markers.tobytes()
 
@@ -173,7 +173,7 @@ def find_id_width(path: Path, view: mmap.mmap, id_width: str) -> int:
     Raises
     ------
     FormatError
-        If there is none (or the given one does not do); the error tells where the most promising one failed.
+        If there is none (or the given one does not do); the error says where the most promising one failed.
     """
     failures: list[tuple[int, UnparsableError]] = []
     for width in MARKER_DTYPES if id_width == "auto" else [int(id_width)]:

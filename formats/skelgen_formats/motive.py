@@ -32,7 +32,7 @@ _FIRST_CELL = "Format Version"
 _MARKER_TYPES = ("Marker", "Rigid Body Marker")  # in the order of preference: measured before modelled
 _MAX_TITLE_LINES = 12  # the version with most has 7 before the frames
 _FEWEST_TITLE_LINES = 3  # type, name, quantity
-_DEFAULT_UNIT = "meters"  # what Motive exports unless told otherwise
+_DEFAULT_UNIT = "meters"  # what Motive exports by default
 _AXES = ("X", "Y", "Z")
 
 

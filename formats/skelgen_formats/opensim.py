@@ -1,7 +1,7 @@
 """OpenSim 4: a model (.osim), its motion (.mot), the measured markers (.trc) and a setup (.ik.xml).
 
-The setup tells OpenSim's inverse kinematics how much each marker counts: as much as it did in the fit, which gives the
-angles of the motion back. One body per limb. A hinge is a PinJoint about the z axis of its frames; a universal joint is
+The setup gives OpenSim's inverse kinematics a weight for each marker: that of the fit, so that the angles of the motion
+come back. One body per limb. A hinge is a PinJoint about the z axis of its frames; a universal joint is
 a CustomJoint with two rotations, because UniversalJoint demands axes at right angles; balls and roots turn by three
 angles about x, y and z of the body. The files are in metres, degrees (.mot) and radians (.osim); the markers stay in
 mm, as .trc says.

@@ -149,7 +149,7 @@ RATE = Option(
 FILLED = Option(
     "filled",
     False,
-    "Fill the gaps of a fitted project and write the filled positions as well, told apart by <stem>.filled.csv.",
+    "Fill the gaps of a fitted project and write the filled positions as well, listed in <stem>.filled.csv.",
     reading=False,
 )
 """The option of every writer of markers."""

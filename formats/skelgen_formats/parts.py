@@ -23,7 +23,7 @@ class Part:
     is_in : callable (project) -> bool
         Whether a project has it.
     in_every_frame : bool
-        Whether it is told frame by frame.
+        Whether it has a value in every frame.
     """
 
     name: str

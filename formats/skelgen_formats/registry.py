@@ -57,7 +57,7 @@ class Format:
     holds : str
         What it holds, for the table: ``points``, ``markers``, ``poses``, ``skeleton``, ``joints``, ``summary``.
     options : tuple of Option
-        What reader and writer can be told.
+        What the user can choose of reader and writer.
     note : str
         One sentence for the docs table.
     read_motion : callable (path, skeleton, unit) -> BoneMotion, or None
@@ -123,10 +123,10 @@ def recognise(path: Path) -> Format:
             return entry
     for entry in known_formats():
         if entry.read_motion is not None and path.name.lower().endswith(entry.suffixes):
-            said = (
+            hint = (
                 f"{entry.title} holds bones, not markers; `skelgen simulate --motion {path.name}` puts markers on them"
             )
-            raise FormatError(path, "", said)
+            raise FormatError(path, "", hint)
     names = ", ".join(f"{entry.name} ({' '.join(entry.suffixes)})" for entry in readable)
     raise FormatError(path, "", f"neither content nor suffix belongs to a known format; known are {names}")
 

@@ -1,6 +1,6 @@
 """Summary of a project as strict JSON: what was read, what was found, how well it fits, how long it took.
 
-What has not been computed yet is null; so is every number that is not to be told (NaN). Keys come in a fixed order.
+What has not been computed yet is null; so is every number that is not determined (NaN). Keys come in a fixed order.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def write_summary_json(value: Writable, path: Path, monitor: Monitor = SILENT) -
 def _project(value: Writable) -> Project:
     if isinstance(value, Project):
         return value
-    raise WriteError("summary-json tells the results of a project, not a take; run the stages first")
+    raise WriteError("summary-json holds the results of a project, not a take; run the stages first")
 
 
 def summary(project: Project) -> dict[str, Any]:
@@ -241,8 +241,7 @@ def _lengths(skeleton: Skeleton) -> list[dict[str, Any]]:
 
 
 def _mean(values: Floats) -> float | None:
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if len(known) else None
+    return None if np.isnan(values).all() else float(np.nanmean(values))
 
 
 def _plain(value: Any) -> Any:

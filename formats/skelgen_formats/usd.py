@@ -2,7 +2,7 @@
 
 A skeleton root, ``/body``, holds the prims ``skeleton`` (joints named by their paths, such as ``limb1/limb0``, with the
 reference pose as bind and rest pose), ``motion`` (a time sample per frame) and ``markers`` (points; those that are
-unseen in a frame are not among its points, ``ids`` tell which marker each is). A time code is a frame; unit, axis and
+unseen in a frame are not among its points, ``ids`` say which marker each is). A time code is a frame; unit, axis and
 rate stand in the stage's metadata. What UsdSkel has no attribute for stands beside, in the namespace ``skelgen``:
 kinds, axes and deviations of the joints on the skeleton, names and limbs of the markers on the points.
 
@@ -43,7 +43,7 @@ _MM_PER_METRE = 1000.0
 def write_usd(
     value: Writable, path: Path, unit: str = "mm", axes: str = AS_RECORDED, monitor: Monitor = SILENT
 ) -> list[Path]:
-    """Write skeleton, motion and measured markers of a finished project; the suffix tells text from binary.
+    """Write skeleton, motion and measured markers of a finished project; the suffix chooses text or binary.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ def write_usd(
     unit : str
         Unit of the lengths, stated in the file.
     axes : str
-        How the world was turned, which tells the axis that points up; as recorded that is taken to be z.
+        How the world was turned, from which follows the axis that points up; as recorded that is taken to be z.
     monitor : Monitor
-        Told of frames; may cancel.
+        Shows progress; may cancel.
 
     Raises
     ------
@@ -203,10 +203,10 @@ def _vectors(places: Floats) -> Any:
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
-    said = []
+    remarks = []
     if options.axes == AS_RECORDED:
-        said.append("The file states that z is up; where y is up in the recording, choose axes y-to-z.")
-    return (*said, *lost_in_animations(project, _TITLE))
+        remarks.append("The file states that z is up; where y is up in the recording, choose axes y-to-z.")
+    return (*remarks, *lost_in_animations(project, _TITLE))
 
 
 FORMAT = Format(

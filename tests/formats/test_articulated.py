@@ -31,7 +31,7 @@ def test_angles_are_0_in_the_reference_pose(jointed_project):
     assert all((np.abs(link.angles) < 1e-12).all() for link in links_of(still, "as-moved"))
 
 
-def test_rings_and_gimbal_positions_are_said(jointed_project):
+def test_loops_and_gimbal_positions_are_said(jointed_project):
     project = jointed_project
     ring = Joint(0, 4, np.zeros(3), np.zeros(3), "ball", None, np.ones(3))
     poses = project.motion.world_from_limb.copy()
@@ -42,7 +42,7 @@ def test_rings_and_gimbal_positions_are_said(jointed_project):
         _motion=dataclasses.replace(project.motion, world_from_limb=poses),
     )
     assert remarks_on_joints(project, Options(), by_three_angles=True) == ()
-    rings, gimbal = remarks_on_joints(changed, Options(), by_three_angles=True)
-    assert "rings are left out" in rings
+    loops, gimbal = remarks_on_joints(changed, Options(), by_three_angles=True)
+    assert "loops are left out" in loops
     assert "limb3-limb8" in gimbal
-    assert remarks_on_joints(changed, Options(), by_three_angles=False) == (rings,)
+    assert remarks_on_joints(changed, Options(), by_three_angles=False) == (loops,)

@@ -120,9 +120,9 @@ def test_what_is_not_told_is_said(small_project, make_project):
     entry = find_format("bvh")
     unit, interpolated = entry.remarks(small_project, Options(unit="cm"))
     assert "lengths are in cm" in unit
-    assert interpolated == "BVH cannot tell that in 1 of 12 frames some limb is not seen but interpolated."
+    assert interpolated == "BVH cannot say that in 1 of 12 frames some limb is not seen but interpolated."
     ring = replace(small_project.skeleton, loops=(small_project.skeleton.joints[0],))
-    assert "1 joint closing rings" in entry.remarks(replace(small_project, _skeleton=ring), Options())[1]
+    assert "1 joint closing loops" in entry.remarks(replace(small_project, _skeleton=ring), Options())[1]
     assert "2 bodies hang on one root" in entry.remarks(make_project(parents=(-1, 0, -1)), Options())[1]
 
 
@@ -132,6 +132,6 @@ def test_take_and_project_without_frames_are_refused(small_project, tmp_path):
     motion = small_project.motion
     fields = ("world_from_limb", "joint_positions", "marker_positions", "residuals", "limb_seen")
     empty = Motion(**{**vars(motion), **{name: getattr(motion, name)[:0] for name in fields}})
-    with pytest.raises(WriteError, match="one bone and one frame"):
+    with pytest.raises(WriteError, match="one limb and one frame"):
         write_bvh(replace(small_project, _motion=empty), tmp_path / "walk.bvh")
     assert list(tmp_path.iterdir()) == []

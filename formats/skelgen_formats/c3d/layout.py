@@ -144,7 +144,7 @@ def _parameter_section(path: Path, head: bytes, stream: Any, size: int) -> tuple
         raise FormatError(path, "byte 1", "a C3D file has 80 there and a header of 512 bytes; this is another file")
     start = (head[0] - 1) * BLOCK
     if head[0] == 0 or start + BLOCK > size:
-        raise FormatError(path, "byte 0", f"the parameters are said to be in block {head[0]}, outside the file")
+        raise FormatError(path, "byte 0", f"the header puts the parameters in block {head[0]}, outside the file")
     stream.seek(start)
     begin = stream.read(4)
     n_blocks, processor = begin[2], begin[3]
@@ -210,7 +210,7 @@ def _layout(path: Path, head: bytes, order: str, dec: bool, parameters: Paramete
     if n_points == 0:
         raise FormatError(path, "byte 2", "the file holds no points; analogue data alone cannot be used")
     if not 0 < data_start < size:
-        raise FormatError(path, "byte 16", f"the data are said to be in block {data_block}, outside the file")
+        raise FormatError(path, "byte 16", f"the header puts the data in block {data_block}, outside the file")
     if not (math.isfinite(scale) and 0 < abs(scale) <= _BIGGEST_SCALE):
         raise FormatError(path, "byte 12", f"the scale is {scale:g}; a finite number other than 0 belongs there")
     if not 0 < rate <= _BIGGEST_RATE:

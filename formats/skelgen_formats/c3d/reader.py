@@ -80,12 +80,12 @@ def _tell_of_generated(positions: Floats, residuals: Floats, notices: list[str])
 
 
 def _compare_counts(layout: C3dLayout, found: int, notices: list[str]) -> None:
-    said = layout.parameters.get(("POINT", "FRAMES"))
-    if said is None or said.size == 0 or said.dtype.kind == "S":
+    stated = layout.parameters.get(("POINT", "FRAMES"))
+    if stated is None or stated.size == 0 or stated.dtype.kind == "S":
         return
-    said_frames = float(said.reshape(-1)[0]) % (MOST_HEADER_FRAMES + 1)
-    if found <= MOST_HEADER_FRAMES and said_frames != found:
-        notices.append(f"{found} frames were read as the header says, although POINT:FRAMES says {said_frames:g}")
+    stated_frames = float(stated.reshape(-1)[0]) % (MOST_HEADER_FRAMES + 1)
+    if found <= MOST_HEADER_FRAMES and stated_frames != found:
+        notices.append(f"{found} frames were read as the header says, although POINT:FRAMES says {stated_frames:g}")
 
 
 def _without_padding(points: Floats) -> Floats:

@@ -1,30 +1,30 @@
-"""The seed's XML file (4.13): skeleton, animation, joints, markers and statistics of a finished project.
+"""The classic output XML (Schönauer 2007, 4.13): all results of a finished project.
 
-The seed prints several top elements; here one root holds them, so that the file is well-formed XML. Lengths are in mm,
-times in seconds. All numbers have the digits to give back the same double.
+The thesis prints several top elements; here one root holds them, so that the file is well-formed XML. Lengths are in
+mm, times in seconds. All numbers have the digits to give back the same double.
 
 ``MotionCapture``
     The root: ``version``, ``unit``, ``time_unit``, ``quaternion`` (order of the components), ``rate`` [Hz], ``take``.
 ``MarkerNames``
     ``MarkerName`` with ``id``, ``name`` and ``bone`` (-1 = left out).
 ``StatsElements``
-    The seed's. ``FirstBone`` is the parent, ``SecondBone`` the child; distances are to the raw joint positions, over
-    the frames in which marker and joint are known; a marker without such a frame is left out.
+    As in the thesis. ``FirstBone`` is the parent, ``SecondBone`` the child; distances are to the raw joint positions,
+    over the frames in which marker and joint are there; a marker without such a frame is left out.
 ``SkeletonAndAnimation``
     ``SKELETON``: one ``BONE`` per limb, parents first. ``TRANSLATION`` and ``ROTATION`` give the bone relative to its
     parent in the reference pose: v_parent = R v_bone + t; a root's translation is zero. ``LOCALTRANSLATION`` and
     ``LOCALROTATION`` bring a vertex from model space (the world, in the reference pose) to bone space:
-    v_bone = R_local v_model + t_local. ``JOINT``, which the seed lacks, holds what is known of the joint to the parent;
+    v_bone = R_local v_model + t_local. ``JOINT``, an addition, describes the joint to the parent;
     standard deviations and (as rows of a 3 x 3 matrix) covariances where they were estimated, see
     `skelgen.model.Joint`.
     ``ANIMATION``: one ``TRACK`` per bone, one ``KEYFRAME`` per frame, relative to the parent; a root relative to the
     world. ``SEEN="0"`` marks a frame in which the limb's pose was interpolated.
     Quaternions are x y z w and rotate actively, v' = q v q* (not Cal3D's conjugate; `cal3d` writes that).
 ``RawJointPositions``, ``FinalJointPositions``
-    Elements ``joint<parent>-<child>``; a frame whose joint is not to be told carries no vector.
+    Elements ``joint<parent>-<child>``; a frame whose joint is not determined carries no vector.
 ``MarkerPositions``
     ``MarkerOffsets``: markers relative to the centre of mass of their limb's markers, along the axes of the bone;
-    ``CenterOfMass``, which the seed lacks, is that centre in the bone's frame and ``Sigma`` the marker's deviation;
+    ``CenterOfMass``, an addition, is that centre in the bone's frame and ``Sigma`` the marker's deviation;
     ``Noise`` and ``StandardDeviation`` (of the place, x y z) stand there where they were estimated.
     ``Frame``: an unseen marker carries no ``OrgMarkerPosition``, one that is left out no ``FinalMarkerPosition``.
 """
@@ -42,7 +42,7 @@ from skelgen_formats.registry import Format
 
 
 def read_classic_xml(path: Path | str) -> ClassicXml:
-    """Read everything from a seed XML file, as a stream.
+    """Read everything from a classic XML file, as a stream.
 
     Raises
     ------

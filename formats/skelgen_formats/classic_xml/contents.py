@@ -1,4 +1,4 @@
-"""What the seed's XML file holds, as values."""
+"""What the classic XML file holds: as values, and as flat rows of numbers while it is read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from skelgen_formats.bones import matrix_from_xyzw
 
 @dataclass(frozen=True)
 class MarkerDistance:
-    """How constant the distance between a marker and a joint is over all frames in which both are known.
+    """How constant the distance between a marker and a joint is over all frames in which both are there.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class JointStats:
 
 @dataclass(frozen=True, eq=False)
 class ClassicXml:
-    """Everything that a seed XML file holds.
+    """Everything that a classic XML file holds.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class ClassicXml:
     bone_rotations_xyzw : ndarray, shape (n_frames, n_limbs, 4)
         Rotation of each bone relative to its parent, of a root to the world, as in the file.
     raw_joint_positions : ndarray, shape (n_frames, n_joints, 3), mm
-        Joints before the fit of rigid limbs; NaN where not to be told.
+        Joints before the fit of rigid limbs; NaN where not determined.
     offsets_from_center : ndarray, shape (n_markers, 3), mm
         Each marker relative to the centre of mass of its limb's markers, along the axes of the limb's frame; NaN for
         markers that are left out.

@@ -1,4 +1,4 @@
-"""Read the seed's XML file as a stream: an element that has been understood is dropped, only its numbers stay."""
+"""Read the classic XML file as a stream: an element that has been understood is dropped, only its numbers stay."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _MARKER_PLACES = etree.XPath("Bone/Marker/vector/vec_elem/@pos", smart_strings=F
 
 
 def read(path: Path) -> ClassicXml:
-    """Read a seed XML file; see `skelgen_formats.classic_xml.read_classic_xml`."""
+    """Read a classic XML file; see `skelgen_formats.classic_xml.read_classic_xml`."""
     reader = _Reader(path)
     try:
         for element in _finished_elements(path, tuple(reader.handlers)):

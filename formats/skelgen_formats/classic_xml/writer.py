@@ -1,4 +1,4 @@
-"""Write the seed's XML file as a stream, one frame in memory at a time.
+"""Write the classic XML file as a stream, one frame in memory at a time.
 
 The text is made from prepared rows rather than element by element: a 10,000-frame take has five million elements. The
 tests parse every file with a strict XML parser.
@@ -39,7 +39,7 @@ DEVIATIONS = {
     "SECONDAXISSTANDARDDEVIATION": "second_axis_std",
     "TURNCOVARIANCE": "turn_covariance",
 }
-"""Vectors of a ``JOINT`` beyond the seed's, and the fields of `skelgen.model.Joint`; left out where not estimated."""
+"""Vectors of a ``JOINT`` beyond those of the thesis, and the fields of `skelgen.model.Joint`; only where estimated."""
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
 _TOLD_EVERY = 1000  # texts, of which some thousands are written per second
@@ -61,7 +61,7 @@ def write_classic_xml(value: Writable, path: Path, monitor: Monitor = SILENT) ->
     Raises
     ------
     WriteError
-        If the value is no project, a name cannot be told in XML, or the file cannot be written.
+        If the value is no project, a name cannot be written in XML, or the file cannot be written.
     MissingResultError
         If a stage has not run.
     """
@@ -161,7 +161,7 @@ def _bind_pose(skeleton: Skeleton, limb: int) -> str:
     parent, pose = int(skeleton.parents[limb]), skeleton.reference_pose[limb]
     translation, rotation = bone_transforms(skeleton.reference_pose, parent, limb)
     if parent < 0:
-        translation = np.zeros(3)  # as the seed has it; where the root stands is in LOCALTRANSLATION
+        translation = np.zeros(3)  # as in the thesis; where the root stands is in LOCALTRANSLATION
     bone_from_world = pose[:3, :3].T
     return (
         _row("TRANSLATION", translation)
@@ -234,7 +234,7 @@ def _offsets(skeleton: Skeleton) -> Iterator[str]:
 
 
 def _sureness(skeleton: Skeleton, marker: int) -> str:
-    """Attributes that tell the noise of a marker and the standard deviation of its place, where they were estimated."""
+    """Attributes with the noise of a marker and the standard deviation of its place, where they were estimated."""
     if skeleton.offset_std is None or skeleton.marker_noise is None:
         return ""
     stds = " ".join(_number(value) for value in skeleton.offset_std[marker].tolist())
