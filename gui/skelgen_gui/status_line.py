@@ -5,6 +5,7 @@ from __future__ import annotations
 from PySide6.QtWidgets import QProgressBar, QPushButton, QStatusBar, QWidget
 
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.widgets.layouts import describe
 
 _PERCENT = 100
 _NOTICE_MS = 8000
@@ -26,10 +27,8 @@ class StatusLine(QStatusBar):
         self.progress, self.cancel = QProgressBar(self), QPushButton(self.tr("Cancel"), self)
         self.progress.setMaximumWidth(240)
         self.progress.setRange(0, _PERCENT)
-        self.progress.setAccessibleName(self.tr("Progress"))
-        self.progress.setToolTip(self.tr("How much of what is running is done"))
-        self.cancel.setAccessibleName(self.tr("Cancel what is running"))
-        self.cancel.setToolTip(self.cancel.accessibleName())
+        describe(self.progress, self.tr("Progress"), self.tr("How much of what is running is done"))
+        describe(self.cancel, self.tr("Cancel what is running"))
         for widget in (self.progress, self.cancel):
             self.addPermanentWidget(widget)
             widget.hide()

@@ -19,32 +19,42 @@ from skelgen.model import Poses, Project
 from skelgen.progress import SILENT
 
 
-def start_at_once(title, work, done, failed=None):
-    """Do the work before returning, as `Jobs.start` would on another thread."""
-    try:
-        result = work(SILENT)
-    except Exception as error:
-        failed(error)
-    else:
-        done(result)
-    return True
+class AtOnce(Jobs):
+    """Does the work before `start` returns."""
 
+    def __init__(self, monitor=SILENT):
+        super().__init__()
+        self._monitor = monitor
 
-class Waiting:
-    """Keeps the work until it is told to do it."""
-
-    def __call__(self, title, work, done, failed=None):
-        self.work, self.done, self.failed = work, done, failed
+    def start(self, title, work, done, failed=None):
+        try:
+            result = work(self._monitor)
+        except Exception as error:
+            failed(error)
+        else:
+            done(result)
         return True
 
-    def go_on(self):
-        start_at_once("", self.work, self.done, self.failed)
+
+class CancelledAmid:
+    """A monitor that cancels when progress is told for the third time."""
+
+    def __init__(self):
+        self.n_told = 0
+
+    def begin(self, name):
+        pass
+
+    def advance(self, done, total):
+        self.n_told += 1
+        if self.n_told == 3:
+            raise Cancelled
 
 
 @pytest.fixture
 def open_page(qtbot, session, tmp_path):
-    def make(start=start_at_once, session=session):
-        page = ExportPage(session, start)
+    def make(jobs=None, session=session):
+        page = ExportPage(session, jobs or AtOnce())
         qtbot.addWidget(page)
         page.target.suggest(tmp_path / "out", "walk")
         page.show()
@@ -188,72 +198,66 @@ def test_a_full_disk_is_one_sentence_and_nothing_is_left(page, click, tmp_path, 
     assert names_in(tmp_path) == []
 
 
-def test_a_fault_of_the_program_opens_the_dialog_of_errors(open_page, click, monkeypatch):
-    monkeypatch.setattr("skelgen_gui.pages.export.export_project", lambda *args: 1 / 0)
-    page = open_page()
+def test_a_fault_of_the_program_opens_the_dialog_of_errors(open_page, click):
+    class Faulty(Jobs):
+        def start(self, title, work, done, failed=None):
+            failed(ZeroDivisionError("division by zero"))
+            return True
+
+    page = open_page(Faulty())
     click(page.export)
     assert "ZeroDivisionError" in page.findChild(ErrorDialog).sentence.text()
 
 
-def test_while_it_runs_the_choices_wait_and_it_can_be_cancelled(open_page, click, tmp_path):
-    start = Waiting()
-    page = open_page(start)
+def test_while_it_runs_the_choices_wait_and_it_can_be_cancelled(open_page, qtbot, click, tmp_path):
+    jobs = Jobs()
+    page = open_page(jobs)
+    page.choice.setCurrentText("Skeleton and motion, XML")
     click(page.export)
+    assert jobs.is_busy
     assert page.progress.isVisible()
     assert not (page.export.isEnabled() or page.choice.isEnabled() or page.target.isEnabled())
     click(page.cancel)
-    start.go_on()
+    qtbot.waitUntil(lambda: not jobs.is_busy)
     assert page.status.text() == "Cancelled; nothing was written."
     assert page.export.isEnabled() and page.choice.isEnabled() and not page.cancel.isVisible()
     assert names_in(tmp_path) == []
 
 
-def test_cancelling_in_the_middle_writes_nothing(open_page, qtbot, click, tmp_path):
-    start = Waiting()
-    page = open_page(start)
+def test_cancelling_in_the_middle_writes_nothing(open_page, click, tmp_path):
+    monitor = CancelledAmid()
+    page = open_page(AtOnce(monitor))
     page.choice.setCurrentText("Skeleton and motion, XML")
     click(page.export)
-    shares = []
-    page._watched.progressed.connect(shares.append)
-    page._watched.progressed.connect(lambda share: page.cancel.click() if len(shares) == 3 else None)
-    start.go_on()
-    assert len(shares) == 3
+    assert monitor.n_told == 3
     assert page.status.text() == "Cancelled; nothing was written."
     assert names_in(tmp_path) == []
 
 
 def test_progress_comes_from_another_thread_and_rises_to_the_end(open_page, qtbot, click, tmp_path):
-    start = Waiting()
-    page = open_page(start)
+    jobs = Jobs()
+    page = open_page(jobs)
     page.choice.setCurrentText("TRC (Motion Analysis, OpenSim)")
+    shares = []
+    page.progress.valueChanged.connect(shares.append)
     click(page.export)
-    shares, results = [], []
-    page._watched.progressed.connect(shares.append)
-    thread = threading.Thread(target=lambda: results.append(start.work(SILENT)))
-    thread.start()
-    qtbot.waitUntil(lambda: bool(results))
-    thread.join()
-    qtbot.waitUntil(lambda: len(shares) > 3)
-    start.done(results[0])
-    assert shares == sorted(shares)
-    assert names_in(tmp_path / "out") == ["walk.trc"]
+    qtbot.waitUntil(lambda: not jobs.is_busy)
+    until_done = shares[: shares.index(max(shares)) + 1]  # then the bar is empty again, for the next export
+    assert until_done == sorted(until_done)
+    assert until_done[-1] == page.progress.maximum()
+    assert page.status.text() == f"Written to {tmp_path / 'out'}: walk.trc"
 
 
-def test_cancelling_by_whoever_runs_the_job_is_told_as_well(open_page, click):
-    class Stopping:
-        def begin(self, name):
-            raise Cancelled
-
-    start = Waiting()
-    page = open_page(start)
-    click(page.export)
-    start.done(start.work(Stopping()))
-    assert page.status.text() == "Cancelled; nothing was written."
+def test_progress_of_other_jobs_is_not_shown(open_page):
+    jobs = Jobs()
+    page = open_page(jobs)
+    jobs.progressed.emit("labels", 0.5)
+    assert page.progress.value() == 0
 
 
 def test_an_export_runs_on_another_thread_and_its_end_is_told_on_this_one(open_page, qtbot, click, tmp_path):
     jobs = Jobs()
-    page = open_page(jobs.start)
+    page = open_page(jobs)
     page.choice.setCurrentText("Skeleton and motion, XML")
     click(page.export)
     assert jobs.is_busy
@@ -262,20 +266,13 @@ def test_an_export_runs_on_another_thread_and_its_end_is_told_on_this_one(open_p
     assert names_in(tmp_path / "out") == ["walk.xml"]
 
 
-def test_an_export_on_another_thread_is_cancelled(open_page, qtbot, click, tmp_path):
-    jobs = Jobs()
-    page = open_page(jobs.start)
-    page.choice.setCurrentText("Skeleton and motion, XML")
+def test_a_second_job_is_refused_with_a_sentence(open_page, qtbot, click):
+    jobs, release = Jobs(), threading.Event()
+    page = open_page(jobs)
+    jobs.start("other", lambda _: release.wait(), lambda _: None)
     click(page.export)
-    click(page.cancel)
+    release.set()
     qtbot.waitUntil(lambda: not jobs.is_busy)
-    assert page.status.text() == "Cancelled; nothing was written."
-    assert names_in(tmp_path) == []
-
-
-def test_a_second_job_is_refused_with_a_sentence(open_page, click):
-    page = open_page(lambda *args: False)
-    click(page.export)
     assert page.status.text().startswith("Something else is still running")
     assert page.export.isEnabled()
 

@@ -16,6 +16,7 @@ from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, Vie
 from skelgen_gui.capture.forms import BoardForm
 from skelgen_gui.capture.steps import Step, row_of
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.widgets.layouts import describe
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
@@ -156,8 +157,7 @@ class CameraStep(Step[BoardShot]):
                 self.tr("Write the cameras into a settings file; bodies and joints of the one in use stay"),
             ),
         ):
-            button.setToolTip(tip)
-            button.setAccessibleName(button.text())
+            describe(button, button.text(), tip)
 
     def _connect(self) -> None:
         self.take.clicked.connect(self._take_this)
@@ -241,8 +241,7 @@ class CameraStep(Step[BoardShot]):
         """Enable what can be done now."""
         super().follow()
         is_busy, has_views = self._jobs.is_busy, bool(self.collection.views)
-        self.go.setAccessibleName(self.tr("Stop looking") if self.is_collecting else self.tr("Look for the board"))
-        self.go.setToolTip(self.go.accessibleName())
+        describe(self.go, self.tr("Stop looking") if self.is_collecting else self.tr("Look for the board"))
         self.take.setEnabled(self.is_collecting)
         self.form.setEnabled(not is_busy)
         self.clear.setEnabled(has_views)

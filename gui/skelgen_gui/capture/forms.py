@@ -24,6 +24,7 @@ from PySide6.QtWidgets import (
 from skelgen.app.capture_jobs.messages import SIMULATED, CaptureOptions
 from skelgen.capture.calibration.board import Board
 from skelgen.capture.sources import SOURCES
+from skelgen_gui.widgets.layouts import describe
 
 
 class FileField(QWidget):
@@ -52,10 +53,8 @@ class FileField(QWidget):
         super().__init__(parent)
         self._title, self._kinds = title, kinds
         self.line, self.browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
-        self.line.setAccessibleName(title)
-        self.line.setToolTip(tip)
-        self.browse.setAccessibleName(self.tr("Choose: {0}").format(title))
-        self.browse.setToolTip(tip)
+        describe(self.line, title, tip)
+        describe(self.browse, self.tr("Choose: {0}").format(title), tip)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.line, 1)
@@ -380,8 +379,7 @@ class BoardForm(QWidget):
         ):
             box.setRange(3, _MOST_CORNERS)
             box.setValue(value)
-            box.setAccessibleName(name)
-            box.setToolTip(tip)
+            describe(box, name, tip)
         self.square.setRange(0.1, _LARGEST_SQUARE)
         self.square.setDecimals(3)
         self.square.setValue(25.0)

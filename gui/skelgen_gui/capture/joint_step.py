@@ -19,6 +19,7 @@ from skelgen_gui.capture.measured import JointTable, MotionTable, RowTable, Turn
 from skelgen_gui.capture.steps import AddingStep, Plan, row_of
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.widgets.layouts import describe
 
 if TYPE_CHECKING:
     from skelgen.app.capture_jobs.collecting import JointCollector
@@ -227,8 +228,7 @@ class RequestList(QWidget):
                 self.tr("Child"),
             ),
         ):
-            box.setAccessibleName(name)
-            box.setToolTip(tip)
+            describe(box, name, tip)
             box.setPlaceholderText(hint)
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.setMinimumContentsLength(8)
@@ -236,8 +236,7 @@ class RequestList(QWidget):
             (self.more, self.tr("Measure this joint, and others that are named")),
             (self.less, self.tr("Do not measure the chosen joints")),
         ):
-            button.setAccessibleName(button.text())
-            button.setToolTip(tip)
+            describe(button, button.text(), tip)
 
     @property
     def _request(self) -> JointRequest:

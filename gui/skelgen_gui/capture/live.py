@@ -14,6 +14,7 @@ from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import LiveChoice
 from skelgen_gui.capture.results import AngleTable, BodyTable, Notices, Numbers
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.widgets.layouts import describe
 
 _LEAST_HEIGHT = 48  # px, of the notices: two lines
 
@@ -161,8 +162,7 @@ class LivePanel(QWidget):
             self._control = None  # one that was cancelled before it began says nothing
         is_running = self.is_running
         self.go.setText(self.tr("Stop") if is_running else self.tr("Start"))
-        self.go.setAccessibleName(self.tr("Stop the capture") if is_running else self.tr("Start the capture"))
-        self.go.setToolTip(self.go.accessibleName())
+        describe(self.go, self.tr("Stop the capture") if is_running else self.tr("Start the capture"))
         self.go.setEnabled(is_running or not self._jobs.is_busy)
         self.choice.setEnabled(not self._jobs.is_busy)
         self.recorder.set_running(is_running)
@@ -228,11 +228,9 @@ class RecordRow(QWidget):
 
     def _describe(self) -> None:
         tip = self.tr(".mfml keeps all points without names, .c3d the balls of the bodies with theirs")
-        self.line.setAccessibleName(self.tr("File to record"))
-        self.line.setToolTip(tip)
+        describe(self.line, self.tr("File to record"), tip)
         self.browse.setText(self.tr("Choose…"))
-        self.browse.setAccessibleName(self.tr("Choose the file to record"))
-        self.browse.setToolTip(tip)
+        describe(self.browse, self.tr("Choose the file to record"), tip)
         self.record.setCheckable(True)
         self.record.setEnabled(False)
         self.record.setAccessibleName(self.tr("Record"))

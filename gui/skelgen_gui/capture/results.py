@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
 
 from skelgen.app.capture_jobs.messages import LiveShot
 from skelgen.model.rig import CaptureSettings, TargetJoint
+from skelgen_gui.widgets.layouts import describe
 
 MOST_NOTICES = 200
 """Notices that are kept: a loose plug must not fill the memory."""
@@ -90,8 +91,7 @@ class ValueTable(QTableWidget):
         titles : sequence of str
             Of its columns.
         """
-        self.setAccessibleName(name)
-        self.setToolTip(tip)
+        describe(self, name, tip)
         self.setColumnCount(len(titles))
         self.setHorizontalHeaderLabels(list(titles))
         header = self.horizontalHeader()

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
 
 from PySide6.QtCore import QCoreApplication, QStandardPaths, Qt, QUrl, Signal
 from PySide6.QtGui import QDesktopServices, QShowEvent, QStandardItemModel
@@ -36,28 +34,16 @@ from skelgen.app.outputs import stem_of
 from skelgen.errors import Cancelled, ParameterError, SkelgenError, WriteError
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
-from skelgen_gui.project.jobs import Watched
+from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
 from skelgen_gui.widgets.forms import ParameterForm
+from skelgen_gui.widgets.layouts import describe
 from skelgen_gui.widgets.theme import PROBLEM_ROLE
 
 _PER_MILLE = 1000  # steps of the progress bar
 _BESIDE_BAR = 6  # px, between the form and the bar that scrolls it
 _NAME_WITHOUT_TAKE = "result"
-
-
-class StartJob(Protocol):
-    """How the page has long work done: as `skelgen_gui.project.jobs.Jobs.start` does it."""
-
-    def __call__(
-        self,
-        title: str,
-        work: Callable[[Monitor], Any],
-        done: Callable[[Any], None],
-        failed: Callable[[Exception], None] | None = None,
-    ) -> bool:
-        """Start `work` away from the window's thread, and call back on it; False if something else is running."""
 
 
 class ExportPage(QWidget):
@@ -67,17 +53,17 @@ class ExportPage(QWidget):
     ----------
     session : Session
         Whose project is written.
-    start : callable
-        Has the writing done; see `StartJob`.
+    jobs : Jobs
+        Where files are written.
     parent : QWidget, optional
         Qt's parent.
     """
 
-    def __init__(self, session: Session, start: StartJob, parent: QWidget | None = None) -> None:
+    def __init__(self, session: Session, jobs: Jobs, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._session, self._start = session, start
+        self._session, self._jobs = session, jobs
         self._take: object = None
-        self._watched: Watched | None = None
+        self._is_running = False
         self._written: Path | None = None
         self.formats = export_formats()
         self.choice = QComboBox(self)
@@ -103,8 +89,7 @@ class ExportPage(QWidget):
     def _describe(self) -> None:
         for entry in self.formats:
             self.choice.addItem(QCoreApplication.translate("Formats", entry.title))
-        self.choice.setAccessibleName(self.tr("Format"))
-        self.choice.setToolTip(self.tr("What is written; formats that need more results are grey"))
+        describe(self.choice, self.tr("Format"), self.tr("What is written; formats that need more results are grey"))
         for label, name in (
             (self.note, self.tr("What the format is")),
             (self.preview, self.tr("What will be written")),
@@ -119,8 +104,7 @@ class ExportPage(QWidget):
         self.cancel.setToolTip(self.tr("Stop; what was there stays as it was"))
         self.show_folder.setToolTip(self.tr("Open the folder with the written files"))
         self.progress.setRange(0, _PER_MILLE)
-        self.progress.setAccessibleName(self.tr("Progress of the export"))
-        self.progress.setToolTip(self.tr("How much of the export is written"))
+        describe(self.progress, self.tr("Progress of the export"), self.tr("How much of the export is written"))
         for widget in (self.cancel, self.progress, self.show_folder):
             widget.hide()
 
@@ -154,6 +138,7 @@ class ExportPage(QWidget):
         self.target.changed.connect(self._follow)
         self.export.clicked.connect(self._begin)
         self.cancel.clicked.connect(self._cancel)
+        self._jobs.progressed.connect(self._show_progress)
         self.show_folder.clicked.connect(self._open_folder)
 
     def _follow_project(self) -> None:
@@ -196,7 +181,7 @@ class ExportPage(QWidget):
         self.preview.setText(self._preview_text(preview))
         self.preview.setForegroundRole(PROBLEM_ROLE if preview.obstacle else self.foregroundRole())
         self.export.setText(self.tr("Export and replace") if replaced else self.tr("Export"))
-        self.export.setEnabled(not preview.obstacle and self._watched is None)
+        self.export.setEnabled(not preview.obstacle and not self._is_running)
 
     def _preview(self) -> Preview:
         project, entry = self._session.project, self.formats[self.choice.currentIndex()]
@@ -223,45 +208,42 @@ class ExportPage(QWidget):
         if project is None:
             return
         path, options = export_path(self.target.folder, self.target.name, entry), self.form.values()
-        watched = Watched(self)
-        watched.progressed.connect(self._show_progress)
 
         def work(monitor: Monitor) -> list[Path] | None:
             try:
-                return export_project(project, entry, path, options, watched.watching(monitor))
+                return export_project(project, entry, path, options, monitor)
             except Cancelled:
                 return None
 
-        self._show_running(watched)
-        if not self._start(self.tr("Exporting {0}").format(path.name), work, self._done, self._failed):
-            self._show_running(None)
+        self._show_running(True)
+        if not self._jobs.start(self.tr("Exporting {0}").format(path.name), work, self._done, self._failed):
+            self._show_running(False)
             self.status.setText(self.tr("Something else is still running; export when that is done."))
 
     def _cancel(self) -> None:
-        if self._watched is not None:
-            self._watched.cancel()
-            self.cancel.setEnabled(False)
+        self._jobs.cancel()
+        self.cancel.setEnabled(False)
 
-    def _show_progress(self, share: float) -> None:
-        self.progress.setValue(round(share * _PER_MILLE))
+    def _show_progress(self, _: str, share: float) -> None:
+        if self._is_running:
+            self.progress.setValue(round(share * _PER_MILLE))
 
-    def _show_running(self, watched: Watched | None) -> None:
-        running = watched is not None
-        self._watched = watched
+    def _show_running(self, is_running: bool) -> None:
+        self._is_running = is_running
         self.status.clear()
         self.status.setForegroundRole(self.foregroundRole())
         self.progress.setValue(0)
-        self.cancel.setEnabled(running)
+        self.cancel.setEnabled(is_running)
         for widget in (self.cancel, self.progress):
-            widget.setVisible(running)
+            widget.setVisible(is_running)
         self.show_folder.hide()
         choices: tuple[QWidget, ...] = (self.choice, self.form, self.target)
         for choice in choices:
-            choice.setEnabled(not running)
+            choice.setEnabled(not is_running)
         self._follow()
 
     def _done(self, files: list[Path] | None) -> None:
-        self._show_running(None)
+        self._show_running(False)
         if files is None:
             self.status.setText(self.tr("Cancelled; nothing was written."))
             return
@@ -271,7 +253,7 @@ class ExportPage(QWidget):
         self.show_folder.show()
 
     def _failed(self, error: Exception) -> None:
-        self._show_running(None)
+        self._show_running(False)
         if isinstance(error, SkelgenError):
             self.status.setForegroundRole(PROBLEM_ROLE)
             self.status.setText(str(error))
@@ -332,8 +314,7 @@ class ExportTarget(QWidget):
         ):
             label = QLabel(text, self)
             label.setBuddy(line)
-            line.setAccessibleName(text)
-            line.setToolTip(tip)
+            describe(line, text, tip)
             grid.addWidget(label, row, 0)
             grid.addWidget(line, row, 1, 1, 1 if line is self.folder_line else 2)
         self.browse.setToolTip(self.tr("Choose the folder"))
@@ -347,6 +328,6 @@ class ExportTarget(QWidget):
 
 def make_export_page(context: Context) -> QWidget:
     """Build the export page from what pages are given."""
-    page = ExportPage(context.session, context.jobs.start)
+    page = ExportPage(context.session, context.jobs)
     page.setObjectName("page-export")
     return page

@@ -22,6 +22,7 @@ from skelgen.app.files import given_identities
 from skelgen.app.stage_summary import take_sentences
 from skelgen.model import Project
 from skelgen_gui.project.context import Context
+from skelgen_gui.widgets.layouts import describe
 from skelgen_gui.widgets.painting import rich
 
 _PATH = Qt.ItemDataRole.UserRole
@@ -65,12 +66,10 @@ class OpenPage(QWidget):
             label.setWordWrap(True)
             label.setTextFormat(Qt.TextFormat.PlainText)  # names may look like tags
             label.setAccessibleName(name)
-        self.browse.setToolTip(self.tr("Open a recording in any format, or a project"))
-        self.browse.setAccessibleName(self.tr("Open a file"))
+        describe(self.browse, self.tr("Open a file"), self.tr("Open a recording in any format, or a project"))
         self.identities.setToolTip(self.tr("Read a file that says which point is which marker in some frames"))
         self.identities.setAccessibleName(self.tr("Read identities"))
-        self.recent.setAccessibleName(self.tr("Recent files"))
-        self.recent.setToolTip(self.tr("Files that were open; Enter opens one again"))
+        describe(self.recent, self.tr("Recent files"), self.tr("Files that were open; Enter opens one again"))
 
     def _lay_out(self) -> None:
         buttons = QHBoxLayout()

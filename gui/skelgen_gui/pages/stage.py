@@ -36,6 +36,7 @@ from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.widgets.fields import FoundOrGiven
 from skelgen_gui.widgets.forms import stage_form
+from skelgen_gui.widgets.layouts import describe
 
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
 """Stages whose number the user may know, and the correction that says so."""
@@ -90,10 +91,8 @@ class StagePage(QWidget):
         self.runs.setToolTip(self.tr("Compute this step from the results before it"))
         self.uses_saved.setToolTip(self.tr("Take the result of this step from a project file of the same recording"))
         self.path.setPlaceholderText(self.tr("project file, {0}").format(SUFFIX))
-        self.path.setAccessibleName(self.tr("Project file with the saved result"))
-        self.path.setToolTip(self.path.accessibleName())
-        self._browse.setAccessibleName(self.tr("Choose the project file with the saved result"))
-        self._browse.setToolTip(self._browse.accessibleName())
+        describe(self.path, self.tr("Project file with the saved result"))
+        describe(self._browse, self.tr("Choose the project file with the saved result"))
         self.result.setWordWrap(True)
         self.result.setTextFormat(Qt.TextFormat.PlainText)  # names of markers may look like tags
         self.result.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)

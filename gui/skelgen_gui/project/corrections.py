@@ -27,6 +27,7 @@ from skelgen_gui.model.selection import Offer, Selection, new_name, offers
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.runner import Runner
 from skelgen_gui.project.session import Session
+from skelgen_gui.widgets.layouts import describe
 from skelgen_gui.widgets.painting import rich
 
 _MENUS = ("move", "kind")
@@ -229,11 +230,9 @@ class CorrectionList(QWidget):
         self.hint = QLabel(self)
         self.hint.setWordWrap(True)
         self.hint.setText(self.tr("Select markers, a joint or a limb, then right click or choose Edit, Correct."))
-        self.entries.setAccessibleName(self.tr("Corrections by hand"))
-        self.entries.setToolTip(self.tr("What later runs obey"))
+        describe(self.entries, self.tr("Corrections by hand"), self.tr("What later runs obey"))
         self.take_back = QPushButton(self.tr("Take back"), self)
-        self.take_back.setAccessibleName(self.tr("Take the chosen correction back"))
-        self.take_back.setToolTip(self.take_back.accessibleName())
+        describe(self.take_back, self.tr("Take the chosen correction back"))
         self.at_once = QCheckBox(self.tr("Compute again at once"), self)
         self.at_once.setToolTip(self.tr("After a correction, run again the steps that had run before"))
         self.at_once.setAccessibleName(self.at_once.text())

@@ -12,6 +12,7 @@ from skelgen.app.drawing.wording import plain
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.player import SPEEDS, Player
 from skelgen_gui.timeline.span import clock
+from skelgen_gui.widgets.layouts import describe
 
 _TIME_STEP = 0.01  # s, to which the time of a frame is shown
 _GAP = 10
@@ -57,16 +58,13 @@ class Transport(QWidget):
         self.frame = QSpinBox(self)
         self.frame.setKeyboardTracking(False)
         self.frame.setMinimumWidth(84)
-        self.frame.setAccessibleName(self.tr("Frame"))
-        self.frame.setToolTip(self.tr("The frame that is shown, counted from 0"))
+        describe(self.frame, self.tr("Frame"), self.tr("The frame that is shown, counted from 0"))
         self.frame.valueChanged.connect(self._session.show_frame)
         self._time = QLabel(self)
         self._time.setContentsMargins(_GAP // 2, 0, 0, 0)
-        self._time.setAccessibleName(self.tr("Time"))
-        self._time.setToolTip(self.tr("Time of the frame, and of the last one"))
+        describe(self._time, self.tr("Time"), self.tr("Time of the frame, and of the last one"))
         self.speed = QComboBox(self)
-        self.speed.setAccessibleName(self.tr("Speed"))
-        self.speed.setToolTip(self.tr("How fast the take is played"))
+        describe(self.speed, self.tr("Speed"), self.tr("How fast the take is played"))
         for speed in SPEEDS:
             self.speed.addItem(f"{plain(speed)} ×", speed)
         self.speed.activated.connect(self._set_speed)

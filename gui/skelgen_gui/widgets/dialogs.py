@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from skelgen_gui.widgets.forms import stage_form
+from skelgen_gui.widgets.layouts import describe
 from skelgen_gui.widgets.preferences import Preferences, Wanted
 
 _SIZE = (640, 560)  # px
@@ -54,8 +55,7 @@ class ShortcutsDialog(QDialog):
 
     def _describe(self) -> None:
         self.search.setPlaceholderText(self.tr("Search"))
-        self.search.setAccessibleName(self.tr("Search the shortcuts"))
-        self.search.setToolTip(self.tr("Part of a command or a key"))
+        describe(self.search, self.tr("Search the shortcuts"), self.tr("Part of a command or a key"))
         self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._filter)
         self.table.setHorizontalHeaderLabels([self.tr("Command"), self.tr("Key"), self.tr("What it does")])

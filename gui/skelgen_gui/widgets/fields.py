@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
 )
 
 from skelgen.parameters import Declaration
+from skelgen_gui.widgets.layouts import describe
 
 _DIGITS = 12  # of a number that was stepped to: hides that 0.1 + 0.2 is not 0.3
 _EXACT = 1e15  # whole numbers below are shown with all their digits
@@ -252,12 +253,9 @@ class FoundOrGiven(QWidget):
         self._group.addButton(self._given)
 
     def _describe(self, what: str) -> None:
-        self._found.setAccessibleName(self.tr("{0}: found").format(what))
-        self._found.setToolTip(self.tr("The number is found from the recording"))
-        self._given.setAccessibleName(self.tr("{0}: given").format(what))
-        self._given.setToolTip(self.tr("You know the number: the stage obeys it"))
-        self._number.setAccessibleName(what)
-        self._number.setToolTip(self.tr("The number that you know"))
+        describe(self._found, self.tr("{0}: found").format(what), self.tr("The number is found from the recording"))
+        describe(self._given, self.tr("{0}: given").format(what), self.tr("You know the number: the stage obeys it"))
+        describe(self._number, what, self.tr("The number that you know"))
 
     def _follow(self) -> None:
         self._number.setEnabled(self._given.isChecked())

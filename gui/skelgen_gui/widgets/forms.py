@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QVB
 from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, StageParameters
 from skelgen_gui.widgets.fields import editor_for
+from skelgen_gui.widgets.layouts import describe
 from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE
 
 Check = Callable[[Declaration, Any], Any]
@@ -288,8 +289,7 @@ class ParameterForm(QWidget):
             layout.addWidget(widget)
         layout.addWidget(self._reset_all, alignment=Qt.AlignmentFlag.AlignRight)
         layout.addStretch(1)
-        self._reset_all.setToolTip(self.tr("Return all parameters to their defaults"))
-        self._reset_all.setAccessibleName(self.tr("Reset all parameters"))
+        describe(self._reset_all, self.tr("Reset all parameters"), self.tr("Return all parameters to their defaults"))
         self._reset_all.clicked.connect(self.reset)
         self._expander.setVisible(bool(self._advanced))
         self._expander.toggled.connect(self._show_advanced)
