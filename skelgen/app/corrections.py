@@ -1,4 +1,4 @@
-"""What a correction of the user changes at once: corrections are added and taken back, labels are edited."""
+"""What a correction of the user changes at once: corrections are added and taken back, labels are apply_corrections."""
 
 from __future__ import annotations
 
@@ -112,27 +112,27 @@ def corrected_labels(
     """
     if not any(correction.kind in EDITS for correction in project.corrections):
         return trajectories, labelling
-    from skelgen.stages.labels import edited, judged_again  # noqa: PLC0415 - loads scipy
+    from skelgen.stages.labels import apply_corrections, corrected_quality  # noqa: PLC0415 - loads scipy
 
     corrections_of(project, "labels", monitor)
-    edits = edited(trajectories, project.corrections)
+    edits = apply_corrections(trajectories, project.corrections)
     for sentence in edits.notices:
         monitor.notice(sentence)
     if labelling is not None:
-        labelling = judged_again(labelling, edits, isinstance(project.take, PointCloud))
+        labelling = corrected_quality(labelling, edits, isinstance(project.take, PointCloud))
     return edits.trajectories, labelling
 
 
 def _with_edited_labels(project: Project, correction: Correction) -> Project:
     """The labels with one more correction; a new name changes nothing else."""
-    from skelgen.stages.labels import edited, judged_again  # noqa: PLC0415 - loads scipy
+    from skelgen.stages.labels import apply_corrections, corrected_quality  # noqa: PLC0415 - loads scipy
 
-    edits = edited(project.trajectories, (correction,))
+    edits = apply_corrections(project.trajectories, (correction,))
     if correction.kind == "rename":
         return project.renamed(edits.trajectories.names)
     labelling = project.labelling if project.has_labelling else None
     if labelling is not None:
-        labelling = judged_again(labelling, edits, isinstance(project.take, PointCloud))
+        labelling = corrected_quality(labelling, edits, isinstance(project.take, PointCloud))
     report = project.reports["labels"]
     notices = tuple(dict.fromkeys((*report.notices, correction.sentence, *edits.notices)))
     return project.with_trajectories(edits.trajectories, replace(report, notices=notices), labelling)

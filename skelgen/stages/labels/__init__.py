@@ -21,7 +21,7 @@ from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.stage import check_labels, label_markers
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
-from skelgen.stages.labels.user_labels.corrections import edited, judged_again
+from skelgen.stages.labels.user_labels.corrections import apply_corrections, corrected_quality
 
 __all__ = [
     "LabelParameters",
@@ -29,11 +29,11 @@ __all__ = [
     "PoseFilter",
     "SkeletonLabels",
     "Tracker",
+    "apply_corrections",
     "check_labels",
-    "edited",
+    "corrected_quality",
     "follow_points",
     "history_of",
-    "judged_again",
     "label_markers",
     "labelling_of_cloud",
     "labelling_of_markers",

@@ -1,8 +1,8 @@
-"""How much better a take is explained, frame by frame, if some labels are exchanged in a ring.
+"""Evidence that some labels are exchanged in a cycle, frame by frame: distances within limbs, and jumps.
 
-Distances within limbs are judged by the likelihood of Student's t, jumps between frames by that of a Cauchy-like law:
-both forgive single large deviations. The best switching between the two states is found by dynamic programming
-(Viterbi 1967).
+The likelihood of distances is Student's t, that of jumps between frames a Cauchy distribution: single large deviations
+do not decide. The best sequence of the two states, as labelled and exchanged, is found by dynamic programming
+(Viterbi 1967). Cycles that are worth examining are those whose labels jump to each other's places.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.repair.limb_distances import RigidModel
 
 FREEDOMS = 4.0
-"""Degrees of freedom of the law of distances: heavier tails than normal, as skin has them."""
+"""Degrees of freedom of the distribution of distances: tails heavier than normal, as skin has them."""
 
 JUMP_WEIGHT = 2.0
-"""Exponent of the law of jumps, the Cauchy law of three coordinates."""
+"""Exponent of the distribution of jumps, the Cauchy distribution in three dimensions."""
 
 CORRELATED_SECONDS = 0.1
-"""Deviations of distances within this time repeat each other: together they count as one."""
+"""Deviations of distances within this time are correlated: together they count as one."""
 
 SWITCH_COST = 8.0
-"""Nats that the beginning or the end of an exchange costs: one in about 3000 frames is expected."""
+"""nats that the begin or the end of an exchange costs: one in about 3000 frames is expected."""
 
 PRIOR_COST = 1e-3
-"""Nats per frame that exchanged labels cost: what nothing tells apart is exchanged for the shorter time."""
+"""nats per frame that exchanged labels cost: of two equal explanations the shorter exchange is taken."""
 
 LEAST_STEP = 1e-2
-"""mm, keeps the law of jumps finite for markers that move exactly together."""
+"""mm; keeps the distribution of jumps finite for markers that move exactly together."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What speaks for an exchange.
+    """Evidence for an exchange, frame by frame.
 
     Attributes
     ----------
@@ -54,8 +54,22 @@ class Evidence:
     exits: Floats
 
 
-def weigh(positions: Floats, cycle: Cycle, model: RigidModel, neighbours: Ints, rate: float) -> Evidence:
-    """Weigh the hypothesis that the labels of a ring are exchanged, for every frame."""
+def find_evidence(positions: Floats, cycle: Cycle, model: RigidModel, neighbours: Ints, rate: float) -> Evidence:
+    """Find the evidence for an exchange of labels in every frame.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    cycle : tuple of int
+        Labels, each of which may sit on the marker of the next one.
+    model : RigidModel
+        Distances within limbs.
+    neighbours : ndarray of intp, shape (n_markers, n_neighbours)
+        From `neighbours_of`.
+    rate : float, Hz
+        Frame rate.
+    """
     before, after = misfits(positions, cycle, model)
     gain = np.nan_to_num(_nats(before)).sum(axis=1) - np.nan_to_num(_nats(after)).sum(axis=1)
     markers = np.array(cycle)
@@ -65,12 +79,23 @@ def weigh(positions: Floats, cycle: Cycle, model: RigidModel, neighbours: Ints, 
     kept = _jump_nats(own - places, ages, sigma)
     entries = kept - _jump_nats(own - np.roll(places, -1, axis=1), np.roll(ages, -1, 1), sigma)
     exits = kept - _jump_nats(own - np.roll(places, 1, axis=1), np.roll(ages, 1, 1), sigma)
-    calm = max(1.0, CORRELATED_SECONDS * rate)
-    return Evidence(gain / calm, np.nan_to_num(entries).sum(axis=1), np.nan_to_num(exits).sum(axis=1))
+    n_correlated = max(1.0, CORRELATED_SECONDS * rate)
+    return Evidence(gain / n_correlated, np.nan_to_num(entries).sum(axis=1), np.nan_to_num(exits).sum(axis=1))
 
 
 def misfits(positions: Floats, cycle: Cycle, model: RigidModel) -> tuple[Floats, Floats]:
-    """Deviations of the ring's distances in standard deviations, as they are and if exchanged, (n_frames, n_pairs)."""
+    """Deviations of the distances of a cycle's labels to their limbs, in standard deviations.
+
+    Parameters
+    ----------
+    positions, cycle, model
+        As in `find_evidence`.
+
+    Returns
+    -------
+    before, after : ndarray, shape (n_frames, n_pairs)
+        As labelled, and with the labels exchanged.
+    """
     pairs = {(min(m, k), max(m, k)) for m in cycle for k in model.partners(m).tolist()}
     first, second = np.array(sorted(pairs), dtype=np.intp).reshape(-1, 2).T
     involved = np.unique(np.concatenate([first, second, np.array(cycle)]))
@@ -129,13 +154,13 @@ N_NEIGHBOURS = 5
 """Nearest markers whose median step says where a marker is expected next; up to two of them may be wrong."""
 
 BRIDGED_SECONDS = 0.5
-"""A marker unseen for longer says nothing of where it is expected."""
+"""A marker that was unseen for longer is expected nowhere."""
 
 FARTHER = 2.0
-"""A label has jumped when its own place is that many times farther off than another label's."""
+"""A label has jumped if its own place is this many times farther away than another label's."""
 
 MOST_CYCLE = 4
-"""Markers that exchange their labels in a ring."""
+"""Most markers that exchange their labels in a cycle."""
 
 CHUNK_FLOATS = 4_000_000
 """Distances held at once: 32 MB."""
@@ -170,7 +195,7 @@ def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, rate: flo
 
 
 def jumping_cycles(positions: Floats, neighbours: Ints, rate: float) -> tuple[Cycle, ...]:
-    """Find which labels jump to each other's places anywhere in the take; candidates, not yet believed.
+    """Find cycles of labels that jump to each other's places anywhere in the take; candidates for exchanges.
 
     Parameters
     ----------
@@ -184,7 +209,7 @@ def jumping_cycles(positions: Floats, neighbours: Ints, rate: float) -> tuple[Cy
     Returns
     -------
     tuple of cycles
-        Those seen most often first; pairs rising, rings in both directions.
+        Those seen most often first; pairs in rising order, longer cycles in both directions.
     """
     n_frames, n_markers = positions.shape[:2]
     if n_frames < 2 or n_markers < 2:
@@ -207,14 +232,14 @@ def _cycles(target: dict[int, int]) -> set[Cycle]:
     cycles: set[Cycle] = set()
     for start, other in target.items():
         cycles.add((min(start, other), max(start, other)))
-        ring = [start]
-        while len(ring) < MOST_CYCLE and target.get(ring[-1], start) not in ring:
-            ring.append(target[ring[-1]])
-        if len(ring) > 2 and target.get(ring[-1]) == start:
-            cycles |= {_from_least(tuple(ring)), _from_least(tuple(reversed(ring)))}
+        cycle = [start]
+        while len(cycle) < MOST_CYCLE and target.get(cycle[-1], start) not in cycle:
+            cycle.append(target[cycle[-1]])
+        if len(cycle) > 2 and target.get(cycle[-1]) == start:
+            cycles |= {_from_least(tuple(cycle)), _from_least(tuple(reversed(cycle)))}
     return cycles
 
 
-def _from_least(ring: Cycle) -> Cycle:
-    least = ring.index(min(ring))
-    return ring[least:] + ring[:least]
+def _from_least(cycle: Cycle) -> Cycle:
+    least = cycle.index(min(cycle))
+    return cycle[least:] + cycle[:least]

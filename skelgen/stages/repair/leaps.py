@@ -1,7 +1,7 @@
 """Markers that leap in space within one frame and do not come back: slips that no distance need show.
 
-On a limb of three markers, a step across their plane hardly changes a distance; the step itself is seen all the same,
-for markers move on smooth paths. What leaps so may have slipped: distances must confirm it before it is sure.
+On a limb of three markers, a step across their plane hardly changes a distance. The step itself is visible, because
+markers move on smooth paths. A marker that leaps may have slipped; it surely has only if distances confirm it.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 2.5, 1.3
 """How many times the step between lines, and that of the single frame, must exceed that."""
 
 COMES_BACK = 0.5
-"""Part of a leap that is made back within the time a slip lasts: then it was a wrong label or a glitch."""
+"""Part of a leap; if the marker moves back by it soon after, the leap was a wrong label or a glitch."""
 
 SMALLEST = 0.05
-"""mm; what markers of exact takes are taken to leap anyway."""
+"""mm; least common leap, however exact the take."""
 
 
 def leaps(steps: Floats, paces: Callable[[], Floats], least: float, window: int) -> list[tuple[int, float]]:

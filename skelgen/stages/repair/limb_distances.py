@@ -1,4 +1,4 @@
-"""What a take says of its rigid limbs although some labels are wrong: robust groups, distances and their spread."""
+"""Rigid limbs and their inner distances, robust against labels that are wrong for part of the time."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs import LimbParameters, rigid_groups
 
 GROUPING_FRAMES = 400
-"""Frames from which limbs are grouped: more change nothing."""
+"""Frames from which limbs are grouped; more do not change the groups."""
 
 STATISTIC_FRAMES = 5000
 """Frames from which medians are taken: bounds memory for long takes."""
 
 KEPT_PART = 0.75
-"""Part of a distance's samples, the densest, that its deviation rests on: wrong labels are among the others."""
+"""Part of a distance's samples, the densest, from which its deviation is computed: the others hold wrong labels."""
 
 TRIMMED_DEVIATION = 0.607
 """Standard deviation of the central three quarters of a standard normal variable."""
 
 LEAST_COMMON = 8
-"""Fewer common frames say nothing of a distance."""
+"""Common frames that a distance needs."""
 
 LEAST_SPREAD = 1e-3
-"""Of a distance: what even an exact take may vary without being told apart."""
+"""Of a distance: the least spread, however exact the take."""
 
-_STARTS = 11  # places at which the densest part of the samples may begin
+STARTS = 11
+"""Places at which the densest part of the samples may begin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,15 @@ def robust_limbs(trajectories: Trajectories) -> Limbs:
 
 
 def rigid_model(trajectories: Trajectories, limbs: Limbs) -> RigidModel:
-    """Take the median and the spread of all distances within limbs."""
+    """Compute the median and the spread of all distances within limbs.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    limbs : Limbs
+        Rigid groups of these.
+    """
     n_markers = trajectories.n_markers
     distance, spread = np.full((2, n_markers, n_markers), np.nan)
     first, second = limb_pairs(limbs)
@@ -114,7 +123,7 @@ def _trimmed_deviations(positions: Floats) -> Floats:
     values = np.sort(pair_lengths(positions, first, second), axis=1)
     count = (~np.isnan(values)).sum(axis=1)
     kept = np.maximum((KEPT_PART * count).astype(np.intp), 1)
-    starts = (np.linspace(0, 1, _STARTS)[:, np.newaxis] * np.maximum(count - kept, 0)).astype(np.intp)
+    starts = (np.linspace(0, 1, STARTS)[:, np.newaxis] * np.maximum(count - kept, 0)).astype(np.intp)
     rows = np.arange(len(values))
     widths = values[rows, starts + kept - 1] - values[rows, starts]
     start = starts[np.argmin(np.where(np.isnan(widths), np.inf, widths), axis=0), rows]

@@ -1,7 +1,8 @@
 """Find labels that sit on another marker, which has lost its own label there, and give the points to that marker.
 
-A label that moves onto another limb exchanges nothing: the other marker is unseen meanwhile. It is recognised by the
-distances to that marker's limb, which the point keeps as the marker does, while nothing of its own limb speaks for it.
+If a label moves onto a marker of another limb while that marker has no label, nothing is exchanged. The move is
+recognised by distances: those to the other marker's limb are as that marker's usually are, and those to the label's own
+limb are not.
 """
 
 from __future__ import annotations
@@ -21,19 +22,19 @@ FITS = 3.0
 """Standard deviations within which the median distance to the other marker's limb must lie."""
 
 BAD = 5.0
-"""Standard deviations by which half of a label's own distances are off where it is not trusted."""
+"""Standard deviations by which half of a label's own distances deviate where it is not trusted."""
 
 LEAST_DISTANCES = 2
-"""Fewer distances fit by chance."""
+"""Distances that must fit; fewer do so by chance."""
 
 LEAST_SECONDS = 0.1
-"""Distances within this time repeat each other: what fits for a shorter time may do so by chance."""
+"""Distances within this time are correlated: they may fit by chance for a shorter time."""
 
 LEAST_FRAMES = 5
 """The same for slow cameras."""
 
 LEAST_ELSEWHERE = 20
-"""Frames in which the label is known to be elsewhere; fewer do not show that it usually does not fit there."""
+"""Frames in which the label is known to be elsewhere: fewer do not show that it usually does not fit."""
 
 FITS_ANYWAY = 0.01
 """Part of these frames in which it may fit by chance."""
@@ -68,18 +69,18 @@ class Move:
 
     @property
     def evidence(self) -> str:
-        """What speaks for it."""
+        """Evidence in words."""
         return f"its distances to {', '.join(self.mates)} are those of {self.other_name} within {self.misfit:.1f} mm"
 
     @property
     def finding(self) -> Finding:
-        """For the account of the labels."""
+        """Finding for the label quality."""
         outcome = f"these points are given to {self.other_name}"
         return Finding("moved", (self.name, self.other_name), self.first_frame, self.last_frame, self.evidence, outcome)
 
     @property
     def sentence(self) -> str:
-        """What the user is told."""
+        """Notice for the user."""
         return (
             f"{self.name} is where {self.other_name} was in frames {self.first_frame} to {self.last_frame}, in which "
             f"{self.other_name} has no label: {self.evidence}; these points are given to {self.other_name}"
@@ -118,6 +119,13 @@ def find_moves(trajectories: Trajectories, *, limbs: Limbs | None = None) -> tup
 
 def undo_moves(trajectories: Trajectories, moves: Iterable[Move]) -> Trajectories:
     """Give the points of moved labels to the markers that they sit on; nothing else changes.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    moves : iterable of Move
+        From `find_moves`.
 
     Returns
     -------
@@ -175,7 +183,7 @@ def _deviations(positions: Floats, marker: int, other: int, model: RigidModel) -
 
 
 def _trusted(positions: Floats, marker: int, model: RigidModel) -> Bools:
-    """Frames in which a label's own limb speaks for it."""
+    """Frames in which the distances of a label to its own limb are as usual."""
     off = np.abs(_deviations(positions, marker, marker, model)) / model.spread[marker, model.partners(marker)]
     known = (~np.isnan(off)).sum(axis=1)
     return np.asarray((known > 0) & ((off > BAD).sum(axis=1) * 2 < known))

@@ -1,9 +1,9 @@
 """Find markers that have slipped: their place on the limb changes from one frame to the next, and stays changed.
 
-A slip is seen three times. The marker itself jumps, against its neighbours, off the straight line of the frames before
-and after; its distances to the markers that it moves rigidly with jump as that step demands; and they still differ so
-between the means over `seconds` before and after. Each must stand out from what it does in the rest of the take,
-so that skin which wobbles, bodies that bend and limbs that are no limbs raise the measure and not an alarm.
+A slip shows in three ways. The marker jumps against its neighbours, off the straight lines through the frames before
+and after. Its distances to its mates, the markers that move rigidly with it, jump as that step demands. The means of
+these distances over `seconds` before and after differ in the same way. Each of the three must exceed what it is in the
+rest of the take, so that wobbling skin, bending bodies and wrong limbs raise the threshold and not an alarm.
 """
 
 from __future__ import annotations
@@ -31,25 +31,26 @@ NEAREST = 12
 """Markers among which mates are looked for."""
 
 LEAST_SIZE = 4.0
-"""mm: smaller changes are no slips, however exact the take."""
+"""mm; smaller changes are no slips, however exact the take."""
 
 AT_FIRST, LATER, LARGEST_GAIN = 0.4, 0.15, 2.5
-"""Part of the step that distances must show at once, and still show later, when skin has moved on; and the largest."""
+"""Parts of the step that distances must show in the frame, and later, when skin has moved; and the largest part."""
 
 SURE, SURE_GAIN = 4.0, 0.5
-"""Variations that a step exceeds, and part of it that distances show throughout, where nothing else explains it."""
+"""A slip is sure if the step exceeds this many standard deviations of what distances vary, and if distances show at
+least this part of it throughout."""
 
 VARIES = 2.0
-"""Of what distances vary anyway between such means: a slip is larger."""
+"""Standard deviations of what distances vary between such means anyway: a slip is larger."""
 
 CORROBORATED = 4.0
 """Standard deviations by which distances must change as the marker's own step demands."""
 
 GLITCH_FRAMES = 4
-"""What is over after so many is an error of the tracker, and no slip."""
+"""Frames after which an error of the tracker is over, but not a slip."""
 
 LASTING_PARTS = (0.1, 0.25, 0.5, 1.0)
-"""Of `seconds`, over which means before and after are compared."""
+"""Parts of the least time of a slip over which means before and after are compared."""
 
 NAMED_MATES = 3
 """Mates that are named to the user."""
@@ -58,16 +59,16 @@ MEDIAN_LENGTH = 1.538
 """Median length of a vector whose three coordinates are standard normal."""
 
 LARGEST = 0.5
-"""Of the typical distance to the mates: what jumps farther is a wrong label, not a slip."""
+"""Of the typical distance to the mates: a larger jump is a wrong label, not a slip."""
 
 ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 1.7, 1.3
-"""How many times lines, and single frames, must exceed what is `COMMON`."""
+"""How many times the step between lines, and that of the single frame, must exceed what is `COMMON`."""
 
 LEAST_DEVIATION = 0.05
-"""mm: what distances on exact limbs are taken to vary."""
+"""mm; least deviation of distances, however exact the take."""
 
 MOST_CANDIDATES = 20
-"""Frames that are looked at for each marker; more mean that nothing stands out."""
+"""Frames that are examined for each marker; if there are more, none stands out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,7 @@ class Slip:
 
     @property
     def reason(self) -> str:
-        """What speaks for it."""
+        """Evidence in words."""
         if not self.mates:
             return f"it leaps {self.evidence:.1f} times as far as in all but few other frames and does not come back"
         return (
@@ -118,7 +119,15 @@ class Slip:
         return f"{self.name} {verb} on its limb at frame {self.frame} by {self.size:.1f} mm: {self.reason}"
 
     def finding(self, last_frame: int, new_name: str) -> Finding:
-        """For the account of the labels; `new_name` is empty if the marker is left as it is."""
+        """Finding for the label quality.
+
+        Parameters
+        ----------
+        last_frame : int
+            Last frame of the take.
+        new_name : str
+            Name of the marker from the slip on; empty if it is left as it is.
+        """
         outcome = f"split: {new_name} from then on" if new_name else "not sure: left as it is"
         evidence = f"{self.size:.1f} mm at once; {self.reason}"
         names = (self.name, new_name) if new_name else (self.name,)
@@ -165,6 +174,13 @@ def find_slips(trajectories: Trajectories, seconds: float = 1.0, factor: float =
 def split_slipped(trajectories: Trajectories, slips: Iterable[Slip]) -> Trajectories:
     """Make a new marker of every one that surely slipped, from its slip on: ``NAME_2``, at the end of the list.
 
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    slips : iterable of Slip
+        From `find_slips`.
+
     Returns
     -------
     Trajectories
@@ -185,12 +201,20 @@ def split_slipped(trajectories: Trajectories, slips: Iterable[Slip]) -> Trajecto
         added.append(moved)
         notices.append((slip.frame, f"{slip.sentence}; from then on it is the marker {name}"))
     positions, names = np.concatenate([positions, *added], axis=1), trajectories.names + tuple(named.values())
-    said = trajectories.notices + tuple(notice for _, notice in sorted(notices))
-    return dataclasses.replace(trajectories, positions=positions, names=names, notices=said)
+    all_notices = trajectories.notices + tuple(notice for _, notice in sorted(notices))
+    return dataclasses.replace(trajectories, positions=positions, names=names, notices=all_notices)
 
 
 def new_names(names: Iterable[str], slips: Iterable[Slip]) -> dict[Slip, str]:
-    """Names of the markers that slipped ones become from each sure slip on, by marker and frame."""
+    """Names of the markers that slipped ones become from each sure slip on, by marker and frame.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names of all markers.
+    slips : iterable of Slip
+        From `find_slips`.
+    """
     taken, found = set(names), {}
     for slip in sorted((slip for slip in slips if slip.sure), key=lambda slip: (slip.marker, slip.frame)):
         number = 2

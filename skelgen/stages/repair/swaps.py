@@ -23,10 +23,10 @@ from skelgen.stages.repair.exchange_evidence import (
     Cycle,
     Evidence,
     best_spans,
+    find_evidence,
     jumping_cycles,
     misfits,
     neighbours_of,
-    weigh,
 )
 from skelgen.stages.repair.limb_distances import RigidModel, limb_pairs, rigid_model, robust_limbs
 
@@ -70,7 +70,7 @@ class Swap:
     misfit_before, misfit_after : float, mm
         Root mean square deviation of the distances to their limbs, as found and as repaired; NaN without any.
     jumps : bool
-        Whether the labels were seen jumping to each other's places at the beginning or the end.
+        Whether the labels jump to each other's places at the begin or the end.
     gain : float, nats
         Evidence of all distances and jumps.
     """
@@ -86,7 +86,7 @@ class Swap:
 
     @property
     def evidence(self) -> str:
-        """What speaks for it."""
+        """Evidence in words."""
         seen = "; the labels are seen jumping" if self.jumps else ""
         return f"misfit of distances {self.misfit_before:.1f} mm before, {self.misfit_after:.1f} mm after{seen}"
 
@@ -100,7 +100,7 @@ class Swap:
 
     @property
     def finding(self) -> Finding:
-        """For the account of the labels."""
+        """Finding for the label quality."""
         return Finding("exchanged", self.names, self.first_frame, self.last_frame, self.evidence, "given back")
 
 
@@ -185,7 +185,7 @@ def _one_round(trajectories: Trajectories, model: RigidModel, least_evidence: fl
     cycles = dict.fromkeys((*jumping_cycles(positions, neighbours, rate), *_doubted_pairs(positions, model)))
     spans: list[Span] = []
     for cycle in list(cycles)[:MOST_CANDIDATES]:
-        evidence = weigh(positions, cycle, model, neighbours, rate)
+        evidence = find_evidence(positions, cycle, model, neighbours, rate)
         spans += _clear_spans(positions, cycle, evidence, model, least_evidence)
     spans.sort(key=lambda span: (-span[0], span[1:]))
     return [_swap(trajectories, span, model, neighbours) for span in _apart(spans, model)]
@@ -231,7 +231,7 @@ def _apart(spans: list[Span], model: RigidModel) -> list[Span]:
 
 def _swap(trajectories: Trajectories, span: Span, model: RigidModel, neighbours: Ints) -> Swap:
     gain, cycle, first, last = span
-    evidence = weigh(trajectories.positions, cycle, model, neighbours, trajectories.rate)
+    evidence = find_evidence(trajectories.positions, cycle, model, neighbours, trajectories.rate)
     pairs = {(min(m, k), max(m, k)) for m in cycle for k in model.partners(m).tolist()}
     spread = np.array([model.spread[pair] for pair in sorted(pairs)])
     before, after = misfits(trajectories.positions[first : last + 1], cycle, model)

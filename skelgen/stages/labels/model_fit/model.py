@@ -1,4 +1,4 @@
-"""A skeleton that says where markers must be: fitted to sampled frames, posed in any others.
+"""A skeleton that predicts where markers are: it is fitted to sampled frames, and posed in any others.
 
 A limb is posed by its own markers where three of them are seen. Elsewhere the chain poses it from the root outward; the
 joints to posed neighbours then take the place of missing markers.
@@ -27,10 +27,10 @@ GATE_DEVIATIONS = 6.0
 """A point is explained by a marker that is nearer than this many typical residuals."""
 
 JOINT_SAMPLES = 100
-"""Frames at which pairs of limbs are tried: the tree of a model that is soon replaced need not be finer."""
+"""Frames at which pairs of limbs are tried: the model is soon replaced, so its tree need not be finer."""
 
 BLIND_GATE = 0.5
-"""Of the typical spacing of points: a wider gate cannot tell neighbours apart, and its prediction is not followed."""
+"""Of the typical spacing of points: a wider gate does not distinguish neighbours, and its prediction is not used."""
 
 TINY_GATE = 1e-9
 """mm; keeps gates above zero for markers that all coincide."""
@@ -39,16 +39,16 @@ LEAST_GATE = 0.02
 """Of the markers' typical distance from the joint: the gate is no smaller, however exact the take."""
 
 STEADINESS = 1.0
-"""A marker keeps its place on a limb if it moves there by less than this part of a typical gate."""
+"""A marker keeps its place on a limb if it deviates from it by less than this part of a typical gate."""
 
-SPOILS = 4.0
-"""A marker whose gate is this many times the usual one does not belong on its limb, and is tried elsewhere."""
+MISPLACED = 4.0
+"""A marker whose gate is this many times the median one does not belong on its limb; other limbs are tried."""
 
 LEAST_SAMPLES = 10
 """Frames that must show a marker on a limb before its place there counts."""
 
 STEADY_FRAMES = 5
-"""A limb's pose is trusted this many frames beyond those that show it."""
+"""A limb's pose is credible for this many frames around those that show it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class LimbPoses:
     Attributes
     ----------
     world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4)
-        LimbPoses of the limbs' frames.
+        Poses of the limbs' frames.
     by_own : ndarray of bool, shape (n_frames, n_limbs)
         Whether the limb's own markers pose it.
     credible : ndarray of bool, shape (n_frames, n_limbs)
@@ -99,9 +99,9 @@ class MarkerModel:
     own_gates, chain_gates : ndarray, shape (n_markers,), mm
         Distance within which a marker explains a point, if its limb is posed by its own markers or by the chain.
     limits : ndarray, shape (n_limbs,), mm
-        How far a marker may stray from its place on each limb.
+        How far a marker may deviate from its place on each limb.
     widest : float, mm
-        Wider gates tell nothing.
+        Predictions with wider gates are not used.
     """
 
     trees: list[Tree]
@@ -135,7 +135,7 @@ class MarkerModel:
         return _pose(self.trees, positions)
 
     def predict(self, poses: LimbPoses) -> tuple[Floats, Floats]:
-        """Where markers must be [mm], NaN where unknown, (n_frames, n_markers, 3); and gates, (n_frames, n_markers)."""
+        """Predicted markers [mm], (n_frames, n_markers, 3), NaN where unknown; gates [mm], (n_frames, n_markers)."""
         limb = np.maximum(self.limb_of_marker, 0)
         gates = np.where(poses.by_own[:, limb], self.own_gates, self.chain_gates)
         known = poses.credible[:, limb] & (self.limb_of_marker >= 0) & (gates <= self.widest)
@@ -152,11 +152,11 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Ma
     markers : Trajectories
         Sampled frames.
     core : ndarray of intp
-        Markers to fit the skeleton to; the others are laid on the limbs on which they keep a place.
+        Markers to fit the skeleton to; the others are put on the limbs on which they keep a place.
     widest : float, mm
-        Gates that reach it tell nothing.
+        Predictions with wider gates are not used.
     seed : int
-        Seed of the stages that build the model.
+        Random seed of the stages that build the model.
     """
     chosen = Trajectories(markers.positions[:, core], tuple(markers.names[index] for index in core), markers.rate)
     try:
@@ -175,7 +175,7 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Ma
     gates = np.full((2, markers.n_markers), np.median(own))
     gates[0, core], gates[1, core] = own, np.maximum(own, chain)
     usual = np.median(gates[:, core], axis=1)
-    limb_of_marker[gates[0] > SPOILS * usual[0]] = -1
+    limb_of_marker[gates[0] > MISPLACED * usual[0]] = -1
     sizes = np.append(np.bincount(limb_of_marker[limb_of_marker >= 0], minlength=limbs.n_limbs), 0)
     limits = _limits(poses.by_own, usual, widest)
     for marker in np.flatnonzero(sizes[limb_of_marker] < 3):
@@ -222,7 +222,7 @@ def steadiest_place(
 
 
 def _limits(by_own: Bools, usual: Floats, widest: float) -> Floats:
-    """How far a marker may stray from its place on each limb [mm]: more on those that the chain poses."""
+    """How far a marker may deviate from its place on each limb [mm]: farther on limbs that the chain poses."""
     mostly_own = by_own.mean(axis=0) > 0.5
     return np.asarray(STEADINESS * np.where(mostly_own, usual[0], min(usual[1], widest)))
 
@@ -255,7 +255,7 @@ def _placed(limb: Ints, offsets: Floats, world_from_limb: Floats) -> Floats:
 
 
 def _tree(body: Body, core: Ints) -> Tree:
-    """A tree of mean limbs."""
+    """Fit rigid limbs and joints to one tree."""
     frames = np.flatnonzero((~np.isnan(body.positions[:, :, 0])).any(axis=1))
     chain, _ = assemble(body, SkeletonParameters(), rotation_by_quaternion, frames)
     return Tree(body.limbs, chain, core[body.markers])
@@ -274,7 +274,7 @@ def _pose(trees: list[Tree], positions: Floats) -> LimbPoses:
         found, posed[:, tree.limbs] = pose_outward(tree.chain, places, joints)
         chained = transform_from(found.rotations, found.origins(tree.chain))
         poses[:, tree.limbs] = np.where(by_own[:, tree.limbs, np.newaxis, np.newaxis], own, chained)
-    return LimbPoses(poses, by_own, _widened(posed | by_own, STEADY_FRAMES))
+    return LimbPoses(poses, by_own, _extended(posed | by_own, STEADY_FRAMES))
 
 
 def _own_poses(chain: Chain, positions: Floats) -> tuple[Floats, Bools]:
@@ -294,8 +294,8 @@ def _own_poses(chain: Chain, positions: Floats) -> tuple[Floats, Bools]:
     return poses, by_own
 
 
-def _widened(known: Bools, frames: int) -> Bools:
-    """True also within some frames of what is true, shape (n_frames, n)."""
+def _extended(known: Bools, frames: int) -> Bools:
+    """Extend what is true to some frames before and after, shape (n_frames, n)."""
     from scipy.ndimage import binary_dilation  # noqa: PLC0415 - heavy
 
     return np.asarray(binary_dilation(known, structure=np.ones((2 * frames + 1, 1))))

@@ -1,4 +1,4 @@
-"""Labels corrected by hand: markers merged, split, renamed, deleted and exchanged."""
+"""Corrections that the user makes to labels: markers merged, split, renamed, deleted and exchanged."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from skelgen.stages.labels.confidence.label_quality import doubtful_spans
 
 
 @dataclass(frozen=True, eq=False)
-class Edited:
+class CorrectedLabels:
     """Labels after corrections.
 
     Attributes
@@ -27,9 +27,9 @@ class Edited:
     source : ndarray of int32, shape (n_frames, n_markers)
         Marker before the corrections that each position comes from, -1 where it is unseen.
     touched : ndarray of bool, shape (n_frames, n_markers)
-        Positions of which the user said whose they are.
+        Positions whose marker the user has stated.
     notices : tuple of str
-        What was lost.
+        Positions that were lost.
     """
 
     trajectories: Trajectories
@@ -38,7 +38,7 @@ class Edited:
     notices: tuple[str, ...]
 
 
-def edited(trajectories: Trajectories, corrections: tuple[Correction, ...]) -> Edited:
+def apply_corrections(trajectories: Trajectories, corrections: tuple[Correction, ...]) -> CorrectedLabels:
     """Apply the corrections of labels, in their order.
 
     Parameters
@@ -53,21 +53,21 @@ def edited(trajectories: Trajectories, corrections: tuple[Correction, ...]) -> E
     InputError
         If a correction names a marker that is not there, or gives a name twice.
     """
-    sheet = _Sheet(trajectories)
+    editor = _Editor(trajectories)
     for correction in corrections:
         if correction.kind in _ACTS:
-            _ACTS[correction.kind](sheet, correction, sheet.find(correction))
-    return sheet.result()
+            _ACTS[correction.kind](editor, correction, editor.find(correction))
+    return editor.result()
 
 
-def judged_again(before: Labelling, edits: Edited, are_found: bool) -> Labelling:
-    """Judge corrected labels: what the user said is believed.
+def corrected_quality(before: Labelling, edits: CorrectedLabels, are_found: bool) -> Labelling:
+    """Compute the label quality of corrected labels: what the user corrected is certain.
 
     Parameters
     ----------
     before : Labelling
-        The account before the corrections.
-    edits : Edited
+        The label quality before the corrections.
+    edits : CorrectedLabels
         The corrected labels.
     are_found : bool
         Whether the take came as points without labels.
@@ -86,7 +86,7 @@ def judged_again(before: Labelling, edits: Edited, are_found: bool) -> Labelling
     )
 
 
-class _Sheet:
+class _Editor:
     """Markers while they are corrected."""
 
     def __init__(self, trajectories: Trajectories) -> None:
@@ -156,7 +156,7 @@ class _Sheet:
         self.source, self.touched = (np.delete(values, markers, axis=1) for values in (self.source, self.touched))
         self.names = [name for marker, name in enumerate(self.names) if marker not in markers]
 
-    def result(self) -> Edited:
+    def result(self) -> CorrectedLabels:
         """The corrected labels."""
         if not self.names:
             raise InputError("the corrections leave no marker; take one of them back")
@@ -164,15 +164,15 @@ class _Sheet:
         positions[self.source < 0] = np.nan
         notices = (*self._original.notices, *self.notices)
         changed = dataclasses.replace(self._original, positions=positions, names=tuple(self.names), notices=notices)
-        return Edited(changed, self.source, self.touched & (self.source >= 0), tuple(self.notices))
+        return CorrectedLabels(changed, self.source, self.touched & (self.source >= 0), tuple(self.notices))
 
 
 _ACTS = {
-    "merge": _Sheet.merge,
-    "split": _Sheet.split,
-    "rename": _Sheet.rename,
-    "delete": _Sheet.delete,
-    "swap": _Sheet.swap,
+    "merge": _Editor.merge,
+    "split": _Editor.split,
+    "rename": _Editor.rename,
+    "delete": _Editor.delete,
+    "swap": _Editor.swap,
 }
 
 
