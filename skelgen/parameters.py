@@ -177,10 +177,14 @@ class StageParameters:
         Name of the stage, also its command and the key in a project's parameters.
     config_section : str
         Name of the element that groups these parameters in ``config.xml``.
+    retired : mapping of str to str
+        Names of parameters that earlier versions had, and where they stand in ``config.xml``: they are read, and
+        change nothing.
     """
 
     stage: ClassVar[str] = ""
     config_section: ClassVar[str] = ""
+    retired: ClassVar[Mapping[str, str]] = {}
 
     def __post_init__(self) -> None:
         for declaration in self.declarations():
@@ -214,10 +218,10 @@ class StageParameters:
         """
         known = {declaration.name: declaration for declaration in cls.declarations()}
         for name in values:
-            if name not in known:
+            if name not in known and name not in cls.retired:
                 prefix = f"{where}: " if where else ""
                 raise ParameterError(f"{prefix}{cls.stage} has no parameter {name!r}; it has {', '.join(known)}")
-        return cls(**{name: known[name].check(value, where) for name, value in values.items()})
+        return cls(**{name: known[name].check(value, where) for name, value in values.items() if name in known})
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some values changed."""

@@ -34,6 +34,7 @@ class _Group:
 
     parameters: dict[str, tuple[AnyStage, Declaration]] = field(default_factory=dict)
     groups: dict[str, _Group] = field(default_factory=dict)
+    retired: set[str] = field(default_factory=set)
 
     @property
     def names(self) -> list[str]:
@@ -104,6 +105,12 @@ def _tree(stages: Iterable[AnyStage]) -> _Group:
             if name in group.names:
                 raise ParameterError(f"the stage {stage.stage!r} declares {name} twice in {ROOT}/{section}")
             group.parameters[name] = (stage, declaration)
+        for place in stage.retired.values():
+            section, _, name = place.rpartition("/")
+            group = root
+            for part in section.split("/"):
+                group = group.groups.setdefault(part, _Group())
+            group.retired.add(name)
     return root
 
 
@@ -151,7 +158,7 @@ def _read_group(path: Path, element: Any, group: _Group, at: str) -> Iterator[tu
         elif child.tag in group.groups:
             held = ", ".join(group.groups[child.tag].names)
             raise ParameterError(f"{where} is a group of parameters and has no value; it holds {held}")
-        else:
+        elif child.tag not in group.retired:
             raise ParameterError(
                 f"{where} is unknown; {at or ROOT} has {', '.join(closest_first(child.tag, group.names))}"
             )

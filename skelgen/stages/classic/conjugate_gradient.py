@@ -1,8 +1,8 @@
-"""Nonlinear conjugate gradients with a bracketing line search on derivatives (seed 3.6; Shewchuk 1994)."""
+"""Nonlinear conjugate gradients with a bracketing line search on derivatives (Schönauer 2007, 3.6; Shewchuk 1994)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,6 +14,12 @@ from skelgen.parameters import StageParameters, declare
 Objective = Callable[[Floats], tuple[float, Floats]]
 """Value and gradient at a point; the gradient has the point's shape."""
 
+SMALLEST = 1e-20
+"""A denominator below this counts as zero."""
+
+LEAST_STEP = 1e-12
+"""Steps along a line below this count as zero."""
+
 GROWTH = 2.0
 """A bracket at least doubles while the slope stays downhill."""
 
@@ -23,10 +29,11 @@ _NLCG = "JointFinder/NLCG"
 
 @dataclass(frozen=True)
 class DescentParameters(StageParameters):
-    """The nonlinear conjugate gradient method (seed, table 4.16)."""
+    """The nonlinear conjugate gradient method (Schönauer 2007, table 4.16)."""
 
     stage: ClassVar[str] = "descent"
     config_section: ClassVar[str] = _NLCG
+    retired: ClassVar[Mapping[str, str]] = {"line_zero": f"{_NLCG}/ZEPS", "smallest": f"{_NLCG}/EPS"}
 
     method: str = declare(
         "polak-ribiere",
@@ -73,12 +80,6 @@ class DescentParameters(StageParameters):
         high=0.5,
         config_name="TOLBRENT",
         config_section=_NLCG,
-    )
-    line_zero: float = declare(
-        1e-12, "absolute width at which a line search stops", low=0.0, config_name="ZEPS", config_section=_NLCG
-    )
-    smallest: float = declare(
-        1e-20, "a denominator below this counts as zero", low=0.0, high=1e-3, config_name="EPS", config_section=_NLCG
     )
     anneal: bool = declare(
         False, "shake the joint while it is optimised, less and less", config_name="ADDRANDOM", config_section=_NLCG
@@ -158,7 +159,7 @@ def _first_step(value: float, gradient: Floats) -> float:
 
 def _next_direction(direction: Floats, old: Floats, new: Floats, parameters: DescentParameters) -> Floats:
     """Fletcher-Reeves or Polak-Ribiere; back to steepest descent where the direction would not lead downhill."""
-    denominator = max(float((old * old).sum()), parameters.smallest)
+    denominator = max(float((old * old).sum()), SMALLEST)
     if parameters.method == "fletcher-reeves":
         beta = float((new * new).sum()) / denominator
     else:
@@ -178,7 +179,7 @@ def _line_minimum(
     def slope(at: float) -> float:
         return float((objective(point + at * direction)[1] * direction).sum())
 
-    low, slope_low, high, slope_high = _bracket(slope, slope_at_zero, max(step, parameters.line_zero), parameters)
+    low, slope_low, high, slope_high = _bracket(slope, slope_at_zero, max(step, LEAST_STEP), parameters)
     return _slope_zero(slope, low, slope_low, high, slope_high, parameters)
 
 
@@ -212,9 +213,9 @@ def _slope_zero(
         return high
     for _ in range(parameters.line_iterations):
         width = high - low
-        if width <= parameters.line_tolerance * high + parameters.line_zero:
+        if width <= parameters.line_tolerance * high + LEAST_STEP:
             break
-        middle = low - slope_low * width / max(slope_high - slope_low, parameters.smallest)
+        middle = low - slope_low * width / max(slope_high - slope_low, SMALLEST)
         margin = 0.05 * width
         middle = float(np.clip(middle, low + margin, high - margin))
         slope_middle = slope(middle)

@@ -1,4 +1,4 @@
-r"""The joint cost: how constant the distances from a joint to the markers of its two limbs are (seed 3.5).
+r"""The joint cost: how constant the distances from a joint to the markers of its two limbs are (Schönauer 2007, 3.5).
 
 .. math::
     jc = \frac1n \sum_m \left[ \frac1{|F_m|} \sum_{f \in F_m} (d_{mf} - \bar d_m)^2 + \alpha\, \bar d_m \right],
@@ -16,7 +16,6 @@ from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import mean_distances
 from skelgen.model.arrays import Floats
 from skelgen.stages.classic.conjugate_gradient import Objective
-from skelgen.stages.joints.parameters import JointParameters
 
 TINY = 1e-12
 """mm; keeps the gradient finite for a joint that sits on a marker."""
@@ -60,10 +59,10 @@ def joint_cost(markers: Floats, alpha: float) -> Objective:
     return cost
 
 
-def local_optimum(joint: Floats, markers: Floats, parameters: JointParameters) -> Floats:
-    """Move the joint in every frame to where its distances to the markers are nearest to their means (seed 3.5.2).
+def local_optimum(joint: Floats, markers: Floats, max_residual: float, max_fallback: int) -> Floats:
+    """Move the joint in every frame to where its distances to the markers are nearest to their means.
 
-    The frames are independent: all are solved at once by damped Gauss-Newton steps on three unknowns each. A frame that
+    This is the local optimisation of Schönauer (2007, 3.5.2). The frames are independent: all are solved at once by damped Gauss-Newton steps on three unknowns each. A frame that
     ends above `max_residual` is tried again from the positions of up to `max_fallback` earlier frames.
 
     Parameters
@@ -72,13 +71,15 @@ def local_optimum(joint: Floats, markers: Floats, parameters: JointParameters) -
         Positions from the global optimisation.
     markers : ndarray, shape (n_frames, n_markers, 3), mm
         Markers of both limbs, NaN where unseen.
-    parameters : JointParameters
-        Limits of the fallback.
+    max_residual : float, mm^2
+        Mean squared error of the distances above which a frame is solved again.
+    max_fallback : int
+        From how many frames back it may start then.
     """
     radii, _ = mean_distances(*contiguous(joint, markers))
     settled, cost = _multilaterate(joint, markers, radii)
-    for back in range(1, parameters.max_fallback + 1):
-        bad = np.flatnonzero(cost > parameters.max_residual)
+    for back in range(1, max_fallback + 1):
+        bad = np.flatnonzero(cost > max_residual)
         bad = bad[bad >= back]
         if not len(bad):
             break

@@ -1,21 +1,60 @@
-"""Spectral clustering of markers (Ng, Jordan and Weiss 2002) with one sigma or local scaling (Zelnik-Manor 2004)."""
+r"""Spectral clustering of markers, and the number of clusters from the alignment of eigenvectors.
+
+Clusters are those of Ng, Jordan and Weiss (2002), with one sigma or with local scaling (Zelnik-Manor and Perona 2004,
+self-tuning clustering). With the right number k the rows of the k leading eigenvectors X, turned by a rotation R, lie
+on the axes: each has one entry that is not zero. The rotation minimises
+
+.. math::
+    J = \sum_{i,c} \frac{Z_{ic}^2}{\max_c Z_{ic}^2}, \qquad Z = X R,
+
+which is n for perfect alignment. R is a product of rotations in the planes of two axes; they are improved one after the
+other, and k + 1 starts from the alignment of k. The largest k whose alignment is all but the best is the number.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.limbs.parameters import LimbParameters
 
 SIGMA_QUANTILES = np.linspace(0.02, 0.6, 12)
 """A scan tries the global sigma at these quantiles of all deviations: from within the limbs to between them."""
 
 KMEANS_STARTS = 10
 
+LEAST_DEGREE = 1e-12
+"""A marker whose affinities sum to less is alike to none."""
 
-def spectral_clusters(deviation: Floats, k: int, parameters: LimbParameters, seed: int) -> Ints:
+
+@dataclass(frozen=True)
+class SpectralMethod:
+    """How deviations of distances become affinities, and affinities clusters.
+
+    Attributes
+    ----------
+    measure : str
+        ``deviation`` or ``variance`` of distances.
+    local_scaling : bool
+        Whether each marker is scaled by its neighbour rather than all by one sigma.
+    neighbour : int
+        Which neighbour sets the local scale.
+    sigma_squared : float, mm^2
+        Square of the one sigma; 0 scans for the best.
+    kmeans : str
+        ``k-means++`` or ``random`` starts.
+    """
+
+    measure: str
+    local_scaling: bool
+    neighbour: int
+    sigma_squared: float
+    kmeans: str
+
+
+def spectral_clusters(deviation: Floats, k: int, method: SpectralMethod, seed: int) -> Ints:
     """Cluster markers by the eigenvectors of their normalised affinity.
 
     Parameters
@@ -24,7 +63,7 @@ def spectral_clusters(deviation: Floats, k: int, parameters: LimbParameters, see
         Complete standard deviations of distances.
     k : int
         Number of clusters.
-    parameters : LimbParameters
+    method : SpectralMethod
         Scaling, measure and k-means.
     seed : int
         Seed of k-means.
@@ -37,46 +76,46 @@ def spectral_clusters(deviation: Floats, k: int, parameters: LimbParameters, see
     if k == 1:
         return np.zeros(len(deviation), dtype=np.intp)
     trials = [
-        _partition(embedding(affinity, k, parameters.zero), k, parameters, seed)
-        for affinity in affinities(deviation, parameters)
+        _partition(embedding(affinity, k), k, method, seed)
+        for affinity in affinities(deviation, method)
     ]
     return min(trials, key=lambda labels: _inner_deviation(deviation, labels))
 
 
-def affinities(deviation: Floats, parameters: LimbParameters) -> list[Floats]:
-    """Affinity matrices to try: one with local scaling or a given sigma, several for a scan (seed 3.4.2, step 1)."""
-    distance = deviation if parameters.measure == "deviation" else deviation**2
+def affinities(deviation: Floats, method: SpectralMethod) -> list[Floats]:
+    """Affinity matrices to try: one with local scaling or a given sigma, several for a scan (Schönauer 2007, 3.4.2, step 1)."""
+    distance = deviation if method.measure == "deviation" else deviation**2
     off = ~np.eye(len(distance), dtype=bool)
     floor = np.finfo(np.float64).tiny ** 0.25
-    if parameters.local_scaling:
-        m = min(parameters.neighbour, len(distance) - 1)
+    if method.local_scaling:
+        m = min(method.neighbour, len(distance) - 1)
         scale = np.maximum(np.sort(distance, axis=1)[:, m], floor)
         return [np.exp(-(distance**2) / (scale[:, np.newaxis] * scale)) * off]
-    if parameters.sigma_squared > 0:
-        scales = [parameters.sigma_squared]
+    if method.sigma_squared > 0:
+        scales = [method.sigma_squared]
     else:
         scales = [max(float(sigma), floor) ** 2 for sigma in np.quantile(distance[off], SIGMA_QUANTILES)]
     return [np.exp(-(distance**2) / (2 * scale)) * off for scale in scales]
 
 
-def embedding(affinity: Floats, k: int, zero: float) -> Floats:
-    """Rows of the k leading eigenvectors of D^-1/2 W D^-1/2, normalised (seed 3.4.2, steps 2-4), shape (n, k)."""
-    _, vectors = spectrum(affinity, zero)
+def embedding(affinity: Floats, k: int) -> Floats:
+    """Rows of the k leading eigenvectors of D^-1/2 W D^-1/2, normalised shape (n, k); Schönauer 2007, 3.4.2, steps 2-4."""
+    _, vectors = spectrum(affinity)
     leading = vectors[:, -k:]
     norms = np.linalg.norm(leading, axis=1, keepdims=True)
     return np.asarray(leading / np.maximum(norms, np.finfo(np.float64).tiny))
 
 
-def spectrum(affinity: Floats, zero: float) -> tuple[Floats, Floats]:
+def spectrum(affinity: Floats) -> tuple[Floats, Floats]:
     """Eigenvalues (rising) and eigenvectors of the normalised affinity."""
     degree = affinity.sum(axis=1)
-    root = np.where(degree > zero, 1 / np.sqrt(np.maximum(degree, np.finfo(np.float64).tiny)), 0.0)
+    root = np.where(degree > LEAST_DEGREE, 1 / np.sqrt(np.maximum(degree, np.finfo(np.float64).tiny)), 0.0)
     values, vectors = np.linalg.eigh(root[:, np.newaxis] * affinity * root)
     return values, vectors
 
 
 def greedy_clusters(deviation: Floats, k: int) -> Ints:
-    """Join the two markers with the smallest deviation again and again until k clusters are left (seed 5.3)."""
+    """Join the two markers with the smallest deviation again and again until k clusters are left (Schönauer 2007, 5.3)."""
     from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - heavy
     from scipy.spatial.distance import squareform  # noqa: PLC0415 - heavy
 
@@ -84,10 +123,10 @@ def greedy_clusters(deviation: Floats, k: int) -> Ints:
     return np.asarray(fcluster(tree, k, criterion="maxclust") - 1, dtype=np.intp)
 
 
-def _partition(rows: Floats, k: int, parameters: LimbParameters, seed: int) -> Ints:
+def _partition(rows: Floats, k: int, method: SpectralMethod, seed: int) -> Ints:
     from sklearn.cluster import KMeans  # noqa: PLC0415 - its import costs seconds
 
-    kmeans = KMeans(n_clusters=k, init=parameters.kmeans, n_init=KMEANS_STARTS, random_state=seed)
+    kmeans = KMeans(n_clusters=k, init=method.kmeans, n_init=KMEANS_STARTS, random_state=seed)
     return np.asarray(kmeans.fit_predict(rows), dtype=np.intp)
 
 

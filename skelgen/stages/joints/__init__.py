@@ -1,8 +1,11 @@
-"""Stage 3: find the joints between limbs and the tree that they form."""
+"""Stage 3: find the joints between limbs and the tree that they form.
 
-from skelgen.stages.joints.constraints import limb_called, limb_pairs
-from skelgen.stages.joints.parameters import JointParameters
+`stage` is the order of its steps: `segments` are limbs with their rigid shapes, `pairs` finds the joint of two of them,
+`search` those of all pairs and of the tree in all frames, `costs` makes them comparable, `tree` decides between them.
+"""
+
+from skelgen.stages.joints.parameters import JointConstraints, JointParameters, limb_pairs
 from skelgen.stages.joints.stage import find_joints
 from skelgen.stages.joints.tree import SMALL_MARGIN
 
-__all__ = ["SMALL_MARGIN", "JointParameters", "find_joints", "limb_called", "limb_pairs"]
+__all__ = ["SMALL_MARGIN", "JointConstraints", "JointParameters", "find_joints", "limb_pairs"]

@@ -9,11 +9,12 @@ against each other (each axis, root mean square), costs
 A gap below what noise makes is chance and counts as noise; what noise does not explain counts K times more; h is what
 the noise could hide in so few frames, blown up to the usual turn T: limbs that hardly move against each other have
 small gaps wherever the joint is thought to be. The distance d to the markers decides between what is left. To e belongs
-what joints of this take usually wander (soft tissue that moves as a whole), estimated from the tree itself, and so is
+what joints of this take usually wander (soft tissue that moves as a whole), estimated from the tree itself, as is
 what the ratio of s to e usually is, which says how much of it is chance.
 
 Where the axes of two hinges meet, the two outer limbs turn about that point as well: no gap tells which two of the
-three joints are there. The turns do: a hinge leaves nothing but noise across its axis. It costs less by the factor eta.
+three joints are there. The rotations do: a hinge leaves nothing but noise across its axis. It costs less by the factor
+eta.
 """
 
 from __future__ import annotations
@@ -27,8 +28,7 @@ from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.topology import spanning_forest
 from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess
-
-Guesses = Mapping[tuple[int, int], JointGuess]
+from skelgen.stages.joints.parameters import Pair
 
 UNEXPLAINED_WEIGHT = 3.0
 """Noise explains gaps up to chance; beyond, each mm^2 counts so many more."""
@@ -59,8 +59,8 @@ class JointCosts:
 
     Attributes
     ----------
-    costs : ndarray, shape (n_limbs, n_limbs), mm^2
-        Comparable costs; infinite where two limbs cannot be joined, 0 on the diagonal.
+    comparable : ndarray, shape (n_limbs, n_limbs), mm^2
+        Costs; infinite where two limbs cannot be joined, 0 on the diagonal.
     squares : ndarray, shape (n_limbs, n_limbs), mm^2
         Mean square of the gap per coordinate; infinite where unknown.
     expected : ndarray, shape (n_limbs, n_limbs), mm^2
@@ -69,13 +69,13 @@ class JointCosts:
         How far the limbs turn against each other, each axis.
     """
 
-    costs: Floats
+    comparable: Floats
     squares: Floats
     expected: Floats
     turns: Floats
 
 
-def comparable_costs(guesses: Guesses, n_limbs: int, alpha: float) -> JointCosts:
+def comparable_costs(guesses: Mapping[Pair, JointGuess], n_limbs: int, alpha: float) -> JointCosts:
     """Return costs that can be compared.
 
     Parameters
@@ -129,7 +129,7 @@ def _stillness(turns: Floats, possible: Bools) -> Floats:
     return np.asarray(np.maximum(1.0, (usual / moves) ** 2))
 
 
-def _table(values: Mapping[tuple[int, int], float], n_limbs: int) -> Floats:
+def _table(values: Mapping[Pair, float], n_limbs: int) -> Floats:
     table = np.full((n_limbs, n_limbs), np.inf)
     np.fill_diagonal(table, 0.0)
     for (first, second), value in values.items():

@@ -1,7 +1,8 @@
-"""One joint between two limbs: by the strongest method that the limbs' markers allow.
+"""One joint between two limbs, by the strongest method that their markers allow.
 
 Two limbs with poses have a closed form. A limb with too few markers for a pose is seen from the other as points on
-spheres. Two such limbs are left to the joint cost and its conjugate gradients, with a joint position in every frame.
+spheres. Two such limbs are left to the joint cost of the thesis, minimised by conjugate gradients, with a joint
+position in every frame.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from skelgen.geometry.robust import quantile_of
 from skelgen.kinematics.bodies.shape import LimbShape
 from skelgen.kinematics.joints.closed_form import FixedPoint, fit_fixed_point, fit_sphere
 from skelgen.model.arrays import Floats
-from skelgen.progress import Monitor
 from skelgen.stages.classic.conjugate_gradient import minimise
 from skelgen.stages.classic.joint_cost import joint_cost, local_optimum
 from skelgen.stages.joints.parameters import JointParameters
@@ -89,6 +89,10 @@ class JointGuess:
         """What noise could hide, per motion: of two ways to find one joint the lower tells more."""
         return self.square + self.hidden_part * self.expected * (USUAL_TURN / max(self.turn, LEAST_TURN)) ** 2
 
+    def cost(self, alpha: float) -> float:
+        """Cost [mm^2] with the weight `alpha` [mm] of the mean distance; NaN if the limbs are never seen together."""
+        return self.square + alpha * self.distance if np.isfinite(self.square) else np.nan
+
 
 def guess_joint(
     first: Segment, second: Segment, typical: float, alpha: float, parameters: JointParameters, seed: int
@@ -147,9 +151,9 @@ def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess |
     fit = fit_fixed_point(*poses, *near, weights) or fit
     shares = first.noise.shares(weights), second.noise.shares(weights)
     levels = _noise(first, typical), _noise(second, typical)
-    shaking = levels[0] * first.noise.of_turn(shares[0]) + levels[1] * second.noise.of_turn(shares[1])
-    across = levels[0] * first.noise.of_turn_across(fit.axis_in_first, shares[0])
-    across += levels[1] * second.noise.of_turn_across(fit.axis_in_second, shares[1])
+    shaking = levels[0] * first.noise.of_rotation(shares[0]) + levels[1] * second.noise.of_rotation(shares[1])
+    across = levels[0] * first.noise.of_rotation_across(fit.axis_in_first, shares[0])
+    across += levels[1] * second.noise.of_rotation_across(fit.axis_in_second, shares[1])
     positions, _ = _images(first, second, fit)
     n_frames = int((weights > 0).sum())
     freedom = n_frames / max(n_frames - 2, 0.5)
@@ -229,7 +233,7 @@ def _from_descent(
         return JointGuess(nowhere, np.inf)
     start = np.asarray(centres[:, usable].mean(axis=0))
     found = minimise(joint_cost(points[usable], alpha), start, parameters, seed)
-    refined = local_optimum(found.point, points[usable], parameters)
+    refined = local_optimum(found.point, points[usable], parameters.max_residual, parameters.max_fallback)
     _, spread = mean_distances(*contiguous(refined, points[usable]))
     n_points = points.shape[1]
     nowhere[usable] = refined
@@ -243,46 +247,3 @@ def _centroid(points: Floats) -> Floats:
     count = seen.sum(axis=1)
     total = np.where(seen, points, 0.0).sum(axis=1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-WORTH_PROCESSES = 200
-"""Descents cost some 5 ms each, starting workers about a second: below so many pairs that lack poses, one does."""
-
-
-def map_pairs(
-    pairs: list[tuple[Segment, Segment]],
-    typical: float,
-    parameters: JointParameters,
-    seed: int,
-    n_jobs: int,
-    monitor: Monitor,
-) -> list[JointGuess]:
-    """Guess the joint of every pair, in the order given; the result does not depend on `n_jobs`."""
-    if n_jobs == 1 or _n_descents(pairs, parameters) < WORTH_PROCESSES:
-        found = []
-        for index, (first, second) in enumerate(pairs):
-            found.append(guess_joint(first, second, typical, parameters.alpha, parameters, seed))
-            monitor.advance(index + 1, len(pairs))
-        return found
-    from joblib import Parallel, delayed  # noqa: PLC0415 - only wanted with several processes
-
-    workers = Parallel(n_jobs=n_jobs, return_as="generator")
-    results = workers(delayed(_guess_alone)(first, second, typical, parameters, seed) for first, second in pairs)
-    found = []
-    for guess in results:
-        found.append(guess)
-        monitor.advance(len(found), len(pairs))
-    return found
-
-
-def _n_descents(pairs: list[tuple[Segment, Segment]], parameters: JointParameters) -> int:
-    if parameters.solver == "conjugate-gradient":
-        return len(pairs)
-    return int(np.sum([not (first.shape.has_pose or second.shape.has_pose) for first, second in pairs]))
-
-
-def _guess_alone(first: Segment, second: Segment, typical: float, parameters: JointParameters, seed: int) -> JointGuess:
-    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - only wanted in workers
-
-    with threadpool_limits(limits=1):
-        return guess_joint(first, second, typical, parameters.alpha, parameters, seed)

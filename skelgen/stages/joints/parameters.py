@@ -1,12 +1,23 @@
-"""The declared parameters of the stage that finds joints."""
+"""What the user sets and states about joints: declared parameters, and constraints on the tree."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
+
+from skelgen.errors import InputError
+from skelgen.model import Limbs
+from skelgen.model.arrays import Floats, Ints
 from skelgen.parameters import declare
 from skelgen.stages.classic.conjugate_gradient import DescentParameters
+
+PAIR_SEPARATOR, NAME_SEPARATOR = ";", ","
+
+Pair = tuple[int, int]
+"""Two limbs, the lower index first."""
 
 
 @dataclass(frozen=True)
@@ -68,4 +79,113 @@ class JointParameters(DescentParameters):
         True,
         "whether edges of the tree that are no joints are cut, so that separate bodies are separate trees",
         basic=True,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class JointConstraints:
+    """What the user states of the tree.
+
+    Attributes
+    ----------
+    joined, parted : sequence of pairs of int
+        Limbs between which there is a joint, and limbs between which there is none, the lower index first.
+    parents : ndarray of intp, shape (n_limbs,), optional
+        The whole tree, -1 for roots; found if not given.
+    root : int, optional
+        Limb that is the root of its tree; the one with most joints if not given.
+    """
+
+    joined: Sequence[Pair] = ()
+    parted: Sequence[Pair] = ()
+    parents: Ints | None = None
+    root: int | None = None
+
+    def with_parameters(self, parameters: JointParameters, names: Sequence[str], limbs: Limbs) -> JointConstraints:
+        """Return these constraints and those that the parameters hold as text.
+
+        Parameters
+        ----------
+        parameters : JointParameters
+            Their `joined` and `parted`.
+        names : sequence of str
+            All markers.
+        limbs : Limbs
+            Which marker is on which limb.
+        """
+        joined = (*self.joined, *limb_pairs(parameters.joined, names, limbs))
+        return replace(self, joined=joined, parted=(*self.parted, *limb_pairs(parameters.parted, names, limbs)))
+
+    def applied(self, costs: Floats) -> Floats:
+        """Return costs whose minimum spanning tree obeys: stated joints cost less than nothing, refused ones are none.
+
+        Parameters
+        ----------
+        costs : ndarray, shape (n_limbs, n_limbs), mm^2
+            Symmetric joint costs; infinite where two limbs cannot be joined.
+
+        Raises
+        ------
+        InputError
+            If a joint is stated and refused, stated joints form a loop, or their limbs are never seen together.
+        """
+        constrained = costs.copy()
+        tree_of_limb = list(range(len(costs)))
+        for first, second in self.parted:
+            constrained[first, second] = constrained[second, first] = np.inf
+        for first, second in self.joined:
+            if (first, second) in self.parted:
+                raise InputError(f"limbs {first} and {second} are to be joined and not to be; take one of both back")
+            if not np.isfinite(costs[first, second]):
+                raise InputError(f"limbs {first} and {second} are to be joined, but too few frames show both of them")
+            if tree_of_limb[first] == tree_of_limb[second]:
+                raise InputError(f"the joint between limbs {first} and {second} closes a loop of stated joints")
+            one, other = tree_of_limb[first], tree_of_limb[second]
+            tree_of_limb = [one if tree == other else tree for tree in tree_of_limb]
+            constrained[first, second] = constrained[second, first] = -1.0
+        return constrained
+
+
+def limb_pairs(text: str, names: Sequence[str], limbs: Limbs) -> tuple[Pair, ...]:
+    """Read pairs of limbs, e.g. ``"limb0, limb3; LKNE, LANK"``: limbs by number, or by any of their markers.
+
+    Parameters
+    ----------
+    text : str
+        The pairs.
+    names : sequence of str
+        All markers.
+    limbs : Limbs
+        Which marker is on which limb.
+
+    Raises
+    ------
+    InputError
+        If an entry is no pair, names nothing that is on a limb, or names one limb twice.
+    """
+    pairs = []
+    for entry in filter(None, (part.strip() for part in text.split(PAIR_SEPARATOR))):
+        both = [name.strip() for name in entry.split(NAME_SEPARATOR)]
+        if len(both) != 2:
+            raise InputError(f"{entry!r} where two limbs belong, e.g. 'limb0, limb3' or one marker of each")
+        first, second = sorted(_limb_called(name, names, limbs) for name in both)
+        if first == second:
+            raise InputError(f"{entry!r} names limb {first} twice; a joint connects two limbs")
+        pairs.append((first, second))
+    return tuple(dict.fromkeys(pairs))
+
+
+def _limb_called(name: str, names: Sequence[str], limbs: Limbs) -> int:
+    """Return the limb that is called ``limb3``, or carries a marker of that name, or is a body of that name."""
+    number = name.removeprefix("limb")
+    if name.startswith("limb") and number.isdecimal() and int(number) < limbs.n_limbs:
+        return int(number)
+    for marker in (name, f"{name}:o"):  # the origin of a body with orientation
+        if marker in names:
+            limb = int(limbs.limb_of_marker[list(names).index(marker)])
+            if limb < 0:
+                raise InputError(f"marker {name!r} is on no limb; name a marker that is, or limb0, limb1, ...")
+            return limb
+    raise InputError(
+        f"there is no limb or marker {name!r}; limbs are limb0 to limb{limbs.n_limbs - 1}, markers {', '.join(names)}"
     )

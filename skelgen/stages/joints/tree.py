@@ -1,21 +1,23 @@
-"""Where one body ends and the next begins: edges of the tree that are no joints.
+"""The tree of limbs: which joints span it, which of its edges are no joints, which loops it leaves open, and doubts.
 
 A spanning tree joins whatever is seen together: two persons, a person and a chair. Such an edge wobbles as limbs do
 that have nothing to do with each other; or it is much dearer than joints of this take are, lies far from all markers,
-and could as well be another edge, because no place is better than the others.
+and could as well be another edge, because no place is better than the others. It is cut, and bodies are separate trees.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from skelgen.model import Topology
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.topology import cheapest_rivals
+from skelgen.model.topology import cheapest_rivals, spanning_forest
 from skelgen.stages.joints.costs import CHANCE, JointCosts
 from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess
+from skelgen.stages.joints.parameters import JointConstraints, Pair
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
 
 LOOSE = 2.0
@@ -33,49 +35,106 @@ REPLACEABLE = 4.0
 ENOUGH_JOINTS = 3
 """Fewer joints say nothing of what is usual."""
 
+LOOP_COST = 1.5
+"""Times the median cost of the tree's joints up to which another joint closes a loop (O'Brien 2000, section 5)."""
 
-def false_joints(
-    parents: Ints, judged: JointCosts, guesses: dict[tuple[int, int], JointGuess], radius: float
-) -> list[tuple[int, int]]:
-    """Return edges (parent, child) of a tree that are no joints.
+LOOP_TURN = 0.5
+"""Of the median turn of the tree's joints: limbs that turn less need no joint to stay together."""
+
+ENOUGH_TURN = 0.2
+"""rad; limbs that turn so much against each other need a joint to stay together, however far others turn."""
+
+SMALL_MARGIN = 1.5
+"""Ratio of the cost of the best other edge to an edge's own below which the data hardly prefer it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """The tree of limbs.
+
+    Attributes
+    ----------
+    parents : ndarray of intp, shape (n_limbs,)
+        Parent of each limb, -1 for a root.
+    costs : ndarray, shape (n_limbs, n_limbs), mm^2
+        Comparable joint costs; NaN where two limbs cannot or may not be joined.
+    cut : list of pairs of int
+        Edges (parent, child) that were taken out, because they are no joints.
+    """
+
+    parents: Ints
+    costs: Floats
+    cut: list[Pair]
+
+
+def find_tree(
+    costs: JointCosts,
+    guesses: Mapping[Pair, JointGuess],
+    sizes: Sequence[int],
+    constraints: JointConstraints,
+    radius: float | None,
+) -> Tree:
+    """Find the tree of limbs that obeys the constraints.
 
     Parameters
     ----------
-    parents : ndarray of intp, shape (n_limbs,)
-        The tree.
-    judged : JointCosts
-        Its costs.
-    guesses : dict of pair to JointGuess
+    costs : JointCosts
+        Costs of all joints.
+    guesses : mapping of pair to JointGuess
         The joints.
-    radius : float, mm
-        Usual radius of a limb; NaN if unknown.
+    sizes : sequence of int
+        Number of markers on each limb.
+    constraints : JointConstraints
+        What the user states.
+    radius : float, mm, optional
+        Usual radius of a limb, NaN if unknown: edges that are no joints are cut. None keeps them.
     """
+    allowed = constraints.applied(costs.comparable)
+    known = np.where(np.isfinite(allowed), costs.comparable, np.nan)
+    if constraints.parents is not None:
+        return Tree(constraints.parents, known, [])
+    markers = np.array(sizes, dtype=np.intp)
+    parents = spanning_forest(allowed, markers, constraints.root)
+    false = [] if radius is None else _false_joints(parents, costs, guesses, radius)
+    cut = [edge for edge in false if (min(edge), max(edge)) not in constraints.joined]
+    if not cut:
+        return Tree(parents, known, [])
+    kept = np.full_like(allowed, np.inf)
+    for child in np.flatnonzero(parents >= 0).tolist():
+        parent = int(parents[child])
+        if (parent, child) not in cut:
+            kept[child, parent] = kept[parent, child] = allowed[child, parent]
+    return Tree(spanning_forest(kept, markers, constraints.root), known, cut)
+
+
+def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, JointGuess], radius: float) -> list[Pair]:
+    """Edges (parent, child) of a tree that are no joints, given the usual radius [mm] of a limb."""
     children = np.flatnonzero(parents >= 0)
     if not len(children):
         return []
     above = parents[children]
-    costs, squares = judged.costs[children, above], judged.squares[children, above]
+    dear, squares = costs.comparable[children, above], costs.squares[children, above]
     pairs = [(min(pair), max(pair)) for pair in zip(children.tolist(), above.tolist(), strict=True)]
     distances = np.array([guesses[pair].distance for pair in pairs])
-    unexplained = squares > judged.expected[children, above]
+    unexplained = squares > costs.expected[children, above]
     false = unexplained & (np.sqrt(3 * squares) > LOOSE * radius)
     if len(children) >= ENOUGH_JOINTS:
-        rivals = cheapest_rivals(parents, np.where(np.isfinite(judged.costs), judged.costs, np.nan))
-        replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * costs[i] for i, child in enumerate(children)])
-        false |= replaceable & _exceeds(costs, DEAR) & _exceeds(distances, FAR)
+        rivals = cheapest_rivals(parents, np.where(np.isfinite(costs.comparable), costs.comparable, np.nan))
+        replaceable = np.array([rivals[int(child)][1] < REPLACEABLE * dear[i] for i, child in enumerate(children)])
+        false |= replaceable & _exceeds(dear, DEAR) & _exceeds(distances, FAR)
     return [(int(parent), int(child)) for parent, child in zip(above[false], children[false], strict=True)]
 
 
-def usual_radius(tracks: list[Floats]) -> float:
+def usual_radius(markers: list[Floats]) -> float:
     """Median over limbs of the root mean square distance [mm] of the markers from their middle; NaN if none has any.
 
     Parameters
     ----------
-    tracks : list of ndarray, shape (n_frames, n_markers, 3), mm
+    markers : list of ndarray, shape (n_frames, n_markers, 3), mm
         Markers of each limb, NaN where unseen.
     """
     found = []
-    for positions in tracks:
+    for positions in markers:
         whole = positions[~np.isnan(positions).any(axis=(1, 2))]
         if len(whole):
             found.append(float(np.sqrt(((whole - whole.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean())))
@@ -87,46 +146,32 @@ def _exceeds(values: Floats, times: float) -> Bools:
     return np.asarray(values > times * np.median(values))
 
 
-LOOP_COST = 1.5
-"""Times the median cost of the tree's joints up to which another joint closes a loop (O'Brien 2000, section 5)."""
-
-LOOP_TURN = 0.5
-"""Of the median turn of the tree's joints: limbs that turn less need no joint to stay together."""
-
-ENOUGH_TURN = 0.2
-"""rad; limbs that turn so much against each other need a joint to stay together, however far others turn."""
-
-
-def loop_joints(parents: Ints, judged: JointCosts) -> tuple[tuple[int, int], ...]:
-    """Return pairs of limbs that seem joined although the tree does not join them.
+def loop_joints(parents: Ints, costs: JointCosts) -> tuple[Pair, ...]:
+    """Return pairs of limbs that seem joined although the tree does not join them: they close loops.
 
     Parameters
     ----------
     parents : ndarray of intp, shape (n_limbs,)
         The tree.
-    judged : JointCosts
+    costs : JointCosts
         Costs of all joints.
     """
     children = np.flatnonzero(parents >= 0)
     if len(children) < 2:
         return ()
     above = parents[children]
-    cost = float(np.median(judged.costs[children, above]))
-    turns = judged.turns[children, above]
+    usual = float(np.median(costs.comparable[children, above]))
+    turns = costs.turns[children, above]
     turn = float(np.median(turns[~np.isnan(turns)])) if not np.isnan(turns).all() else 0.0
     with np.errstate(invalid="ignore"):
-        closes = (judged.costs <= LOOP_COST * cost) & (judged.squares <= CHANCE * judged.expected)
-        closes &= judged.turns >= min(LOOP_TURN * turn, ENOUGH_TURN)
+        closes = (costs.comparable <= LOOP_COST * usual) & (costs.squares <= CHANCE * costs.expected)
+        closes &= costs.turns >= min(LOOP_TURN * turn, ENOUGH_TURN)
     closes[children, above] = closes[above, children] = False
     return tuple((int(first), int(second)) for first, second in np.argwhere(np.triu(closes, 1)))
 
 
-SMALL_MARGIN = 1.5
-"""Ratio of the cost of the best other edge to an edge's own below which the data hardly prefer it."""
-
-
-def tree_sentences(
-    topology: Topology, judged: JointCosts, guesses: dict[tuple[int, int], JointGuess], cut: list[tuple[int, int]]
+def tree_notices(
+    topology: Topology, costs: JointCosts, guesses: Mapping[Pair, JointGuess], cut: list[Pair]
 ) -> Iterator[str]:
     """Say what is doubtful about a tree.
 
@@ -134,15 +179,15 @@ def tree_sentences(
     ----------
     topology : Topology
         The tree.
-    judged : JointCosts
+    costs : JointCosts
         Its costs.
-    guesses : dict of pair to JointGuess
+    guesses : mapping of pair to JointGuess
         The joint between each two limbs.
     cut : list of pairs of int
         Edges that were taken out, because they are no joints.
     """
     for parent, child in cut:
-        gap = float(np.sqrt(3 * judged.squares[parent, child]))
+        gap = float(np.sqrt(3 * costs.squares[parent, child]))
         yield (
             f"nothing holds limb {parent} and limb {child} together: the best joint between them lies "
             f"{guesses[min(parent, child), max(parent, child)].distance:.0f} mm from the markers and wobbles by "
@@ -157,13 +202,13 @@ def tree_sentences(
     yield from _doubtful_edges(topology)
     for first, second in topology.loops:
         yield (
-            f"limb {first} and limb {second} share a joint too, which the tree does not use: limbs there form a ring"
+            f"limb {first} and limb {second} share a joint too, which the tree does not use: limbs there form a loop"
         )
     for parent, child in topology.edges.tolist():
         yield from _weak_joint(parent, child, guesses[min(parent, child), max(parent, child)])
 
 
-def slack_sentences(segments: list[Segment]) -> Iterator[str]:
+def undetermined_limb_notices(segments: list[Segment]) -> Iterator[str]:
     """Say which limbs have points on one line only, joints included.
 
     Parameters

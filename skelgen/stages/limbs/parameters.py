@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from skelgen.parameters import StageParameters, declare
+from skelgen.stages.classic.spectral import SpectralMethod
 
 
 @dataclass(frozen=True)
@@ -14,6 +16,7 @@ class LimbParameters(StageParameters):
 
     stage: ClassVar[str] = "limbs"
     config_section: ClassVar[str] = "SpectralClustering"
+    retired: ClassVar[Mapping[str, str]] = {"zero": "SpectralClustering/SPECCLUEPS"}
 
     method: str = declare(
         "rigidity",
@@ -92,12 +95,14 @@ class LimbParameters(StageParameters):
         config_name="ALG",
         config_codes=("random", "k-means++", "k-means++", "k-means++"),
     )
-    zero: float = declare(
-        1e-12, "spectral: an affinity sum below this counts as zero", low=0.0, high=1.0, config_name="SPECCLUEPS"
-    )
     rigid_limit: float = declare(
         0.0,
         "rising count: limbs are added until no distance within one varies more; 0 takes 8 times the take's noise",
         unit="mm",
         low=0.0,
     )
+
+    @property
+    def spectral(self) -> SpectralMethod:
+        """How the methods that cluster eigenvectors do it."""
+        return SpectralMethod(self.measure, self.local_scaling, self.neighbour, self.sigma_squared, self.kmeans)

@@ -1,0 +1,229 @@
+"""Joints between all pairs of limbs, and those of the tree in all frames, of long takes block by block."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from skelgen.kinematics.bodies.shape import LimbShape
+from skelgen.model import Limbs
+from skelgen.model.arrays import Floats, Ints
+from skelgen.model.topology import outward_order
+from skelgen.progress import SILENT, Monitor
+from skelgen.stages.joints.pairs import JointGuess, guess_joint
+from skelgen.stages.joints.parameters import JointParameters, Pair
+from skelgen.stages.joints.segments import (
+    BLOCK_FRAMES,
+    ENOUGH_FRAMES,
+    Segment,
+    evenly_spread,
+    make_segments,
+    sample_frames,
+    typical_variance,
+)
+
+WORTH_PROCESSES = 200
+"""Descents cost some 5 ms each, starting workers about a second: below so many pairs without poses, one does."""
+
+
+class PairSearch:
+    """The search for the joints between all pairs of limbs.
+
+    Parameters
+    ----------
+    segments : list of Segment
+        All limbs.
+    frames : ndarray of intp
+        Sampled frames at which pairs are tried.
+    parameters : JointParameters
+        How.
+    seed : int
+        Seed of the annealing jitter.
+    monitor : Monitor
+        Told of progress.
+    """
+
+    def __init__(
+        self, segments: list[Segment], frames: Ints, parameters: JointParameters, seed: int, monitor: Monitor
+    ) -> None:
+        self._segments, self._frames = list(segments), frames
+        self._sampled = [segment.at(frames) for segment in segments]
+        self._parameters, self._seed, self._monitor = parameters, seed, monitor
+        self._typical = typical_variance(segments)
+        self._guesses: dict[Pair, JointGuess] = {}
+
+    def guesses(self) -> dict[Pair, JointGuess]:
+        """Guess every pair; then give limbs without a pose one by their best joint, and guess their pairs again."""
+        pairs = list(combinations(range(len(self._segments)), 2))
+        self._guess(pairs)
+        if self._parameters.solver != "closed-form":
+            return self._guesses
+        joined: set[int] = set()
+        while (choice := self._surest_joint_to_small_limb(joined)) is not None:
+            small, pair = choice
+            joined.add(small)
+            first, second = (self._segments[limb] for limb in pair)
+            whole = guess_joint(first, second, self._typical, self._parameters.alpha, self._parameters, self._seed)
+            self._segments[small] = self._segments[small].with_joint(whole.positions, self._frames)
+            self._sampled[small] = self._segments[small].at(self._frames)
+            self._guess([other for other in pairs if small in other and other != pair])
+        return self._guesses
+
+    def _guess(self, pairs: list[Pair]) -> None:
+        """Guess the joints of some pairs, in several processes where that pays."""
+        work = [self._common_frames(pair) for pair in pairs]
+        guess = partial(
+            guess_joint,
+            typical=self._typical,
+            alpha=self._parameters.alpha,
+            parameters=self._parameters,
+            seed=self._seed,
+        )
+        if self._n_descents(work) < WORTH_PROCESSES:
+            found = (guess(first, second) for first, second in work)
+        else:
+            from joblib import Parallel, delayed  # noqa: PLC0415 - only wanted with many descents
+
+            found = Parallel(return_as="generator")(delayed(guess)(first, second) for first, second in work)
+        for index, (pair, one) in enumerate(zip(pairs, found, strict=True), start=1):
+            self._guesses[pair] = one
+            self._monitor.advance(index, len(work))
+
+    def _n_descents(self, work: list[tuple[Segment, Segment]]) -> int:
+        if self._parameters.solver == "conjugate-gradient":
+            return len(work)
+        return sum(not (first.shape.has_pose or second.shape.has_pose) for first, second in work)
+
+    def _common_frames(self, pair: Pair) -> tuple[Segment, Segment]:
+        """Both limbs in the sampled frames, or, where these hardly show both, in others that do."""
+        first, second = (self._sampled[limb] for limb in pair)
+        if (first.is_known & second.is_known).sum() >= ENOUGH_FRAMES:
+            return first, second
+        first, second = (self._segments[limb] for limb in pair)
+        both = np.flatnonzero(first.is_known & second.is_known)
+        chosen = evenly_spread(both, len(self._frames))
+        if len(both) < ENOUGH_FRAMES:
+            seen = np.flatnonzero(first.is_seen & second.is_seen)
+            chosen = np.union1d(chosen, evenly_spread(seen, len(self._frames)))
+        return first.at(chosen), second.at(chosen)
+
+    def _surest_joint_to_small_limb(self, joined: set[int]) -> tuple[int, Pair] | None:
+        """The limb without poses, not joined yet, with the surest joint to a limb that has some; and that pair."""
+        best: tuple[float, int, Pair] | None = None
+        for pair, guess in self._guesses.items():
+            for small, body in (pair, pair[::-1]):
+                waits = small not in joined and self._segments[small].lacks_poses
+                helps = np.isfinite(guess.square) and not self._segments[body].lacks_poses
+                if waits and helps and (best is None or guess.doubt < best[0]):
+                    best = (guess.doubt, small, pair)
+        return None if best is None else best[1:]
+
+
+def place_joints(
+    segments: list[Segment], frames: Ints, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
+) -> tuple[dict[int, JointGuess], list[Segment]]:
+    """Place the joints of the tree in all frames of the segments, those between limbs with poses first.
+
+    Points that hardly turn about a joint lie on a sphere of any size. A joint that comes out farther from its markers
+    than all markers are from each other is placed anew by the joint cost, which draws it towards them.
+
+    Parameters
+    ----------
+    segments : list of Segment
+        All limbs.
+    frames : ndarray of intp
+        Frames from which shapes of limbs that gain a joint are estimated.
+    parents : ndarray of intp, shape (n_limbs,)
+        The tree, -1 for roots.
+    parameters : JointParameters
+        How.
+    seed : int
+        Seed of the annealing jitter.
+    monitor : Monitor
+        Told of progress.
+
+    Returns
+    -------
+    tuple of dict of int to JointGuess and list of Segment
+        Joints by child limb, and all limbs with the joints that give them poses.
+    """
+    segments = list(segments)
+    typical = typical_variance(segments)
+    reach, drawn = _extent(segments, frames), replace(parameters, solver="conjugate-gradient")
+    waiting = [int(child) for child in np.flatnonzero(parents >= 0)]
+    n_joints = len(waiting)
+    kept: dict[int, JointGuess] = {}
+    while waiting:
+        waiting.sort(key=lambda child: -_known(segments[child].shape) - _known(segments[parents[child]].shape))
+        child = waiting.pop(0)
+        pair = (int(parents[child]), child)
+        first, second = segments[pair[0]], segments[pair[1]]
+        kept[child] = guess_joint(first, second, typical, parameters.alpha_final, parameters, seed)
+        if kept[child].distance > reach:
+            kept[child] = guess_joint(first, second, typical, parameters.alpha, drawn, seed)
+        for limb in pair:
+            if segments[limb].lacks_poses:
+                segments[limb] = segments[limb].with_joint(kept[child].positions, frames)
+        monitor.advance(len(kept), n_joints)
+    return kept, segments
+
+
+def place_in_blocks(
+    positions: Floats, limbs: Limbs, parents: Ints, parameters: JointParameters, seed: int, monitor: Monitor
+) -> Floats:
+    """Place the joints of a tree in all frames of a long take; each block estimates its own shapes and joints.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    limbs : Limbs
+        Which marker is on which limb.
+    parents : ndarray of intp, shape (n_limbs,)
+        The tree, -1 for roots.
+    parameters : JointParameters
+        How.
+    seed : int
+        Seed of the annealing jitter.
+    monitor : Monitor
+        Told of progress.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_joints, 3), mm
+        Joints from the roots outward.
+    """
+    n_frames = len(positions)
+    children = outward_order(parents)[(parents < 0).sum() :]
+    raw = np.empty((n_frames, len(children), 3))
+    ends = np.linspace(0, n_frames, -(-n_frames // BLOCK_FRAMES) + 1).astype(np.intp)
+    for first, last in pairwise(ends.tolist()):
+        block = positions[first:last]
+        frames = sample_frames(len(block), parameters)
+        segments = make_segments([block[:, limbs.markers_of(limb)] for limb in range(limbs.n_limbs)], frames)
+        kept, _ = place_joints(segments, frames, parents, parameters, seed, SILENT)
+        for column, child in enumerate(children.tolist()):
+            raw[first:last, column] = kept[child].positions
+        monitor.advance(last, n_frames)
+    raw.flags.writeable = False
+    return raw
+
+
+def _extent(segments: list[Segment], frames: Ints) -> float:
+    """Usual diagonal of the box around all markers [mm]."""
+    markers = np.concatenate([segment.markers[frames] for segment in segments], axis=1)
+    seen = ~np.isnan(markers[:, :, :1])
+    shown = seen.any(axis=(1, 2))
+    if not shown.any():
+        return np.inf
+    highest = np.where(seen, markers, -np.inf)[shown].max(axis=1)
+    lowest = np.where(seen, markers, np.inf)[shown].min(axis=1)
+    return float(np.median(np.linalg.norm(highest - lowest, axis=1)))
+
+
+def _known(shape: LimbShape) -> int:
+    """Rank of what is known of a limb's poses: nothing, some frames, enough frames."""
+    return int(shape.posed.sum() >= ENOUGH_FRAMES) + int(shape.has_pose)
