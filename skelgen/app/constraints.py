@@ -9,15 +9,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelgen.errors import FormatError, InputError
 from skelgen.model import Poses, Project, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats
 from skelgen.model.corrections import Correction, named_marker
 from skelgen.model.topology import parents_from_names
 from skelgen.progress import Monitor
+
+if TYPE_CHECKING:
+    from skelgen.stages.joints import JointConstraints
+    from skelgen.stages.limbs import LimbConstraints
 
 
 @dataclass(frozen=True)
@@ -61,40 +66,6 @@ class RunOptions:
         return (*said, *(f"no joint was given: {first} and {second}" for first, second in self.parted))
 
 
-@dataclass(frozen=True)
-class LimbConstraints:
-    """Markers that share a limb, and markers that do not.
-
-    Attributes
-    ----------
-    together, apart : tuple of tuple of str
-        Names of markers that share a limb, and of markers no two of which do.
-    """
-
-    together: tuple[tuple[str, ...], ...] = ()
-    apart: tuple[tuple[str, ...], ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class TreeConstraints:
-    """What is known of the tree of limbs.
-
-    Attributes
-    ----------
-    parents : ndarray of intp, shape (n_limbs,), or None
-        The whole tree, -1 for roots; None finds it.
-    root : int or None
-        Limb that is the root of its tree.
-    joined, parted : tuple of pairs of int
-        Limbs that are joined, and limbs that are not, the lower index first.
-    """
-
-    parents: Ints | None = None
-    root: int | None = None
-    joined: tuple[tuple[int, int], ...] = ()
-    parted: tuple[tuple[int, int], ...] = ()
-
-
 def stated_number(project: Project, kind: str) -> int | None:
     """Return the number of markers or limbs that the latest correction states.
 
@@ -124,6 +95,8 @@ def limb_constraints(project: Project, monitor: Monitor) -> LimbConstraints:
     InputError
         If a correction names a marker that does not exist.
     """
+    from skelgen.stages.limbs import LimbConstraints  # noqa: PLC0415 - loads the stage
+
     together: list[tuple[str, ...]] = []
     apart: list[tuple[str, ...]] = []
     for correction in corrections_of(project, "limbs", monitor):
@@ -138,7 +111,7 @@ def limb_constraints(project: Project, monitor: Monitor) -> LimbConstraints:
     return LimbConstraints(tuple(together), tuple(apart))
 
 
-def tree_constraints(project: Project, options: RunOptions, monitor: Monitor) -> TreeConstraints:
+def joint_constraints(project: Project, options: RunOptions, monitor: Monitor) -> JointConstraints:
     """Return what the corrections of a project and the options of a run say about the tree.
 
     Parameters
@@ -155,6 +128,8 @@ def tree_constraints(project: Project, options: RunOptions, monitor: Monitor) ->
     InputError
         If hierarchy and root are both given, a name is unknown, or the parents form a cycle.
     """
+    from skelgen.stages.joints import JointConstraints  # noqa: PLC0415 - loads the stage
+
     is_joint: dict[tuple[int, int], bool] = {}
     root = None
     for correction in corrections_of(project, "joints", monitor):
@@ -168,11 +143,11 @@ def tree_constraints(project: Project, options: RunOptions, monitor: Monitor) ->
     if options.hierarchy is not None and options.root is not None:
         raise InputError("a hierarchy says which limb is the root: give either of both")
     names = _limb_names(project)
-    return TreeConstraints(
-        None if options.hierarchy is None else parents_from_names(names, options.hierarchy),
-        root if options.root is None else _limb_called(project, options.root),
-        tuple(pair for pair, wanted in is_joint.items() if wanted),
-        tuple(pair for pair, wanted in is_joint.items() if not wanted),
+    return JointConstraints(
+        joined=tuple(pair for pair, wanted in is_joint.items() if wanted),
+        parted=tuple(pair for pair, wanted in is_joint.items() if not wanted),
+        parents=None if options.hierarchy is None else parents_from_names(names, options.hierarchy),
+        root=root if options.root is None else _limb_called(project, options.root),
     )
 
 

@@ -7,12 +7,13 @@ and scikit-learn take seconds to load.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import Protocol, cast
 
 from skelgen.app.configuration import Settings
-from skelgen.app.constraints import RunOptions, joint_types, limb_constraints, stated_number, tree_constraints
+from skelgen.app.constraints import RunOptions, joint_constraints, joint_types, limb_constraints, stated_number
 from skelgen.app.corrections import corrected_labels
 from skelgen.app.inputs import check_trajectories, limbs_from_poses, limbs_with_parts, trajectories_from_poses
 from skelgen.errors import InputError
@@ -158,13 +159,11 @@ def run_limbs(project: Project, settings: Settings, options: RunOptions, monitor
     from skelgen.stages.limbs import find_limbs  # noqa: PLC0415 - see the module's docstring
 
     n_limbs = options.n_limbs or stated_number(project, "n_limbs")
-    constraints = limb_constraints(project, monitor)
     find = partial(
         find_limbs,
         parameters=settings.limbs,
         n_limbs=n_limbs,
-        together=constraints.together,
-        apart=constraints.apart,
+        constraints=limb_constraints(project, monitor),
         seed=project.seed,
         monitor=monitor,
     )
@@ -195,19 +194,16 @@ def run_joints(project: Project, settings: Settings, options: RunOptions, monito
     """
     from skelgen.stages.joints import find_joints  # noqa: PLC0415 - see the module's docstring
 
-    constraints = tree_constraints(project, options, monitor)
-    topology = find_joints(
-        project.trajectories,
-        project.limbs,
-        settings.joints,
-        seed=project.seed,
-        n_jobs=options.n_jobs,
-        monitor=monitor,
-        parents=constraints.parents,
-        root=constraints.root,
-        joined=constraints.joined,
-        parted=constraints.parted,
-    )
+    constraints = joint_constraints(project, options, monitor)
+    with _processes(options.n_jobs):
+        topology = find_joints(
+            project.trajectories,
+            project.limbs,
+            settings.joints,
+            constraints=constraints,
+            seed=project.seed,
+            monitor=monitor,
+        )
     return JointResult(topology)
 
 
@@ -251,6 +247,15 @@ PIPELINE = (
     Stage("skeleton", run_skeleton),
 )
 """The stages in the order in which they run."""
+
+
+def _processes(n_jobs: int) -> AbstractContextManager[object]:
+    """Share work that can be shared among processes."""
+    if n_jobs == 1:
+        return nullcontext()
+    from joblib import parallel_config  # noqa: PLC0415 - only wanted with several processes
+
+    return cast(AbstractContextManager[object], parallel_config("loky", n_jobs=n_jobs, inner_max_num_threads=1))
 
 
 def _labels_of_points(

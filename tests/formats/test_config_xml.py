@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -17,6 +18,7 @@ from skelgen.parameters import StageParameters, declare
 class Search(StageParameters):
     stage: ClassVar[str] = "search"
     config_section: ClassVar[str] = "JointFinder/NLCG"
+    retired: ClassVar[Mapping[str, str]] = {"smallest": "JointFinder/NLCG/EPS"}
 
     method: str = declare(
         "polak",
@@ -104,6 +106,12 @@ def test_help_unit_and_bounds_are_comments(tmp_path):
 def test_missing_parameters_and_groups_keep_their_defaults(write):
     values = read_config(write('<JointFinder><SAMPLING value="3" type="int"/></JointFinder>'), STAGES)
     assert values == {"joints": Joints(sampling=3), "search": Search()}
+
+
+def test_parameter_of_an_earlier_version_is_read_and_changes_nothing(write):
+    text = '<JointFinder><NLCG><EPS value="1e-20" type="double"/></NLCG></JointFinder>'
+    assert read_config(write(text), STAGES)["search"] == Search()
+    assert Search.from_mapping({"smallest": 1e-20, "anneal": True}) == Search(anneal=True)
 
 
 def test_choice_is_read_as_code_or_as_name(write):

@@ -62,8 +62,9 @@ def joint_cost(markers: Floats, alpha: float) -> Objective:
 def local_optimum(joint: Floats, markers: Floats, max_residual: float, max_fallback: int) -> Floats:
     """Move the joint in every frame to where its distances to the markers are nearest to their means.
 
-    This is the local optimisation of Schönauer (2007, 3.5.2). The frames are independent: all are solved at once by damped Gauss-Newton steps on three unknowns each. A frame that
-    ends above `max_residual` is tried again from the positions of up to `max_fallback` earlier frames.
+    This is the local optimisation of Schönauer (2007, 3.5.2). The frames are independent: all are solved at once by
+    damped Gauss-Newton steps on three unknowns each. A frame that ends above `max_residual` is tried again from the
+    positions of up to `max_fallback` earlier frames.
 
     Parameters
     ----------

@@ -75,15 +75,22 @@ def spectral_clusters(deviation: Floats, k: int, method: SpectralMethod, seed: i
     """
     if k == 1:
         return np.zeros(len(deviation), dtype=np.intp)
-    trials = [
-        _partition(embedding(affinity, k), k, method, seed)
-        for affinity in affinities(deviation, method)
-    ]
+    trials = [_partition(_embedding(affinity, k), k, method, seed) for affinity in affinities(deviation, method)]
     return min(trials, key=lambda labels: _inner_deviation(deviation, labels))
 
 
 def affinities(deviation: Floats, method: SpectralMethod) -> list[Floats]:
-    """Affinity matrices to try: one with local scaling or a given sigma, several for a scan (Schönauer 2007, 3.4.2, step 1)."""
+    """Return affinity matrices to try: one with local scaling or a given sigma, several for a scan.
+
+    This is step 1 of Schönauer (2007, 3.4.2).
+
+    Parameters
+    ----------
+    deviation : ndarray, shape (n_markers, n_markers), mm
+        Complete standard deviations of distances.
+    method : SpectralMethod
+        Measure and scaling.
+    """
     distance = deviation if method.measure == "deviation" else deviation**2
     off = ~np.eye(len(distance), dtype=bool)
     floor = np.finfo(np.float64).tiny ** 0.25
@@ -98,8 +105,8 @@ def affinities(deviation: Floats, method: SpectralMethod) -> list[Floats]:
     return [np.exp(-(distance**2) / (2 * scale)) * off for scale in scales]
 
 
-def embedding(affinity: Floats, k: int) -> Floats:
-    """Rows of the k leading eigenvectors of D^-1/2 W D^-1/2, normalised shape (n, k); Schönauer 2007, 3.4.2, steps 2-4."""
+def _embedding(affinity: Floats, k: int) -> Floats:
+    """Normalised rows of the k leading eigenvectors, shape (n_markers, k): steps 2-4 of Schönauer (2007, 3.4.2)."""
     _, vectors = spectrum(affinity)
     leading = vectors[:, -k:]
     norms = np.linalg.norm(leading, axis=1, keepdims=True)
@@ -107,7 +114,7 @@ def embedding(affinity: Floats, k: int) -> Floats:
 
 
 def spectrum(affinity: Floats) -> tuple[Floats, Floats]:
-    """Eigenvalues (rising) and eigenvectors of the normalised affinity."""
+    """Return eigenvalues (rising) and eigenvectors of the normalised affinity D^-1/2 W D^-1/2."""
     degree = affinity.sum(axis=1)
     root = np.where(degree > LEAST_DEGREE, 1 / np.sqrt(np.maximum(degree, np.finfo(np.float64).tiny)), 0.0)
     values, vectors = np.linalg.eigh(root[:, np.newaxis] * affinity * root)
@@ -115,7 +122,15 @@ def spectrum(affinity: Floats) -> tuple[Floats, Floats]:
 
 
 def greedy_clusters(deviation: Floats, k: int) -> Ints:
-    """Join the two markers with the smallest deviation again and again until k clusters are left (Schönauer 2007, 5.3)."""
+    """Join the two clusters with the smallest deviation between them until k are left (Schönauer 2007, 5.3).
+
+    Parameters
+    ----------
+    deviation : ndarray, shape (n_markers, n_markers), mm
+        Complete standard deviations of distances.
+    k : int
+        Number of clusters.
+    """
     from scipy.cluster.hierarchy import fcluster, linkage  # noqa: PLC0415 - heavy
     from scipy.spatial.distance import squareform  # noqa: PLC0415 - heavy
 

@@ -1,7 +1,12 @@
-"""Stage 2: group markers into rigid limbs."""
+"""Stage 2: group markers into rigid limbs.
 
+`stage` is the order of its steps: `distances` says how much distances between markers vary, `rigid_clusters` parts
+markers into clusters that are rigid as far as noise can tell, `merging` joins these into limbs by `relative_motion`.
+"""
+
+from skelgen.stages.limbs.constraints import LimbConstraints
 from skelgen.stages.limbs.distances import rigid_groups
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.stage import find_limbs
 
-__all__ = ["LimbParameters", "find_limbs", "rigid_groups"]
+__all__ = ["LimbConstraints", "LimbParameters", "find_limbs", "rigid_groups"]

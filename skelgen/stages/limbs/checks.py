@@ -32,7 +32,7 @@ LEAST_MIRRORED = 3
 """Frames; single ones are noise."""
 
 
-def limb_doubts(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints) -> Iterator[str]:
+def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints) -> Iterator[str]:
     """Say what is odd.
 
     Parameters

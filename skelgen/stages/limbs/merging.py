@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.limbs.constraints import Constraints
+from skelgen.stages.limbs.constraints import MarkerConstraints
 from skelgen.stages.limbs.distances import (
     FULL_POSE,
     LEAST_GAIN,
@@ -83,7 +83,7 @@ def rigid_bodies(
     movements: Movements,
     distances: Distances,
     parameters: LimbParameters,
-    wishes: Constraints,
+    constraints: MarkerConstraints,
     n_limbs: int | None = None,
 ) -> Ints:
     """Group markers that move as rigid bodies.
@@ -96,7 +96,7 @@ def rigid_bodies(
         Its distances.
     parameters : LimbParameters
         Their `motion_factor`, `pair_limit` and `flexibility`.
-    wishes : Constraints
+    constraints : MarkerConstraints
         Which markers share a limb and which do not.
     n_limbs : int, optional
         Number of limbs at which merging stops, and to which it goes on.
@@ -109,23 +109,25 @@ def rigid_bodies(
     noise = distances.noise
     own = marker_noise(np.where(distances.weight > 0, distances.variance, np.inf), noise)
     ratio = 2 * distances.bounded / (own[:, np.newaxis] + own)
-    pieces = rigid_pieces(movements, ratio, own, wishes)
-    groups = _Joiner(movements, distances, parameters, pieces, wishes.apart).joined(n_limbs)
-    groups = exchanged(movements, groups, ratio, noise, wishes)
-    return _with_resting(movements, ratio, groups, own, wishes)
+    pieces = rigid_pieces(movements, ratio, own, constraints)
+    groups = _Joiner(movements, distances, parameters, pieces, constraints.apart).joined(n_limbs)
+    groups = exchanged(movements, groups, ratio, noise, constraints)
+    return _with_resting(movements, ratio, groups, own, constraints)
 
 
-def _with_resting(movements: Movements, ratio: Floats, groups: Ints, noise: Floats, wishes: Constraints) -> Ints:
+def _with_resting(
+    movements: Movements, ratio: Floats, groups: Ints, noise: Floats, constraints: MarkerConstraints
+) -> Ints:
     """Put markers that are seen only while their limb and others rest against each other on the nearest of these."""
     groups = groups.copy()
     seen_part = movements.seen_part
-    for marker in [block[0] for block in wishes.blocks if len(block) == 1 and seen_part[block[0]] < 1]:
+    for marker in [block[0] for block in constraints.blocks if len(block) == 1 and seen_part[block[0]] < 1]:
         own = int(groups[marker])
         mates = {group: _others(groups, group, marker) for group in np.unique(groups).tolist()}
         near = [
             group
             for group, others in mates.items()
-            if group != own and ratio[marker, others].max() <= LINKED and not wishes.apart[marker, others].any()
+            if group != own and ratio[marker, others].max() <= LINKED and not constraints.apart[marker, others].any()
         ]
         if not near or not mates[own]:
             continue
@@ -261,7 +263,7 @@ MOST_MOVES = 100
 """Ends a search that rounding might keep going."""
 
 
-def exchanged(movements: Movements, groups: Ints, ratio: Floats, noise: float, wishes: Constraints) -> Ints:
+def exchanged(movements: Movements, groups: Ints, ratio: Floats, noise: float, constraints: MarkerConstraints) -> Ints:
     """Move markers, the most profitable first, for as long as that pays.
 
     Parameters
@@ -274,7 +276,7 @@ def exchanged(movements: Movements, groups: Ints, ratio: Floats, noise: float, w
         Variance of each distance in units of its noise.
     noise : float, mm^2
         Variance of the take's noise.
-    wishes : Constraints
+    constraints : MarkerConstraints
         Which markers share a limb and which do not.
 
     Returns
@@ -282,7 +284,7 @@ def exchanged(movements: Movements, groups: Ints, ratio: Floats, noise: float, w
     ndarray of intp, shape (n_markers,)
         As many limbs as before.
     """
-    search = _Exchange(movements, ratio, noise, wishes)
+    search = _Exchange(movements, ratio, noise, constraints)
     groups = groups.copy()
     for _ in range(MOST_MOVES):
         gain, block, limb = max(search.moves(groups), default=(0.0, (), -1))
@@ -293,8 +295,8 @@ def exchanged(movements: Movements, groups: Ints, ratio: Floats, noise: float, w
 
 
 class _Exchange:
-    def __init__(self, movements: Movements, ratio: Floats, noise: float, wishes: Constraints) -> None:
-        self._movements, self._ratio, self._noise, self._wishes = movements, ratio, noise, wishes
+    def __init__(self, movements: Movements, ratio: Floats, noise: float, constraints: MarkerConstraints) -> None:
+        self._movements, self._ratio, self._noise, self._constraints = movements, ratio, noise, constraints
         self._costs: dict[tuple[Group, Group], float] = {}
 
     def moves(self, groups: Ints) -> Iterator[tuple[float, Group, int]]:
@@ -302,7 +304,7 @@ class _Exchange:
         members = {limb: tuple(np.flatnonzero(groups == limb).tolist()) for limb in np.unique(groups).tolist()}
         seen = self._movements.seen_part
         farthest = {limb: self._ratio[:, other].max(axis=1) for limb, other in members.items()}
-        for block in self._wishes.blocks:
+        for block in self._constraints.blocks:
             own = members[int(groups[block[0]])]
             rest = tuple(marker for marker in own if marker not in block)
             if len(rest) < LEAST_LEFT or seen[list(block)].min() < SEEN_PART:
@@ -310,7 +312,7 @@ class _Exchange:
             for limb, other in members.items():
                 if other == own or len(other) < LEAST_LEFT or farthest[limb][list(block)].max() > EXCHANGED:
                     continue
-                if not self._wishes.apart[np.ix_(block, other)].any():
+                if not self._constraints.apart[np.ix_(block, other)].any():
                     yield self._gain((own, other), (rest, tuple(sorted(other + block)))), block, limb
 
     def _gain(self, now: tuple[Group, Group], then: tuple[Group, Group]) -> float:

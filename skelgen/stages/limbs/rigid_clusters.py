@@ -19,7 +19,7 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.stages.limbs.constraints import Constraints
+from skelgen.stages.limbs.constraints import MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Group, Movements
 
 LINKED = 5.0
@@ -76,7 +76,7 @@ def marker_noise(variance: Floats, noise: float) -> Floats:
     return np.asarray(np.clip(nearest, noise, NOISE_RANGE * noise))
 
 
-def rigid_pieces(movements: Movements, ratio: Floats, noise: Floats, wishes: Constraints) -> list[Group]:
+def rigid_pieces(movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints) -> list[Group]:
     """Part markers into rigid pieces.
 
     Parameters
@@ -87,10 +87,10 @@ def rigid_pieces(movements: Movements, ratio: Floats, noise: Floats, wishes: Con
         Variance of each distance in units of its noise.
     noise : ndarray, shape (n_markers,), mm^2
         Variance of each marker's noise.
-    wishes : Constraints
+    constraints : MarkerConstraints
         Which markers share a limb, hence a piece, and which do not.
     """
-    search = _Search(movements, ratio, noise, wishes)
+    search = _Search(movements, ratio, noise, constraints)
     for _ in range(MOST_CHANGES):
         change = search.best_change()
         if change is None:
@@ -104,11 +104,11 @@ Change = tuple[tuple[int, ...], list[Group]]
 
 
 class _Search:
-    def __init__(self, movements: Movements, ratio: Floats, noise: Floats, wishes: Constraints) -> None:
-        self._movements, self._ratio, self._noise, self._apart = movements, ratio, noise, wishes.apart
-        self._block_of = {marker: block for block in wishes.blocks for marker in block}
+    def __init__(self, movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints) -> None:
+        self._movements, self._ratio, self._noise, self._apart = movements, ratio, noise, constraints.apart
+        self._block_of = {marker: block for block in constraints.blocks for marker in block}
         self._costs: dict[Group, float] = {}
-        self.pieces = _linked(ratio, wishes.blocks, wishes.apart)
+        self.pieces = _linked(ratio, constraints.blocks, constraints.apart)
 
     def apply(self, gone: tuple[int, ...], come: list[Group]) -> None:
         self.pieces = [piece for index, piece in enumerate(self.pieces) if index not in gone] + come

@@ -1,7 +1,7 @@
 """Stage 2: group markers into rigid limbs.
 
 Two markers on one limb keep their distance; two on different limbs do not. Rigid bodies are fitted to groups of markers
-over jittered sample frames and compared (`pieces`, `bodies`), or the standard deviation of every pairwise distance is
+over jittered sample frames and compared (`rigid_clusters`, `merging`), or the standard deviations of all distances are
 clustered (Schönauer 2007, 3.4; Kirk, O'Brien and Forsyth 2005).
 """
 
@@ -14,8 +14,8 @@ from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_clusters, spectral_clusters, spectrum
-from skelgen.stages.limbs.checks import limb_doubts
-from skelgen.stages.limbs.constraints import Constraints, NameGroups, find_constraints, name_groups
+from skelgen.stages.limbs.checks import limb_notices
+from skelgen.stages.limbs.constraints import LimbConstraints, MarkerConstraints
 from skelgen.stages.limbs.distances import (
     Deviations,
     PairSums,
@@ -28,10 +28,15 @@ from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Movements
 
-LONELY = "never seen together with another marker"
-
-HALF_BELIEVED = 20
+HALF_WEIGHT = 20
 """Sampled frames with which a pair of markers counts half: in fewer, limbs have hardly moved against each other."""
+
+RIGID_FACTOR = 8.0
+"""The automatic limit of the rising count, in units of the noise of a distance: beyond the largest of many pairs."""
+
+OUTLIER = 3.0
+"""Times the usual deviation between neighbouring limbs. The only marker of a limb hangs on a joint, which keeps it near
+some marker; a marker of the room, of a bystander or one whose label wanders has no such neighbour."""
 
 
 def find_limbs(
@@ -39,8 +44,7 @@ def find_limbs(
     parameters: LimbParameters | None = None,
     *,
     n_limbs: int | None = None,
-    together: NameGroups = (),
-    apart: NameGroups = (),
+    constraints: LimbConstraints | None = None,
     seed: int = 0,
     monitor: Monitor = SILENT,
 ) -> Limbs:
@@ -54,12 +58,12 @@ def find_limbs(
         How; the defaults suit most takes.
     n_limbs : int, optional
         Number of limbs, if known; otherwise it is found.
-    together, apart : iterable of sequence of str
-        Names of markers that share a limb, and of markers no two of which do; beside those in `parameters`.
+    constraints : LimbConstraints, optional
+        Markers that share a limb and markers that do not, beside those in `parameters`.
     seed : int
         Seed of the jittered samples and of k-means++.
     monitor : Monitor
-        Told of progress.
+        Told of progress and of notices.
 
     Returns
     -------
@@ -69,48 +73,52 @@ def find_limbs(
     Raises
     ------
     InputError
-        If there are fewer than two markers that are ever seen together, `n_limbs` is out of range, a marker that is
-        named does not exist, or the wishes contradict each other.
+        If there are fewer than two markers that are ever seen together, `n_limbs` is out of range, or the constraints
+        name no marker or contradict each other.
     """
     parameters = parameters or LimbParameters()
     monitor.begin("limbs")
-    wishes = find_constraints(
-        trajectories.names,
-        (*together, *name_groups(parameters.together)),
-        (*apart, *name_groups(parameters.apart)),
-    )
+    stated = (constraints or LimbConstraints()).with_parameters(parameters).of_markers(trajectories.names)
     frames = sample_frames(trajectories.n_frames, parameters, seed)
-    deviations = distance_deviations(trajectories.positions, frames)
-    usable = _usable(deviations.plain, wishes)
+    every = distance_deviations(trajectories.positions, frames)
+    usable = _usable(every.plain, stated)
     if len(usable) < 2:
         raise InputError(
             f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
         )
-    _report(trajectories, np.setdiff1d(np.arange(len(deviations.plain)), usable), LONELY, monitor)
     if n_limbs is not None and not 1 <= n_limbs <= len(usable):
         raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
-    grouping = _Grouping(trajectories.positions[:, usable], wishes.of(usable), parameters, n_limbs, seed)
-    groups = grouping.voted(frames, deviations.of(usable))
-    labels = np.full(trajectories.n_markers, -1, dtype=np.intp)
-    labels[usable] = groups
+    alone = np.setdiff1d(np.arange(trajectories.n_markers), usable)
+    _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
+    deviations, stated = every.of(usable), stated.of(usable)
+    grouping = _Grouping(trajectories.positions[:, usable], stated, parameters, n_limbs, seed)
+    groups = grouping.voted(frames, deviations)
+    limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
+    limb_of_marker[usable] = groups
     if n_limbs is None:
-        stray = usable[stray_markers(groups, deviations.of(usable).steady) & ~wishes.of(usable).is_named]
-        labels[stray] = -1
-        _report(trajectories, stray, "moving against all limbs like none of them", monitor)
-    labels[labels >= 0] = _numbered_by_first(labels[labels >= 0])
-    for sentence in limb_doubts(trajectories, labels, frames):
-        monitor.notice(sentence)
+        outliers = usable[_is_outlier(groups, deviations.steady) & ~stated.is_named]
+        limb_of_marker[outliers] = -1
+        _notice_left_out(trajectories, outliers, "moving against all limbs like none of them", monitor)
+    on_limb = limb_of_marker >= 0
+    limb_of_marker[on_limb] = _numbered_by_first(limb_of_marker[on_limb])
+    for notice in limb_notices(trajectories, limb_of_marker, frames):
+        monitor.notice(notice)
     monitor.advance(1, 1)
-    return Limbs(labels, deviations.plain)
+    return Limbs(limb_of_marker, every.plain)
 
 
 class _Grouping:
-    """Markers with company and everything that is wanted of their groups."""
+    """Groups of markers, by one sampling of frames after the other."""
 
     def __init__(
-        self, positions: Floats, wishes: Constraints, parameters: LimbParameters, n_limbs: int | None, seed: int
+        self,
+        positions: Floats,
+        constraints: MarkerConstraints,
+        parameters: LimbParameters,
+        n_limbs: int | None,
+        seed: int,
     ) -> None:
-        self._positions, self._wishes, self._parameters = positions, wishes, parameters
+        self._positions, self._constraints, self._parameters = positions, constraints, parameters
         self._n_limbs, self._seed = n_limbs, seed
 
     def voted(self, frames: Ints, deviations: Deviations) -> Ints:
@@ -118,24 +126,24 @@ class _Grouping:
         votes = [self._grouped(frames, deviations)]
         n_samplings = self._parameters.samplings if self._parameters.method == "rigidity" else 1
         is_complete = len(frames) == len(self._positions)
-        for turn in range(1, 1 if is_complete else n_samplings):
-            again = sample_frames(len(self._positions), self._parameters, (self._seed, turn))
+        for sampling in range(1, 1 if is_complete else n_samplings):
+            again = sample_frames(len(self._positions), self._parameters, (self._seed, sampling))
             votes.append(self._grouped(again, distance_deviations(self._positions, again)))
             if 2 * sum(np.array_equal(votes[-1], one) for one in votes) > n_samplings:
                 return votes[-1]
-        return _numbered_by_first(self._checked(majority(votes), deviations.steady))
+        return _numbered_by_first(self._constrained(majority(votes), deviations.steady))
 
     def _grouped(self, frames: Ints, deviations: Deviations) -> Ints:
-        return _numbered_by_first(self._checked(self._clusters(frames, deviations), deviations.steady))
+        return _numbered_by_first(self._constrained(self._clusters(frames, deviations), deviations.steady))
 
     def _clusters(self, frames: Ints, deviations: Deviations) -> Ints:
         deviation, common = deviations.steady, deviations.common
-        parameters, n_limbs, wishes = self._parameters, self._n_limbs, self._wishes
-        weight = np.where(np.isnan(deviation), 0.0, (common + 1) / (common + HALF_BELIEVED))
+        parameters, n_limbs = self._parameters, self._n_limbs
+        weight = np.where(np.isnan(deviation), 0.0, (common + 1) / (common + HALF_WEIGHT))
         groups = None
         if parameters.method == "rigidity":
             distances = Distances(np.where(weight > 0, deviation, 0.0) ** 2 / 2, weight)
-            groups = rigid_bodies(Movements(self._positions, frames), distances, parameters, wishes, n_limbs)
+            groups = rigid_bodies(Movements(self._positions, frames), distances, parameters, self._constraints, n_limbs)
         elif parameters.method == "distances":
             groups = rigid_groups(deviation, parameters, weight)
         if groups is not None and n_limbs in (None, len(np.unique(groups))):
@@ -144,14 +152,14 @@ class _Grouping:
         k = n_limbs if n_limbs is not None else count_limbs(complete, parameters, self._seed)
         if parameters.method == "greedy":
             return greedy_clusters(complete, k)
-        return spectral_clusters(complete, k, parameters, self._seed)
+        return spectral_clusters(complete, k, parameters.spectral, self._seed)
 
-    def _checked(self, groups: Ints, deviation: Floats) -> Ints:
-        if self._wishes.is_empty:
+    def _constrained(self, groups: Ints, deviation: Floats) -> Ints:
+        if self._constraints.is_empty:
             return groups
-        groups = self._wishes.obeyed(groups, _complete(deviation))
+        groups = self._constraints.applied(groups, _complete(deviation))
         if self._n_limbs is not None:
-            groups = self._wishes.parted(groups, _complete(deviation), self._n_limbs)
+            groups = self._constraints.parted(groups, _complete(deviation), self._n_limbs)
         n_found = len(np.unique(groups))
         if self._n_limbs not in (None, n_found):
             raise InputError(
@@ -161,39 +169,8 @@ class _Grouping:
         return groups
 
 
-def _usable(deviation: Floats, wishes: Constraints) -> Ints:
-    """Markers that are seen with another one, or that the user puts on a limb with one that is."""
-    others: Floats = deviation + np.where(np.eye(len(deviation)) > 0, np.nan, 0.0)
-    has_company: Bools = np.asarray(~np.isnan(others).all(axis=1))
-    for block in wishes.blocks:
-        has_company[list(block)] = has_company[list(block)].any()
-    return np.flatnonzero(has_company)
-
-
-def _complete(deviation: Floats) -> Floats:
-    """Give pairs that are never seen together the largest deviation: nothing says that they are rigid."""
-    return np.where(np.isnan(deviation), np.nanmax(deviation), deviation)
-
-
-def _numbered_by_first(labels: Ints) -> Ints:
-    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=np.intp)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse]
-
-
-def _report(trajectories: Trajectories, markers: Ints, reason: str, monitor: Monitor) -> None:
-    if len(markers):
-        names = ", ".join(trajectories.names[marker] for marker in markers)
-        monitor.notice(f"left out, {reason}: {names}")
-
-
-RIGID_FACTOR = 8.0
-"""The automatic limit of the rising count, in units of the noise of a distance: beyond the largest of many pairs."""
-
-
 def count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int:
-    """Find the number of limbs.
+    """Find the number of limbs, for the clusterings that need it.
 
     Parameters
     ----------
@@ -204,39 +181,33 @@ def count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int
     seed : int
         Seed of k-means for the rising count.
     """
-    if parameters.count == "eigengap":
-        return _largest_gap(deviation, parameters)
-    if parameters.count == "rotation":
-        _, vectors = spectrum(affinities(deviation, parameters)[0], parameters.zero)
-        return aligned_count(vectors[:, ::-1])
+    if parameters.count == "rigidity":
+        return int(rigid_groups(deviation, parameters).max()) + 1
     if parameters.count == "rising":
         return _first_rigid(deviation, parameters, seed)
-    return int(rigid_groups(deviation, parameters).max()) + 1
-
-
-def _largest_gap(deviation: Floats, parameters: LimbParameters) -> int:
-    """Number of leading eigenvalues before the largest gap (von Luxburg 2007, 8.3)."""
-    values, _ = spectrum(affinities(deviation, parameters)[0], parameters.zero)
-    falling = values[::-1]
-    gaps = falling[:-1] - falling[1:]
+    values, vectors = spectrum(affinities(deviation, parameters.spectral)[0])
+    if parameters.count == "rotation":
+        return aligned_count(vectors[:, ::-1])
+    gaps = -np.diff(values[::-1])  # the number of leading eigenvalues before the largest gap (von Luxburg 2007, 8.3)
     return int(np.argmax(gaps[: max(1, len(values) // 2)])) + 1
 
 
 def _first_rigid(deviation: Floats, parameters: LimbParameters, seed: int) -> int:
-    """Smallest k whose clusters hold no pair that varies more than the limit (seed 3.4.1)."""
+    """Smallest k whose clusters hold no pair that varies more than the limit (Schönauer 2007, 3.4.1)."""
     limit = parameters.rigid_limit or RIGID_FACTOR * float(np.sqrt(2 * noise_variance(deviation)))
     for k in range(1, len(deviation)):
-        labels = spectral_clusters(deviation, k, parameters, seed)
+        labels = spectral_clusters(deviation, k, parameters.spectral, seed)
         if deviation[labels[:, np.newaxis] == labels].max() <= limit:
             return k
     return len(deviation)
 
 
 def majority(groupings: list[Ints]) -> Ints:
-    """Group markers that more than half of the groupings put together (Kirk et al. 2005 keep the tightest of several).
+    """Group markers that more than half of the groupings put together.
 
     Where that is contradictory, because a is with b and b with c but a not with c, the markers that hang together are
-    grouped as in the grouping that agrees best with the others about them.
+    grouped as in the grouping that agrees best with the others about them. Kirk et al. (2005) keep the tightest of
+    several groupings.
 
     Parameters
     ----------
@@ -274,28 +245,39 @@ def _agreed(together: Floats, groupings: list[Ints]) -> Ints:
     return np.asarray(best.argmax(axis=1), dtype=np.intp)
 
 
-STRAY = 3.0
-"""Times the usual deviation between neighbouring limbs. The only marker of a limb hangs on a joint, which keeps it near
-some marker; a marker of the room, of a bystander or one whose label wanders has no such neighbour."""
+def _is_outlier(groups: Ints, deviation: Floats) -> Bools:
+    """Whether markers are alone in their group and move against all others far more than neighbouring limbs do.
 
-
-def stray_markers(groups: Ints, deviation: Floats) -> Bools:
-    """Find markers that are alone in their group and have no neighbour.
-
-    Parameters
-    ----------
-    groups : ndarray of intp, shape (n_markers,)
-        Group of each marker, from 0 without holes.
-    deviation : ndarray, shape (n_markers, n_markers), mm
-        Standard deviations of distances, NaN where unknown.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_markers,)
-        None if there are fewer than two limbs with several markers: nothing tells how much limbs usually move.
+    None if there are fewer than two limbs with several markers: nothing says how much limbs usually move.
     """
     known = ~np.isnan(deviation)
     usual = PairSums(np.where(known, deviation, 0.0) ** 2 / 2, known.astype(np.float64), groups).usual_motion()
     others = np.where(known, deviation, np.inf) + np.diag(np.full(len(groups), np.inf))
     is_alone = np.bincount(groups)[groups] == 1
-    return np.asarray(is_alone & (others.min(axis=1) ** 2 / 2 > STRAY**2 * usual) & (usual > 0))
+    return np.asarray(is_alone & (others.min(axis=1) ** 2 / 2 > OUTLIER**2 * usual) & (usual > 0))
+
+
+def _usable(deviation: Floats, constraints: MarkerConstraints) -> Ints:
+    """Markers that are seen with another one, or that the user puts on a limb with one that is."""
+    others: Floats = deviation + np.where(np.eye(len(deviation)) > 0, np.nan, 0.0)
+    has_company: Bools = np.asarray(~np.isnan(others).all(axis=1))
+    for block in constraints.blocks:
+        has_company[list(block)] = has_company[list(block)].any()
+    return np.flatnonzero(has_company)
+
+
+def _complete(deviation: Floats) -> Floats:
+    """Give pairs that are never seen together the largest deviation: nothing says that they are rigid."""
+    return np.where(np.isnan(deviation), np.nanmax(deviation), deviation)
+
+
+def _numbered_by_first(groups: Ints) -> Ints:
+    """Number groups by their first marker."""
+    _, first, inverse = np.unique(groups, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[inverse]
+
+
+def _notice_left_out(trajectories: Trajectories, markers: Ints, reason: str, monitor: Monitor) -> None:
+    if len(markers):
+        names = ", ".join(trajectories.names[marker] for marker in markers)
+        monitor.notice(f"left out, {reason}: {names}")

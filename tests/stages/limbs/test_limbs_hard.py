@@ -12,8 +12,7 @@ from skelgen.simulation import simulate
 from skelgen.simulation.articulated import Structure
 from skelgen.simulation.structures import find_structure
 from skelgen.stages.classic.spectral import aligned_count
-from skelgen.stages.limbs import LimbParameters, find_limbs
-from skelgen.stages.limbs.constraints import find_constraints, name_groups
+from skelgen.stages.limbs import LimbConstraints, LimbParameters, find_limbs
 from skelgen.stages.limbs.relative_motion import Movements
 from skelgen.stages.limbs.stage import majority
 
@@ -76,7 +75,7 @@ def test_markers_never_seen_together_have_no_motion(simulated):
 def test_markers_that_the_user_puts_together_share_a_limb(simulated):
     take = simulated("rods", noise=0.5).take
     first, second = take.names[0], take.names[4]
-    labels = find_limbs(take, together=[(first, second)]).limb_of_marker
+    labels = find_limbs(take, constraints=LimbConstraints(together=[(first, second)])).limb_of_marker
     assert labels[0] == labels[4]
 
 
@@ -87,34 +86,34 @@ def test_markers_that_the_user_sets_apart_share_no_limb(simulated):
 
 
 @pytest.mark.parametrize("method", ["rigidity", "distances", "spectral", "greedy"])
-def test_all_methods_obey_wishes_and_number_together(simulated, method):
+def test_all_methods_obey_constraints(simulated, method):
     take = simulated("rods", noise=0.5).take
     names = take.names
-    wishes = {"together": [(names[0], names[3])], "apart": [(names[0], names[1])]}
-    limbs = find_limbs(take, LimbParameters(method=method), **wishes)
+    constraints = LimbConstraints(together=[(names[0], names[3])], apart=[(names[0], names[1])])
+    limbs = find_limbs(take, LimbParameters(method=method), constraints=constraints)
     assert limbs.limb_of_marker[0] == limbs.limb_of_marker[3]
     assert limbs.limb_of_marker[0] != limbs.limb_of_marker[1]
 
 
 def test_groups_with_a_common_marker_are_one_group():
-    wishes = find_constraints(("a", "b", "c", "d"), [("a", "b"), ("b", "c")], [("c", "d")])
-    assert wishes.blocks == [(0, 1, 2), (3,)]
-    np.testing.assert_array_equal(wishes.apart[3], [True, True, True, False])
+    constraints = LimbConstraints([("a", "b"), ("b", "c")], [("c", "d")]).of_markers(("a", "b", "c", "d"))
+    assert constraints.blocks == [(0, 1, 2), (3,)]
+    np.testing.assert_array_equal(constraints.apart[3], [True, True, True, False])
 
 
-def test_wishes_that_contradict_each_other_are_refused():
+def test_constraints_that_contradict_each_other_are_refused():
     with pytest.raises(InputError, match="'a' and 'c' are asked to share a limb and not to"):
-        find_constraints(("a", "b", "c"), [("a", "b"), ("b", "c")], [("a", "c")])
+        LimbConstraints([("a", "b"), ("b", "c")], [("a", "c")]).of_markers(("a", "b", "c"))
 
 
-def test_unknown_marker_in_a_wish_is_refused(simulated):
+def test_unknown_marker_in_a_constraint_is_refused(simulated):
     with pytest.raises(InputError, match="there is no marker 'knee'"):
-        find_limbs(simulated("rods").take, together=[("knee", "ankle")])
+        find_limbs(simulated("rods").take, constraints=LimbConstraints(together=[("knee", "ankle")]))
 
 
 def test_groups_of_names_are_read_from_text():
-    assert name_groups("a, b; c d , e;") == (("a", "b"), ("c d", "e"))
-    assert name_groups("") == ()
+    stated = LimbConstraints().with_parameters(LimbParameters(together="a, b; c d , e;"))
+    assert stated == LimbConstraints((("a", "b"), ("c d", "e")), ())
 
 
 def test_majority_outvotes_one_grouping():

@@ -10,7 +10,7 @@ import pytest
 from skelgen.app.project_file.archive import open_project, save_project
 from skelgen.kinematics.inverse.posed_motion import PosedMotion
 from skelgen.model import Motion
-from skelgen.stages.joints import find_joints, placing
+from skelgen.stages.joints import find_joints, search, segments
 from skelgen.stages.skeleton import fit_skeleton, long_takes
 
 ABSENT = slice(400, 560)  # longer than the margins of blocks
@@ -19,9 +19,9 @@ ABSENT = slice(400, 560)  # longer than the margins of blocks
 @pytest.fixture
 def short_blocks(monkeypatch):
     """Takes of more than 200 frames count as long, and are looked at in blocks of some 150."""
-    for module in (placing, long_takes):
+    for module in (segments, search, long_takes):
         monkeypatch.setattr(module, "BLOCK_FRAMES", 150)
-    monkeypatch.setattr(placing, "THIN_FRAMES", 300)
+    monkeypatch.setattr(segments, "THIN_FRAMES", 300)
     monkeypatch.setattr(long_takes, "LONGEST_AT_ONCE", 200)
     monkeypatch.setattr(long_takes, "TELLING_FRAMES", 300)
     monkeypatch.setattr(long_takes, "MARGIN", 40)
