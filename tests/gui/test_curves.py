@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from PySide6.QtCore import QPointF, Qt
-from skelgen_gui.model.curves import Curve, Extremes, Panel, joint_curve
+from skelgen_gui.model.curves import Curve, Panel, joint_curve
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.widgets.theme import colour_of_limb, component_colour
 
+from skelgen.app.drawing.scales import Extremes
 from skelgen.model import Project
 
 EXACT = 1e-9  # degrees: only rounding

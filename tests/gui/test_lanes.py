@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_gui.model.lanes import State, doubt_at, find_lanes, lane_picture, next_doubt, point_counts
+from skelgen_gui.model.lanes import doubt_at, lane_picture, next_doubt, point_counts
 
+from skelgen.app.drawing.lanes import State, find_lanes
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.labelling import Doubt
 

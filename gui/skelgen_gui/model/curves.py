@@ -9,80 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.app.drawing.measures import residual_per_frame
+from skelgen.app.drawing.scales import Extremes
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.kinematics.joints.angles import angle_names, joint_angles
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.model.lanes import point_counts
 from skelgen_gui.model.translation import translate
-
-_BLOCK = 64  # frames whose extremes are kept: an hour at 100 Hz is 6000 blocks
-
-
-@dataclass(frozen=True, eq=False)
-class Extremes:
-    """The lowest and highest value of every stretch of a curve, quickly.
-
-    Attributes
-    ----------
-    low, high : ndarray, shape (n_frames,)
-        Lower and upper edge of what is drawn; the same array for a line, NaN where unknown.
-    block_low, block_high : ndarray, shape (n_blocks,)
-        Extremes of every 64 frames.
-    """
-
-    low: Floats
-    high: Floats
-    block_low: Floats
-    block_high: Floats
-
-    @classmethod
-    def of(cls, low: Floats, high: Floats | None = None) -> Extremes:
-        """Prepare a line, or a band between two lines."""
-        low = np.ascontiguousarray(low)
-        high = low if high is None else np.ascontiguousarray(high)
-        starts = np.arange(0, len(low), _BLOCK)
-        if not len(low):
-            return cls(low, high, low, high)
-        return cls(low, high, np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts))
-
-    def columns(self, first: float, end: float, n_columns: int) -> tuple[Floats, Floats]:
-        """Return the extremes in each column of a picture.
-
-        Where columns are narrower than frames, values between frames are interpolated.
-
-        Parameters
-        ----------
-        first, end : float
-            The stretch [frames] that the picture shows; frame f lies from f to f + 1.
-        n_columns : int
-            Columns of the picture.
-
-        Returns
-        -------
-        low, high : ndarray, shape (n_columns,)
-            NaN where nothing is known.
-        """
-        edges = np.linspace(first, end, n_columns + 1)
-        per_column = (end - first) / n_columns
-        if per_column <= 1:
-            places = (edges[1:] + edges[:-1]) / 2 - 0.5
-            return _between(self.low, places), _between(self.high, places)
-        if per_column >= 2 * _BLOCK:
-            return _reduced(self.block_low, self.block_high, edges / _BLOCK)
-        return _reduced(self.low, self.high, edges)
-
-
-def _between(values: Floats, places: Floats) -> Floats:
-    """Interpolate; unknown beside an unknown frame."""
-    return np.asarray(np.interp(places, np.arange(len(values)), values))
-
-
-def _reduced(low: Floats, high: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Extremes between edges that are more than one value apart."""
-    starts = np.clip(edges.astype(np.intp), 0, len(low) - 1)
-    last = min(int(np.ceil(edges[-1])), len(low))
-    return np.fmin.reduceat(low[:last], starts[:-1]), np.fmax.reduceat(high[:last], starts[:-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,12 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from skelgen.app.drawing.poses import find_views
+from skelgen.app.drawing.poses import Bones, find_bones, find_views
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.skeleton import Joint
-from skelgen_gui.model.lines import Bones, find_bones
 from skelgen_gui.model.viewpoint import level_axes
 
 TRAIL_SECONDS = (0.25, 0.5, 1.0, 2.0)

@@ -20,9 +20,10 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QScrollBar, QSizePolicy, QWidget
 
+from skelgen.app.drawing.lanes import Lanes, State, find_lanes
 from skelgen.model import Project
 from skelgen.model.arrays import Ints
-from skelgen_gui.model.lanes import Lanes, State, find_lanes, lane_picture, lane_sentence
+from skelgen_gui.model.lanes import lane_picture, lane_sentence
 from skelgen_gui.model.selection import NO_MARKERS, Selection
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session

@@ -59,8 +59,77 @@ class LogScale:
         return np.asarray(np.log10(clipped_low / self.low) / np.log10(self.high / self.low))
 
 
-def envelope(values: Floats, n_bins: int) -> tuple[Floats, Floats, Floats]:
-    """Decimate a curve honestly: the smallest and the largest value of each stretch, so that no peak is lost.
+_BLOCK = 64  # frames whose extremes are kept: an hour at 100 Hz is 6000 blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Extremes:
+    """The lowest and highest value of every stretch of a curve, quickly.
+
+    Attributes
+    ----------
+    low, high : ndarray, shape (n_frames,)
+        Lower and upper edge of what is drawn; the same array for a line, NaN where unknown.
+    block_low, block_high : ndarray, shape (n_blocks,)
+        Extremes of every 64 frames.
+    """
+
+    low: Floats
+    high: Floats
+    block_low: Floats
+    block_high: Floats
+
+    @classmethod
+    def of(cls, low: Floats, high: Floats | None = None) -> Extremes:
+        """Prepare a line, or a band between two lines."""
+        low = np.ascontiguousarray(low)
+        high = low if high is None else np.ascontiguousarray(high)
+        starts = np.arange(0, len(low), _BLOCK)
+        if not len(low):
+            return cls(low, high, low, high)
+        return cls(low, high, np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts))
+
+    def columns(self, first: float, end: float, n_columns: int) -> tuple[Floats, Floats]:
+        """Return the extremes in each column of a picture.
+
+        Where columns are narrower than frames, values between frames are interpolated.
+
+        Parameters
+        ----------
+        first, end : float
+            The stretch [frames] that the picture shows; frame f lies from f to f + 1.
+        n_columns : int
+            Columns of the picture.
+
+        Returns
+        -------
+        low, high : ndarray, shape (n_columns,)
+            NaN where nothing is known.
+        """
+        edges = np.linspace(first, end, n_columns + 1)
+        per_column = (end - first) / n_columns
+        if per_column <= 1:
+            places = (edges[1:] + edges[:-1]) / 2 - 0.5
+            return _between(self.low, places), _between(self.high, places)
+        if per_column >= 2 * _BLOCK:
+            return _reduced(self.block_low, self.block_high, edges / _BLOCK)
+        return _reduced(self.low, self.high, edges)
+
+
+def _between(values: Floats, places: Floats) -> Floats:
+    """Interpolate; unknown beside an unknown frame."""
+    return np.asarray(np.interp(places, np.arange(len(values)), values))
+
+
+def _reduced(low: Floats, high: Floats, edges: Floats) -> tuple[Floats, Floats]:
+    """Extremes between edges that are more than one value apart."""
+    starts = np.clip(edges.astype(np.intp), 0, len(low) - 1)
+    last = min(int(np.ceil(edges[-1])), len(low))
+    return np.fmin.reduceat(low[:last], starts[:-1]), np.fmax.reduceat(high[:last], starts[:-1])
+
+
+def envelope(values: Floats, n_bins: int, upper: Floats | None = None) -> tuple[Floats, Floats, Floats]:
+    """Return the extremes of a curve, or of the band below another one, in stretches of nearly equal length.
 
     Parameters
     ----------
@@ -68,6 +137,8 @@ def envelope(values: Floats, n_bins: int) -> tuple[Floats, Floats, Floats]:
         One value per frame, NaN where unknown.
     n_bins : int
         Number of stretches at most.
+    upper : ndarray, shape (n,), optional
+        Upper edge of the band.
 
     Returns
     -------
@@ -75,9 +146,9 @@ def envelope(values: Floats, n_bins: int) -> tuple[Floats, Floats, Floats]:
         Middle of each stretch as a frame index, and its extremes; NaN where no frame of it is known.
     """
     starts, stops = bin_edges(len(values), n_bins)
-    low = np.fmin.reduceat(values, starts) if len(starts) else np.zeros(0)
-    high = np.fmax.reduceat(values, starts) if len(starts) else np.zeros(0)
-    return (starts + stops - 1) / 2, low, high
+    if not len(starts):
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    return (starts + stops - 1) / 2, *Extremes.of(values, upper).columns(0.0, len(values), len(starts))
 
 
 def bin_edges(n_frames: int, n_bins: int) -> tuple[Ints, Ints]:

@@ -189,8 +189,7 @@ def angle_figure(times: Floats, angles: Floats, stds: Floats, names: tuple[str, 
 
 def _band(axes: Axes, times: Floats, angle: Floats, std: Floats, cls: str) -> Markup:
     """The curve in the middle of each stretch, within the band that holds all of its intervals."""
-    centres, low, _ = envelope(angle - _SURE * std, _ANGLES_MOST_BINS)
-    _, _, high = envelope(angle + _SURE * std, _ANGLES_MOST_BINS)
+    centres, low, high = envelope(angle - _SURE * std, _ANGLES_MOST_BINS, angle + _SURE * std)
     at = times[np.round(centres).astype(np.intp)]
     middle = angle[np.round(centres).astype(np.intp)]
     across = np.array([axes.x(value) for value in at.tolist()])
