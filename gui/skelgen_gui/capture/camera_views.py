@@ -140,7 +140,15 @@ class ViewList(ValueTable):
         self._views: tuple[View, ...] = ()
 
     def show_views(self, views: Sequence[View], fits: Mapping[str, Fit]) -> None:
-        """Show views, with how they fit where that is known."""
+        """Show views, with how they fit where that is known.
+
+        Parameters
+        ----------
+        views : sequence of View
+            The views.
+        fits : mapping of str to Fit
+            How well views fit, by their names, where that is known.
+        """
         views = tuple(views)
         if views != self._views:
             self._views = views

@@ -48,7 +48,13 @@ class PicturePair(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
 
     def show_pair(self, left: CameraImage, right: CameraImage) -> None:
-        """Show other pictures; they replace those before."""
+        """Show other pictures; they replace those before.
+
+        Parameters
+        ----------
+        left, right : CameraImage
+            What both cameras see.
+        """
         self._images = left, right
         self.update()
 
@@ -58,7 +64,15 @@ class PicturePair(QWidget):
         self.update()
 
     def place_of(self, side: int, x: float, y: float) -> QPointF:
-        """Return where a place [px] in the left (0) or right (1) picture is in this widget."""
+        """Return where a place [px] in the left (0) or right (1) picture is in this widget.
+
+        Parameters
+        ----------
+        side : int
+            0 is the left picture, 1 the right one.
+        x, y : float, px
+            The place in the picture.
+        """
         seen = self._images[side] if self._images is not None else None
         box, scale = self._box(side, seen)
         return box.topLeft() + QPointF((x + 0.5) * scale, (y + 0.5) * scale)

@@ -109,7 +109,15 @@ class ValueTable(QTableWidget):
                 self.setItem(row, column, item)
 
     def show_row(self, row: int, texts: Iterable[str]) -> None:
-        """Show the numbers of a row."""
+        """Show the numbers of a row.
+
+        Parameters
+        ----------
+        row : int
+            Which row.
+        texts : iterable of str
+            Its numbers, behind the name.
+        """
         for column, text in enumerate(texts, start=1):
             item = self.item(row, column)
             if item is not None and item.text() != text:

@@ -75,7 +75,17 @@ class GraphPainting:
             self.line(joint.rival, doubt_colour(self._palette), Qt.PenStyle.DashDotLine)
 
     def line(self, pair: tuple[int, int], colour: QColor, style: Qt.PenStyle) -> None:
-        """Paint a line between two limbs that stands out."""
+        """Paint a line between two limbs that stands out.
+
+        Parameters
+        ----------
+        pair : tuple of int
+            The limbs.
+        colour : QColor
+            Colour of the line.
+        style : Qt.PenStyle
+            Its dashes.
+        """
         self._painter.setPen(QPen(colour, 2.0, style))
         self._painter.drawLine(*self._ends(pair))
 
@@ -111,7 +121,15 @@ class GraphPainting:
         return self._metrics.horizontalAdvance(label) + _WORDS_PAD if label else 0.0
 
     def limbs(self, selected: set[int], pointed: int | None) -> None:
-        """Paint the limbs with their numbers."""
+        """Paint the limbs with their numbers.
+
+        Parameters
+        ----------
+        selected : set of int
+            Limbs that are selected.
+        pointed : int or None
+            The limb under the pointer.
+        """
         on_limb = QColor("#101214" if is_dark(self._palette) else "#ffffff")
         for limb, (x, y) in enumerate(self._places.tolist()):
             at = QPointF(x, y)

@@ -151,7 +151,13 @@ class MatrixPainting:
         self._painter.drawText(room, _Align.AlignLeft | _Align.AlignVCenter, cell_sentence(self._matrix, row, column))
 
     def rubber_band(self, first: QPointF, second: QPointF) -> None:
-        """Paint the square that is being drawn."""
+        """Paint the square that is being drawn.
+
+        Parameters
+        ----------
+        first, second : QPointF, px
+            Two of its corners.
+        """
         colour = QColor(self._palette.color(_Role.Highlight))
         self._painter.setPen(QPen(colour, 1.5))
         colour.setAlphaF(_TINT)

@@ -56,7 +56,13 @@ class MatrixView(QWidget):
         return QSize(560, 480)
 
     def cell_place(self, row: int, column: int) -> QPointF:
-        """Return the middle of a cell in this widget; rows and columns are ordered by limb."""
+        """Return the middle of a cell in this widget; rows and columns are ordered by limb.
+
+        Parameters
+        ----------
+        row, column : int
+            The cell.
+        """
         return QPointF(*self._placed.block((row, row + 1), (column, column + 1)).middle)
 
     def tip_at(self, place: QPointF) -> str:

@@ -66,14 +66,28 @@ class ViewCamera:
         self.look_home()
 
     def show_cameras(self, points: Floats, up: int | None) -> None:
-        """Let cameras, points [mm] of shape (n, 3), belong to the take; they may say which axis points up."""
+        """Let cameras, points [mm] of shape (n, 3), belong to the take; they may say which axis points up.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3), mm
+            Points of the cameras' frustums.
+        up : int or None
+            The coordinate axis that points up, or with `DOWN` added down, if the cameras tell.
+        """
         is_without = not len(points) and not len(self._cameras) and up == self._up_of_cameras
         self._cameras, self._up_of_cameras = points, up
         if not is_without:
             self.look_home()
 
     def resize(self, width: int, height: int) -> None:
-        """Use a picture of another size [px]."""
+        """Use a picture of another size [px].
+
+        Parameters
+        ----------
+        width, height : int, px
+            Size of the picture.
+        """
         self.canvas = replace(self.canvas, width=width, height=height)
         if self.is_home:
             self.look_home()
@@ -108,7 +122,15 @@ class ViewCamera:
         self.is_home = True
 
     def look(self, right_of_front: float, elevation: float) -> None:
-        """Look from a direction [rad]: so far to the right of the front, so far from above."""
+        """Look from a direction [rad]: so far to the right of the front, so far from above.
+
+        Parameters
+        ----------
+        right_of_front : float, rad
+            How far to the right of the front the viewer stands.
+        elevation : float, rad
+            How far above.
+        """
         self.move(replace(self.canvas.viewpoint, azimuth=self._front + right_of_front, elevation=elevation))
 
     def fit_take(self) -> None:
@@ -117,7 +139,15 @@ class ViewCamera:
             self._fit(np.concatenate([self.scene.usual, self._cameras]))
 
     def fit_frame(self, frame: int, markers: set[int]) -> None:
-        """Fit some markers in a frame, or all that is there."""
+        """Fit some markers in a frame, or all that is there.
+
+        Parameters
+        ----------
+        frame : int
+            The frame.
+        markers : set of int
+            Markers that are fitted; all that is there if it is empty.
+        """
         if self.scene is None or frame >= self.scene.n_frames:
             return
         self.follow(None if self._anchor is None else frame)

@@ -79,7 +79,15 @@ class Panel:
     from_zero: bool = True
 
     def columns(self, first: float, end: float, n_columns: int) -> list[Columns]:
-        """Return what each curve has in the columns of a picture of a stretch [frames]."""
+        """Return what each curve has in the columns of a picture of a stretch [frames].
+
+        Parameters
+        ----------
+        first, end : float
+            The stretch [frames] that the picture shows.
+        n_columns : int
+            Columns of the picture.
+        """
         return [
             Columns(
                 curve.line.columns(first, end, n_columns),
@@ -125,7 +133,15 @@ class JointCurve:
 
 
 def joint_curve(project: Project, joint: int) -> JointCurve:
-    """Return the angles of a joint of a project with a skeleton."""
+    """Return the angles of a joint of a project with a skeleton.
+
+    Parameters
+    ----------
+    project : Project
+        With a skeleton.
+    joint : int
+        Index of the joint.
+    """
     one, motion = project.skeleton.joints[joint], project.motion
     relative = motion.rotations[:, one.parent].swapaxes(1, 2) @ motion.rotations[:, one.child]
     angles = joint_angles(one, relative)
@@ -150,7 +166,17 @@ def residual_curve(project: Project) -> Curve:
 
 
 def residual_panel(project: Project, mean: Curve, markers: Iterable[int]) -> Panel:
-    """Return the residuals: their mean, and those of some markers."""
+    """Return the residuals: their mean, and those of some markers.
+
+    Parameters
+    ----------
+    project : Project
+        With a skeleton.
+    mean : Curve
+        The mean residual of all markers.
+    markers : iterable of int
+        Markers whose residuals are drawn.
+    """
     markers = list(markers)
     limbs = project.limbs.limb_of_marker[markers].tolist()
     shown = tuple(
@@ -171,7 +197,15 @@ def residual_panel(project: Project, mean: Curve, markers: Iterable[int]) -> Pan
 
 
 def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
-    """Return the angles of a joint, and how sure its place is."""
+    """Return the angles of a joint, and how sure its place is.
+
+    Parameters
+    ----------
+    project : Project
+        With a skeleton.
+    joint : int
+        Index of the joint.
+    """
     one = project.skeleton.joints[joint]
     found = joint_curve(project, joint)
     curves = []

@@ -15,7 +15,15 @@ from skelgen.model.labelling import Doubt
 
 
 def doubt_at(project: Project, marker: int, frame: int) -> Doubt | None:
-    """Return the doubt about a marker in a frame, the least sure one if there are several."""
+    """Return the doubt about a marker in a frame, the least sure one if there are several.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    marker, frame : int
+        Which marker, and in which frame.
+    """
     if not project.has_labelling:
         return None
     here = (
@@ -27,7 +35,17 @@ def doubt_at(project: Project, marker: int, frame: int) -> Doubt | None:
 
 
 def next_doubt(project: Project, frame: int, direction: int) -> Doubt | None:
-    """Return the doubt that begins next after a frame, or before it where `direction` is negative."""
+    """Return the doubt that begins next after a frame, or before it where `direction` is negative.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    frame : int
+        Where the search begins.
+    direction : int
+        Negative searches backward.
+    """
     doubts = project.labelling.doubts if project.has_labelling else ()
     if direction < 0:
         return max((doubt for doubt in doubts if doubt.first_frame < frame), key=_first_frame, default=None)

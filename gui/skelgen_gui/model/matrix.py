@@ -121,7 +121,13 @@ class Box(NamedTuple):
         return self.left + self.width / 2, self.top + self.height / 2
 
     def clamped(self, x: float, y: float) -> tuple[float, float]:
-        """Return the nearest place within it."""
+        """Return the nearest place within it.
+
+        Parameters
+        ----------
+        x, y : float, px
+            The place.
+        """
         return min(max(x, self.left), self.right), min(max(y, self.top), self.bottom)
 
 
@@ -149,7 +155,13 @@ class PlacedRegion:
         return self.square.width / self.region.size
 
     def corner(self, row: float, column: float) -> tuple[float, float]:
-        """Return where a row and a column begin, x and y [px], within the square."""
+        """Return where a row and a column begin, x and y [px], within the square.
+
+        Parameters
+        ----------
+        row, column : float
+            The row and the column.
+        """
         x = self.square.left + (column - self.region.column) * self.cell
         return self.square.clamped(x, self.square.top + (row - self.region.row) * self.cell)
 
@@ -166,7 +178,13 @@ class PlacedRegion:
         return Box(left, top, right - left, bottom - top)
 
     def index_at(self, x: float, y: float) -> tuple[float, float]:
-        """Return row and column at a place [px], within what is in sight."""
+        """Return row and column at a place [px], within what is in sight.
+
+        Parameters
+        ----------
+        x, y : float, px
+            The place.
+        """
         x, y = self.square.clamped(x, y)
         return (
             self.region.row + (y - self.square.top) / self.cell,
@@ -174,7 +192,13 @@ class PlacedRegion:
         )
 
     def cell_at(self, x: float, y: float) -> tuple[int, int] | None:
-        """Return row and column of the cell at a place [px]; None beside the matrix."""
+        """Return row and column of the cell at a place [px]; None beside the matrix.
+
+        Parameters
+        ----------
+        x, y : float, px
+            The place.
+        """
         if not self.n or self.square.clamped(x, y) != (x, y):
             return None
         row, column = (min(int(index), self.n - 1) for index in self.index_at(x, y))

@@ -61,13 +61,29 @@ def pick(picture: Picture, x: float, y: float) -> Pick | None:
 
 
 def is_drawn(picture: Picture, picked: Pick) -> bool:
-    """Whether something is drawn: in another frame it may be hidden."""
+    """Whether something is drawn: in another frame it may be hidden.
+
+    Parameters
+    ----------
+    picture : Picture
+        What is drawn.
+    picked : Pick
+        A marker, joint or bone.
+    """
     places = {MARKER: picture.markers, JOINT: picture.joints, BONE: picture.bones}[picked.kind]
     return picked.index < len(places) and not bool(np.isnan(places[picked.index]).any())
 
 
 def markers_within(picture: Picture, left: float, top: float, right: float, bottom: float) -> frozenset[int]:
-    """Return the markers that are drawn within a rectangle [px], its border included."""
+    """Return the markers that are drawn within a rectangle [px], its border included.
+
+    Parameters
+    ----------
+    picture : Picture
+        What is drawn.
+    left, top, right, bottom : float, px
+        The rectangle.
+    """
     inside = (picture.markers >= (left, top)) & (picture.markers <= (right, bottom))
     return frozenset(np.flatnonzero(inside.all(axis=1)).tolist())
 
@@ -120,7 +136,17 @@ class Marked:
 
 
 def is_selected(picked: Pick, selection: Selection, scene: Scene) -> bool:
-    """Whether something is selected already."""
+    """Whether something is selected already.
+
+    Parameters
+    ----------
+    picked : Pick
+        A marker, joint or bone.
+    selection : Selection
+        What is selected.
+    scene : Scene
+        Knows the limbs of bones and markers.
+    """
     marked = Marked(selection)
     if picked.kind == BONE:
         return int(scene.bones.limb[picked.index]) == selection.limb
@@ -128,7 +154,17 @@ def is_selected(picked: Pick, selection: Selection, scene: Scene) -> bool:
 
 
 def with_pick(before: Selection, picked: Pick, scene: Scene) -> Selection:
-    """Add a marker, a joint, or a bone's limb to a selection; a marker that is in it is taken away."""
+    """Add a marker, a joint, or a bone's limb to a selection; a marker that is in it is taken away.
+
+    Parameters
+    ----------
+    before : Selection
+        What is selected already.
+    picked : Pick
+        A marker, joint or bone.
+    scene : Scene
+        Knows the limbs of bones.
+    """
     if picked.kind == MARKER:
         return replace(before, markers=before.markers ^ {picked.index})
     if picked.kind == JOINT:

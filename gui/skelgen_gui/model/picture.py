@@ -68,6 +68,25 @@ class Canvas:
         return places.reshape(*points.shape[:-1], 2), depths.reshape(points.shape[:-1])
 
 
+@dataclass(frozen=True)
+class FrameView:
+    """Which frame is painted, from where, and what of it.
+
+    Attributes
+    ----------
+    frame : int
+        From 0.
+    canvas : Canvas
+        The viewer, and the size of the picture.
+    shown : Shown
+        What is shown.
+    """
+
+    frame: int
+    canvas: Canvas
+    shown: Shown
+
+
 def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: float, magnification: float) -> Picture:
     """Project what is shown of a snapshot.
 

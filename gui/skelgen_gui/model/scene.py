@@ -286,7 +286,15 @@ class Scene:
         return np.asarray(self.trajectories.positions[[*self._frames_before(frame, seconds), frame]])
 
     def past_points(self, frame: int, seconds: float) -> Floats:
-        """Return all points of a take that has no markers yet, from some time [s] before a frame on, shape (n, 3)."""
+        """Return all points of a take that has no markers yet, from some time [s] before a frame on, shape (n, 3).
+
+        Parameters
+        ----------
+        frame : int
+            From 0.
+        seconds : float, s
+            How far back.
+        """
         if self.trajectories is not None:
             return _NO_POINTS
         return np.concatenate([_NO_POINTS, *(self._points(earlier) for earlier in self._frames_before(frame, seconds))])

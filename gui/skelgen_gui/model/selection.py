@@ -49,7 +49,15 @@ class Offer:
     value: str = ""
 
     def correction(self, value: str = "", first: int | None = None, last: int | None = None) -> Correction:
-        """Return the correction with what the user was asked."""
+        """Return the correction with what the user was asked.
+
+        Parameters
+        ----------
+        value : str
+            What the user entered, where the offer has no value itself.
+        first, last : int, optional
+            Frames from which and to which it holds.
+        """
         return Correction(self.kind, self.names, first, last, self.value or value)
 
 
@@ -74,7 +82,15 @@ def offers(project: Project | None, selection: Selection) -> tuple[Offer, ...]:
 
 
 def new_name(project: Project, name: str) -> str:
-    """Propose a name that no marker has yet for a part of a marker."""
+    """Propose a name that no marker has yet for a part of a marker.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    name : str
+        Name of the marker.
+    """
     number = 2
     while f"{name}_{number}" in project.trajectories.names:
         number += 1
@@ -123,5 +139,13 @@ def _of_joints(project: Project, selection: Selection, names: tuple[str, ...]) -
 
 
 def name_of_limb(project: Project, limb: int) -> str:
-    """Return the marker by which a limb is named: its first."""
+    """Return the marker by which a limb is named: its first.
+
+    Parameters
+    ----------
+    project : Project
+        With limbs.
+    limb : int
+        Index of the limb.
+    """
     return project.trajectories.names[int(project.limbs.markers_of(limb)[0])]

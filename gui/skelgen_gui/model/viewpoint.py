@@ -117,18 +117,42 @@ class Viewpoint:
         return places, depths
 
     def orbited(self, right: float, up: float) -> Viewpoint:
-        """Turn about the target by two angles [rad]; the viewer stops above and below it."""
+        """Turn about the target by two angles [rad]; the viewer stops above and below it.
+
+        Parameters
+        ----------
+        right, up : float, rad
+            How far the viewer goes to the right and up.
+        """
         elevation = min(max(self.elevation + up, -math.pi / 2), math.pi / 2)
         return replace(self, azimuth=math.remainder(self.azimuth + right, math.tau), elevation=elevation)
 
     def panned(self, right: float, down: float, height: float) -> Viewpoint:
-        """Shift the picture by pixels; what lies as deep as the target follows exactly."""
+        """Shift the picture by pixels; what lies as deep as the target follows exactly.
+
+        Parameters
+        ----------
+        right, down : float, px
+            How far the picture is shifted.
+        height : float, px
+            Height of the picture.
+        """
         across, upward, _ = self.basis
         shift = (down * upward - right * across) / self.scale(height)
         return self.looking_at(np.array(self.target) + shift)
 
     def zoomed(self, factor: float, right: float = 0.0, down: float = 0.0, height: float = 1.0) -> Viewpoint:
-        """Come nearer by a factor; a place [px] from the middle of the picture stays where it is."""
+        """Come nearer by a factor; a place [px] from the middle of the picture stays where it is.
+
+        Parameters
+        ----------
+        factor : float
+            More than 1 comes nearer.
+        right, down : float, px
+            The place that stays, from the middle of the picture.
+        height : float, px
+            Height of the picture.
+        """
         distance = min(max(self.distance / factor, DISTANCES[0]), DISTANCES[1])
         part = 1.0 - distance / self.distance
         return replace(self.panned(-right * part, -down * part, height), distance=distance)

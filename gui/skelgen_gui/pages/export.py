@@ -298,7 +298,15 @@ class ExportTarget(QWidget):
         return self.name_line.text()
 
     def suggest(self, folder: Path | None, name: str) -> None:
-        """Show the place of another project; None keeps the folder that is shown."""
+        """Show the place of another project; None keeps the folder that is shown.
+
+        Parameters
+        ----------
+        folder : Path or None
+            The folder; None keeps the one that is shown.
+        name : str
+            Beginning of the files' names.
+        """
         if folder is not None:
             self.folder_line.setText(str(folder))
         self.name_line.setText(name)

@@ -82,7 +82,15 @@ class Cameras(QObject):
         return self._shown
 
     def remember(self, recording: Path, rig: StereoRig) -> None:
-        """Note which rig a recording was made with, for when it is opened."""
+        """Note which rig a recording was made with, for when it is opened.
+
+        Parameters
+        ----------
+        recording : Path
+            The recorded file.
+        rig : StereoRig
+            The rig that recorded it.
+        """
         self._known[recording.absolute()] = rig
 
     def begin_with(self, project: Project) -> None:

@@ -56,7 +56,15 @@ class CorrectionActions(QObject):
         self._document, self._runner, self._tell_error, self._window = document, runner, report_error, window
 
     def fill(self, menu: QMenu, selection: Selection | None = None) -> None:
-        """Fill a menu with what the selection allows."""
+        """Fill a menu with what the selection allows.
+
+        Parameters
+        ----------
+        menu : QMenu
+            Is cleared first.
+        selection : Selection, optional
+            What is selected; by default that of the session.
+        """
         menu.clear()
         session = self._document.session
         submenus: dict[str, QMenu] = {}
@@ -199,7 +207,19 @@ class FramesDialog(QDialog):
 def ask_frames(
     parent: QWidget, title: str, proposed: tuple[int, int], n_frames: int
 ) -> tuple[int | None, int | None] | None:
-    """Ask for frames; None if the user cancels, and None for an end that is the take's own."""
+    """Ask for frames; None if the user cancels, and None for an end that is the take's own.
+
+    Parameters
+    ----------
+    parent : QWidget
+        The window.
+    title : str
+        What the frames are for.
+    proposed : tuple of int
+        First and last frame to begin with.
+    n_frames : int
+        Number of frames of the take.
+    """
     dialog = FramesDialog(parent, title, proposed, n_frames)
     is_said = dialog.exec() == QDialog.DialogCode.Accepted
     first, last = dialog.frames()

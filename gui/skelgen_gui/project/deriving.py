@@ -155,7 +155,15 @@ class Deriver(QObject):
             self._post.arrived.emit(_Letter(weakref.ref(self), number, result))
 
     def hand_over(self, number: int, result: object) -> None:
-        """Call who waits for a result, in the window's thread, unless something else was wished since."""
+        """Call who waits for a result, in the window's thread, unless something else was wished since.
+
+        Parameters
+        ----------
+        number : int
+            Number of the request.
+        result : object
+            What the function returned, or a failure.
+        """
         if number == self._number and self._then is not None:
             then, self._then = self._then, None
             if isinstance(result, _Failure):

@@ -52,7 +52,15 @@ class Document(QObject):
         self.undo_stack = QUndoStack(self)
 
     def open(self, project: Project, path: Path | None = None) -> None:
-        """Begin with another project; nothing of the last one can be undone."""
+        """Begin with another project; nothing of the last one can be undone.
+
+        Parameters
+        ----------
+        project : Project
+            The project.
+        path : Path, optional
+            The project file that it came from.
+        """
         self.undo_stack.clear()
         self.session.open(project, path)
 
@@ -84,7 +92,15 @@ class Document(QObject):
         self._push(text, before, without_correction(before, index))
 
     def change(self, text: str, project: Project) -> None:
-        """Make any other change that can be undone."""
+        """Make any other change that can be undone.
+
+        Parameters
+        ----------
+        text : str
+            What the change is called in the menu.
+        project : Project
+            The changed project.
+        """
         self._push(text, self._project(), project)
 
     def _push(self, text: str, before: Project, after: Project) -> None:

@@ -50,7 +50,15 @@ class Runner(QObject):
         self.computes_at_once = True
 
     def set_values(self, stage: str, values: Mapping[str, Any]) -> None:
-        """Note the parameters of a stage for its next run."""
+        """Note the parameters of a stage for its next run.
+
+        Parameters
+        ----------
+        stage : str
+            Name of the stage.
+        values : mapping of str to value
+            Its parameters.
+        """
         self._values[stage] = dict(values)
 
     def holds(self, stage: str) -> bool:

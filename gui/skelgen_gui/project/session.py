@@ -119,7 +119,15 @@ class Session(QObject):
         self.other_changed.emit()
 
     def saved(self, path: Path, project: Project) -> None:
-        """Note that a project is saved in a file."""
+        """Note that a project is saved in a file.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        project : Project
+            What was saved.
+        """
         self._path, self._saved = path, project
         self.state_changed.emit()
 

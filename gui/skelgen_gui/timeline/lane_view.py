@@ -87,7 +87,13 @@ class LaneView(QWidget):
         return QSize(GUTTER + MARGIN + 120, _LANE * _FEW)
 
     def place_of(self, lane: int, frame: int) -> QPointF:
-        """Return the middle of a frame of a lane, in this widget."""
+        """Return the middle of a frame of a lane, in this widget.
+
+        Parameters
+        ----------
+        lane, frame : int
+            Which lane, and which frame of it.
+        """
         return QPointF(self._x(frame), _LANE * (lane + 0.5) - self._bar.value())
 
     def event(self, event: QEvent) -> bool:

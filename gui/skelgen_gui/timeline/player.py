@@ -120,7 +120,13 @@ class Player(QObject):
         self.settings_changed.emit()
 
     def set_range(self, first: int, last: int) -> None:
-        """Play only from a first to a last frame; both are brought into the take, and in order."""
+        """Play only from a first to a last frame; both are brought into the take, and in order.
+
+        Parameters
+        ----------
+        first, last : int
+            Frames, both included.
+        """
         end = max(self._session.n_frames - 1, 0)
         first, last = sorted((int(first), int(last)))
         self._first, self._last = min(max(first, 0), end), min(max(last, 0), end)

@@ -25,7 +25,15 @@ _Role = QPalette.ColorRole
 
 
 def colour_of(curve: Curve, palette: QPalette) -> QColor:
-    """Return the colour of a curve."""
+    """Return the colour of a curve.
+
+    Parameters
+    ----------
+    curve : Curve
+        The curve.
+    palette : QPalette
+        Light or dark.
+    """
     if curve.limb is not None:
         colour, change = colour_of_limb(curve.limb, palette), 100 + _SHADE * curve.shade
         return colour.lighter(change) if is_dark(palette) else colour.darker(change)
@@ -76,7 +84,21 @@ def paint_plot(painter: QPainter, panel: Panel, span: VisibleSpan, place: QRectF
 
 
 def paint_legend(painter: QPainter, panel: Panel, frame: int, place: QRectF, palette: QPalette) -> None:
-    """Paint the title, and a line for each curve with its value in a frame."""
+    """Paint the title, and a line for each curve with its value in a frame.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    panel : Panel
+        What is drawn.
+    frame : int
+        The frame whose values are written.
+    place : QRectF, px
+        Where the curves are; the legend lies at the left of it.
+    palette : QPalette
+        Colours of texts.
+    """
     font, bold = painter.font(), QFont(painter.font())
     bold.setBold(True)
     metrics = QFontMetricsF(font)

@@ -59,7 +59,15 @@ class PlotView(QWidget):
         return self._panels
 
     def show_panels(self, panels: tuple[Panel, ...], hint: str = "") -> None:
-        """Show some panels, and below them, or instead of them, a hint."""
+        """Show some panels, and below them, or instead of them, a hint.
+
+        Parameters
+        ----------
+        panels : tuple of Panel
+            From above to below.
+        hint : str
+            Words below them, or instead of them.
+        """
         self._panels, self._hint, self._picture = panels, hint, None
         self.update()
 

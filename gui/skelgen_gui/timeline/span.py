@@ -57,7 +57,13 @@ class VisibleSpan(QObject):
         self.show(0.0, float(self._n_frames))
 
     def show(self, first: float, end: float) -> None:
-        """Show a stretch, moved and cut so that it lies in the take."""
+        """Show a stretch, moved and cut so that it lies in the take.
+
+        Parameters
+        ----------
+        first, end : float
+            The stretch [frames].
+        """
         whole = float(self._n_frames)
         length = min(max(end - first, FEWEST_FRAMES), whole)
         first = min(max(first, 0.0), whole - length)
@@ -66,7 +72,15 @@ class VisibleSpan(QObject):
             self.changed.emit()
 
     def zoom(self, factor: float, about: float) -> None:
-        """Show a stretch that is shorter by a factor, with the frame `about` where it was."""
+        """Show a stretch that is shorter by a factor, with the frame `about` where it was.
+
+        Parameters
+        ----------
+        factor : float
+            More than 1 enlarges.
+        about : float
+            The frame that stays in its place.
+        """
         self.show(about - (about - self._first) / factor, about + (self._end - about) / factor)
 
     def pan(self, frames: float) -> None:
@@ -74,11 +88,27 @@ class VisibleSpan(QObject):
         self.show(self._first + frames, self._end + frames)
 
     def place(self, frame: float, left: float, width: float) -> float:
-        """Return where a frame begins in a picture [px]; half a frame more is its middle."""
+        """Return where a frame begins in a picture [px]; half a frame more is its middle.
+
+        Parameters
+        ----------
+        frame : float
+            The frame.
+        left, width : float, px
+            Where the picture begins, and how wide it is.
+        """
         return left + (frame - self._first) * width / (self._end - self._first)
 
     def frame_at(self, x: float, left: float, width: float) -> int:
-        """Return the frame at a place of a picture [px]; beyond its ends the first or last of the take."""
+        """Return the frame at a place of a picture [px]; beyond its ends the first or last of the take.
+
+        Parameters
+        ----------
+        x : float, px
+            The place.
+        left, width : float, px
+            Where the picture begins, and how wide it is.
+        """
         frame = math.floor(self._first + (x - left) * (self._end - self._first) / max(width, 1.0))
         return min(max(frame, 0), self._n_frames - 1)
 
@@ -115,7 +145,17 @@ def plot_width(width: float) -> float:
 
 
 def ruler_step(span: VisibleSpan, rate: float, width: float) -> float:
-    """Return the time [s] between labels of a ruler over `width` pixels."""
+    """Return the time [s] between labels of a ruler over `width` pixels.
+
+    Parameters
+    ----------
+    span : VisibleSpan
+        What is in sight.
+    rate : float, Hz
+        Frames per second.
+    width : float, px
+        Width of the ruler.
+    """
     least = (span.end - span.first) / rate * _TICK_ROOM / width
     if least <= _ROUND_SECONDS[0]:
         power = 10.0 ** math.floor(math.log10(least))
@@ -125,6 +165,13 @@ def ruler_step(span: VisibleSpan, rate: float, width: float) -> float:
 
 def clock(seconds: float, step: float) -> str:
     """Return a time as a ruler shows it whose labels are `step` seconds apart.
+
+    Parameters
+    ----------
+    seconds : float, s
+        The time.
+    step : float, s
+        Time between two labels.
 
     Examples
     --------
@@ -168,7 +215,17 @@ def zoom_or_pan(event: QWheelEvent, span: VisibleSpan, width: float) -> None:
 
 
 def zoomed_by_key(event: QKeyEvent, span: VisibleSpan, frame: int) -> bool:
-    """Zoom about the shown frame with Ctrl and plus or minus, show all with Ctrl+0; say whether it was one of these."""
+    """Zoom about the shown frame with Ctrl and plus or minus, show all with Ctrl+0; say whether it was one of these.
+
+    Parameters
+    ----------
+    event : QKeyEvent
+        The key.
+    span : VisibleSpan
+        What is in sight.
+    frame : int
+        The frame that is shown.
+    """
     if not event.modifiers() & Qt.KeyboardModifier.ControlModifier:
         return False
     key = event.key()

@@ -145,7 +145,15 @@ _POLYGONS: dict[str, tuple[Shape, ...]] = {
 
 
 def transport_icon(name: str, palette: QPalette) -> QIcon:
-    """Return the icon of a transport button: ``pause``, or a command of the menu Play."""
+    """Return the icon of a transport button: ``pause``, or a command of the menu Play.
+
+    Parameters
+    ----------
+    name : str
+        ``pause``, or a command of the menu Play.
+    palette : QPalette
+        Whose text colour it has.
+    """
     icon = QIcon()
     for mode, group in (
         (QIcon.Mode.Normal, QPalette.ColorGroup.Active),

@@ -61,7 +61,15 @@ class Colours:
         return self.only or colour_of_limb(limb, self._palette)
 
     def mixed(self, colour: QColor, haze: float) -> QColor:
-        """Mix a colour with the background: 0 leaves it, 1 is the background."""
+        """Mix a colour with the background: 0 leaves it, 1 is the background.
+
+        Parameters
+        ----------
+        colour : QColor
+            The colour.
+        haze : float
+            0 leaves it, 1 is the background.
+        """
         return blended(colour, self.ground, 1 - haze)
 
 
@@ -83,7 +91,15 @@ class Inks:
         self._halo = colours.ground
 
     def limb(self, limb: int, fog: int) -> QColor:
-        """Colour of a limb, -1 = none, as it looks at a depth, 0 = front .. `N_FOGS` - 1."""
+        """Colour of a limb, -1 = none, as it looks at a depth, 0 = front .. `N_FOGS` - 1.
+
+        Parameters
+        ----------
+        limb : int
+            The limb, -1 = none.
+        fog : int
+            Depth, 0 = front .. `N_FOGS` - 1.
+        """
         colour = self._limbs.get((limb, fog))
         if colour is None:
             colour = self._limbs[limb, fog] = self._fogged(self.colours.limb(limb), fog)

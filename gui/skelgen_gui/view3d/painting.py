@@ -65,14 +65,58 @@ class Brushes:
         return self.radius * min(max(self.distance / depth, _NEARER[0]), _NEARER[1])
 
 
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A frame of a project, ready to be painted.
+
+    Attributes
+    ----------
+    scene : Scene
+        The project.
+    snapshot : Snapshot
+        The frame.
+    picture : Picture
+        Where everything lies in the picture.
+    brushes : Brushes
+        Colours and sizes.
+    """
+
+    scene: Scene
+    snapshot: Snapshot
+    picture: Picture
+    brushes: Brushes
+
+
 def marker_radius(canvas: Canvas, size: float) -> float:
-    """Radius [px] of markers in a picture of something of a size [mm]."""
+    """Radius [px] of markers in a picture of something of a size [mm].
+
+    Parameters
+    ----------
+    canvas : Canvas
+        From where, and how large.
+    size : float, mm
+        Extent of what is seen.
+    """
     growth = canvas.viewpoint.scale(canvas.height) * size / USUAL_SIZE
     return MARKER_RADIUS * min(max(growth, _SIZES[0]), _SIZES[1])
 
 
 def paint_shadows(painter: QPainter, snapshot: Snapshot, floor: Floor, canvas: Canvas, brushes: Brushes) -> None:
-    """Paint shadows straight below bones and markers: they show where in the room things are."""
+    """Paint shadows straight below bones and markers: they show where in the room things are.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    snapshot : Snapshot
+        The frame.
+    floor : Floor
+        Where shadows fall.
+    canvas : Canvas
+        From where, and how large.
+    brushes : Brushes
+        Colours and sizes.
+    """
     shade = brushes.inks.colours.shade
     bones, _ = canvas.project(floor.below(snapshot.bones))
     painter.setPen(QPen(shade, 0.7 * brushes.radius, _SOLID, _CAP))
@@ -104,7 +148,17 @@ def paint_trails(painter: QPainter, scene: Scene, places: Floats, inks: Inks) ->
 
 
 def paint_past(painter: QPainter, places: Floats, inks: Inks) -> None:
-    """Paint where points without names were [px], shape (n, 2), as small dots."""
+    """Paint where points without names were [px], shape (n, 2), as small dots.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    places : ndarray, shape (n, 2), px
+        Where points were.
+    inks : Inks
+        Colours.
+    """
     ink = QColor(inks.limb(-1, 0))
     ink.setAlpha(_PAST_ALPHA)
     painter.setPen(QPen(ink, _PAST, _SOLID, _CAP))
@@ -112,13 +166,32 @@ def paint_past(painter: QPainter, places: Floats, inks: Inks) -> None:
 
 
 def paint_left_out(painter: QPainter, picture: Picture, brushes: Brushes) -> None:
-    """Paint the points of an unlabelled take small: markers cover theirs, so that what was left out remains."""
+    """Paint the points of an unlabelled take small: markers cover theirs, so that what was left out remains.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    picture : Picture
+        What is drawn.
+    brushes : Brushes
+        Colours and sizes.
+    """
     painter.setPen(QPen(brushes.inks.limb(-1, 0), _LEFT_OUT * brushes.radius, _SOLID, _CAP))
     draw_points(painter, _known(picture.loose))
 
 
-def paint_points(painter: QPainter, scene: Scene, picture: Picture, brushes: Brushes) -> None:
-    """Paint the points of a take that has no markers yet, from the farthest to the nearest."""
+def paint_points(painter: QPainter, figure: Figure) -> None:
+    """Paint the points of a take that has no markers yet, from the farthest to the nearest.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    figure : Figure
+        What is painted.
+    """
+    scene, picture, brushes = figure.scene, figure.picture, figure.brushes
     known = np.flatnonzero(~np.isnan(picture.loose[:, 0]))
     order = known[np.argsort(-picture.loose_depths[known], kind="stable")]
     depths, places = picture.loose_depths[order], picture.loose[order].tolist()
@@ -127,7 +200,17 @@ def paint_points(painter: QPainter, scene: Scene, picture: Picture, brushes: Bru
 
 
 def paint_axes(painter: QPainter, picture: Picture, colours: Colours) -> None:
-    """Paint axes of joints dashed, and those of bodies in the colours of x, y and z."""
+    """Paint axes of joints dashed, and those of bodies in the colours of x, y and z.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    picture : Picture
+        What is drawn.
+    colours : Colours
+        Colours.
+    """
     painter.setPen(QPen(colours.mixed(colours.ink, 0.4), 1.2, Qt.PenStyle.DashLine, _FLAT))
     draw_lines(painter, _known(picture.axes))
     for axis, colour in enumerate(colours.axes):
@@ -136,7 +219,17 @@ def paint_axes(painter: QPainter, picture: Picture, colours: Colours) -> None:
 
 
 def paint_ellipses(painter: QPainter, picture: Picture, brushes: Brushes) -> None:
-    """Paint the uncertainty of joints: translucent ellipsoids with their main sections, where they exceed a joint."""
+    """Paint the uncertainty of joints: translucent ellipsoids with their main sections, where they exceed a joint.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    picture : Picture
+        What is drawn.
+    brushes : Brushes
+        Colours and sizes.
+    """
     colours = brushes.inks.colours
     edge, line, inside = (QColor(colours.only or colours.ink) for _ in range(3))
     edge.setAlpha(120)
@@ -153,24 +246,21 @@ def paint_ellipses(painter: QPainter, picture: Picture, brushes: Brushes) -> Non
     draw_lines(painter, np.stack([sections, np.roll(sections, -1, axis=1)], axis=2).reshape(-1, 2, 2))
 
 
-def paint_items(
-    painter: QPainter, scene: Scene, snapshot: Snapshot, picture: Picture, brushes: Brushes, faint: Bools, limb: int
-) -> None:
+def paint_items(painter: QPainter, figure: Figure, faint: Bools, limb: int) -> None:
     """Paint bones, markers and joints from the farthest to the nearest.
 
     Parameters
     ----------
     painter : QPainter
         An active painter.
-    scene, snapshot, picture
-        What there is, and where.
-    brushes : Brushes
-        How it looks.
+    figure : Figure
+        What is painted.
     faint : ndarray of bool, shape (n_bones,)
         Bones whose place is interpolated.
     limb : int
         The limb that is selected, or -1.
     """
+    scene, picture, brushes = figure.scene, figure.picture, figure.brushes
     n_markers, n_joints = len(picture.markers), len(picture.joints)
     depths = np.concatenate([picture.marker_depths, picture.joint_depths, picture.bone_depths])
     known = ~np.isnan(
@@ -178,7 +268,7 @@ def paint_items(
     )
     order = np.flatnonzero(known)[np.argsort(-depths[known], kind="stable")]
     markers, joints, bones = picture.markers.tolist(), picture.joints.tolist(), picture.bones.tolist()
-    state = snapshot.state.tolist()
+    state = figure.snapshot.state.tolist()
     limb_of_marker, limb_of_bone = scene.limb_of_marker.tolist(), scene.bones.limb.tolist()
     for item, depth, fog in zip(order.tolist(), depths[order].tolist(), _fogs(depths[order], scene.size), strict=True):
         radius = brushes.radius_at(depth)
@@ -198,7 +288,21 @@ def paint_items(
 
 
 def paint_rings(painter: QPainter, places: Floats, depths: Floats, brushes: Brushes, colour: QColor) -> None:
-    """Paint rings around markers or joints [px] that are selected or under the pointer."""
+    """Paint rings around markers or joints [px] that are selected or under the pointer.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    places : ndarray, shape (n, 2), px
+        Middles of the rings; NaN where something is hidden.
+    depths : ndarray, shape (n,), mm
+        Distances along the line of sight.
+    brushes : Brushes
+        Colours and sizes.
+    colour : QColor
+        Colour of the rings.
+    """
     for (x, y), depth in zip(places.tolist(), depths.tolist(), strict=True):
         if not math.isnan(x):  # else it is hidden
             brushes.sprites.draw(
@@ -238,7 +342,17 @@ _LINE_ALPHA = (70, 52, 32, 12)  # of the grid, from the middle to the edge
 
 
 def paint_background(painter: QPainter, canvas: Canvas, colours: Colours) -> None:
-    """Fill the picture."""
+    """Fill the picture.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    canvas : Canvas
+        How large the picture is.
+    colours : Colours
+        Colours.
+    """
     sky = QLinearGradient(0, 0, 0, canvas.height)
     sky.setColorAt(0, colours.above)
     sky.setColorAt(1, colours.below)
@@ -246,7 +360,19 @@ def paint_background(painter: QPainter, canvas: Canvas, colours: Colours) -> Non
 
 
 def paint_floor(painter: QPainter, floor: Floor, canvas: Canvas, colours: Colours) -> None:
-    """Paint the grid, and the world's axes on it where they start within it."""
+    """Paint the grid, and the world's axes on it where they start within it.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    floor : Floor
+        The floor.
+    canvas : Canvas
+        From where, and how large.
+    colours : Colours
+        Colours.
+    """
     places, _ = canvas.project(floor.lines)
     is_known = ~np.isnan(places).any(axis=(1, 2))
     for fade in range(N_FADES):
@@ -258,7 +384,17 @@ def paint_floor(painter: QPainter, floor: Floor, canvas: Canvas, colours: Colour
 
 
 def paint_triad(painter: QPainter, canvas: Canvas, colours: Colours) -> None:
-    """Paint the directions of the world's axes in the lower left corner, the farthest first."""
+    """Paint the directions of the world's axes in the lower left corner, the farthest first.
+
+    Parameters
+    ----------
+    painter : QPainter
+        An active painter.
+    canvas : Canvas
+        From where, and how large.
+    colours : Colours
+        Colours.
+    """
     basis = canvas.viewpoint.basis
     origin = QPointF(_CORNER, canvas.height - _CORNER)
     for axis in np.argsort(basis[2]).tolist():

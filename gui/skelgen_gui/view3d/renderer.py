@@ -12,12 +12,12 @@ from PySide6.QtGui import QColor, QPainter, QPalette, QPen, QPixmap, QStaticText
 from skelgen.model.arrays import Bools, Floats
 from skelgen_gui.model.floor import Floor
 from skelgen_gui.model.picking import Marked
-from skelgen_gui.model.picture import Canvas, Picture, take_picture
-from skelgen_gui.model.scene import Scene, Shown, Snapshot
+from skelgen_gui.model.picture import Canvas, FrameView, Picture, take_picture
+from skelgen_gui.model.scene import Scene, Snapshot
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.view3d import painting
 from skelgen_gui.view3d.colours import Colours, Inks
-from skelgen_gui.view3d.painting import Brushes
+from skelgen_gui.view3d.painting import Brushes, Figure
 from skelgen_gui.view3d.sprites import Sprites
 from skelgen_gui.widgets.painting import draw_lines
 
@@ -79,44 +79,71 @@ class Renderer:
         painter.drawPixmap(0, 0, self._backdrop)
 
     def paint_scene(
-        self,
-        painter: QPainter,
-        scene: Scene,
-        frame: int,
-        canvas: Canvas,
-        shown: Shown,
-        marked: Marked,
-        floor: Floor | None,
+        self, painter: QPainter, scene: Scene, view: FrameView, marked: Marked, floor: Floor | None
     ) -> tuple[Snapshot, Picture]:
         """Paint one frame of a project.
+
+        Parameters
+        ----------
+        painter : QPainter
+            An active painter.
+        scene : Scene
+            The project.
+        view : FrameView
+            Which frame, from where, and what is shown.
+        marked : Marked
+            What stands out.
+        floor : Floor or None
+            Where shadows fall, if the floor is shown.
 
         Returns
         -------
         tuple of Snapshot and Picture
             What was painted, and where.
         """
-        snapshot, picture, brushes = self._prepared(scene, frame, canvas, shown, self._inks)
+        figure, canvas, shown = self._figure(scene, view, self._inks), view.canvas, view.shown
         if floor is not None:
-            painting.paint_shadows(painter, snapshot, floor, canvas, brushes)
+            painting.paint_shadows(painter, figure.snapshot, floor, canvas, figure.brushes)
         if shown.trails and shown.markers:
-            places, _ = canvas.project(scene.trail(frame, shown.trail_seconds))
+            places, _ = canvas.project(scene.trail(view.frame, shown.trail_seconds))
             painting.paint_trails(painter, scene, places, self._inks)
-            past, _ = canvas.project(scene.past_points(frame, shown.trail_seconds))
+            past, _ = canvas.project(scene.past_points(view.frame, shown.trail_seconds))
             painting.paint_past(painter, past, self._inks)
-        self._paint_figure(painter, scene, frame, snapshot, picture, brushes, marked)
+        _paint_figure(painter, figure, marked)
         named = range(scene.n_markers) if shown.names else _few(marked.selection.markers)
-        self._paint_names(painter, scene.names, picture, named)
-        return snapshot, picture
+        self._paint_names(painter, scene.names, figure.picture, named)
+        return figure.snapshot, figure.picture
 
-    def paint_other(self, painter: QPainter, scene: Scene, frame: int, canvas: Canvas, shown: Shown) -> None:
-        """Paint one frame of a second project: translucent, and in one hue."""
-        snapshot, picture, brushes = self._prepared(scene, frame, canvas, shown, self._other_inks)
+    def paint_other(self, painter: QPainter, scene: Scene, view: FrameView) -> None:
+        """Paint one frame of a second project: translucent, and in one hue.
+
+        Parameters
+        ----------
+        painter : QPainter
+            An active painter.
+        scene : Scene
+            The second project.
+        view : FrameView
+            Which frame, from where, and what is shown.
+        """
         painter.setOpacity(_OTHER_OPACITY)
-        self._paint_figure(painter, scene, frame, snapshot, picture, brushes, Marked(Selection()))
+        _paint_figure(painter, self._figure(scene, view, self._other_inks), Marked(Selection()))
         painter.setOpacity(1.0)
 
     def paint_note(self, painter: QPainter, text: str, x: float, y: float, canvas: Canvas) -> None:
-        """Paint a text in a box beside a place [px], wherever there is room."""
+        """Paint a text in a box beside a place [px], wherever there is room.
+
+        Parameters
+        ----------
+        painter : QPainter
+            An active painter.
+        text : str
+            The note.
+        x, y : float, px
+            The place.
+        canvas : Canvas
+            Size of the picture.
+        """
         metrics = painter.fontMetrics()
         size = metrics.boundingRect(0, 0, canvas.width, canvas.height, Qt.AlignmentFlag.AlignLeft, text)
         width, height = size.width() + 2 * _NOTE_PAD, size.height() + 2 * _NOTE_PAD
@@ -133,47 +160,27 @@ class Renderer:
         painter.drawText(box.adjusted(_NOTE_PAD, _NOTE_PAD, 0, 0), Qt.AlignmentFlag.AlignLeft, text)
 
     def paint_band(self, painter: QPainter, band: QRectF) -> None:
-        """Paint the rectangle that selects."""
+        """Paint the rectangle that selects.
+
+        Parameters
+        ----------
+        painter : QPainter
+            An active painter.
+        band : QRectF, px
+            The rectangle.
+        """
         inside = QColor(self.colours.highlight)
         inside.setAlpha(40)
         painter.setPen(QPen(self.colours.highlight, 1.0))
         painter.setBrush(inside)
         painter.drawRect(band)
 
-    def _prepared(
-        self, scene: Scene, frame: int, canvas: Canvas, shown: Shown, inks: Inks
-    ) -> tuple[Snapshot, Picture, Brushes]:
-        snapshot = scene.at(frame)
+    def _figure(self, scene: Scene, view: FrameView, inks: Inks) -> Figure:
+        snapshot, shown, canvas = scene.at(view.frame), view.shown, view.canvas
         magnification = shown.magnification or scene.magnification
         picture = take_picture(snapshot, canvas, shown, _AXIS_SHARE * scene.size, magnification)
         radius = painting.marker_radius(canvas, scene.size)
-        return snapshot, picture, Brushes(inks, self._sprites, radius, canvas.viewpoint.distance)
-
-    def _paint_figure(
-        self,
-        painter: QPainter,
-        scene: Scene,
-        frame: int,
-        snapshot: Snapshot,
-        picture: Picture,
-        brushes: Brushes,
-        marked: Marked,
-    ) -> None:
-        colours = brushes.inks.colours
-        if scene.trajectories is None:
-            painting.paint_points(painter, scene, picture, brushes)
-        else:
-            painting.paint_left_out(painter, picture, brushes)
-        painting.paint_axes(painter, picture, colours)
-        limb = marked.limb(scene)
-        painting.paint_items(painter, scene, snapshot, picture, brushes, _faint(scene, frame), limb)
-        painting.paint_ellipses(painter, picture, brushes)
-        for places, depths, selected in (
-            (picture.markers, picture.marker_depths, marked.markers(scene)),
-            (picture.joints, picture.joint_depths, marked.joints),
-        ):
-            chosen = [index for index in sorted(selected) if index < len(places)]
-            painting.paint_rings(painter, places[chosen], depths[chosen], brushes, colours.highlight)
+        return Figure(scene, snapshot, picture, Brushes(inks, self._sprites, radius, canvas.viewpoint.distance))
 
     def _paint_names(self, painter: QPainter, names: tuple[str, ...], picture: Picture, markers: Iterable[int]) -> None:
         """Paint names beside markers, with a margin that parts them from what lies behind."""
@@ -209,6 +216,24 @@ class Renderer:
             corner = QRectF(0, 0, canvas.width - 12, canvas.height - 10)
             painter.drawText(corner, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom, legend)
         return pixmap
+
+
+def _paint_figure(painter: QPainter, figure: Figure, marked: Marked) -> None:
+    scene, picture, brushes = figure.scene, figure.picture, figure.brushes
+    colours = brushes.inks.colours
+    if scene.trajectories is None:
+        painting.paint_points(painter, figure)
+    else:
+        painting.paint_left_out(painter, picture, brushes)
+    painting.paint_axes(painter, picture, colours)
+    painting.paint_items(painter, figure, _faint(scene, figure.snapshot.frame), marked.limb(scene))
+    painting.paint_ellipses(painter, picture, brushes)
+    for places, depths, selected in (
+        (picture.markers, picture.marker_depths, marked.markers(scene)),
+        (picture.joints, picture.joint_depths, marked.joints),
+    ):
+        chosen = [index for index in sorted(selected) if index < len(places)]
+        painting.paint_rings(painter, places[chosen], depths[chosen], brushes, colours.highlight)
 
 
 def _few(markers: frozenset[int]) -> list[int]:

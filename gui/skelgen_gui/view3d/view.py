@@ -25,7 +25,7 @@ from skelgen.model.arrays import Floats
 from skelgen_gui.model.camera import ViewCamera
 from skelgen_gui.model.floor import Floor
 from skelgen_gui.model.picking import Marked, Pick, is_drawn, is_selected, markers_within, pick, with_pick
-from skelgen_gui.model.picture import Canvas, Picture
+from skelgen_gui.model.picture import Canvas, FrameView, Picture
 from skelgen_gui.model.scene import Scene, Shown, Snapshot
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.viewpoint import Viewpoint
@@ -335,13 +335,12 @@ class View3D(QWidget):
     def _paint_scenes(
         self, painter: QPainter, renderer: Renderer, canvas: Canvas, floor: Floor | None
     ) -> tuple[Snapshot, Picture] | None:
-        frame, scene, other = self._session.frame, self._camera.scene, self._other
-        if other is not None and self._shown.other and frame < other.n_frames:
-            renderer.paint_other(painter, other, frame, canvas, self._shown)
-        if scene is None or frame >= scene.n_frames:
+        view, scene, other = FrameView(self._session.frame, canvas, self._shown), self._camera.scene, self._other
+        if other is not None and self._shown.other and view.frame < other.n_frames:
+            renderer.paint_other(painter, other, view)
+        if scene is None or view.frame >= scene.n_frames:
             return None
-        marked = Marked(self._session.selection, self._hovered)
-        return renderer.paint_scene(painter, scene, frame, canvas, self._shown, marked, floor)
+        return renderer.paint_scene(painter, scene, view, Marked(self._session.selection, self._hovered), floor)
 
     def _legend(self) -> str:
         """Say how large the grid's cells and the ellipsoids are."""

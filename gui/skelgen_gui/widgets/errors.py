@@ -141,7 +141,15 @@ class ErrorDialog(QDialog):
 
 
 def show_error(parent: QWidget | None, error: BaseException) -> ErrorDialog:
-    """Open a dialog on an error over `parent`, without waiting for its answer."""
+    """Open a dialog on an error over `parent`, without waiting for its answer.
+
+    Parameters
+    ----------
+    parent : QWidget or None
+        The window.
+    error : BaseException
+        What happened.
+    """
     dialog = ErrorDialog(error, parent)
     dialog.open()
     return dialog

@@ -130,7 +130,15 @@ Editor = NumberBox | ChoiceBox | SwitchBox | TextLine
 
 
 def editor_for(declaration: Declaration, parent: QWidget) -> Editor:
-    """Return the editor of a declared value, with its default; the wheel only turns it while it has the focus."""
+    """Return the editor of a declared value, with its default; the wheel only turns it while it has the focus.
+
+    Parameters
+    ----------
+    declaration : Declaration
+        The value.
+    parent : QWidget
+        The form.
+    """
     kinds: dict[type, type[Editor]] = {bool: SwitchBox, str: TextLine}
     kind = ChoiceBox if declaration.choices else kinds.get(declaration.kind, NumberBox)
     editor = kind(declaration, parent)

@@ -170,7 +170,15 @@ _HELP_LINES = 4
 
 
 def stage_form(declared: type[StageParameters], parent: QWidget | None = None) -> ParameterForm:
-    """Return the form of a stage's parameters; it judges as the stage does, beyond single bounds."""
+    """Return the form of a stage's parameters; it judges as the stage does, beyond single bounds.
+
+    Parameters
+    ----------
+    declared : type of StageParameters
+        The parameters of the stage.
+    parent : QWidget, optional
+        Qt's parent.
+    """
 
     def check(declaration: Declaration, entered: Any) -> Any:
         return getattr(declared.from_mapping({declaration.name: entered}), declaration.name)

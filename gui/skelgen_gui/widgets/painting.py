@@ -86,7 +86,15 @@ def image_of(pixels: NDArray[np.uint8]) -> QImage:
 
 
 def pixmap_of(pixels: NDArray[np.uint8], ratio: float) -> QPixmap:
-    """Return the same as a pixmap for a screen with `ratio` pixels per point."""
+    """Return the same as a pixmap for a screen with `ratio` pixels per point.
+
+    Parameters
+    ----------
+    pixels : ndarray of uint8, shape (height, width, 4)
+        Red, green, blue and opacity.
+    ratio : float
+        Pixels of the screen per pixel of the window.
+    """
     pixmap = QPixmap.fromImage(image_of(pixels))
     pixmap.setDevicePixelRatio(ratio)
     return pixmap

@@ -123,7 +123,15 @@ class Preferences(QObject):
         return self._bytes("layout")
 
     def keep_window(self, geometry: QByteArray, layout: QByteArray) -> None:
-        """Keep place and arrangement of the window."""
+        """Keep place and arrangement of the window.
+
+        Parameters
+        ----------
+        geometry : QByteArray
+            Place and size, as `QWidget.saveGeometry` gives it.
+        layout : QByteArray
+            Docks and tool bars, as `QMainWindow.saveState` gives it.
+        """
         self._settings.setValue(f"{_WINDOW}/geometry", geometry)
         self._settings.setValue(f"{_WINDOW}/layout", layout)
         self._settings.sync()

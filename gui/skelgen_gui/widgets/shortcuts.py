@@ -100,14 +100,32 @@ COMMANDS: tuple[Command, ...] = (
 
 
 def make_actions(parent: QObject, commands: Iterable[Command] = COMMANDS) -> dict[str, QAction]:
-    """Return one action per command, by its id."""
+    """Return one action per command, by its id.
+
+    Parameters
+    ----------
+    parent : QObject
+        Owner of the actions.
+    commands : iterable of Command
+        The commands.
+    """
     return {command.id: _action(command, parent) for command in commands if command.id != SEPARATOR}
 
 
 def fill_menu_bar(
     bar: QMenuBar, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS
 ) -> dict[str, QMenu]:
-    """Fill a menu bar, and return its menus by their title in the table, to which more can be added."""
+    """Fill a menu bar, and return its menus by their title in the table, to which more can be added.
+
+    Parameters
+    ----------
+    bar : QMenuBar
+        The menu bar.
+    actions : mapping of str to QAction
+        One action for each command, by its id.
+    commands : iterable of Command
+        The commands.
+    """
     menus: dict[str, QMenu] = {}
     for command in commands:
         menu = menus.get(command.menu)
@@ -122,14 +140,34 @@ def fill_menu_bar(
 
 
 def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS) -> None:
-    """Add the actions that belong into the tool bar."""
+    """Add the actions that belong into the tool bar.
+
+    Parameters
+    ----------
+    bar : QToolBar
+        The tool bar.
+    actions : mapping of str to QAction
+        One action for each command, by its id.
+    commands : iterable of Command
+        The commands.
+    """
     for command in commands:
         if command.in_tool_bar:
             bar.addAction(actions[command.id])
 
 
 def add_view_actions(view: QWidget, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS) -> None:
-    """Let the keys of views work while `view`, or something in it, has the focus."""
+    """Let the keys of views work while `view`, or something in it, has the focus.
+
+    Parameters
+    ----------
+    view : QWidget
+        The view.
+    actions : mapping of str to QAction
+        One action for each command, by its id.
+    commands : iterable of Command
+        The commands.
+    """
     view.addActions([actions[command.id] for command in commands if command.in_views])
 
 

@@ -118,7 +118,15 @@ _COMPONENTS = {False: ("#c92a2a", "#2b8a3e", "#1864ab"), True: ("#ff8787", "#69d
 
 
 def colour_of_limb(limb: int, palette: QPalette) -> QColor:
-    """Return the colour of a limb; grey for -1, no limb."""
+    """Return the colour of a limb; grey for -1, no limb.
+
+    Parameters
+    ----------
+    limb : int
+        The limb.
+    palette : QPalette
+        Light or dark.
+    """
     dark = is_dark(palette)
     return QColor(limb_colour(limb, dark=dark) if limb >= 0 else _LIMBLESS[dark])
 
@@ -134,12 +142,28 @@ def cursor_colour(palette: QPalette) -> QColor:
 
 
 def component_colour(component: int, palette: QPalette) -> QColor:
-    """Return the colour of the first, second or third of three components."""
+    """Return the colour of the first, second or third of three components.
+
+    Parameters
+    ----------
+    component : int
+        From 0.
+    palette : QPalette
+        Light or dark.
+    """
     return QColor(_COMPONENTS[is_dark(palette)][component % 3])
 
 
 def blended(colour: QColor, ground: QColor, share: float) -> QColor:
-    """Return a colour that lies between a ground (0) and a colour (1)."""
+    """Return a colour that lies between a ground (0) and a colour (1).
+
+    Parameters
+    ----------
+    colour, ground : QColor
+        The colours.
+    share : float
+        Part of the colour, 0 .. 1.
+    """
     return QColor(*np.round(share * rgb_of(colour) + (1 - share) * rgb_of(ground)).astype(int).tolist())
 
 
