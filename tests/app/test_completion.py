@@ -27,7 +27,7 @@ def completed(line: str, shell: str = "bash") -> list[str]:
     [
         ("skelgen mot", ["motion-capture"]),
         ("skelgen run --n-m", ["--n-markers"]),
-        ("skelgen cluster --flex", ["--flexibility"]),
+        ("skelgen limbs --flex", ["--flexibility"]),
         ("skelgen run take.c3d --until s", ["skeleton"]),
         ("skelgen info --format trc", ["trc"]),
     ],

@@ -1,0 +1,163 @@
+"""Writes the pages that are generated: ``python docs/generated.py`` writes docs/parameters.md and docs/licences.md."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from skelgen.app.configuration import all_parameter_classes
+from skelgen.capture.detection import DetectionParameters
+from skelgen.parameters import Declaration, StageParameters
+
+PACKAGE = "skelgen"
+FOR_DEVELOPERS = {"dev", "all"}  # tools that no user installs, and a name for all other extras together
+UNSTATED = {"ezc3d": "MIT"}  # packages whose metadata name no licence, and the licence file of their source
+LONGEST_NAME = 60  # characters; what is longer is the text of a licence
+TEXTS = {
+    "Permission is hereby granted, free of charge": "MIT",
+    "Redistribution and use in source and binary forms": "BSD",
+    "Apache License": "Apache-2.0",
+}
+"""Beginnings of texts that stand where the name of a licence belongs, and the name."""
+
+COLUMNS = ("name", "type", "default", "allowed", "in config.xml", "what it does")
+
+PARAMETERS = """# Parameters
+
+Generated from the declarations of the stages by `python docs/generated.py`; do not edit by hand.
+
+Every parameter has a default that suits most takes. It can be changed in three ways, each of which checks it before
+any stage starts:
+
+- an option of the stage's own command: `skelgen joints limbs.skelgen --alpha 0.2`;
+- `--set stage.name=value` of `skelgen run`, as often as needed: `skelgen run take.c3d --set joints.alpha=0.2`;
+- a file: `skelgen config --write config.xml` writes all defaults with their help as comments, and
+  `skelgen run take.c3d --config config.xml` reads them. Unknown names, wrong types and values out of bounds are errors
+  that name the line.
+
+From Python: `skelgen.reconstruct(take, parameters={"joints": {"alpha": 0.2}})`.
+
+Names in `config.xml` are those of Schönauer (2007, tables 4.13-4.16) where the classic program has the parameter.
+"""
+CAPTURE = """They belong to a stereo capture and are set in its [settings](capture/settings.md):
+`<detection><parameter name="min_area" value="25"/></detection>`."""
+
+LICENCES = """# Licences of what skelgen installs
+
+skelgen itself is under the MIT licence. This page is generated from the metadata of the installed packages by
+`python docs/generated.py`; the tests compare it with them. `skelgen[gui]` and the like are extras, installed only when
+asked for.
+
+| package | licence, as the package states it | needed by |
+|---|---|---|
+"""
+
+
+def parameters_markdown() -> str:
+    """Return the text of docs/parameters.md."""
+    sections = [_section(declared) for declared in all_parameter_classes()]
+    return "\n".join([PARAMETERS, *sections, _section(DetectionParameters, CAPTURE)])
+
+
+def licences_markdown() -> str:
+    """Return the text of docs/licences.md."""
+    rows = []
+    for name, wanted_by in sorted(needed_packages().items()):
+        about = metadata.metadata(name)
+        title = f"[{about['Name']}]({_page(about)})" if _page(about) else about["Name"]
+        rows.append(f"| {title} | {licence_of(name)} | {', '.join(sorted(wanted_by))} |")
+    return LICENCES + "\n".join(rows) + "\n"
+
+
+def needed_packages() -> dict[str, set[str]]:
+    """Return every installed package that skelgen or one of its extras needs, and what needs it.
+
+    Packages that only other systems need, and those of extras that are not installed, are not known here.
+    """
+    project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    waiting = [(PACKAGE, text) for text in project["dependencies"]]
+    for extra, texts in project["optional-dependencies"].items():
+        if extra not in FOR_DEVELOPERS:
+            waiting += [(f"{PACKAGE}[{extra}]", text) for text in texts]
+    found: dict[str, set[str]] = {}
+    while waiting:
+        wanted_by, text = waiting.pop()
+        requirement = Requirement(text)
+        name = canonicalize_name(requirement.name)
+        try:
+            distribution = metadata.distribution(name)
+        except metadata.PackageNotFoundError:
+            continue
+        if name not in found:
+            further = [each for each in distribution.requires or () if _applies(Requirement(each), requirement.extras)]
+            waiting += [(distribution.metadata["Name"], each) for each in further]
+        found.setdefault(name, set()).add(wanted_by)
+    found.pop(PACKAGE, None)
+    return found
+
+
+def licence_of(name: str) -> str:
+    """Return the licence that an installed package states: its expression, its field, or its classifiers.
+
+    Parameters
+    ----------
+    name : str
+        Of the package.
+    """
+    about = metadata.metadata(name)
+    stated = " ".join((about.get("License-Expression") or about.get("License") or "").split())
+    if stated and stated != "UNKNOWN" and len(stated) <= LONGEST_NAME:
+        return stated
+    prefix = "License :: OSI Approved :: "
+    every = about.get_all("Classifier") or ()
+    classifiers = [entry.removeprefix(prefix) for entry in every if entry.startswith(prefix)]
+    texts = [licence for beginning, licence in TEXTS.items() if beginning in stated]
+    return ", ".join(classifiers) or next(iter(texts), UNSTATED.get(name, "not stated"))
+
+
+def _applies(requirement: Requirement, extras: set[str]) -> bool:
+    marker = requirement.marker
+    return marker is None or any(marker.evaluate({"extra": extra}) for extra in ("", *extras))
+
+
+def _page(about: metadata.PackageMetadata) -> str:
+    """The home page, or the first address that looks like one."""
+    pages = dict(entry.split(", ", 1) for entry in about.get_all("Project-URL") or () if ", " in entry)
+    by_name = {name.lower(): page for name, page in pages.items()}
+    known = [by_name.get(name, "") for name in ("homepage", "home", "source", "source code", "repository")]
+    return next((page for page in (about.get("Home-page") or "", *known, *pages.values()) if page), "")
+
+
+def _section(declared: type[StageParameters], set_by: str = "") -> str:
+    """One table; parameters that are set elsewhere than in config.xml have no place there."""
+    summary = (declared.__doc__ or "").partition("\n")[0]
+    rows = [COLUMNS, tuple("---" for _ in COLUMNS), *(_row(entry, declared) for entry in declared.declarations())]
+    if set_by:
+        summary, place = f"{summary}\n{set_by}", COLUMNS.index("in config.xml")
+        rows = [row[:place] + row[place + 1 :] for row in rows]
+    table = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
+    return f"## {declared.stage}\n\n{summary}\n\n{table}\n"
+
+
+def _row(entry: Declaration, declared: type[StageParameters]) -> tuple[str, ...]:
+    place = "/".join((entry.config_section or declared.config_section, entry.config_name or entry.name.upper()))
+    allowed = entry.bounds.replace(" .. inf", " or more")
+    default = f"{_text(entry.default)} {entry.unit}".strip()
+    return (f"`{entry.name}`", entry.kind.__name__, default, allowed, f"`{place}`", entry.help.rstrip("."))
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    folder = Path(__file__).parent
+    (folder / "parameters.md").write_text(parameters_markdown(), encoding="utf-8")
+    (folder / "licences.md").write_text(licences_markdown(), encoding="utf-8")
