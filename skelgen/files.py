@@ -28,8 +28,10 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Examples
     --------
-    >>> with replacing(Path("walk.csm")) as temporary:  # doctest: +SKIP
-    ...     temporary.write_text("...")
+    >>> with replacing(Path("walk.txt")) as temporary:
+    ...     characters = temporary.write_text("one, two")
+    >>> Path("walk.txt").read_text()
+    'one, two'
     """
     temporary: Path | None = None
     try:

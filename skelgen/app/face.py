@@ -426,7 +426,9 @@ def run_batch(
     Worker processes import the script again, so that it must begin its work below ``if __name__ == "__main__"``.
 
     >>> import skelgen
-    >>> result = skelgen.run_batch(["recordings"], "results", n_workers=4)  # doctest: +SKIP
+    >>> files = skelgen.write(skelgen.simulate("rods", n_frames=50).take, "recordings/rods.c3d")
+    >>> skelgen.run_batch(["recordings"], "results").n_done
+    1
     """
     from skelgen.app.batch import run, workers  # noqa: PLC0415 - loads the report
 

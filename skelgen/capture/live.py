@@ -128,9 +128,12 @@ class MotionCapture:
 
     Examples
     --------
-    >>> with MotionCapture(settings) as capture:  # doctest: +SKIP
+    >>> import skelgen
+    >>> with skelgen.simulated_rig("arm", n_frames=2) as source, MotionCapture(source.settings) as capture:
     ...     for captured in capture.run(source):
-    ...         print(captured.angles["elbow"].angles)
+    ...         print(sorted(captured.angles))
+    ['lower arm', 'upper arm']
+    ['lower arm', 'upper arm']
     """
 
     def __init__(

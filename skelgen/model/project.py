@@ -97,8 +97,11 @@ class Project:
 
     Examples
     --------
-    >>> project = Project(take)                             # doctest: +SKIP
-    >>> project = project.with_limbs(limbs, StageReport())  # doctest: +SKIP
+    >>> import skelgen
+    >>> take = skelgen.simulate("rods", n_frames=50).take
+    >>> project = Project(take).with_trajectories(take, StageReport())
+    >>> project.has("labels"), project.has("limbs")
+    (True, False)
     """
 
     take: Take

@@ -73,7 +73,8 @@ def save_project(project: Project, path: Path | str, *, embed: bool = True) -> P
 
     Examples
     --------
-    >>> save_project(project, "walk.skelgen")  # doctest: +SKIP
+    >>> save_project(Project(skelgen.simulate("rods", n_frames=50).take), "rods.skelgen")
+    PosixPath('rods.skelgen')
     """
     path = Path(path)
     arrays: dict[str, NDArray[Any]] = {}

@@ -139,9 +139,9 @@ def open_source(text: str) -> FrameSource:
 
     Examples
     --------
-    >>> with open_source("video:left.avi,right.avi") as source:  # doctest: +SKIP
-    ...     for pair in source:
-    ...         print(pair.time, pair.left.mean())
+    >>> with open_source("simulated:arm?frames=2") as source:  # or "video:left.avi,right.avi"
+    ...     [pair.left.shape for pair in source]
+    [(480, 640), (480, 640)]
     """
     parsed = parse_source(text)
     kind = next((kind for kind in SOURCES if parsed is not None and kind.name == parsed.kind), None)

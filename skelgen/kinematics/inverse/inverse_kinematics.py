@@ -92,8 +92,11 @@ def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain",
 
     Examples
     --------
-    >>> posture = solve(project.skeleton, frame)  # doctest: +SKIP
-    >>> posture.angles[0], posture.angle_std[0]  # doctest: +SKIP
+    >>> import skelgen
+    >>> project = skelgen.reconstruct(skelgen.simulate("rods", n_frames=100).take)
+    >>> posture = solve(project.skeleton, project.trajectories.positions[:5])
+    >>> posture.angles[0].shape, posture.angle_std[0].shape  # of the first joint
+    ((5, 3), (5, 3))
     """
     check_method(method)
     positions = np.asarray(positions, dtype=np.float64)
@@ -147,7 +150,10 @@ def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: In
 
     Examples
     --------
-    >>> posture = posture_of(project.skeleton, project.motion, project.trajectories.positions)  # doctest: +SKIP
+    >>> import skelgen
+    >>> project = skelgen.reconstruct(skelgen.simulate("rods", n_frames=100).take)
+    >>> posture_of(project.skeleton, project.motion, project.trajectories.positions).joint_std.shape
+    (100, 2, 3)
     """
     frames = np.arange(motion.n_frames) if frames is None else frames
     world = motion.world_from_limb[frames]
@@ -241,10 +247,14 @@ class LiveSkeleton:
 
     Examples
     --------
-    >>> live = LiveSkeleton(project.skeleton)  # doctest: +SKIP
-    >>> for frame in camera:  # doctest: +SKIP
+    >>> import skelgen
+    >>> project = skelgen.reconstruct(skelgen.simulate("rods", n_frames=100).take)
+    >>> live = LiveSkeleton(project.skeleton)
+    >>> for frame in project.trajectories.positions[:2]:
     ...     posture = live.see(frame)
-    ...     print(posture.angles[3][0], posture.angle_std[3][0])
+    ...     print(posture.angles[0].shape, bool(posture.limb_seen.all()))
+    (1, 3) True
+    (1, 3) True
     """
 
     def __init__(self, skeleton: Skeleton, *, method: str = "root-outward", noise: float | None = None) -> None:
