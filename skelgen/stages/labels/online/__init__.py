@@ -1,4 +1,4 @@
-"""Labels while the points arrive, frame by frame."""
+"""Labels while points arrive: frame by frame, in bounded memory, with a skeleton of the markers or without."""
 
 from skelgen.stages.labels.online.tracker import Tracker
 

@@ -1,7 +1,7 @@
-"""A skeleton learned from the poses that are remembered, beside the running tracker.
+"""A skeleton fitted to remembered poses, in a thread beside the running tracker.
 
-The fit takes about a second, so it runs in a thread of its own, and its result is taken over a fixed number of frames
-later: the same frames give the same labels, however fast the machine is.
+The fit takes about a second. Its result is used a fixed number of frames later, so that the same frames give the same
+labels, however fast the machine is.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from skelgen.stages.limbs import find_limbs
 from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
 
 FIRST_SECONDS, LAG_SECONDS = 3.0, 1.0
-"""Time of the first fit, which takes so long to move all joints a little; and from its begin to its use."""
+"""s until the first fit, when all joints have moved a little; and s from the begin of a fit to its use."""
 
 GROWTH = 2.0
-"""The next fit has this many times the experience of the one before; in long sessions it costs nothing."""
+"""Each fit begins when the session is so many times as long as at the one before: fits become rare."""
 
 LEAST_POSES = 20
-"""Fewer poses show no limb, and a marker that is in fewer is not learned."""
+"""Poses that a fit needs, and a marker in it."""
 
 JOINT_SAMPLES = 50
 """Poses at which pairs of limbs are tried."""
 
 UNKNOWN_STEPS = 10
-"""Frames' worth of motion that lie between a pose put together from limbs and the fitted one."""
+"""Frames of motion that may lie between a pose composed limb by limb and the fitted one."""
 
 
 class Learner:
-    """When to learn a skeleton, and the one that was learned last."""
+    """Fits skeletons when it is time, and keeps the last one."""
 
     def __init__(self) -> None:
         self._next = FIRST_SECONDS
@@ -90,45 +90,63 @@ def learn_skeleton(poses: Floats) -> Skeleton | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
-    """A learned skeleton that is followed.
+class LearnedPose:
+    """The pose of a learned skeleton, followed frame by frame.
 
     Attributes
     ----------
-    chain : PoseFilter
-        Its pose.
+    pose : PoseFilter
+        The pose.
     labels : ndarray of intp, shape (n_markers,)
         Label of each of its markers.
     """
 
-    chain: PoseFilter
+    pose: PoseFilter
     labels: Ints
 
     def start(self, points: Floats, labels: Ints) -> bool:
-        """Put the limbs where the points of known labels say; False if they say too little."""
-        rotations = np.full((self.chain.n_limbs, 3, 3), np.nan)
-        origins = np.full((self.chain.n_limbs, 3), np.nan)
+        """Start at the pose of labelled points; False if they do not show any limb.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3), mm
+            The frame.
+        labels : ndarray of intp, shape (n,)
+            Label of each point, -1 for none.
+        """
+        rotations = np.full((self.pose.n_limbs, 3, 3), np.nan)
+        origins = np.full((self.pose.n_limbs, 3), np.nan)
         markers, index = self._present(labels)
-        for limb in range(self.chain.n_limbs):
-            own = (self.chain.limb[markers] == limb) & self.chain.carried[markers]
+        for limb in range(self.pose.n_limbs):
+            own = (self.pose.limb[markers] == limb) & self.pose.carried[markers]
             if own.sum() >= 3:
                 seen = np.ones(int(own.sum()), dtype=np.bool_)
-                pose = fit_transform(self.chain.offsets[markers[own]], points[index[own]], seen)
-                rotations[limb], origins[limb] = pose[:3, :3], pose[:3, 3]
+                limb_pose = fit_transform(self.pose.offsets[markers[own]], points[index[own]], seen)
+                rotations[limb], origins[limb] = limb_pose[:3, :3], limb_pose[:3, 3]
         if np.isnan(origins).all():
             return False
-        self.chain.set_pose(rotations, origins)
+        self.pose.set_pose(rotations, origins)
         self.follow(points, labels, UNKNOWN_STEPS)
         return True
 
     def follow(self, points: Floats, labels: Ints, n_steps: int) -> Prediction:
-        """Move the limbs to a frame whose points have labels (-1 = none), and tell where markers must be."""
+        """Follow the pose into a frame, and predict all markers.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, 3), mm
+            The frame.
+        labels : ndarray of intp, shape (n,)
+            Label of each point, -1 for none.
+        n_steps : int
+            Frame periods since the frame before.
+        """
         markers, index = self._present(labels)
-        carried = self.chain.carried[markers]
-        before = self.chain.rotations, self.chain.origins
-        self.chain.advance(n_steps)
-        prediction = self.chain.fit(points[index[carried]], markers[carried])
-        self.chain.settle(*before, n_steps)
+        carried = self.pose.carried[markers]
+        before = self.pose.rotations, self.pose.origins
+        self.pose.advance(n_steps)
+        prediction = self.pose.fit(points[index[carried]], markers[carried])
+        self.pose.learn_motion(*before, n_steps)
         return prediction
 
     def _present(self, labels: Ints) -> tuple[Ints, Ints]:

@@ -1,7 +1,7 @@
 """Points followed from frame to frame while they arrive.
 
-The prediction is that of the offline tracker (level and slope, double exponential smoothing); the reach is found from
-the innovations of the last seconds instead of those of the whole take, and the state has a fixed size.
+Level and slope are predicted as in whole takes (`tracking.follow`), by double exponential smoothing. The reach is found
+from the innovations of the last seconds, and the state has a fixed size.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MOST_TRACKS = 2000
 """Tracks that are followed at a time; only noise has more, and then the last seen are kept."""
 
 NEWBORN_REACH = 2.0
-"""A track that was seen once has only a neighbour's slope, so its next point may lie this much farther off."""
+"""A track that was seen once has only a neighbour's slope, so its next point may lie this many times farther off."""
 
 REMEMBERED = 4096
 """Innovations that the reach is found from: a second of fifty markers."""
@@ -34,7 +34,7 @@ QUANTILE, MARGIN = 0.999, 1.5
 """The reach is this often the innovation that all but one in a thousand stay below."""
 
 LEAST_SPACINGS, MOST_SPACINGS = 0.25, 1.0
-"""Bounds of the reach in typical spacings: beyond one, identity is a guess; far below, bad points break tracks."""
+"""Bounds of the reach in typical spacings: beyond one an identity is a guess, far below bad points break tracks."""
 
 
 class Links:
@@ -55,7 +55,7 @@ class Links:
         self._missed: Ints = np.empty(0, dtype=np.intp)
         self._number: Ints = np.empty(0, dtype=np.intp)
         self._n_given = 0
-        self._surprises: deque[float] = deque(maxlen=REMEMBERED)
+        self._innovations: deque[float] = deque(maxlen=REMEMBERED)
         self._spacings: deque[float] = deque(maxlen=RENEWED)
         self._reach = 0.0
         self._n_frames = 0
@@ -110,7 +110,7 @@ class Links:
         level_gain = np.where(new, 1.0, self._level_gain)[:, np.newaxis]
         slope_gain = np.where(new, float(self._slope_gain > 0), self._slope_gain)[:, np.newaxis]
         steady = ~new & (self._missed[rows] == 1)
-        self._surprises.extend((error[steady] ** 2).sum(axis=1).tolist())
+        self._innovations.extend((error[steady] ** 2).sum(axis=1).tolist())
         self._level[rows] = expected + level_gain * error
         self._slope[rows] += slope_gain * error / self._missed[rows, np.newaxis]
         self._age[rows] += 1
@@ -148,14 +148,14 @@ class Links:
             self._spacings.append(float(np.median(nearest[:, 1])) or 1.0)
         if self._max_jump > 0:
             self._reach = self._max_jump
-        elif is_time or len(self._surprises) < REMEMBERED // 4:
+        elif is_time or len(self._innovations) < REMEMBERED // 4:
             self._reach = self._found_reach()
 
     def _found_reach(self) -> float:
         spacing = self.spacing
-        if len(self._surprises) < REMEMBERED // 4:
+        if len(self._innovations) < REMEMBERED // 4:
             return MOST_SPACINGS * spacing
-        usual = float(np.sqrt(np.quantile(np.array(self._surprises), QUANTILE)))
+        usual = float(np.sqrt(np.quantile(np.array(self._innovations), QUANTILE)))
         return float(np.clip(MARGIN * usual, LEAST_SPACINGS * spacing, MOST_SPACINGS * spacing))
 
 

@@ -1,10 +1,10 @@
-"""What is remembered of physical markers: distances between them, and poses in which they were seen together.
+"""The history of markers: distances between them, and poses in which they were seen together.
 
-Both are bounded. Distances have a running mean and variance over a window; a small distance variance makes two markers
-rigid neighbours. Of the poses a fixed number is kept, part of them recent and part spread over the past. A marker that
-is not seen is expected where the poses put it, once they are laid over its visible neighbours: rigid neighbours alone
-fix the place in every pose, others in those poses that resemble the present one (compare Kirk, O'Brien and Forsyth
-2005, who do the same for whole takes).
+Both are bounded. Distances have a running mean and variance over a window; two markers are rigid neighbours if the
+variance is small. Of the poses a fixed number is kept, some of them recent and some spread over the past. To predict a
+marker that is not seen, the poses are aligned with its visible neighbours. Rigid neighbours fix its place in every
+pose, others in those poses that resemble the present one (compare Kirk, O'Brien and Forsyth 2005, who do the same for
+whole takes).
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from skelgen.geometry.rotations import nearest_rotation
 from skelgen.model.arrays import Floats, Ints
 
 RECENT, PAST = 24, 96
-"""Poses kept of the last seconds, and of the time before."""
+"""Poses that are kept of the last seconds, and of the time before."""
 
 RECENT_SECONDS = 0.06
 """Time between two recent poses."""
 
 NEIGHBOURS = 6
-"""Visible markers that a lost one is placed by, the most rigid first."""
+"""Visible markers by which a lost one is predicted, the most rigid first."""
 
 LEAST_NEIGHBOURS = 3
 """Fewer do not fix a rotation."""
 
-PRIOR_LOOKS = 20.0
-"""A distance that was looked at this often is not yet known to be rigid: as many looks of the prior are added."""
+PRIOR_SAMPLES = 20.0
+"""Weight of the prior variance of a distance, in samples: after fewer a distance is not known to be rigid."""
 
 PRIOR_SHARE = 0.1
-"""Deviation of a distance of which nothing is known, in the distance: what joints do to near markers."""
+"""Prior deviation of a distance, as a part of it: that of near markers across a joint."""
 
 LEAST_COMMON = 3
-"""Looks at two markers together before their distance says anything."""
+"""Samples that a distance needs."""
 
 LEAST_NOISE = 0.002
 """Of the typical spacing: deviations of distances are no smaller, however exact the tracker is."""
@@ -50,7 +50,7 @@ class MarkerHistory:
     Attributes
     ----------
     window : int
-        Looks at a distance over which it is averaged.
+        Samples of a distance over which it is averaged.
     noise : float, mm
         What distances within limbs vary by; 0 before it is known.
     label : ndarray of intp, shape (n_slots,)
@@ -58,7 +58,7 @@ class MarkerHistory:
     n_seen, last_seen : ndarray of intp, shape (n_slots,)
         Frames in which it was seen, and the last of these.
     common : ndarray, shape (n_slots, n_slots)
-        Looks in which two markers were seen together.
+        Samples in which two markers were seen together.
     """
 
     def __init__(self, n_slots: int) -> None:
@@ -75,7 +75,15 @@ class MarkerHistory:
         self.noise = 0.0
 
     def add(self, label: int, frame: int) -> int:
-        """Take a free slot for a marker, or that of the one least worth remembering; returns the slot."""
+        """Take a free slot for a marker, or that of the lost one that was seen least; returns the slot, -1 for none.
+
+        Parameters
+        ----------
+        label : int
+            Label of the marker.
+        frame : int
+            Present frame.
+        """
         free = np.flatnonzero(self.label < 0)
         lost = np.flatnonzero(self.last_seen < frame - 1)
         if not len(free) and not len(lost):
@@ -94,12 +102,28 @@ class MarkerHistory:
         self._poses[:, slot] = np.nan
 
     def note(self, slots: Ints, frame: int) -> None:
-        """Note which markers are seen in a frame."""
+        """Note which markers are seen in a frame.
+
+        Parameters
+        ----------
+        slots : ndarray of intp, shape (n,)
+            The markers.
+        frame : int
+            Present frame.
+        """
         self.n_seen[slots] += 1
         self.last_seen[slots] = frame
 
     def learn(self, slots: Ints, positions: Floats) -> None:
-        """Learn the distances [mm] between the markers of a frame."""
+        """Add the distances between the markers of a frame to their running means and variances.
+
+        Parameters
+        ----------
+        slots : ndarray of intp, shape (n,)
+            The markers.
+        positions : ndarray, shape (n, 3), mm
+            Where they are.
+        """
         pairs = np.ix_(slots, slots)
         distance = _distances(positions, positions)
         common = self.common[pairs] + 1.0
@@ -114,6 +138,15 @@ class MarkerHistory:
 
         When the past is full, every second pose of it is dropped and half as many are kept from then on, until
         `most_every` is reached; then the oldest is overwritten.
+
+        Parameters
+        ----------
+        slots : ndarray of intp, shape (n,)
+            Markers of the frame.
+        positions : ndarray, shape (n, 3), mm
+            Where they are.
+        most_every : int
+            Of so many recent poses at least one moves to the past.
         """
         place, turn = self._n_poses % RECENT, self._n_poses // RECENT
         if turn > 0 and self._n_poses % self._past_every == 0:
@@ -135,19 +168,39 @@ class MarkerHistory:
         return poses[~np.isnan(poses[:, :, 0]).all(axis=1)], self.label[known]
 
     def deviations(self, rows: Ints, columns: Ints) -> Floats:
-        """Deviation of the distances [mm] between markers, careful where little was seen; infinite if too little."""
+        """Standard deviations of distances [mm], larger where few samples are known; infinite where too few.
+
+        Parameters
+        ----------
+        rows, columns : ndarray of intp
+            Slots of the markers of both sides.
+        """
         pairs = np.ix_(rows, columns)
         common = np.minimum(self.common[pairs], self.window)
         prior = (PRIOR_SHARE * self._mean[pairs]) ** 2
-        variance = (common * self._variance[pairs] + PRIOR_LOOKS * prior) / (common + PRIOR_LOOKS)
+        variance = (common * self._variance[pairs] + PRIOR_SAMPLES * prior) / (common + PRIOR_SAMPLES)
         return np.where(common >= LEAST_COMMON, np.sqrt(variance + self.noise**2), np.inf)
 
     def distances(self, rows: Ints, columns: Ints) -> Floats:
-        """Mean distances [mm] between markers."""
+        """Mean distances [mm] between markers, shape (n_rows, n_columns).
+
+        Parameters
+        ----------
+        rows, columns : ndarray of intp
+            Slots of the markers of both sides.
+        """
         return np.asarray(self._mean[np.ix_(rows, columns)])
 
     def find_noise(self, slots: Ints, spacing: float) -> None:
-        """Estimate what distances within limbs vary by: for the usual marker, that to its most rigid neighbour."""
+        """Estimate the noise: the median over markers of the deviation of the distance to the most rigid neighbour.
+
+        Parameters
+        ----------
+        slots : ndarray of intp, shape (n,)
+            The markers.
+        spacing : float, mm
+            Typical distance of a point from its nearest neighbour.
+        """
         self.noise = LEAST_NOISE * spacing
         if len(slots) < 2:
             return
@@ -192,7 +245,15 @@ class MarkerHistory:
         return result
 
     def own_misfits(self, slots: Ints, positions: Floats) -> Floats:
-        """The like of `misfits` for visible markers at their own places: the median over neighbours, shape (n,)."""
+        """Median deviation of the distances between visible markers and their most rigid neighbours, shape (n,).
+
+        Parameters
+        ----------
+        slots : ndarray of intp, shape (n,)
+            The markers.
+        positions : ndarray, shape (n, 3), mm
+            Where they are.
+        """
         deviation = self.deviations(slots, slots)
         np.fill_diagonal(deviation, np.inf)
         order = np.argsort(deviation, axis=1, kind="stable")[:, :LEAST_NEIGHBOURS]
@@ -200,7 +261,7 @@ class MarkerHistory:
         return np.asarray(np.median(np.take_along_axis(off, order, axis=1), axis=1))
 
     def expected(self, slot: int, visible: Ints, positions: Floats) -> tuple[Floats, float] | None:
-        """Where a lost marker must be, with the variance per coordinate [mm^2]; None if nothing tells.
+        """Predict a lost marker, with the variance per coordinate [mm^2]; None if too little is known.
 
         Parameters
         ----------
@@ -224,7 +285,15 @@ class MarkerHistory:
         return _placed(poses[:, visible[order]], positions[order], weights, poses[:, slot], self.noise)
 
     def join(self, young: int, old: int) -> None:
-        """Join two slots of one marker; the older keeps its label."""
+        """Merge two slots of one marker; the older keeps its label.
+
+        Parameters
+        ----------
+        young : int
+            Slot that is emptied.
+        old : int
+            Slot that stays.
+        """
         fresh = self.common[young] > self.common[old]
         for table in (self._mean, self._variance, self.common):
             table[old, fresh] = table[young, fresh]
@@ -244,7 +313,7 @@ def _distances(first: Floats, second: Floats) -> Floats:
 def _placed(
     poses: Floats, positions: Floats, weights: Floats, places: Floats, noise: float
 ) -> tuple[Floats, float] | None:
-    """Lay poses over what is seen; mean and variance of where they put a marker, good poses counting more.
+    """Align poses with what is seen, and average where they put a marker, weighted by how well they fit.
 
     Parameters
     ----------
@@ -257,7 +326,7 @@ def _placed(
     places : ndarray, shape (n_poses, 3), mm
         The marker in the poses.
     noise : float, mm
-        What rigid distances vary by.
+        Standard deviation of rigid distances.
     """
     share = (weights / weights.sum(axis=1, keepdims=True))[..., np.newaxis]
     known = np.where(share > 0, poses, 0.0)
@@ -268,8 +337,8 @@ def _placed(
     left = target - source @ rotation.swapaxes(1, 2)
     misfit = (share * left**2).sum(axis=(1, 2))
     scale = misfit.min() + noise**2
-    trust = np.exp(-0.5 * (misfit - misfit.min()) / scale)
-    trust /= trust.sum()
-    mean = trust @ placed
-    spread = float(trust @ ((placed - mean) ** 2).sum(axis=1)) / 3
+    share_of_pose = np.exp(-0.5 * (misfit - misfit.min()) / scale)
+    share_of_pose /= share_of_pose.sum()
+    mean = share_of_pose @ placed
+    spread = float(share_of_pose @ ((placed - mean) ** 2).sum(axis=1)) / 3
     return mean, spread + scale

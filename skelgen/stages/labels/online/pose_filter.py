@@ -1,4 +1,4 @@
-r"""The pose of a known skeleton, followed frame by frame.
+r"""The pose of a skeleton, followed frame by frame like a Kalman filter.
 
 Limbs are rigid bodies that joints hold together like stiff springs. In each frame the small motions :math:`\delta_l` of
 all limbs minimise
@@ -8,9 +8,9 @@ all limbs minimise
     + \sum_j \frac{|T_{p(j)} a_j - T_{c(j)} b_j|^2}{\sigma_j^2}
     + \sum_j \frac{|\omega_{c(j)} - \omega_{p(j)}|^2}{s_j^2},
 
-the sum of what markers, joints and the last frame say, by a few Gauss-Newton steps with robust weights. The last sum
-lets a limb that shows no marker keep its angle to the parent; its variance :math:`s_j^2` grows while nothing is seen,
-as in a Kalman filter, and the inverse of the normal matrix says how surely each marker is predicted.
+the squared residuals of markers, joints and relative rotations, by a few Gauss-Newton steps with robust weights. By the
+last sum a limb that shows no marker keeps its angle to the parent; the variance :math:`s_j^2` grows while nothing is
+seen. The inverse of the normal matrix gives the covariance of each predicted marker.
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
 
 STEPS = 3
-"""Gauss-Newton steps per fit; the start is the last frame's pose, moved on, and three reach the noise."""
+"""Gauss-Newton steps per fit: from the pose predicted by the last frame, three are enough."""
 
 ROBUST = 4.0
-"""A marker this many deviations off has lost three quarters of its weight."""
+"""A marker that deviates by so many standard deviations has lost three quarters of its weight."""
 
 LEAST_DEVIATION = 0.005
 """Of the typical distance of markers from the joint: deviations are no smaller, however exact the skeleton is."""
 
 JOINT_SHARE = 0.5
-"""Deviation of a joint in those of a typical marker: joints rest on many frames and markers."""
+"""Deviation of a joint, in those of a typical marker: joints are fitted to many frames and markers."""
 
 DAMPING = 0.8
-"""Part of the last turn and step that is expected to go on; 1 would let unseen limbs spin on."""
+"""Part of the last rotation and step that is predicted to continue; with 1, unseen limbs would rotate on and on."""
 
 TURN_NOISE = 0.06
-"""rad per frame by which an angle that nobody sees may stray: 6 rad/s at 100 Hz, in a random walk."""
+"""rad per frame, standard deviation of the random walk of an unseen angle: 6 rad/s at 100 Hz."""
 
 MOST_SPREAD = 1.0
-"""rad; an angle that was not seen for long is not less certain than this, about half of what joints allow."""
+"""rad; largest standard deviation of an unseen angle, about half of what joints allow."""
 
 ROOT_STRAY = 200.0
-"""mm and (over a typical limb) rad that a root may move in a frame, beyond what it did before."""
+"""mm, and rad over the size of a typical limb, that a root may deviate in a frame from its predicted motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Where markers must be.
+    """Predicted markers.
 
     Attributes
     ----------
@@ -93,15 +93,20 @@ class PoseFilter:
         self.joint_deviation = JOINT_SHARE * float(np.median(self.deviation))
         self.rotations: Floats = self.reference[:, :3, :3].copy()
         self.origins: Floats = self.reference[:, :3, 3].copy()
-        self._turns: Floats = np.zeros((self.n_limbs, 3))
+        self._rotation_steps: Floats = np.zeros((self.n_limbs, 3))
         self._steps: Floats = np.zeros((self.n_limbs, 3))
         self._spread: Floats = np.full(len(self.children), MOST_SPREAD**2)
         self._seen_spread: Floats = self._spread
 
     def set_pose(self, rotations: Floats, origins: Floats) -> None:
-        """Start at a pose: world from limb rotations (n_limbs, 3, 3) and origins (n_limbs, 3) [mm], NaN = unknown.
+        """Start at a pose. Unknown limbs take the angle of the reference pose to their parent.
 
-        Unknown limbs take the angle of the reference pose to their parent.
+        Parameters
+        ----------
+        rotations : ndarray, shape (n_limbs, 3, 3)
+            World from limb; NaN for unknown limbs.
+        origins : ndarray, shape (n_limbs, 3), mm
+            World; NaN for unknown limbs.
         """
         self.rotations, self.origins = rotations.copy(), origins.copy()
         for parent, child, at_parent, at_child in zip(
@@ -114,18 +119,18 @@ class PoseFilter:
                 self.origins[child] = joint - self.rotations[child] @ at_child
         lost = np.isnan(self.origins[:, 0])
         self.rotations[lost], self.origins[lost] = np.eye(3), np.nanmean(self.origins, axis=0)
-        self._turns[:], self._steps[:] = 0.0, 0.0
+        self._rotation_steps[:], self._steps[:] = 0.0, 0.0
         self._spread[:] = MOST_SPREAD**2
 
     def advance(self, n_steps: int) -> None:
-        """Move all limbs on by `n_steps` frames."""
+        """Predict the pose `n_steps` frames later."""
         fade = DAMPING * (1.0 - DAMPING**n_steps) / (1.0 - DAMPING)
-        self.rotations = matrix_from_vector(fade * self._turns) @ self.rotations
+        self.rotations = matrix_from_vector(fade * self._rotation_steps) @ self.rotations
         self.origins = self.origins + fade * self._steps
         self._spread = np.minimum(self._spread + n_steps * TURN_NOISE**2, MOST_SPREAD**2)
 
     def fit(self, points: Floats, markers: Ints) -> Prediction:
-        """Move the limbs to the points of known markers and tell where all markers must be.
+        """Fit the pose to the points of known markers, and predict all markers.
 
         Parameters
         ----------
@@ -148,16 +153,26 @@ class PoseFilter:
         self._seen_spread = np.trace(own[self.children, :3, :3], axis1=1, axis2=2) / 3
         return self._prediction(own)
 
-    def settle(self, rotations: Floats, origins: Floats, n_steps: int) -> None:
-        """Learn the motion since the pose before (`rotations`, `origins`), `n_steps` frames ago."""
+    def learn_motion(self, rotations: Floats, origins: Floats, n_steps: int) -> None:
+        """Take the motion since an earlier pose as what continues.
+
+        Parameters
+        ----------
+        rotations : ndarray, shape (n_limbs, 3, 3)
+            World from limb, in the earlier pose.
+        origins : ndarray, shape (n_limbs, 3), mm
+            World, in the earlier pose.
+        n_steps : int
+            Frames since then.
+        """
         turned = self.rotations @ rotations.swapaxes(1, 2)
         antisymmetric = (turned - turned.swapaxes(1, 2)) / 2
-        turns = np.stack([antisymmetric[:, 2, 1], antisymmetric[:, 0, 2], antisymmetric[:, 1, 0]], axis=1)
-        self._turns, self._steps = turns / n_steps, (self.origins - origins) / n_steps
+        rotation_steps = np.stack([antisymmetric[:, 2, 1], antisymmetric[:, 0, 2], antisymmetric[:, 1, 0]], axis=1)
+        self._rotation_steps, self._steps = rotation_steps / n_steps, (self.origins - origins) / n_steps
         self._spread = np.minimum(self._spread, self._seen_spread)
 
     def positions_of(self, markers: Ints) -> Floats:
-        """Places [mm] of some markers in the present pose, shape (n, 3)."""
+        """Positions [mm] of some markers in the present pose, shape (n, 3)."""
         limb = self.limb[markers]
         return np.asarray((self.rotations[limb] @ self.offsets[markers, :, np.newaxis])[..., 0] + self.origins[limb])
 
@@ -169,7 +184,7 @@ class PoseFilter:
         return np.asarray(1.0 / (variance * (1.0 + squares / ROBUST**2) ** 2))
 
     def _equations(self, points: Floats, markers: Ints, weights: Floats) -> tuple[Floats, Floats]:
-        """Normal matrix (6 n_limbs, 6 n_limbs) and right-hand side: turns [rad] about the origins and steps [mm]."""
+        """Normal matrix (6 n_limbs, 6 n_limbs) and gradient, by rotation vectors [rad] and translations [mm]."""
         count = self.n_limbs
         normal = np.zeros((count, 6, count, 6))
         limb = self.limb[markers]
@@ -218,7 +233,7 @@ def _rows(vectors: list[Floats]) -> Floats:
 
 
 def _columns(arm: Floats) -> Floats:
-    """Derivative of a point by the turn and the step of its limb, shape (n, 3, 6)."""
+    """Derivative of points by the rotation vector and the translation of their limb, shape (n, 3, 6)."""
     columns = np.zeros((len(arm), 3, 6))
     columns[:, 0, 1], columns[:, 0, 2] = arm[:, 2], -arm[:, 1]
     columns[:, 1, 0], columns[:, 1, 2] = -arm[:, 2], arm[:, 0]
@@ -233,7 +248,7 @@ def _typical_size(offsets: Floats, carried: Bools) -> float:
 
 
 def _deviations(skeleton: Skeleton, carried: Bools, size: float) -> Floats:
-    """Deviation of each marker per coordinate [mm], none far below the usual one."""
+    """Deviation of each marker per coordinate [mm], not below the median one."""
     known = np.where(carried, skeleton.marker_std, np.nan)
     usual = float(np.nanmedian(known)) if carried.any() else 0.0
     return np.asarray(np.maximum(np.nan_to_num(known), max(usual, LEAST_DEVIATION * size)))

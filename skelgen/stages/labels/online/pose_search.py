@@ -1,8 +1,9 @@
-"""The pose of a known skeleton from one frame of points without labels.
+"""Search without knowledge of the frame before: the pose of a known skeleton, or a rigid group of lost markers.
 
-Each limb looks for three of its markers by their distances among the points; each find is a candidate pose, scored by
-how much better it explains points than chance does. Joints must agree: along the tree the best combination of
-candidates is found exactly, by dynamic programming from the leaves to the roots.
+For each limb, three of its markers are searched among the points by their distances; each match is a candidate pose,
+scored by its log likelihood over chance. The best combination of candidates whose joints agree is found exactly, by
+dynamic programming from the leaves to the roots. A rigid group of lost markers is found by three distances in the same
+way, and accepted if further markers of the group are where it predicts them.
 """
 
 from __future__ import annotations
@@ -19,25 +20,25 @@ from skelgen.stages.labels.online.marker_history import MarkerHistory
 from skelgen.stages.labels.online.pose_filter import PoseFilter
 
 TOLERANCE = 3.5
-"""Deviations of a distance between two markers that are searched."""
+"""Standard deviations within which a distance between two markers must agree."""
 
 MOST_TRIPLES = 10
-"""Triples of a limb's markers that are tried, the widest first: any three that are seen give the pose."""
+"""Triples of a limb's markers that are tried, the widest first; any three that are seen determine the pose."""
 
 MOST_NEIGHBOURS = 12
-"""Poses of a neighbour from which a joint's place is taken."""
+"""Poses of a neighbouring limb that predict a joint."""
 
 MOST_MATCHES = 300
-"""Matches of a triple that are looked at; more come from clouds that are mostly chance."""
+"""Matches of a triple that are examined; if there are more, most are there by chance."""
 
 MOST_CANDIDATES = 60
-"""Candidate poses of a limb that the tree chooses from."""
+"""Candidate poses of a limb among which the tree chooses."""
 
 LEAST_AREA = 0.05
 """Least height of a triangle of markers over its longest side; flatter ones do not fix a pose."""
 
 JOINT_TOLERANCE = 3.0
-"""Deviation of a joint placed by one limb's pose alone, in those of a marker: the lever makes it coarse."""
+"""Deviation of a joint that is placed by one limb alone, in those of a marker: the rotation's error adds to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +72,12 @@ class Candidates:
         return Candidates(self.poses[kept], self.scores[kept], self.used[kept])
 
 
-def find_pose(chain: PoseFilter, points: Floats, spacing: float) -> tuple[Floats, Floats] | None:
+def find_pose(skeleton: PoseFilter, points: Floats, spacing: float) -> tuple[Floats, Floats] | None:
     """Find where the limbs are.
 
     Parameters
     ----------
-    chain : PoseFilter
+    skeleton : PoseFilter
         The skeleton.
     points : ndarray, shape (n, 3), mm
         One frame.
@@ -92,43 +93,43 @@ def find_pose(chain: PoseFilter, points: Floats, spacing: float) -> tuple[Floats
     """
     if len(points) < 3:
         return None
-    first = [limb_candidates(chain, limb, points, spacing) for limb in range(chain.n_limbs)]
-    found = [limb_candidates(chain, limb, points, spacing, first) for limb in range(chain.n_limbs)]
+    first = [limb_candidates(skeleton, limb, points, spacing) for limb in range(skeleton.n_limbs)]
+    found = [limb_candidates(skeleton, limb, points, spacing, first) for limb in range(skeleton.n_limbs)]
     found = [one.joined(two) for one, two in zip(first, found, strict=True)]
-    chosen = _best_combination(chain, found, spacing)
-    for _ in range(chain.n_limbs):
+    chosen = _best_combination(skeleton, found, spacing)
+    for _ in range(skeleton.n_limbs):
         loser, taken = _conflict(found, chosen)
         if loser < 0:
             break
         found[loser] = found[loser].without(taken)
-        chosen = _best_combination(chain, found, spacing)
+        chosen = _best_combination(skeleton, found, spacing)
     if (chosen < 0).all():
         return None
-    poses = np.full((chain.n_limbs, 4, 4), np.nan)
+    poses = np.full((skeleton.n_limbs, 4, 4), np.nan)
     for limb in np.flatnonzero(chosen >= 0):
         poses[limb] = found[limb].poses[chosen[limb]]
     return poses[:, :3, :3], poses[:, :3, 3]
 
 
 def limb_candidates(
-    chain: PoseFilter, limb: int, points: Floats, spacing: float, neighbours: list[Candidates] | None = None
+    skeleton: PoseFilter, limb: int, points: Floats, spacing: float, neighbours: list[Candidates] | None = None
 ) -> Candidates:
     """Find poses of one limb in which points lie where its markers belong.
 
     Parameters
     ----------
-    chain, points, spacing
+    skeleton, points, spacing
         As `find_pose`.
     limb : int
         Which limb.
     neighbours : list of Candidates, optional
         Poses of all limbs: where they put the limb's joints counts like points, so that two markers can be enough.
     """
-    own = np.flatnonzero(chain.carried & (chain.limb == limb))
-    marks = _Marks(chain.offsets[own], chain.deviation[own], [points] * len(own))
+    own = np.flatnonzero(skeleton.carried & (skeleton.limb == limb))
+    marks = _Marks(skeleton.offsets[own], skeleton.deviation[own], [points] * len(own))
     triples = itertools.combinations(range(len(own)), 3)
     if neighbours is not None:
-        marks = marks.with_joints(chain, limb, neighbours)
+        marks = marks.with_joints(skeleton, limb, neighbours)
         triples = itertools.combinations(range(len(marks.targets)), 3)
     sources, targets = [], []
     for triple in _wide_triples(marks.offsets, triples, len(own)):
@@ -139,7 +140,7 @@ def limb_candidates(
         return Candidates(np.empty((0, 4, 4)), np.empty(0), np.empty((0, len(points)), dtype=np.bool_))
     target = np.concatenate(targets)
     poses = fit_transform(np.array(sources), target, np.ones(target.shape[:2], dtype=np.bool_))
-    scores, used = _scores(poses, chain.offsets[own], chain.deviation[own], points, spacing)
+    scores, used = _scores(poses, skeleton.offsets[own], skeleton.deviation[own], points, spacing)
     order = np.argsort(-scores, kind="stable")[:MOST_CANDIDATES]
     order = order[scores[order] > 0]
     return Candidates(poses[order], scores[order], used[order])
@@ -152,26 +153,26 @@ def chance(spacing: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Marks:
-    """What is looked for on a limb: markers, then joints; their offsets, deviations [mm], and where each may be."""
+    """Marks of a limb, markers and then joints: their offsets, deviations [mm], and where each may be."""
 
     offsets: Floats
     deviation: Floats
     targets: list[Floats]
 
-    def with_joints(self, chain: PoseFilter, limb: int, neighbours: list[Candidates]) -> _Marks:
+    def with_joints(self, skeleton: PoseFilter, limb: int, neighbours: list[Candidates]) -> _Marks:
         """Add the limb's joints, which may be where the poses of its neighbours put them."""
         places, targets = [], []
-        for joint, (parent, child) in enumerate(zip(chain.parents, chain.children, strict=True)):
+        for joint, (parent, child) in enumerate(zip(skeleton.parents, skeleton.children, strict=True)):
             if limb not in (parent, child):
                 continue
-            at_limb, at_other = chain.at_parent[joint], chain.at_child[joint]
+            at_limb, at_other = skeleton.at_parent[joint], skeleton.at_child[joint]
             other = child
             if limb == child:
                 at_limb, at_other, other = at_other, at_limb, parent
             poses = neighbours[other].poses[:MOST_NEIGHBOURS]
             places.append(at_limb)
             targets.append(poses[:, :3, :3] @ at_other + poses[:, :3, 3])
-        coarse = JOINT_TOLERANCE * float(np.median(chain.deviation))
+        coarse = JOINT_TOLERANCE * float(np.median(skeleton.deviation))
         offsets = np.concatenate([self.offsets, np.array(places).reshape(-1, 3)])
         deviation = np.concatenate([self.deviation, np.full(len(places), coarse)])
         return _Marks(offsets, deviation, self.targets + targets)
@@ -209,7 +210,7 @@ def _wide_triples(
 
 
 def _scores(poses: Floats, offsets: Floats, deviation: Floats, points: Floats, spacing: float) -> tuple[Floats, Bools]:
-    """How much better each pose explains points than chance does, and the points that it explains."""
+    """Log likelihood of points by each pose over chance [nats], and the points that it explains."""
     places = np.einsum("nij,mj->nmi", poses[:, :3, :3], offsets) + poses[:, np.newaxis, :3, 3]
     squares = ((places[:, :, np.newaxis] - points) ** 2).sum(axis=3)
     nearest = squares.argmin(axis=2)
@@ -221,19 +222,19 @@ def _scores(poses: Floats, offsets: Floats, deviation: Floats, points: Floats, s
     return np.maximum(gain, 0.0).sum(axis=1), used
 
 
-def _best_combination(chain: PoseFilter, found: list[Candidates], spacing: float) -> Ints:
+def _best_combination(skeleton: PoseFilter, found: list[Candidates], spacing: float) -> Ints:
     """Index of the chosen candidate of each limb, -1 where none fits, for the largest sum of scores."""
     totals = [np.concatenate([candidates.scores, [0.0]]) for candidates in found]  # the last one: no candidate
     choices: dict[int, Ints] = {}
-    for joint in range(len(chain.children) - 1, -1, -1):
-        parent, child = int(chain.parents[joint]), int(chain.children[joint])
-        together = _agreement(chain, joint, found[parent].poses, found[child].poses, spacing) + totals[child]
+    for joint in range(len(skeleton.children) - 1, -1, -1):
+        parent, child = int(skeleton.parents[joint]), int(skeleton.children[joint])
+        together = _agreement(skeleton, joint, found[parent].poses, found[child].poses, spacing) + totals[child]
         choices[child] = together.argmax(axis=1)
         totals[parent] = totals[parent] + together.max(axis=1)
-    chosen = np.full(chain.n_limbs, -1, dtype=np.intp)
-    for root in chain.roots:
+    chosen = np.full(skeleton.n_limbs, -1, dtype=np.intp)
+    for root in skeleton.roots:
         chosen[root] = int(totals[root].argmax())
-    for parent, child in zip(chain.parents, chain.children, strict=True):
+    for parent, child in zip(skeleton.parents, skeleton.children, strict=True):
         chosen[child] = choices[int(child)][chosen[parent]]
     return np.array([-1 if chosen[limb] == len(found[limb].scores) else chosen[limb] for limb in range(len(found))])
 
@@ -253,40 +254,40 @@ def _conflict(found: list[Candidates], chosen: Ints) -> tuple[int, Bools]:
     return int(limbs[loser]), used[winner]
 
 
-def _agreement(chain: PoseFilter, joint: int, parent: Floats, child: Floats, spacing: float) -> Floats:
+def _agreement(skeleton: PoseFilter, joint: int, parent: Floats, child: Floats, spacing: float) -> Floats:
     """Score of each pair of candidates by where they put their joint; the last row and column mean no candidate."""
     result = np.zeros((len(parent) + 1, len(child) + 1))
-    first = parent[:, :3, :3] @ chain.at_parent[joint] + parent[:, :3, 3]
-    second = child[:, :3, :3] @ chain.at_child[joint] + child[:, :3, 3]
-    variance = 2 * (JOINT_TOLERANCE * float(np.median(chain.deviation))) ** 2
+    first = parent[:, :3, :3] @ skeleton.at_parent[joint] + parent[:, :3, 3]
+    second = child[:, :3, :3] @ skeleton.at_child[joint] + child[:, :3, 3]
+    variance = 2 * (JOINT_TOLERANCE * float(np.median(skeleton.deviation))) ** 2
     squares = ((first[:, np.newaxis] - second) ** 2).sum(axis=2)
     result[:-1, :-1] = chance(spacing) - 0.5 * squares / variance - 1.5 * np.log(2 * np.pi * variance)
     return result
 
 
 GROUP_TOLERANCE = 3.0
-"""Deviations of a distance that are searched."""
+"""Standard deviations within which a distance in a group must agree."""
 
 MOST_GROUPS = 30
-"""Rigid triples of lost markers that are looked for, the most rigid first."""
+"""Rigid triples of lost markers that are searched, the most rigid first."""
 
 MOST_GROUP_MATCHES = 20
-"""Matches of triples among the points that are followed up, the best first: bounds the work of a frame."""
+"""Matches of triples that are extended, the best first: bounds the work of a frame."""
 
 MOST_OTHERS = 8
-"""Further lost markers by which a match is proved."""
+"""Further lost markers by which a match is confirmed."""
 
 PROOF = 8.0
-"""nats by which further markers must speak for a match: three distances alone are met by chance."""
+"""nats of evidence by further markers that confirm a match: three distances may agree by chance."""
 
 
-def find_group(memory: MarkerHistory, lost: Ints, points: Floats, spacing: float) -> dict[int, int]:
+def find_group(history: MarkerHistory, lost: Ints, points: Floats, spacing: float) -> dict[int, int]:
     """Find lost markers among points by their distances alone.
 
     Parameters
     ----------
-    memory : MarkerHistory
-        Distances and poses.
+    history : MarkerHistory
+        Distances and poses of markers.
     lost : ndarray of intp
         Slots of markers that are not seen at present.
     points : ndarray, shape (n, 3), mm
@@ -297,26 +298,28 @@ def find_group(memory: MarkerHistory, lost: Ints, points: Floats, spacing: float
     Returns
     -------
     dict of int to int
-        Point of each slot of the group that is proved best; empty if there is none.
+        Point of each slot of the group that is confirmed best; empty if there is none.
     """
     if len(points) < 4 or len(lost) < 4:
         return {}
     best: dict[int, int] = {}
     most = PROOF
-    for _, slots, corners in sorted(_matches(memory, lost, points), key=lambda match: match[0])[:MOST_GROUP_MATCHES]:
-        group, proof = _extended(memory, lost, points, dict(zip(slots, corners, strict=True)), spacing)
+    for _, slots, corners in sorted(_matches(history, lost, points), key=lambda match: match[0])[:MOST_GROUP_MATCHES]:
+        group, proof = _extended(history, lost, points, dict(zip(slots, corners, strict=True)), spacing)
         if proof > most:
             best, most = group, proof
     return best
 
 
-def _matches(memory: MarkerHistory, lost: Ints, points: Floats) -> list[tuple[float, tuple[int, ...], tuple[int, ...]]]:
+def _matches(
+    history: MarkerHistory, lost: Ints, points: Floats
+) -> list[tuple[float, tuple[int, ...], tuple[int, ...]]]:
     """Misfit, slots and points of triples whose distances agree."""
     apart = np.linalg.norm(points[:, np.newaxis] - points, axis=2)
     found: list[tuple[float, tuple[int, ...], tuple[int, ...]]] = []
-    for triple in _rigid_triples(memory, lost):
+    for triple in _rigid_triples(history, lost):
         slots = np.array(triple)
-        wanted, deviation = memory.distances(slots, slots), memory.deviations(slots, slots)
+        wanted, deviation = history.distances(slots, slots), history.deviations(slots, slots)
         off = [np.abs(apart - wanted[i, j]) / deviation[i, j] for i, j in ((0, 1), (0, 2), (1, 2))]
         first, second = np.nonzero((off[0] < GROUP_TOLERANCE) & (apart > 0))
         rows, third = np.nonzero((off[1][first] < GROUP_TOLERANCE) & (off[2][second] < GROUP_TOLERANCE))
@@ -327,9 +330,9 @@ def _matches(memory: MarkerHistory, lost: Ints, points: Floats) -> list[tuple[fl
     return found
 
 
-def _rigid_triples(memory: MarkerHistory, lost: Ints) -> list[tuple[int, int, int]]:
+def _rigid_triples(history: MarkerHistory, lost: Ints) -> list[tuple[int, int, int]]:
     """Each lost marker with its two most rigid lost neighbours, the most rigid triples first."""
-    deviation = memory.deviations(lost, lost)
+    deviation = history.deviations(lost, lost)
     np.fill_diagonal(deviation, np.inf)
     order = np.argsort(deviation, axis=1, kind="stable")[:, :2]
     sums = np.take_along_axis(deviation, order, axis=1).sum(axis=1)
@@ -342,17 +345,17 @@ def _rigid_triples(memory: MarkerHistory, lost: Ints) -> list[tuple[int, int, in
 
 
 def _extended(
-    memory: MarkerHistory, lost: Ints, points: Floats, group: dict[int, int], spacing: float
+    history: MarkerHistory, lost: Ints, points: Floats, group: dict[int, int], spacing: float
 ) -> tuple[dict[int, int], float]:
-    """Add lost markers that are found where the group expects them; the group, and what they prove."""
-    seed = np.array(list(group))
-    others = np.setdiff1d(lost, seed)
-    total = memory.deviations(others, seed).sum(axis=1)
+    """Add lost markers that are found where the group predicts them; the group, and their evidence [nats]."""
+    corners = np.array(list(group))
+    others = np.setdiff1d(lost, corners)
+    total = history.deviations(others, corners).sum(axis=1)
     order = np.argsort(total, kind="stable")[: min(MOST_OTHERS, int(np.isfinite(total).sum()))]
     proof = 0.0
     for slot in others[order].tolist():
         chosen = np.array(list(group.values()))
-        expected = memory.expected(slot, np.array(list(group)), points[chosen])
+        expected = history.expected(slot, np.array(list(group)), points[chosen])
         if expected is None:
             continue
         place, variance = expected

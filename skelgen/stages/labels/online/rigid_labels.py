@@ -1,55 +1,56 @@
-"""Labels without a skeleton: tracks become markers, and a lost marker is found again where its neighbours expect it."""
+"""Labels without a skeleton: tracks become markers, and a lost marker is found where its neighbours predict it."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.labels.online.learning import Learned, Learner
+from skelgen.stages.labels.online.learning import LearnedPose, Learner
 from skelgen.stages.labels.online.marker_history import PAST, RECENT_SECONDS, MarkerHistory
 from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
 from skelgen.stages.labels.online.pose_search import chance, find_group
 from skelgen.stages.labels.online.skeleton_labels import explained
 
 PLAUSIBLE = 3.0
-"""A point may be a lost marker if its distances to that one's neighbours are off by no more deviations than this."""
+"""A point may be a lost marker if its distances to that marker's neighbours deviate by no more than this, in standard
+deviations."""
 
 CONVINCING = 2.0
-"""nats by which the expected place must explain a point better than chance."""
+"""nats by which the predicted place must explain a point better than chance."""
 
 LATE, CLEAR = -1.0, 2.0
-"""The same for a track that has waited long, as markers come back far more often than new ones are put on; and nats by
-which it must then be better than any other lost marker and any other track."""
+"""The same for a track that has waited long, because markers come back far more often than new ones are put on; and
+nats by which the explanation must then be better than those of other lost markers and other tracks."""
 
 WRONG = 6.0
-"""Deviations by which the distances of a marker to its most rigid neighbours must be off to cast doubt on it."""
+"""Standard deviations by which the distances of a doubtful marker to its most rigid neighbours deviate."""
 
 WRONG_SECONDS = 0.1
-"""Time for which they are off before the track loses its label."""
+"""s for which they deviate before the track loses its label."""
 
 DOUBT_EVERY, LEARN_EVERY = 3, 2
-"""Frames between two looks at all distances: to find what is wrong, and to learn from them."""
+"""Frames between two comparisons of all distances, to find wrong labels and to learn."""
 
 NEW_SECONDS = 0.1
-"""A track that resembles no lost marker is a new one after this time: ghosts last a few frames."""
+"""s after which a track that resembles no lost marker is a new one: false points last a few frames."""
 
 DOUBT_SECONDS = 0.3
-"""A track that resembles one, without being convincing, waits longer."""
+"""s that a track waits which resembles a lost marker, but is not convincing."""
 
 JOIN_VOTES = 3
-"""Times that a marker must be found where a lost one belongs before they are one."""
+"""Times that a marker must be found in the place of a lost one before they are merged."""
 
 MOST_TRIALS, MOST_RECONSIDERED = 20, 5
 """Lost markers that are tried for the points of a frame, and markers that are reconsidered in it: bounds the work."""
 
 MANY_FREE, REGROUP_EVERY = 4, 3
-"""Tracks without a label that make it worth to search for groups, and frames between two such searches."""
+"""Tracks without a label from which on rigid groups are searched, and frames between two such searches."""
 
 RECONSIDER_SECONDS, YOUNG_SECONDS = 0.25, 10.0
-"""Time between two comparisons of a marker with lost ones, and time after which it is known to be one of its own."""
+"""s between two comparisons of a young marker with lost ones, and s after which a marker is no longer young."""
 
 TOGETHER = 2
-"""Frames in which two labels of one marker may both have been seen: a merged blob, a reflection."""
+"""Frames in which two labels of one marker may have been seen together: by a merged blob, or a reflection."""
 
 
 class RigidLabels:
@@ -65,7 +66,7 @@ class RigidLabels:
     Attributes
     ----------
     merged : dict of int to int
-        Labels that turned out to be another marker's, and which.
+        Labels that turned out to mean another marker, and its label.
     """
 
     def __init__(self, n_slots: int, window: float) -> None:
@@ -79,7 +80,7 @@ class RigidLabels:
         self._resembles: set[int] = set()
         self._votes: dict[tuple[int, int], int] = {}
         self._learner = Learner()
-        self._learned: Learned | None = None
+        self._learned: LearnedPose | None = None
         self._prediction: Prediction | None = None
         self._n_labels = 0
         self._frame = 0
@@ -139,7 +140,7 @@ class RigidLabels:
         return kept
 
     def _doubt(self, points: Floats, tracks: Ints, slots: Ints) -> None:
-        """Take labels away from tracks that have left their place among their neighbours."""
+        """Remove labels from tracks that have left their place among their neighbours."""
         known = np.flatnonzero(slots >= 0)
         if len(known) < 4 or self._history.noise == 0.0 or self._frame % DOUBT_EVERY:
             return
@@ -156,17 +157,17 @@ class RigidLabels:
                 del self._n_wrong[track]
 
     def _predict(self, points: Floats, slots: Ints, n_steps: int) -> None:
-        """Follow the learned skeleton's pose, and take a new skeleton over when it is due."""
+        """Follow the pose of the learned skeleton; a new skeleton replaces it when its fit is due."""
         labels = np.where(slots >= 0, self._history.label[slots], -1)
         found = self._learner.result(self._time)
         if found is not None:
-            learned = Learned(PoseFilter(found[0]), found[1])
+            learned = LearnedPose(PoseFilter(found[0]), found[1])
             self._learned = learned if learned.start(points, labels) else self._learned
         if self._learned is not None:
             self._prediction = self._learned.follow(points, labels, n_steps)
 
     def _regroup(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
-        """Find a whole group again where many tracks have no label, and look at all the others anew."""
+        """Find a rigid group again where many tracks have no label; all other tracks are compared anew."""
         free = np.flatnonzero((slots < 0) & (tracks >= 0))
         if len(free) < MANY_FREE or self._frame % REGROUP_EVERY:
             return
@@ -177,7 +178,7 @@ class RigidLabels:
                 self._age_of_track[track] = 1
 
     def _recognise(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
-        """Give tracks without a label that of the lost marker whose expected place explains them best."""
+        """Give each track without a label the lost marker whose predicted place explains it best."""
         young = np.flatnonzero((slots < 0) & (tracks >= 0))
         young = np.array([index for index in young.tolist() if self._is_due(int(tracks[index]))], dtype=np.intp)
         known = np.flatnonzero(slots >= 0)
@@ -208,7 +209,7 @@ class RigidLabels:
     def _remembered_scores(
         self, points: Floats, lost: Ints, visible: Ints, positions: Floats, spacing: float
     ) -> Floats:
-        """How much better than chance remembered poses explain points by lost markers, -inf where not at all."""
+        """Log likelihood of points by lost markers in remembered poses, over chance [nats]; -inf where implausible."""
         misfit = self._history.misfits(lost, points, visible, positions)
         scores = np.full(misfit.shape, -np.inf)
         least = misfit.min(axis=0, initial=np.inf)
@@ -222,11 +223,11 @@ class RigidLabels:
         return scores
 
     def _learned_scores(self, points: Floats, lost: Ints, spacing: float) -> Floats:
-        """The like by the learned skeleton."""
+        """Log likelihood of points by lost markers of the learned skeleton, over chance [nats]."""
         scores = np.full((len(points), len(lost)), -np.inf)
         if self._learned is None or self._prediction is None:
             return scores
-        labels = np.where(self._learned.chain.carried, self._learned.labels, -1)
+        labels = np.where(self._learned.pose.carried, self._learned.labels, -1)
         _, columns, markers = np.intersect1d(self._history.label[lost], labels, return_indices=True)
         if len(markers):
             found = explained(points, self._prediction, markers, spacing)
@@ -234,17 +235,17 @@ class RigidLabels:
         return scores
 
     def _is_due(self, track: int) -> bool:
-        """Whether to look at a track: at ages that double, so that the work is bounded, and when it has waited."""
+        """Whether to compare a track: when its age has doubled, so that the work is bounded, and when it has waited."""
         age = self._age_of_track[track]
         return age & (age - 1) == 0 or age == self._last_look
 
     @property
     def _last_look(self) -> int:
-        """Age at which a track that resembles a lost marker becomes that one, or a new one."""
+        """Age at which a track that resembles a lost marker becomes that marker, or a new one."""
         return max(1, round(DOUBT_SECONDS * self._rate))
 
     def _begin(self, tracks: Ints, slots: Ints) -> None:
-        """Make markers of tracks that have gone on for long enough without being recognised."""
+        """Make markers of tracks that have lasted long enough without being recognised."""
         for index in np.flatnonzero((slots < 0) & (tracks >= 0)).tolist():
             track = int(tracks[index])
             least = DOUBT_SECONDS if track in self._resembles else NEW_SECONDS
@@ -256,7 +257,7 @@ class RigidLabels:
                 self._n_labels += 1
 
     def _reconsider(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
-        """Join markers with lost ones in whose place they are found again and again."""
+        """Merge markers with lost ones in whose place they are found repeatedly."""
         memory = self._history
         due = [i for i in np.flatnonzero(slots >= 0).tolist() if self._is_to_be_reconsidered(int(slots[i]))]
         for index in due[:MOST_RECONSIDERED]:
@@ -274,7 +275,7 @@ class RigidLabels:
                     slots[index] = old
 
     def _is_to_be_reconsidered(self, slot: int) -> bool:
-        """Whether a marker is young and its turn has come; slots take turns, so that the work is spread."""
+        """Whether a marker is young and is to be compared now; slots take turns, to spread the work."""
         n_seen = int(self._history.n_seen[slot])
         turn = max(1, round(RECONSIDER_SECONDS * self._rate))
         return n_seen < YOUNG_SECONDS * self._rate and (n_seen + slot) % turn == 0

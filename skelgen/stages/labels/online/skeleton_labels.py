@@ -1,4 +1,4 @@
-"""Labels by a known skeleton: its pose predicts every marker, tracks carry labels from frame to frame."""
+"""Labels by a known skeleton: its pose predicts every marker, and tracks keep labels from frame to frame."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
 from skelgen.stages.labels.online.pose_search import chance, find_pose
 
 ROUNDS = 2
-"""Turns of pose and assignment in a frame: a point that was just recognised helps to find others on its limb."""
+"""Rounds of pose and assignment in a frame: a point that was just recognised helps to find others on its limb."""
 
 TRUSTED_SQUARE = 25.0
-"""A track keeps its label while its point is within this squared distance, in deviations, of where it belongs."""
+"""A track keeps its label while the squared distance of its point from the predicted marker, in deviations, is less."""
 
 SEARCH_EVERY = 10
 """Frames between two searches for the pose, which cost as much as some frames."""
 
 LEAST_SHARE = 0.4
-"""A pose explains at least this part of the markers or of the points, or it is not believed."""
+"""A pose is accepted if it explains at least this part of the markers or of the points."""
 
 OLD_TRACK = 20
-"""Frames after which a track without a marker is no chance: no ghost lasts that long."""
+"""Frames after which a track without a marker is no false point: these do not last that long."""
 
 MANY_ALONE = 3
-"""Old tracks without a marker that cast doubt on the pose: a limb's worth."""
+"""Old tracks without a marker, as many as a limb has, that make the pose doubtful."""
 
 CLEARLY_MORE = 2
 """Points that a new pose must explain beyond the present one."""
@@ -43,15 +43,10 @@ class SkeletonLabels:
 
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton = skeleton
-        self._chain: PoseFilter | None = None
+        self._pose: PoseFilter | None = None
         self._marker_of_track: dict[int, int] = {}
         self._age_of_track: dict[int, int] = {}
         self._until_search = 0
-
-    @property
-    def is_started(self) -> bool:
-        """Whether the pose is known."""
-        return self._chain is not None
 
     @property
     def n_markers(self) -> int:
@@ -59,8 +54,8 @@ class SkeletonLabels:
         return int((self._skeleton.limb_of_marker >= 0).sum())
 
     def forget_pose(self) -> None:
-        """Search the pose anew, after a jump in time."""
-        self._chain = None
+        """Forget the pose, so that it is searched again: after a jump in time."""
+        self._pose = None
         self._marker_of_track.clear()
         self._until_search = 0
 
@@ -84,8 +79,8 @@ class SkeletonLabels:
             Marker of each point, -1 for none.
         """
         labels = np.full(len(points), -1, dtype=np.intp)
-        if self._chain is not None:
-            labels = self._continued(self._chain, points, tracks, n_steps, spacing)
+        if self._pose is not None:
+            labels = self._continued(self._pose, points, tracks, n_steps, spacing)
         self._age_of_track = {track: self._age_of_track.get(track, 0) + 1 for track in tracks.tolist() if track >= 0}
         self._until_search -= 1
         if self._until_search <= 0 and self._is_doubtful(tracks, labels):
@@ -93,38 +88,38 @@ class SkeletonLabels:
         self._remember(tracks, labels)
         return labels
 
-    def _continued(self, chain: PoseFilter, points: Floats, tracks: Ints, n_steps: int, spacing: float) -> Ints:
+    def _continued(self, pose: PoseFilter, points: Floats, tracks: Ints, n_steps: int, spacing: float) -> Ints:
         labels = np.array([self._marker_of_track.get(track, -1) for track in tracks.tolist()], dtype=np.intp)
-        rotations, origins = chain.rotations, chain.origins
-        chain.advance(n_steps)
-        labels = _fitted(chain, points, labels, tracks >= 0, spacing)
-        chain.settle(rotations, origins, n_steps)
+        rotations, origins = pose.rotations, pose.origins
+        pose.advance(n_steps)
+        labels = _fitted(pose, points, labels, tracks >= 0, spacing)
+        pose.learn_motion(rotations, origins, n_steps)
         return labels
 
     def _is_doubtful(self, tracks: Ints, labels: Ints) -> bool:
-        """Whether the pose is unknown or leaves many points alone that have been followed for long."""
-        if self._chain is None:
+        """Whether the pose is unknown, or many points that have been followed for long have no marker."""
+        if self._pose is None:
             return True
         alone = tracks[(labels < 0) & (tracks >= 0)].tolist()
         n_alone = sum(self._age_of_track[track] >= OLD_TRACK for track in alone)
         return n_alone >= MANY_ALONE or int((labels >= 0).sum()) < LEAST_SHARE * len(tracks)
 
     def _search(self, points: Floats, tracks: Ints, labels: Ints, spacing: float) -> Ints:
-        """Search the pose in this frame; a pose that explains more points than the present one takes its place."""
+        """Search the pose in this frame; one that explains more points than the present one replaces it."""
         self._until_search = SEARCH_EVERY
         followed = np.flatnonzero(tracks >= 0)
-        chain = PoseFilter(self._skeleton)
-        pose = find_pose(chain, points[followed], spacing) if len(followed) else None
-        if pose is None:
+        pose = PoseFilter(self._skeleton)
+        start = find_pose(pose, points[followed], spacing) if len(followed) else None
+        if start is None:
             return labels
-        chain.set_pose(*pose)
-        found = _fitted(chain, points, _nearest(points, followed, chain), tracks >= 0, spacing)
+        pose.set_pose(*start)
+        found = _fitted(pose, points, _nearest(points, followed, pose), tracks >= 0, spacing)
         n_found, n_before = int((found >= 0).sum()), int((labels >= 0).sum())
-        wanted = LEAST_SHARE * min(len(followed), int(chain.carried.sum()))
+        wanted = LEAST_SHARE * min(len(followed), int(pose.carried.sum()))
         if n_found < max(wanted, n_before + CLEARLY_MORE):
             return labels
-        chain.settle(chain.rotations, chain.origins, 1)
-        self._chain = chain
+        pose.learn_motion(pose.rotations, pose.origins, 1)
+        self._pose = pose
         self._marker_of_track.clear()
         return found
 
@@ -138,26 +133,26 @@ class SkeletonLabels:
         self._marker_of_track = kept
 
 
-def _fitted(chain: PoseFilter, points: Floats, labels: Ints, usable: Bools, spacing: float) -> Ints:
-    """Fit the pose to labelled points, take labels that do not fit away, and label others; in turns."""
+def _fitted(pose: PoseFilter, points: Floats, labels: Ints, usable: Bools, spacing: float) -> Ints:
+    """Fit the pose to labelled points, remove labels that do not fit, and label other points; in rounds."""
     known = labels >= 0
-    prediction = chain.fit(points[known], labels[known])
+    prediction = pose.fit(points[known], labels[known])
     for _ in range(ROUNDS):
         labels, changed = _corrected(points, labels, usable, prediction, spacing)
         if not changed:
             break
         known = labels >= 0
-        prediction = chain.fit(points[known], labels[known])
+        prediction = pose.fit(points[known], labels[known])
     return labels
 
 
-def _nearest(points: Floats, followed: Ints, chain: PoseFilter) -> Ints:
+def _nearest(points: Floats, followed: Ints, pose: PoseFilter) -> Ints:
     """First labels from a rough pose: pairs of points and markers that are nearest to each other."""
     labels = np.full(len(points), -1, dtype=np.intp)
-    markers = np.flatnonzero(chain.carried)
-    squares = ((points[followed, np.newaxis] - chain.positions_of(markers)) ** 2).sum(axis=2)
+    markers = np.flatnonzero(pose.carried)
+    squares = ((points[followed, np.newaxis] - pose.positions_of(markers)) ** 2).sum(axis=2)
     rows, columns = linear_sum_assignment(squares)
-    near = squares[rows, columns] < TRUSTED_SQUARE * chain.deviation[markers[columns]] ** 2
+    near = squares[rows, columns] < TRUSTED_SQUARE * pose.deviation[markers[columns]] ** 2
     labels[followed[rows[near]]] = markers[columns[near]]
     return labels
 
@@ -188,7 +183,19 @@ def _squares(points: Floats, prediction: Prediction, markers: Ints) -> Floats:
 
 
 def explained(points: Floats, prediction: Prediction, markers: Ints, spacing: float) -> Floats:
-    """How much better some markers explain points than chance does [nats], shape (n_points, n_markers); at least 0."""
+    """Log likelihood of points by some markers, over that by chance [nats], shape (n_points, n_markers); at least 0.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n_points, 3), mm
+        Points.
+    prediction : Prediction
+        All markers.
+    markers : ndarray of intp, shape (n_markers,)
+        Which of them are compared.
+    spacing : float, mm
+        Typical distance of a point from its nearest neighbour.
+    """
     covariance = prediction.covariances[markers]
     error = points[:, np.newaxis] - prediction.positions[markers]
     squares = np.einsum("nmi,mij,nmj->nm", error, np.linalg.inv(covariance), error)

@@ -1,4 +1,4 @@
-"""Labels frame by frame, for live use: points in, stable identities out, in bounded memory."""
+"""The live tracker: points of a frame in, labels of physical markers out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from skelgen.stages.labels.online.skeleton_labels import SkeletonLabels
 from skelgen.stages.labels.parameters import LabelParameters
 
 MOST_MARKERS = 200
-"""Markers that are remembered unless the user says otherwise: four suits of fifty."""
+"""Markers that are remembered by default: four suits of fifty."""
 
 WINDOW = 30.0
 """s over which distances are averaged: long enough to see joints move, short enough to follow a slipped marker."""
@@ -30,14 +30,14 @@ LARGEST_COORDINATE = 1e9
 """mm; beyond a thousand kilometres a unit is wrong, and squares lose the millimetre."""
 
 LONG_JUMP = 1.0
-"""s after which nothing is left of a pose."""
+"""s without frames after which the pose is searched anew."""
 
 
 class Tracker:
     """Give each point of a live stream the identity of its physical marker.
 
-    Without a skeleton it learns while it runs: points are followed, distances that stay the same tell which markers
-    sit on one limb, and a marker that was lost is found again where the others expect it. With a skeleton the pose of
+    Without a skeleton it learns while it runs: points are followed, markers whose distances stay the same are rigid
+    neighbours, and a marker that was lost is found again where its neighbours predict it. With a skeleton the pose of
     its limbs is followed, and labels are the indices of its markers from the first frame that shows the pose.
 
     Parameters
@@ -107,7 +107,7 @@ class Tracker:
         Returns
         -------
         ndarray of intp, shape (n,)
-            Label of each point: the same number for the same physical marker; -1 for nobody's so far, as ghosts are.
+            Label of each point: the same number for the same physical marker; -1 for points of no marker so far.
 
         Raises
         ------
