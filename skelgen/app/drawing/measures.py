@@ -1,4 +1,4 @@
-"""What the report states of a project, as plain numbers: orders, deviations, lengths, runners-up, envelopes."""
+"""What the report states of a project, as plain numbers: orders, deviations, lengths."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from skelgen.model import Limbs, Motion, Project, Topology, Trajectories
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.topology import cheapest_rivals
 
 
 @dataclass(frozen=True)
@@ -61,22 +60,6 @@ class Length:
     raw_mean: float
     spread: float
     deviations: Floats
-
-
-@dataclass(frozen=True)
-class RunnerUp:
-    """The cheapest other joint that would connect what one joint of the tree connects.
-
-    Attributes
-    ----------
-    limbs : tuple of int
-        The two limbs that it would join.
-    cost : float, mm^2
-        Its cost.
-    """
-
-    limbs: tuple[int, int]
-    cost: float
 
 
 def branch_order(parents: Ints) -> list[int]:
@@ -209,16 +192,6 @@ def bone_length(lengths: list[Length], topology: Topology, joint: int) -> float:
     pair = {int(own[0]), joint}
     found = next(length for length in lengths if {length.first, length.second} == pair)
     return found.raw_mean if np.isnan(found.rigid) else found.rigid
-
-
-def runners_up(topology: Topology) -> list[RunnerUp | None]:
-    """Return, for each joint, the cheapest other joint between the two parts that it connects; None if there is none.
-
-    The further its cost lies above the joint's own, the surer this edge of the tree is.
-    """
-    rivals = cheapest_rivals(topology.parents, topology.joint_costs)
-    of_joints = (rivals[child] for child in topology.children.tolist())
-    return [None if np.isnan(cost) else RunnerUp(limbs, cost) for limbs, cost in of_joints]
 
 
 def _known(values: Floats) -> Floats:

@@ -18,6 +18,7 @@ from skelgen.app.advice import doubtful_share
 from skelgen.app.configuration import parameters_class
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.colours import limb_colour
+from skelgen.app.drawing.graph import CostGraph, find_cost_graph
 from skelgen.app.drawing.wording import counted, digits, duration, listed, millimetres, percent, plain
 from skelgen.app.export import fill_project
 from skelgen.app.report.curves import deviation_bars, points_figure, residual_figure
@@ -26,7 +27,7 @@ from skelgen.app.report.labels import labels_content
 from skelgen.app.report.matrix import cost_figure, deviation_figure
 from skelgen.app.report.pose import pose_figures
 from skelgen.app.report.timelines import gaps_figure
-from skelgen.app.report.tree import cost_graph, sign_figure, tree_figure
+from skelgen.app.report.tree import graph_figure, sign_figure, tree_figure
 from skelgen.app.tables import column_rows
 from skelgen.model import PointCloud, Poses, Project, StageReport
 from skelgen.model.filled import Source
@@ -76,8 +77,8 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
     if project.has("limbs") and project.limbs.n_limbs:
         content["limbs"] = _limbs(project)
     if project.has("joints") and project.topology.n_joints:
-        lengths = measures.joint_lengths(project)
-        content |= {"tree": _tree(project, lengths)} | joints_content(project, lengths)
+        graph, lengths = find_cost_graph(project), measures.joint_lengths(project)
+        content |= {"tree": _tree(project, graph, lengths)} | joints_content(project, graph, lengths)
     if project.has("skeleton") and project.skeleton.n_limbs:
         content |= {"pose": pose_figures(project)}
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
@@ -247,13 +248,13 @@ def _limbs(project: Project) -> Content:
     }
 
 
-def _tree(project: Project, lengths: list[measures.Length]) -> Content:
+def _tree(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> Content:
     kinds = JOINT_KINDS if project.has("skeleton") else ()
     used = {joint.kind for joint in project.skeleton.joints} if project.has("skeleton") else set()
     return {
         "figure": tree_figure(project, lengths),
         "signs": [(kind, _sign(kind)) for kind in kinds if kind in used],
-        "graph": cost_graph(project),
+        "graph": graph_figure(project, graph),
         "matrix": cost_figure(project),
     }
 

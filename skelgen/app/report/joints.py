@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from skelgen.app.drawing import measures
+from skelgen.app.drawing.graph import CostGraph, JointCost
 from skelgen.app.drawing.wording import digits, fixed, plain
 from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
-from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, Posture, angle_ranges, posture_of, spread_frames
+from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, Posture, posture_of, spread_frames
 from skelgen.kinematics.joints.angles import angle_names
 from skelgen.kinematics.joints.observability import Observed, observed_joints
-from skelgen.model import Joint, Project, Topology
+from skelgen.model import Joint, Project
 from skelgen.model.arrays import Floats
 
 Content = dict[str, Any]
@@ -32,34 +33,41 @@ _ANGLE_WORDS = {
 }
 
 
-def joints_content(project: Project, lengths: list[measures.Length]) -> Content:
-    """Return the sections of a tree's joints: ``joints``, ``lengths``, and ``angles`` where there is a skeleton."""
-    content = {"joints": _joints(project), "lengths": _lengths(project, lengths)}
+def joints_content(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> Content:
+    """Return the sections of a tree's joints: ``joints``, ``lengths``, and ``angles`` where there is a skeleton.
+
+    Parameters
+    ----------
+    project : Project
+        With joints.
+    graph : CostGraph
+        What `find_cost_graph` gives.
+    lengths : list of Length
+        What `measures.joint_lengths` gives.
+    """
+    content = {"joints": _joints(project, graph), "lengths": _lengths(project, lengths)}
     if project.has("skeleton"):
-        content["angles"] = _angles(project)
+        content["angles"] = _angles(project, graph)
     return content
 
 
-def _joints(project: Project) -> Content:
+def _joints(project: Project, graph: CostGraph) -> Content:
     topology = project.topology
-    rivals = measures.runners_up(topology)
     fitted = project.skeleton.joints if project.has("skeleton") else ()
     rows = []
-    for index, (parent, child) in enumerate(topology.edges.tolist()):
-        costs = {"cost": digits(topology.joint_costs[parent, child]), "value": digits(topology.values[index])}
-        row: Content = {"joint": index, "parent": parent, "child": child, **costs}
-        row |= {"iterations": int(topology.n_iterations[index]), "rival": _rival(rivals[index], topology, index)}
-        rows.append(row | (_fitted(fitted[index]) if fitted else {}))
+    for index, joint in enumerate(graph.joints):
+        row: Content = {"joint": index, "parent": joint.parent, "child": joint.child, "cost": digits(joint.cost)}
+        row |= {"value": digits(topology.values[index]), "iterations": int(topology.n_iterations[index])}
+        row |= {"rival": _rival(joint)} | (_fitted(fitted[index]) if fitted else {})
+        rows.append(row)
     return {"rows": rows, "fitted": bool(fitted), "alpha": plain(topology.alpha)}
 
 
-def _rival(rival: measures.RunnerUp | None, topology: Topology, joint: int) -> str:
-    if rival is None:
+def _rival(joint: JointCost) -> str:
+    if joint.rival is None:
         return "none"
-    parent, child = topology.edges[joint].tolist()
-    own = float(topology.joint_costs[parent, child])
-    ratio = f" (×{digits(rival.cost / own, 2)})" if own > 0 else ""
-    return f"{rival.limbs[0]}–{rival.limbs[1]}: {digits(rival.cost)}{ratio}"
+    ratio = f" (×{digits(joint.ratio, 2)})" if joint.cost > 0 else ""
+    return f"{joint.rival[0]}–{joint.rival[1]}: {digits(joint.cost + joint.margin)}{ratio}"
 
 
 def _fitted(joint: Joint) -> Content:
@@ -99,11 +107,13 @@ def _lengths(project: Project, lengths: list[measures.Length]) -> Content:
     return {"rows": rows, "reach": digits(reach, 2), "has_rigid": project.has("skeleton")}
 
 
-def _angles(project: Project) -> Content:
+def _angles(project: Project, graph: CostGraph) -> Content:
     skeleton, motion, positions = project.skeleton, project.motion, project.trajectories.positions
-    ranges = angle_ranges(skeleton, motion, positions)
     observed = observed_joints(skeleton, motion)
-    rows = [_angle_row(index, joint, ranges[index], observed[index]) for index, joint in enumerate(skeleton.joints)]
+    rows = [
+        _angle_row(index, joint, graph.joints[index].ranges, observed[index])
+        for index, joint in enumerate(skeleton.joints)
+    ]
     frames = spread_frames(motion.n_frames)
     posture = posture_of(skeleton, motion, positions, frames)
     times = frames / motion.rate

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from skelgen.app.drawing import svg
 from skelgen.app.drawing.colours import limb_colour
-from skelgen.app.drawing.poses import View, find_views, reference_joints, reference_markers
+from skelgen.app.drawing.poses import Bones, View, find_bones, find_views, reference_joints, reference_markers
 from skelgen.app.drawing.scales import round_below
 from skelgen.app.drawing.wording import plain
 from skelgen.model import Project
@@ -33,13 +33,36 @@ _NEARLY_IN_PLANE = 0.85  # of an axis's length: more oblique ones would only be 
 
 @dataclass(frozen=True, eq=False)
 class _Body:
+    """What is drawn of a skeleton: places in mm of the world, or in px of a view."""
+
     markers: Floats
     joints: Floats
+    bones: Bones
+    lines: Floats  # both ends of each bone
+
+    @classmethod
+    def of(cls, project: Project) -> _Body:
+        skeleton = project.skeleton
+        markers, joints = reference_markers(skeleton), reference_joints(skeleton)
+        edges = np.array([(joint.parent, joint.child) for joint in skeleton.joints], dtype=np.intp).reshape(-1, 2)
+        bones = find_bones(edges, skeleton.limb_of_marker)
+        return cls(markers, joints, bones, bones.place(joints, markers))
 
     @property
     def points(self) -> Floats:
         everything = np.vstack([self.markers, self.joints])
         return everything[~np.isnan(everything[:, 0])]
+
+    def seen(self, view: View, scale: float) -> _Body:
+        """Return the body in a view, to the right and down [px]; its box begins at the origin."""
+        plane = np.stack([view.across, -view.up], axis=1) * scale
+        corner = (self.points @ plane).min(axis=0)
+        markers, joints = (places @ plane - corner for places in (self.markers, self.joints))
+        return _Body(markers, joints, self.bones, self.lines @ plane - corner)
+
+    def moved(self, across: float, down: float) -> _Body:
+        by = np.array([across, down])
+        return _Body(self.markers + by, self.joints + by, self.bones, self.lines + by)
 
 
 def pose_figures(project: Project) -> list[tuple[str, Markup]]:
@@ -50,12 +73,11 @@ def pose_figures(project: Project) -> list[tuple[str, Markup]]:
     list of tuple
         Title and drawing of each view.
     """
-    skeleton = project.skeleton
-    body = _Body(reference_markers(skeleton), reference_joints(skeleton))
+    body = _Body.of(project)
     views = find_views(body.points, project.motion.marker_positions)
-    spans = [np.ptp(body.points @ np.stack([view.across, view.up], axis=1), axis=0) for view in views]
-    scale = _SIDE / max(float(np.max(spans)), 1e-9)
-    return [(view.title, _view(project, body, view, scale)) for view in views]
+    size = max(float(np.ptp(body.seen(view, 1.0).points, axis=0).max()) for view in views)
+    scale = _SIDE / max(size, 1e-9)
+    return [(view.title, _view(project, body.seen(view, scale), view, scale)) for view in views]
 
 
 def small_figure(project: Project, side: float) -> str:
@@ -68,84 +90,53 @@ def small_figure(project: Project, side: float) -> str:
     side : float, px
         Of the square that it fills.
     """
-    skeleton = project.skeleton
-    body = _Body(reference_markers(skeleton), reference_joints(skeleton))
+    body = _Body.of(project)
     front, _ = find_views(body.points, project.motion.marker_positions)
-    plane = np.stack([front.across, -front.up], axis=1)
-    low, size = (body.points @ plane).min(axis=0), np.ptp(body.points @ plane, axis=0)
-    scale = side * _FILLED / max(float(size.max()), 1e-9)
-    corner = low * scale - (side - size * scale) / 2
-    markers, joints = body.markers @ plane * scale - corner, body.joints @ plane * scale - corner
-    limbs = range(skeleton.n_limbs)
+    scale = side * _FILLED / max(float(np.ptp(body.seen(front, 1.0).points, axis=0).max()), 1e-9)
+    flat = body.seen(front, scale)
+    flat = flat.moved(*((side - np.ptp(flat.points, axis=0)) / 2).tolist())
+    limbs = range(project.skeleton.n_limbs)
     colours = "".join(_SMALL_TINT.format(limb, limb_colour(limb)) for limb in limbs)
     parts = [
         svg.tag("style", Markup(colours + _SMALL_STYLE)),
-        *[_limb(project, limb, markers, joints) for limb in limbs],
-        *[svg.circle(x, y, 1.5, "joint") for x, y in joints.tolist()],
+        *[_limb(project, limb, flat) for limb in limbs],
+        *[svg.circle(x, y, 1.5, "joint") for x, y in flat.joints.tolist()],
     ]
     return str(svg.drawing(side, side, project.name or "skeleton", *parts))
 
 
 def _view(project: Project, body: _Body, view: View, scale: float) -> Markup:
-    plane = np.stack([view.across, -view.up], axis=1) * scale
-    low = (body.points @ plane).min(axis=0)
-    size = np.ptp(body.points @ plane, axis=0)
-    width = max(size[0] + 2 * _MARGIN, _LEAST_WIDTH)
-    corner = low - np.array([(width - size[0]) / 2, _MARGIN])
-    markers, joints = body.markers @ plane - corner, body.joints @ plane - corner
-    height = size[1] + 2 * _MARGIN + _TRIAD
+    size = np.ptp(body.points, axis=0)
+    width, height = max(size[0] + 2 * _MARGIN, _LEAST_WIDTH), size[1] + 2 * _MARGIN + _TRIAD
+    body = body.moved((width - size[0]) / 2, _MARGIN)
+    limbs = range(project.skeleton.n_limbs)
     parts = [
-        *[_limb(project, limb, markers, joints) for limb in range(project.skeleton.n_limbs)],
-        *[svg.circle(x, y, 3.5, "joint", f"joint J{index}") for index, (x, y) in enumerate(joints.tolist())],
-        *[_limb_number(project, limb, markers, joints) for limb in range(project.skeleton.n_limbs)],
+        *[_limb(project, limb, body) for limb in limbs],
+        *[svg.circle(x, y, 3.5, "joint", f"joint J{index}") for index, (x, y) in enumerate(body.joints.tolist())],
+        *[_limb_number(limb, body.lines[body.bones.limb == limb]) for limb in limbs],
         _triad(view, _TRIAD + 14, height - 12),
         _scale_bar(scale, width, height - 8),
     ]
     return svg.drawing(width, height, view.title, *parts, least=width)
 
 
-def _limb(project: Project, limb: int, markers: Floats, joints: Floats) -> Markup:
-    own = project.skeleton.markers_of(limb)
-    bones = _bones(project, limb, markers, joints)
+def _limb(project: Project, limb: int, body: _Body) -> Markup:
+    own = body.bones.limb == limb
     lines = [
-        svg.line(start[0], start[1], end[0], end[1], "bone" if firm else "bone loose") for start, end, firm in bones
+        svg.line(x1, y1, x2, y2, "bone loose" if is_spoke else "bone")
+        for ((x1, y1), (x2, y2)), is_spoke in zip(body.lines[own].tolist(), body.bones.is_spoke[own], strict=True)
     ]
-    names = project.trajectories.names
-    dots = [
-        svg.circle(x, y, 3, "fill dot", names[marker])
-        for marker, (x, y) in zip(own, markers[own].tolist(), strict=True)
-    ]
-    return svg.group(*lines, *dots, cls=f"limb{limb}")
+    markers = project.skeleton.markers_of(limb)
+    names = [project.trajectories.names[marker] for marker in markers]
+    places = zip(names, body.markers[markers].tolist(), strict=True)
+    return svg.group(*lines, *[svg.circle(x, y, 3, "fill dot", name) for name, (x, y) in places], cls=f"limb{limb}")
 
 
-def _bones(project: Project, limb: int, markers: Floats, joints: Floats) -> list[tuple[list[float], list[float], bool]]:
-    """Lines of one limb: from its parent joint to each further joint; a leaf's points to the middle of its markers."""
-    skeleton = project.skeleton
-    own = [index for index, _ in skeleton.joints_of(limb)]
-    middle = _middle(project, limb, markers, joints).tolist()
-    inward = [index for index in own if skeleton.joints[index].child == limb]
-    outward = [joints[index].tolist() for index in own if index not in inward]
-    if inward and outward:
-        return [(joints[inward[0]].tolist(), end, True) for end in outward]
-    if len(outward) == 2:
-        return [(outward[0], outward[1], True)]
-    return [(middle, joints[index].tolist(), len(own) > 2) for index in own]
-
-
-def _middle(project: Project, limb: int, markers: Floats, joints: Floats) -> Floats:
-    """Middle of a root's joints where it has several, otherwise of the limb's markers."""
-    own = [index for index, _ in project.skeleton.joints_of(limb)]
-    places = joints[own] if len(own) > 2 else markers[project.skeleton.markers_of(limb)]
-    return np.asarray(places.mean(axis=0) if len(places) else np.zeros(2))
-
-
-def _limb_number(project: Project, limb: int, markers: Floats, joints: Floats) -> Markup:
-    """The limb's number beside the middle of its first bone."""
-    bones = _bones(project, limb, markers, joints)
-    if not bones:
-        x, y = _middle(project, limb, markers, joints).tolist()
-        return svg.text(x, y - _LABEL_DISTANCE, str(limb), f"halo tint limb{limb}", anchor="middle")
-    start, end = np.array(bones[0][0]), np.array(bones[0][1])
+def _limb_number(limb: int, lines: Floats) -> Markup:
+    """The limb's number beside the middle of its bones, given by both ends [px]."""
+    if not len(lines):
+        return Markup("")
+    start, end = lines.mean(axis=0)
     along = end - start
     size = float(np.linalg.norm(along))
     aside = np.array([along[1], -along[0]]) / size if size > 0 else np.array([1.0, 0.0])

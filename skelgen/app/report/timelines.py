@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.colours import ramp_rgba
+from skelgen.app.drawing.lanes import State, find_lanes
 from skelgen.app.drawing.scales import bin_edges, ticks
 from skelgen.app.drawing.wording import clipped, percent, plain
 from skelgen.app.report.matrix import png_uri
@@ -70,13 +71,6 @@ def parted(pixels: NDArray[np.uint8], row: float) -> NDArray[np.uint8]:
     return lines
 
 
-def shares(flags: Bools) -> Floats:
-    """Part of the frames of each stretch in which a flag is up, shape (n_bins, n_rows)."""
-    starts, stops = bin_edges(len(flags), MOST_BINS)
-    counts = np.add.reduceat(flags.astype(np.float64), starts, axis=0)
-    return np.asarray(counts / (stops - starts)[:, np.newaxis])
-
-
 _OPAQUE = 255
 _MOST_WITH_GAP = 130  # of 255: a single missing frame already fades its whole stretch visibly
 _LEAST_FILLED = 110  # alpha of 255: a single filled frame still tints its stretch visibly
@@ -103,13 +97,14 @@ def gaps_figure(project: Project, filled: Filled | None = None) -> Markup:
     filled : Filled, optional
         How the gaps can be filled.
     """
-    order = measures.subtree_markers(project)
-    seen = project.trajectories.seen[:, order]
-    row = row_height(len(order))
-    height = row * len(order)
+    lanes = find_lanes(project)
+    n_frames, row = lanes.n_frames, row_height(lanes.n_lanes)
+    height = row * lanes.n_lanes
+    edges = np.linspace(0, n_frames, min(n_frames, MOST_BINS) + 1).astype(np.intp)
+    parts_of_states = lanes.shares(np.arange(lanes.n_lanes), edges.astype(np.float64))
     mask = svg.tag(
         "mask",
-        svg.image(LEFT, 0, PLOT, height, png_uri(_brightness(seen))),
+        svg.image(LEFT, 0, PLOT, height, png_uri(_brightness(parts_of_states))),
         id="seen-mask",
         maskUnits="userSpaceOnUse",
         x=LEFT,
@@ -117,13 +112,14 @@ def gaps_figure(project: Project, filled: Filled | None = None) -> Markup:
         width=PLOT,
         height=height,
     )
-    parts = [mask, svg.group(*_bars(project, order, row), mask="url(#seen-mask)")]
+    parts = [mask, svg.group(*_bars(lanes.limbs, row), mask="url(#seen-mask)")]
     if filled:
-        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(parted(_tints(filled.source[:, order]), row))))
+        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(parted(_tints(filled.source[:, lanes.markers]), row))))
     if project.has_labelling and project.labelling.doubts:
-        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(_doubt_lines(project.labelling.doubtful[:, order]))))
-    names = [project.trajectories.names[marker] for marker in order.tolist()]
-    parts += row_labels(names, [percent(float(share)) for share in seen.mean(axis=0)], row)
+        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(_doubt_lines(parts_of_states[..., State.DOUBTFUL] > 0))))
+    names = [project.trajectories.names[marker] for marker in lanes.markers.tolist()]
+    seen = project.trajectories.seen[:, lanes.markers].mean(axis=0)
+    parts += row_labels(names, [percent(float(share)) for share in seen], row)
     if project.has_labelling and project.labelling.left_out.any():
         parts.append(_left_out_strip(project.labelling, height + _STRIP_GAP))
         height += _STRIP_GAP + _STRIP
@@ -131,27 +127,27 @@ def gaps_figure(project: Project, filled: Filled | None = None) -> Markup:
     return svg.drawing(WIDTH, height + BOTTOM, "When each marker is seen", *parts, least=LEAST_WIDTH)
 
 
-def _brightness(seen: Bools) -> NDArray[np.uint8]:
-    """Brightness of the mask, shape (n_markers, n_bins): full where a marker is seen in all frames of a stretch."""
-    part = shares(seen)
-    grey = np.where(part == 1.0, _OPAQUE, np.minimum(part * _OPAQUE, _MOST_WITH_GAP))
-    return np.ascontiguousarray(grey.T.astype(np.uint8))
+def _brightness(parts_of_states: Floats) -> NDArray[np.uint8]:
+    """Brightness of the mask, shape (n_lanes, n_bins): full where a marker is seen in all frames of a stretch."""
+    missing = parts_of_states[..., State.FILLED] + parts_of_states[..., State.UNSEEN]
+    grey = np.where(missing == 0.0, _OPAQUE, np.minimum((1.0 - missing) * _OPAQUE, _MOST_WITH_GAP))
+    return np.ascontiguousarray(grey.astype(np.uint8))
 
 
 def _tints(source: Ints) -> NDArray[np.uint8]:
     """Colours over the gaps, shape (n_markers, n_bins, 4): of each stretch the least certain source that it has."""
-    pixels = np.zeros((min(len(source), MOST_BINS), source.shape[1], 4), dtype=np.uint8)
+    starts, stops = bin_edges(len(source), MOST_BINS)
+    pixels = np.zeros((len(starts), source.shape[1], 4), dtype=np.uint8)
     for kind, colour in SOURCE_COLOURS.items():
-        part = shares(source == kind)
+        part = np.add.reduceat((source == kind).astype(np.float64), starts) / (stops - starts)[:, np.newaxis]
         there = part > 0
         pixels[there, :3] = colour
         pixels[there, 3] = np.maximum(part[there] * _OPAQUE, _LEAST_FILLED).astype(np.uint8)
     return np.ascontiguousarray(pixels.swapaxes(0, 1))
 
 
-def _doubt_lines(doubtful: Bools) -> NDArray[np.uint8]:
-    """A line at the foot of each bar in stretches with a doubtful frame, shape (3 n_markers, n_bins, 4)."""
-    there = shares(doubtful).T > 0
+def _doubt_lines(there: Bools) -> NDArray[np.uint8]:
+    """A line at the foot of each bar in stretches with a doubtful frame, shape (3 n_lanes, n_bins, 4)."""
     pixels = np.zeros((_DOUBT_LINES * len(there), there.shape[1], 4), dtype=np.uint8)
     pixels[_DOUBT_LINES - 1 :: _DOUBT_LINES][there] = (*DOUBT_COLOUR, _OPAQUE)
     return pixels
@@ -173,14 +169,10 @@ def _left_out_strip(labelling: Labelling, top: float) -> Markup:
     )
 
 
-def _bars(project: Project, order: Ints, row: float) -> list[Markup]:
-    limb_of_marker = project.limbs.limb_of_marker if project.has("limbs") else np.full(len(order), -1)
-    bars = []
-    for index, marker in enumerate(order.tolist()):
-        limb = int(limb_of_marker[marker])
-        cls = f"fill limb{limb}" if limb >= 0 else "fill limbless"
-        bars.append(svg.rect(LEFT, row * index + 1, PLOT, row - 2 if row > 4 else row, cls))
-    return bars
+def _bars(limbs: Ints, row: float) -> list[Markup]:
+    classes = [f"fill limb{limb}" if limb >= 0 else "fill limbless" for limb in limbs.tolist()]
+    height = row - 2 if row > 4 else row
+    return [svg.rect(LEFT, row * index + 1, PLOT, height, cls) for index, cls in enumerate(classes)]
 
 
 def confidence_figure(project: Project) -> Markup:

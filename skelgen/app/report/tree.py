@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.drawing import measures, svg
-from skelgen.app.drawing.graph import Bar, Disc, joint_sign, tried_pairs
+from skelgen.app.drawing.graph import Bar, CostGraph, Disc, JointCost, joint_sign
 from skelgen.app.drawing.wording import clipped, counted, digits, shortened
 from skelgen.model import Project
 from skelgen.model.arrays import Ints
@@ -130,21 +130,23 @@ _STRONGEST, _FAINTEST = 0.55, 0.05  # opacity of the cheapest and the dearest jo
 _CANDIDATES_PER_LIMB = 6  # drawn beside the tree: dearer joints would only blacken the picture
 
 
-def cost_graph(project: Project) -> Markup:
+def graph_figure(project: Project, graph: CostGraph) -> Markup:
     """Draw the limbs as nodes, cheap candidate joints as faint lines, and the spanning tree as strong ones.
 
     Parameters
     ----------
     project : Project
         With joints.
+    graph : CostGraph
+        What `find_cost_graph` gives.
     """
     order = measures.limb_order(project)
     places = {limb: _on_circle(index, len(order)) for index, limb in enumerate(order)}
     nodes = [_node(limb, *place) for limb, place in places.items()]
-    tree = [_kept(project, places, joint) for joint in range(project.topology.n_joints)]
-    labels = [_cost_label(project, places, joint) for joint in range(project.topology.n_joints)]
+    tree = [svg.line(*places[joint.parent], *places[joint.child], "tree") for joint in graph.joints]
+    labels = [_cost_label(joint, places[joint.parent], places[joint.child]) for joint in graph.joints]
     label = "Joint costs between limbs with the spanning tree"
-    return svg.drawing(_SIDE, _SIDE, label, *_candidates(project, places), *tree, *nodes, *labels, least=300)
+    return svg.drawing(_SIDE, _SIDE, label, *_candidates(graph, places), *tree, *nodes, *labels, least=300)
 
 
 def _on_circle(index: int, count: int) -> tuple[float, float]:
@@ -152,9 +154,8 @@ def _on_circle(index: int, count: int) -> tuple[float, float]:
     return _SIDE / 2 + _RADIUS * math.cos(angle), _SIDE / 2 + _RADIUS * math.sin(angle)
 
 
-def _candidates(project: Project, places: dict[int, tuple[float, float]]) -> list[Markup]:
-    topology = project.topology
-    shown = tried_pairs(topology)[: _CANDIDATES_PER_LIMB * topology.n_limbs].tolist()
+def _candidates(graph: CostGraph, places: dict[int, tuple[float, float]]) -> list[Markup]:
+    shown = graph.pairs[: _CANDIDATES_PER_LIMB * len(places)].tolist()
     lines = []
     for rank, (first, second) in enumerate(shown):
         opacity = _STRONGEST + (_FAINTEST - _STRONGEST) * (rank / max(len(shown) - 1, 1)) ** 0.5
@@ -162,16 +163,9 @@ def _candidates(project: Project, places: dict[int, tuple[float, float]]) -> lis
     return lines[::-1]
 
 
-def _kept(project: Project, places: dict[int, tuple[float, float]], joint: int) -> Markup:
-    parent, child = project.topology.edges[joint].tolist()
-    return svg.line(*places[parent], *places[child], "tree")
-
-
-def _cost_label(project: Project, places: dict[int, tuple[float, float]], joint: int) -> Markup:
-    parent, child = project.topology.edges[joint].tolist()
-    near, far = places[child], places[parent]
+def _cost_label(joint: JointCost, far: tuple[float, float], near: tuple[float, float]) -> Markup:
     x, y = (end + _LABEL_PLACE * (start - end) for start, end in zip(far, near, strict=True))
-    label = digits(project.topology.joint_costs[parent, child], 2)
+    label = digits(joint.cost, 2)
     width = _CHARACTER * len(label) + 6
     return svg.group(
         svg.rect(x - width / 2, y - 7, width, 14, "plate", rx=7), svg.text(x, y + 4, label, "small", anchor="middle")
