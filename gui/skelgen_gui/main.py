@@ -17,7 +17,7 @@ from PySide6.QtCore import QObject, QSettings, QTimer
 from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import QApplication
 
-from skelgen_gui.project.recovery import find_remains
+from skelgen_gui.project.recovery import find_recovery_entries
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.widgets.theme import Theme, prepare_high_dpi
 from skelgen_gui.window import Window
@@ -26,7 +26,7 @@ ORGANISATION = APPLICATION = "skelgen"
 ICON = Path(__file__).with_name("skelgen.svg")
 
 _ENDING = (signal.SIGINT, signal.SIGTERM)
-"""Ctrl+C in the terminal, and the system that shuts down: there is nobody to ask then."""
+"""Ctrl+C in the terminal, and the shutdown of the system: the window ends without a question."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     files = list(sys.argv[1:] if arguments is None else arguments)
     prepare_high_dpi()
-    give_way_soon()
+    shorten_switch_interval()
     app = QApplication([APPLICATION])
     app.setOrganizationName(ORGANISATION)
     app.setApplicationName(APPLICATION)
@@ -55,8 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     theme.apply()
     window = Window(preferences)
     window.errors.install()
-    collector = Collector(window)
-    window.preloading.ended.connect(collector.spare_what_is_there)
+    collector = GarbageCollector(window)
+    window.preloading.ended.connect(collector.freeze_existing)
     window.show()
     window.preloading.begin()
     QTimer.singleShot(0, lambda: _begin(window, files))
@@ -67,18 +67,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _heed_signals(app: QApplication, window: Window) -> None:
-    """End when the system asks for it; Python hears of that as soon as any of the window's timers runs."""
+    """End on a signal of the system; Python handles it as soon as any of the window's timers runs."""
 
     def end() -> None:
         window.end_without_asking()
-        app.exit(0)  # quit() would have the window ask
+        app.exit(0)  # quit() would let the window ask
 
     for number in _ENDING:
         signal.signal(number, lambda *_: QTimer.singleShot(0, end))
 
 
 def _begin(window: Window, files: Sequence[str]) -> None:
-    for remains in find_remains():
+    for remains in find_recovery_entries():
         if not window.jobs.is_busy:  # one of them is being restored: the others are offered next time
             window.offer(remains)
     if files and not window.jobs.is_busy:
@@ -94,12 +94,12 @@ SWITCH_INTERVAL = 0.001
 with Python's own 0.005 s, ten such calls amid work on other threads would use up half of what a window may wait."""
 
 
-def give_way_soon() -> None:
+def shorten_switch_interval() -> None:
     """Let threads give way to each other as soon as a window needs."""
     sys.setswitchinterval(SWITCH_INTERVAL)
 
 
-class Collector(QObject):
+class GarbageCollector(QObject):
     """Takes over collecting from Python, until it ends.
 
     Parameters
@@ -112,10 +112,10 @@ class Collector(QObject):
         super().__init__(parent)
         gc.disable()
         self._timer = QTimer(self, interval=INTERVAL)
-        self._timer.timeout.connect(collect_what_is_due)
+        self._timer.timeout.connect(collect_due_garbage)
         self._timer.start()
 
-    def spare_what_is_there(self) -> None:
+    def freeze_existing(self) -> None:
         """Look no more at what exists by now: modules stay, and are many enough to make full collections slow."""
         gc.freeze()
 
@@ -126,7 +126,7 @@ class Collector(QObject):
         gc.enable()
 
 
-def collect_what_is_due() -> None:
+def collect_due_garbage() -> None:
     """Collect the oldest generation of which Python would collect by now, and those that are younger."""
     due = [count > threshold > 0 for count, threshold in zip(gc.get_count(), gc.get_threshold(), strict=True)]
     if any(due):

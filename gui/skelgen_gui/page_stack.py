@@ -172,7 +172,7 @@ def _paint(painter: QPainter, is_done: bool, palette: QPalette) -> None:
         painter.drawEllipse(_RING)
 
 
-class Middle(QStackedWidget):
+class CentralViews(QStackedWidget):
     """Shows the views of the take until a page brings another one, which also gets the room of the take's docks.
 
     Parameters

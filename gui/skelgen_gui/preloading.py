@@ -1,4 +1,4 @@
-"""Loads what the stages need while the window is idle, then builds its pages: neither should keep anybody waiting."""
+"""Loads what the stages need while the window is idle, then builds its pages, so that the user need not wait later."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from skelgen_gui.diagrams.matrix_view import MatrixView
 from skelgen_gui.model.scene import Scene
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.translation import translate_with
-from skelgen_gui.page_stack import Middle, PageStack
+from skelgen_gui.page_stack import CentralViews, PageStack
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
 from skelgen_gui.preloading import Preloading
 from skelgen_gui.project.cameras import VIEW, Cameras
@@ -28,7 +28,7 @@ from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.file_actions import FileActions
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.project.recovery import Autosave, Remains
+from skelgen_gui.project.recovery import Autosave, RecoveryEntry
 from skelgen_gui.project.runner import Runner
 from skelgen_gui.project.session import Session
 from skelgen_gui.status_line import StatusLine
@@ -36,7 +36,7 @@ from skelgen_gui.timeline.plot_view import Curves
 from skelgen_gui.timeline.timeline import Timeline
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.errors import ErrorReporter
-from skelgen_gui.widgets.painting import rich
+from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import AXES, Preferences
 from skelgen_gui.widgets.shortcuts import add_view_actions, make_actions
 from skelgen_gui.window_commands import WindowCommands
@@ -93,11 +93,11 @@ class Window(QMainWindow):
         """Open a recording or a project."""
         self.files.open(path)
 
-    def offer(self, remains: Remains) -> None:
-        """Ask whether to go on with what a window that died left behind."""
+    def offer(self, remains: RecoveryEntry) -> None:
+        """Ask whether to restore the unsaved work of a window that crashed."""
         question = self.tr("skelgen ended without saving {0} (kept at {1:%X}, {1:%x}). Restore it?")
         question = question.format(remains.name, remains.when)
-        if QMessageBox.question(self, self.tr("Recovery"), rich(question)) == QMessageBox.StandardButton.Yes:
+        if QMessageBox.question(self, self.tr("Recovery"), as_rich_text(question)) == QMessageBox.StandardButton.Yes:
             self.files.restore(remains)
         else:
             remains.forget()
@@ -153,7 +153,7 @@ class Window(QMainWindow):
             self.tabs.setTabToolTip(self.tabs.addTab(view, title), tip)
         for played in (self.view3d, self.curves):  # matrix and graph go about with the arrow keys
             add_view_actions(played, self.actions_by_id)
-        self.middle = Middle(self.tabs, self)
+        self.middle = CentralViews(self.tabs, self)
         self.setCentralWidget(self.middle)
 
     def _make_docks(self) -> None:
@@ -170,7 +170,7 @@ class Window(QMainWindow):
         """Let the axis point up that the user wants up."""
         wanted = self.preferences.values.up_axis
         up = AXES.index(wanted) if wanted in AXES else None
-        self.view3d.show_only(replace(self.view3d.shown, up=up))
+        self.view3d.set_shown(replace(self.view3d.shown, up=up))
 
     def _dock(self, name: str, title: str, widget: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
         dock = QDockWidget(title, self)
@@ -247,10 +247,10 @@ class Window(QMainWindow):
         self._is_closing = True
         self._rest()
         self.autosave.end()
-        QTimer.singleShot(0, self.close)  # Qt closes no window while it asks whether to
+        QTimer.singleShot(0, self.close)  # Qt closes no window from within its closeEvent
 
     def _rest(self) -> None:
-        """Do nothing any more, and keep how the window was."""
+        """Stop playing and loading, and remember the layout of the window."""
         self.timeline.player.pause()
         self.preloading.end()
         self.preferences.keep_window(self.saveGeometry(), self.middle.layout_of_window())

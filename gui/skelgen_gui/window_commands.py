@@ -21,7 +21,7 @@ from skelgen_gui.widgets.shortcuts import fill_menu_bar, fill_tool_bar
 
 
 class WindowCommands(QObject):
-    """Fills menus and tool bar of the window, and does what they say.
+    """Fills menus and tool bar of the window, and carries the commands out.
 
     Parameters
     ----------

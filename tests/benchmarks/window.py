@@ -72,7 +72,7 @@ def view3d_rows(app: QApplication, project: skelgen.Project, minutes: float) -> 
         view.resize(*size)
         app.processEvents()
         for name, shown in SHOWN.items():
-            view.show_only(shown)
+            view.set_shown(shown)
             session.compare_with(project if name == TWO_RESULTS else None)
             yield rate_row(f"{what}, {size[0]}x{size[1]}, {name}", wanted, rate(playing(view, session)))
         yield rate_row(f"{what}, {size[0]}x{size[1]}, the view turns", wanted, rate(turning(view)))

@@ -15,7 +15,7 @@ from pathlib import Path
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from shown import show, show_machine, verdict
-from skelgen_gui.main import Collector, give_way_soon
+from skelgen_gui.main import GarbageCollector, shorten_switch_interval
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
 from window import FLAT, memory
@@ -31,13 +31,13 @@ SIZE = (1440, 900)
 def main() -> None:
     """Print the figures."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
-    give_way_soon()
+    shorten_switch_interval()
     app = QApplication([])
     show_machine()
     with tempfile.TemporaryDirectory() as folder:
         preferences = Preferences(QSettings(str(Path(folder) / "settings.ini"), QSettings.Format.IniFormat))
         window = Window(preferences, recovery=Path(folder) / "recovery")
-        collector = Collector(window)
+        collector = GarbageCollector(window)
         window.resize(*SIZE)
         window.show()
         window.preloading.begin()

@@ -16,7 +16,7 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication, QDockWidget
 from shown import show, show_machine, verdict
-from skelgen_gui.main import Collector
+from skelgen_gui.main import GarbageCollector
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
@@ -42,7 +42,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         preferences = Preferences(QSettings(str(Path(folder) / "settings.ini"), QSettings.Format.IniFormat))
         window = Window(preferences, recovery=Path(folder) / "recovery")
-        collector = Collector(window)
+        collector = GarbageCollector(window)
         window.resize(*SIZE)
         window.show()
         project = skelgen.reconstruct(simulate(STRUCTURE, n_frames=N_FRAMES, noise=0.5, dropouts=0.05).take)

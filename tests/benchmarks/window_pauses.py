@@ -17,7 +17,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QSettings, Qt, QTimer
 from PySide6.QtWidgets import QApplication
 from shown import verdict
-from skelgen_gui.main import Collector, give_way_soon
+from skelgen_gui.main import GarbageCollector, shorten_switch_interval
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.widgets.preferences import Preferences
 from skelgen_gui.window import Window
@@ -60,7 +60,7 @@ class Heart(QObject):
 
 def pause_rows(app: QApplication, project: Project, minutes: float) -> Iterator[Row]:
     """Pauses while a long take is opened, computed, looked at, saved and opened again."""
-    give_way_soon()
+    shorten_switch_interval()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         take = folder / "long.c3d"
@@ -76,8 +76,8 @@ def _pauses(app: QApplication, take: Path, folder: Path) -> Iterator[tuple[str, 
     """Own work and longest pause [ms] of what a person does with a window, one after the other."""
     preferences = Preferences(QSettings(str(folder / "settings.ini"), QSettings.Format.IniFormat))
     window = Window(preferences, recovery=folder / "recovery")
-    collector, heart = Collector(window), Heart()
-    window.preloading.ended.connect(collector.spare_what_is_there)
+    collector, heart = GarbageCollector(window), Heart()
+    window.preloading.ended.connect(collector.freeze_existing)
 
     def pause(act: Callable[[], object], is_done: Callable[[], bool] = lambda: True) -> tuple[float, float]:
         heart.start()

@@ -7,12 +7,12 @@ import threading
 import weakref
 
 import pytest
-from skelgen_gui.main import Collector, collect_what_is_due
+from skelgen_gui.main import GarbageCollector, collect_due_garbage
 
 
 @pytest.fixture
 def collector(qtbot):
-    collector = Collector()
+    collector = GarbageCollector()
     yield collector
     collector.end()
     gc.disable()  # as the fixture of all tests has it
@@ -52,7 +52,7 @@ def test_what_outlives_the_young_is_collected_too(collector):
     del kept
     for _ in range(200):
         drop_cycles([])
-        collect_what_is_due()
+        collect_due_garbage()
         if ended:
             break
     assert ended
@@ -61,7 +61,7 @@ def test_what_outlives_the_young_is_collected_too(collector):
 def test_what_is_spared_stays_and_the_rest_is_collected(qtbot, collector):
     ended = []
     spared = Cycle(ended)
-    collector.spare_what_is_there()
+    collector.freeze_existing()
     there = weakref.ref(spared)
     del spared
     gc.collect()

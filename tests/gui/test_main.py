@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from skelgen_gui import main as start
-from skelgen_gui.project.recovery import find_remains
+from skelgen_gui.project.recovery import find_recovery_entries
 
 import skelgen
 from skelgen.simulation import simulate
@@ -147,7 +147,7 @@ def test_work_that_is_not_saved_is_left_to_the_next_window_when_the_system_ends_
         child.send_signal(signal.SIGTERM)
         assert child.wait(WAIT) == 0
     (folder,) = (tmp_path / "home").rglob("recovery")
-    (remains,) = find_remains(folder)
+    (remains,) = find_recovery_entries(folder)
     assert remains.project().has("skeleton")
 
 

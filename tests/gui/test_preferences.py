@@ -8,7 +8,7 @@ from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QApplication, QDialogButtonBox, QLabel
 from skelgen_gui.project.file_actions import RecentMenu
 from skelgen_gui.widgets.dialogs import PreferencesDialog
-from skelgen_gui.widgets.preferences import MOST_RECENT, Preferences, Wanted
+from skelgen_gui.widgets.preferences import MOST_RECENT, Preferences, PreferenceValues
 from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE, Theme, is_dark, theme_palette
 
 READABLE = 4.0
@@ -36,20 +36,20 @@ def app_theme(qapp):
 
 
 def test_preferences_are_kept(preferences, reopened):
-    preferences.change(Wanted(theme="dark", up_axis="y", autosave=0))
-    assert reopened().values == Wanted(theme="dark", up_axis="y", autosave=0)
+    preferences.change(PreferenceValues(theme="dark", up_axis="y", autosave=0))
+    assert reopened().values == PreferenceValues(theme="dark", up_axis="y", autosave=0)
 
 
 @pytest.mark.parametrize("text", ["[preferences]\ntheme=pink\nautosave=soon\n", "\0\1 not a settings file", "[recent"])
 def test_damaged_preferences_are_defaults(tmp_path, text, reopened):
     (tmp_path / "skelgen.ini").write_text(text)
-    assert reopened().values == Wanted()
+    assert reopened().values == PreferenceValues()
     assert reopened().recent == ()
 
 
 def test_one_good_value_survives_a_bad_one(tmp_path, reopened):
     (tmp_path / "skelgen.ini").write_text("[preferences]\ntheme=dark\nautosave=-3\n")
-    assert reopened().values == Wanted(theme="dark")
+    assert reopened().values == PreferenceValues(theme="dark")
 
 
 @pytest.mark.parametrize("names", [["a.c3d"], ["a, b; 100 %.c3d", "Gänge & Läufe.skelgen"]])
@@ -123,13 +123,13 @@ def test_what_is_entered_is_kept_when_the_dialog_is_accepted(qtbot, dialog, pref
     type_into(qtbot, dialog.form.rows["autosave"].editor, "120")
     dialog.form.rows["theme"].editor.setCurrentText("dark")
     qtbot.mouseClick(dialog.buttons.button(QDialogButtonBox.StandardButton.Ok), Qt.MouseButton.LeftButton)
-    assert preferences.values == Wanted(theme="dark", autosave=120)
+    assert preferences.values == PreferenceValues(theme="dark", autosave=120)
 
 
 def test_nothing_is_kept_when_the_dialog_is_cancelled(qtbot, dialog, preferences):
     type_into(qtbot, dialog.form.rows["autosave"].editor, "120")
     qtbot.keyClick(dialog, Qt.Key.Key_Escape)
-    assert preferences.values == Wanted()
+    assert preferences.values == PreferenceValues()
 
 
 def test_a_bad_value_cannot_be_accepted(qtbot, dialog):
@@ -140,9 +140,9 @@ def test_a_bad_value_cannot_be_accepted(qtbot, dialog):
 
 def test_the_theme_follows_the_preferences_at_once(app_theme, preferences):
     theme = Theme(app_theme, preferences)
-    preferences.change(Wanted(theme="dark"))
+    preferences.change(PreferenceValues(theme="dark"))
     assert is_dark(app_theme.palette())
-    preferences.change(Wanted(theme="light"))
+    preferences.change(PreferenceValues(theme="light"))
     assert not is_dark(app_theme.palette())
     theme.deleteLater()
 
@@ -160,7 +160,7 @@ def test_the_theme_is_seen_in_the_pixels(qtbot, app_theme, preferences):
     qtbot.addWidget(label)
     label.show()
     for name, is_dark_ground in (("dark", True), ("light", False)):
-        preferences.change(Wanted(theme=name))
+        preferences.change(PreferenceValues(theme=name))
         QApplication.processEvents()
         assert (label.grab().toImage().pixelColor(0, 0).lightness() < 128) == is_dark_ground
     theme.deleteLater()

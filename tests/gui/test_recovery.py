@@ -12,7 +12,7 @@ from datetime import datetime
 
 import pytest
 from PySide6.QtCore import QSettings
-from skelgen_gui.project.recovery import Autosave, Remains, find_remains
+from skelgen_gui.project.recovery import Autosave, RecoveryEntry, find_recovery_entries
 from skelgen_gui.widgets.preferences import Preferences
 
 CHILD = """
@@ -46,12 +46,12 @@ def test_work_of_a_killed_window_is_found_and_restored(tmp_path):
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=environment) as child:
         assert child.stdout.readline() == "kept\n"
-        assert find_remains(tmp_path / "kept") == ()  # it is alive
+        assert find_recovery_entries(tmp_path / "kept") == ()  # it is alive
         child.send_signal(signal.SIGKILL)
-    (remains,) = find_remains(tmp_path / "kept")
+    (remains,) = find_recovery_entries(tmp_path / "kept")
     assert remains.project().take.n_frames == 30
     remains.forget()
-    assert find_remains(tmp_path / "kept") == ()
+    assert find_recovery_entries(tmp_path / "kept") == ()
 
 
 def test_a_clean_end_leaves_nothing(session, preferences, tmp_path):
@@ -75,14 +75,14 @@ def test_a_broken_note_is_passed_over(tmp_path):
     folder.mkdir(parents=True)
     for text in ("", "{}", json.dumps({"name": "a", "path": "", "time": "noon", "process": 1})):
         (folder / "note.json").write_text(text)
-        assert find_remains(tmp_path / "kept") == ()
+        assert find_recovery_entries(tmp_path / "kept") == ()
 
 
 def test_what_was_restored_is_removed_once_it_is_kept_anew(qtbot, session, preferences, tmp_path):
     old = tmp_path / "kept" / "old"
     old.mkdir(parents=True)
     autosave = Autosave(session, preferences, tmp_path / "kept")
-    autosave.take_over(Remains(old, "walk", None, datetime.now()))
+    autosave.take_over(RecoveryEntry(old, "walk", None, datetime.now()))
     autosave.wait()
     qtbot.waitUntil(lambda: not old.exists())
     assert len(list((tmp_path / "kept").rglob("*.skelgen"))) == 1
@@ -93,7 +93,7 @@ def test_what_was_restored_stays_while_it_cannot_be_kept(qtbot, session, prefere
     old.mkdir(parents=True)
     autosave = Autosave(session, preferences, tmp_path / "kept")
     with full_disk(5000), qtbot.waitSignal(autosave.failed):
-        autosave.take_over(Remains(old, "walk", None, datetime.now()))
+        autosave.take_over(RecoveryEntry(old, "walk", None, datetime.now()))
     autosave.wait()
     assert old.exists()
     autosave.end()

@@ -205,7 +205,7 @@ class VerdictLabel(QLabel):
         self.setText("\n".join(verdict.sentences))
 
     def show_problem(self, sentence: str) -> None:
-        """Say why there is no calibration."""
+        """Show why there is no calibration."""
         self.setForegroundRole(PROBLEM_ROLE)
         self.setText(sentence)
 

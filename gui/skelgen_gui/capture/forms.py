@@ -115,7 +115,7 @@ class SourceField(QComboBox):
             edit.setCursorPosition(0)
 
     def show_hint(self, text: str) -> None:
-        """Say what an empty field means."""
+        """Show what an empty field means."""
         edit = self.lineEdit()
         if edit is not None:
             edit.setPlaceholderText(text)
@@ -209,7 +209,7 @@ class LiveChoice(QWidget):
 
     @property
     def options(self) -> CaptureOptions:
-        """What the form says."""
+        """What the form holds."""
         return CaptureOptions(self.settings.path, self.source.source, self.predicts.isChecked())
 
     def choose_simulation(self) -> None:
@@ -234,7 +234,7 @@ class SourceForm(QWidget):
     Signals
     -------
     start_wanted()
-        What the form says shall be taken.
+        The job shall start with what the form holds.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ class SourceForm(QWidget):
 
     @property
     def options(self) -> CaptureOptions:
-        """What the form says."""
+        """What the form holds."""
         return CaptureOptions(self.settings.path, self.source.source)
 
     def take_source(self, source: str) -> None:
@@ -337,11 +337,11 @@ class BoardForm(QWidget):
     Signals
     -------
     changed()
-        Another board: views of the one before say nothing of it.
+        Another board: views of the one before do not count for it.
     size_changed()
         Another size of its squares.
     start_wanted()
-        What the form says shall be looked at.
+        The job shall start with what the form holds.
 
     Parameters
     ----------

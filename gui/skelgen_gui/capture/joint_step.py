@@ -128,7 +128,7 @@ def _targets_in(path: str) -> tuple[str, ...]:
     try:
         return tuple(body.name for body in read_settings(path).bodies)
     except SkelgenError:
-        return ()  # the reason is told when the settings are used
+        return ()  # the user sees the reason when the settings are used
 
 
 class RequestTable(RowTable):

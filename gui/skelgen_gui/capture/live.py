@@ -48,7 +48,7 @@ class LivePanel(QWidget):
 
     def __init__(self, jobs: Jobs, report_error: Callable[[Exception], None], parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._jobs, self._tell_error = jobs, report_error
+        self._jobs, self._report_error = jobs, report_error
         self._control: CaptureControl | None = None
         self.feed: Feed[LiveShot] = Feed(self._arrived.emit)
         self.choice, self.go = LiveChoice(self), QPushButton(self)
@@ -154,12 +154,12 @@ class LivePanel(QWidget):
         self.recorder.stop()
         self.numbers.clear()
         self._follow()
-        self._tell_error(error)
+        self._report_error(error)
 
     def _follow(self) -> None:
         """What can be done depends on what runs."""
         if not self._jobs.is_busy:
-            self._control = None  # one that was cancelled before it began says nothing
+            self._control = None  # a capture that was cancelled before it began does not report its end
         is_running = self.is_running
         self.go.setText(self.tr("Stop") if is_running else self.tr("Start"))
         describe(self.go, self.tr("Stop the capture") if is_running else self.tr("Start the capture"))
@@ -173,7 +173,7 @@ _SUFFIX = ".mfml"
 
 
 class RecordRow(QWidget):
-    """Says into which file is recorded.
+    """The file that is recorded, and the button that begins and ends recording.
 
     Signals
     -------

@@ -80,7 +80,7 @@ class ValueTable(QTableWidget):
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
 
     def describe(self, name: str, tip: str, titles: Sequence[str]) -> None:
-        """Say what the table is.
+        """Describe the table.
 
         Parameters
         ----------

@@ -99,7 +99,7 @@ class Step(QWidget, Generic[_Shot]):
     def follow(self) -> None:
         """Enable what can be done now."""
         if not self._jobs.is_busy:
-            self._control = None  # a job that was cancelled before it began says nothing
+            self._control = None  # a job that was cancelled before it began does not report its end
         self.go.setText(self.tr("Stop") if self.is_collecting else self.tr("Start"))
         self.go.setEnabled(self.is_collecting or not self._jobs.is_busy)
 
@@ -130,14 +130,14 @@ class Step(QWidget, Generic[_Shot]):
         work: Callable[[Monitor], _T],
         done: Callable[[_T | None], None],
     ) -> None:
-        """Collect images as a job, until the control says stop.
+        """Collect images as a job, until the control stops it.
 
         Parameters
         ----------
         title : str
             Progress is told under this name.
         control : CollectingControl
-            Tells the job to stop.
+            Stops the job.
         work : callable (monitor) -> result
             Runs on another thread.
         done : callable (result or None)

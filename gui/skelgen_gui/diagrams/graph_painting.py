@@ -34,7 +34,7 @@ class GraphPainting:
     graph : CostGraph
         What is painted.
     places : ndarray, shape (n_limbs, 2), px
-        Middle of each limb.
+        CentralViews of each limb.
     palette : QPalette
         Colours of texts and ground.
     """
@@ -148,14 +148,14 @@ class GraphPainting:
             self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, str(limb))
 
     def legend(self, kinds: list[tuple[str, str]], words: str, place: QRectF) -> None:
-        """Say at the foot of a place what the signs mean.
+        """Explain the signs at the foot of a place.
 
         Parameters
         ----------
         kinds : list of (str, str)
             Kind of a joint, and its name.
         words : str
-            What else is to be said.
+            Further explanation.
         place : QRectF, px
             Above its lower edge.
         """

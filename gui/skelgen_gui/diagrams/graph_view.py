@@ -25,7 +25,7 @@ from skelgen_gui.model.graph import (
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, tell
+from skelgen_gui.widgets.painting import ZOOM, notches, paint_words, show_tip
 
 _MARGIN = 28.0  # px about the graph
 _FOOT = 36.0  # px below it, for what the signs mean
@@ -87,7 +87,7 @@ class GraphView(QWidget):
 
     @property
     def places(self) -> Floats:
-        """Middle of each limb in this widget [px], shape (n_limbs, 2)."""
+        """CentralViews of each limb in this widget [px], shape (n_limbs, 2)."""
         unit = self._layouts[self.layout_box.currentIndex()]
         room = np.array([self.width() - 2 * _MARGIN, self.height() - _FOOT - 2 * _MARGIN])
         size = np.maximum(room if self.layout_box.currentIndex() else np.full(2, room.min()), 1.0)
@@ -104,7 +104,7 @@ class GraphView(QWidget):
         self.update()
 
     def tip_at(self, place: QPointF) -> str:
-        """Return what is told of a limb, a joint or a pair of limbs at a place."""
+        """Describe the limb, the joint or the pair of limbs at a place."""
         limb, joint, pair = self._found_at(place)
         project = self._graph_of
         if limb is not None and project is not None:
@@ -118,8 +118,8 @@ class GraphView(QWidget):
         return self.tr("Strong lines: the tree · faint lines: joints that were tried · × : cost of the next best joint")
 
     def event(self, event: QEvent) -> bool:
-        """Say what lies under the pointer."""
-        return tell(self, event, self.tip_at) or super().event(event)
+        """Describe what lies under the pointer."""
+        return show_tip(self, event, self.tip_at) or super().event(event)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Select a limb or a joint, or begin to pan."""

@@ -135,7 +135,7 @@ class MatrixPainting:
             self._painter.drawRect(block)
 
     def pointed(self, cell: tuple[int, int] | None) -> None:
-        """Mark the cell under the pointer with its row and column, and say below what it means."""
+        """Mark the cell under the pointer with its row and column, and describe it below."""
         if cell is None:
             return
         row, column = cell

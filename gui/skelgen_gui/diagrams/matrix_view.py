@@ -11,7 +11,7 @@ from skelgen_gui.diagrams.matrix_painting import MatrixPainting, place_matrix
 from skelgen_gui.model.matrix import PlacedRegion, Region, cell_sentence
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.painting import ZOOM, image_of, notches, paint_words, tell
+from skelgen_gui.widgets.painting import ZOOM, image_of, notches, paint_words, show_tip
 
 _CLICK = 4.0  # px, that the pointer may move in a click
 _STEPS = {Qt.Key.Key_Up: (-1, 0), Qt.Key.Key_Down: (1, 0), Qt.Key.Key_Left: (0, -1), Qt.Key.Key_Right: (0, 1)}
@@ -66,7 +66,7 @@ class MatrixView(QWidget):
         return QPointF(*self._placed.block((row, row + 1), (column, column + 1)).middle)
 
     def tip_at(self, place: QPointF) -> str:
-        """Return what is told of a place: the pair, and how much its distance varies."""
+        """Describe a place: the pair of markers, and how much its distance varies."""
         cell = self._cell_at(place)
         if self._matrix is None or cell is None:
             return self.tr("Click: select both markers · drag: zoom · wheel: zoom · double click: show all")
@@ -76,7 +76,7 @@ class MatrixView(QWidget):
         """Name the pair under the pointer."""
         if event.type() == QEvent.Type.Leave:
             self._point_at(None)
-        return tell(self, event, self.tip_at) or super().event(event)
+        return show_tip(self, event, self.tip_at) or super().event(event)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Begin a click or a square."""

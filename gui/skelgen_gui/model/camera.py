@@ -66,14 +66,14 @@ class ViewCamera:
         self.look_home()
 
     def show_cameras(self, points: Floats, up: int | None) -> None:
-        """Let cameras, points [mm] of shape (n, 3), belong to the take; they may say which axis points up.
+        """Show cameras with the take; they may determine which axis points up.
 
         Parameters
         ----------
         points : ndarray, shape (n, 3), mm
             Points of the cameras' frustums.
         up : int or None
-            The coordinate axis that points up, or with `DOWN` added down, if the cameras tell.
+            The coordinate axis that points up, or with `DOWN` added down, if the cameras determine it.
         """
         is_without = not len(points) and not len(self._cameras) and up == self._up_of_cameras
         self._cameras, self._up_of_cameras = points, up

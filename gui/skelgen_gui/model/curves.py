@@ -66,7 +66,7 @@ class Panel:
     note : str
         A few words below the legend.
     about : str
-        What the curves and bands mean, for who asks.
+        What the curves and bands mean, for the tool tip.
     from_zero : bool
         Whether the scale begins at 0.
     """

@@ -1,4 +1,4 @@
-"""What is told of the graph of joint costs, where its limbs lie, where words go, and what lies under the pointer."""
+"""The graph of joint costs: descriptions of joints, places of limbs and of words, and what lies under the pointer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen_gui.model.lines import distances_to_lines
 from skelgen_gui.model.translation import translate
 
-_SAMPLES = 200  # frames that tell which way is up
+_SAMPLES = 200  # frames that determine which way is up
 _ROUNDS = 60  # of pushing limbs apart; more than enough for 100 limbs
 _WIDEST = 1.6  # factor
 _APART = 1.1  # of the mean distance that limbs on a grid would have
@@ -27,7 +27,7 @@ def margin_label(joint: JointCost) -> str:
 
 
 def joint_sentences(joint: JointCost) -> str:
-    """Say what is known of a joint of the tree, a line for each fact."""
+    """Describe a joint of the tree, a line for each fact."""
     lines = [_pair(joint.parent, joint.child) + (": " + translate("Graph", joint.kind) if joint.kind else "")]
     lines.append(translate("Graph", "cost {0} mm²").format(digits(joint.cost)))
     if joint.rival is None:
@@ -174,7 +174,7 @@ def place_words(middles: Floats, sizes: Floats, discs: Floats, radius: float, li
     Returns
     -------
     ndarray, shape (n, 2), px
-        Middle of the words of each.
+        CentralViews of the words of each.
     """
     dots = (lines[:, :1] + (lines[:, 1:] - lines[:, :1]) * _ALONG[:, np.newaxis]).reshape(-1, 2)
     placed = np.array(middles, dtype=np.float64)

@@ -75,7 +75,7 @@ _WORDS = {
 
 
 def lane_sentence(project: Project, lanes: Lanes, lane: int, frame: int | None) -> str:
-    """Return what is told of a lane, and of a frame of it.
+    """Describe a lane, and a frame of it.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def lane_sentence(project: Project, lanes: Lanes, lane: int, frame: int | None) 
     lane : int
         Which one.
     frame : int, optional
-        Which frame; without one only the marker is told.
+        Which frame; without one only the marker is named.
     """
     marker, limb = int(lanes.markers[lane]), int(lanes.limbs[lane])
     name = project.trajectories.names[marker] + (f" · limb {limb}" if limb >= 0 else "")

@@ -1,4 +1,4 @@
-"""What is told of a cell of the matrix of distance deviations, and which part of the matrix is in sight."""
+"""The description of a cell of the matrix of distance deviations, and the part of the matrix that is in sight."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ SURE = 0.9
 """Confidence below which a marker counts as doubtful."""
 
 SAMPLES = 300
-"""Frames that tell where a take lies and how large it is."""
+"""Frames that determine where a take lies and how large it is."""
 
 TRAIL_SAMPLES = 90
 """Points of a trail at most: more would lie within the same pixels."""
@@ -99,7 +99,7 @@ class State(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """One frame. Lengths in mm; NaN where something is not to be told.
+    """One frame. Lengths in mm; NaN where something is unknown.
 
     Attributes
     ----------

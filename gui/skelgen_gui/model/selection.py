@@ -41,7 +41,7 @@ class Offer:
     names : tuple of str
         Markers that it names.
     value : str
-        Its value where that is known already; empty where the user is asked.
+        Its value where it is known; empty where the user enters it.
     """
 
     kind: str
@@ -49,7 +49,7 @@ class Offer:
     value: str = ""
 
     def correction(self, value: str = "", first: int | None = None, last: int | None = None) -> Correction:
-        """Return the correction with what the user was asked.
+        """Return the correction with what the user entered.
 
         Parameters
         ----------

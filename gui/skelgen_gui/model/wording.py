@@ -1,4 +1,4 @@
-"""What the 3-D view says of a marker, a joint or a limb under the pointer."""
+"""Descriptions of a marker, a joint or a limb under the pointer in the 3-D view."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skelgen_gui.model.translation import translate
 
 
 def about(picked: Pick, scene: Scene, snapshot: Snapshot) -> str:
-    """Say what something is, a line for each fact.
+    """Describe what lies under the pointer, a line for each fact.
 
     Parameters
     ----------

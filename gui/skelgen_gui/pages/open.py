@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
@@ -21,9 +20,10 @@ from PySide6.QtWidgets import (
 from skelgen.app.files import given_identities
 from skelgen.app.stage_summary import take_sentences
 from skelgen.model import Project
+from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
 from skelgen_gui.widgets.layouts import describe
-from skelgen_gui.widgets.painting import rich
+from skelgen_gui.widgets.painting import as_rich_text
 
 _PATH = Qt.ItemDataRole.UserRole
 
@@ -91,7 +91,7 @@ class OpenPage(QWidget):
             self._read_identities(Path(name), project)
 
     def _read_identities(self, path: Path, project: Project) -> None:
-        def work(monitor: Any) -> Project:
+        def work(monitor: Monitor) -> Project:
             monitor.begin("reading")
             return replace(project, identities=given_identities(path)).before("labels")
 
@@ -120,7 +120,7 @@ class OpenPage(QWidget):
         self.recent.clear()
         for path in self._context.preferences.recent:
             item = QListWidgetItem(path.name, self.recent)
-            item.setToolTip(rich(str(path)))
+            item.setToolTip(as_rich_text(str(path)))
             item.setData(_PATH, path)
             if not path.exists():
                 item.setFlags(item.flags() & ~Qt.ItemFlag.ItemIsEnabled)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import (
@@ -31,6 +30,7 @@ from skelgen.app.project_file.archive import SUFFIX, find_result, open_project
 from skelgen.app.project_file.checks import with_saved
 from skelgen.app.stage_summary import Pointer, stage_pointers, stage_sentences
 from skelgen.model import Project
+from skelgen.progress import Monitor
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
@@ -39,7 +39,7 @@ from skelgen_gui.widgets.forms import stage_form
 from skelgen_gui.widgets.layouts import describe
 
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
-"""Stages whose number the user may know, and the correction that says so."""
+"""Stages whose number the user may give, and the correction that holds it."""
 
 _BESIDE_BAR = 6  # px, between the form and the bar that scrolls it
 _APART = 2  # px, between what is to be looked at
@@ -180,7 +180,7 @@ class StagePage(QWidget):
     def _take_saved(self, project: Project) -> None:
         path, stage, document = Path(self.path.text()), self._stage, self._context.document
 
-        def work(monitor: Any) -> Project:
+        def work(monitor: Monitor) -> Project:
             monitor.begin(stage)
             return with_saved(project, open_project(find_result(path)), stage)
 
@@ -216,7 +216,7 @@ class StagePage(QWidget):
             widget.setEnabled(self.uses_saved.isChecked())
 
     def _follow_values(self) -> None:
-        """Show the values of the next run, and the defaults of those that it does not say."""
+        """Show the values of the next run, and the defaults of all others."""
         self.form.blockSignals(True)
         self.form.set_values({**self.form.defaults, **self._context.runner.values(self._stage)})
         self.form.blockSignals(False)
@@ -234,7 +234,7 @@ class StagePage(QWidget):
         self._follow_jobs()
 
     def _follow_result(self, project: Project | None) -> None:
-        """Tell what came out; until that is known, what came out before stays."""
+        """Show what came out; until that is known, the result before stays."""
         self.deriver.forget()
         if project is None or not project.has(self._stage):
             self._show_result(((self.tr("This step has not run yet."),), ()))

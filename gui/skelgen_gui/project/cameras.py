@@ -71,7 +71,7 @@ class Cameras(QObject):
 
     def __init__(self, report_error: Callable[[Exception], None], window: QWidget) -> None:
         super().__init__(window)
-        self._tell_error, self._window = report_error, window
+        self._report_error, self._window = report_error, window
         self._shown: tuple[SeeingCamera, ...] = ()
         self._known: dict[Path, StereoRig] = {}
         self._reader = Deriver(self)
@@ -144,7 +144,7 @@ class Cameras(QObject):
         if isinstance(read, StereoRig):
             self.show_rig(read)
         else:
-            self._tell_error(read)
+            self._report_error(read)
 
     def _show(self, cameras: tuple[SeeingCamera, ...]) -> None:
         self._reader.forget()  # what is still being read is of the cameras before

@@ -1,4 +1,4 @@
-"""What every page is given, and the entry of a page in the table."""
+"""What every page is given, and the entry of a page in the table of pages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HOME = "open"
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What pages read, and through what they wish.
+    """What pages read and change.
 
     Attributes
     ----------

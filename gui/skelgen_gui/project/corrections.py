@@ -28,7 +28,7 @@ from skelgen_gui.project.document import Document
 from skelgen_gui.project.runner import Runner
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import describe
-from skelgen_gui.widgets.painting import rich
+from skelgen_gui.widgets.painting import as_rich_text
 
 _MENUS = ("move", "kind")
 """Kinds of which there are many: each has a menu of its own."""
@@ -53,7 +53,7 @@ class CorrectionActions(QObject):
         self, document: Document, runner: Runner, report_error: Callable[[Exception], None], window: QWidget
     ) -> None:
         super().__init__(window)
-        self._document, self._runner, self._tell_error, self._window = document, runner, report_error, window
+        self._document, self._runner, self._report_error, self._window = document, runner, report_error, window
 
     def fill(self, menu: QMenu, selection: Selection | None = None) -> None:
         """Fill a menu with what the selection allows.
@@ -88,7 +88,7 @@ class CorrectionActions(QObject):
         try:
             self._document.correct(correction)
         except SkelgenError as error:
-            self._tell_error(error)
+            self._report_error(error)
             return
         self._runner.run_again(before)
 
@@ -101,7 +101,7 @@ class CorrectionActions(QObject):
 
     def _action(self, offer: Offer, parent: QObject) -> QAction:
         action = QAction(_text(offer).replace("&", "&&"), parent)  # a single one would mark a key
-        action.setToolTip(rich(_text(offer)))
+        action.setToolTip(as_rich_text(_text(offer)))
         action.triggered.connect(lambda _=False, offer=offer: self._ask_and_apply(offer))
         return action
 
@@ -207,7 +207,7 @@ class FramesDialog(QDialog):
 def ask_frames(
     parent: QWidget, title: str, proposed: tuple[int, int], n_frames: int
 ) -> tuple[int | None, int | None] | None:
-    """Ask for frames; None if the user cancels, and None for an end that is the take's own.
+    """Ask for first and last frame; None if the user cancels, and None for an end of the take.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ class CorrectionList(QWidget):
     actions : CorrectionActions
         Takes corrections back.
     runner : Runner
-        Is told whether to compute at once.
+        Its switch for computing at once is shown.
     """
 
     def __init__(self, session: Session, actions: CorrectionActions, runner: Runner) -> None:

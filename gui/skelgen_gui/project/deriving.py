@@ -1,7 +1,7 @@
-"""What a widget shows of a project, derived in the background: long takes need more time than a window may wait.
+"""Derives what a widget shows of a project on a thread, as long takes need more time than the window may wait.
 
-The threads are Python's: a pool of Qt's would wait for them in its destructor, which runs with the interpreter locked
-when a widget goes, so that neither could go on.
+The threads are Python's. A thread pool of Qt would wait for its threads in its destructor while it holds Python's lock,
+so that neither could go on.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from shiboken6 import Shiboken
 _T = TypeVar("_T")
 
 PAINT_FIRST = 15
-"""ms before a thread begins: what changed is painted first, since Python's lock then need not be waited for."""
+"""ms before a thread begins, so that changes are painted first, without waiting for Python's lock."""
 
 _ONE_AT_A_TIME = threading.Lock()
-"""Held while something is derived: of the many threads that a change starts, the window waits for one only."""
+"""Held while something is derived: a change may start many threads, and the window competes with one only."""
 
 
 @dataclass(frozen=True)
@@ -32,16 +32,16 @@ class _Failure:
 
 
 @dataclass(frozen=True)
-class _Letter:
-    """A result on its way."""
+class _Delivery:
+    """A result on its way to the window's thread."""
 
     deriver: weakref.ref[Deriver]
     number: int
     result: object
 
 
-class _Post(QObject):
-    """Carries results to the window's thread. It is never deleted: a deriver may be, while its thread hands over."""
+class _Courier(QObject):
+    """Carries results to the window's thread; unlike a deriver it is never deleted while a thread runs."""
 
     arrived = Signal(object)
 
@@ -49,27 +49,27 @@ class _Post(QObject):
         super().__init__()
         self.arrived.connect(self._deliver)
 
-    def _deliver(self, letter: _Letter) -> None:
-        deriver = letter.deriver()
+    def _deliver(self, delivery: _Delivery) -> None:
+        deriver = delivery.deriver()
         if deriver is not None and Shiboken.isValid(deriver):
-            deriver.hand_over(letter.number, letter.result)
+            deriver.hand_over(delivery.number, delivery.result)
 
 
 @cache
-def _the_post() -> _Post:
-    """Return the one post, made in the window's thread."""
-    return _Post()
+def _the_courier() -> _Courier:
+    """Return the one courier, made in the window's thread."""
+    return _Courier()
 
 
 class Deriver(QObject):
-    """Calls pure functions in a thread, one at a time in all the window, and hands over the last one's result.
+    """Calls pure functions on a thread, one at a time in the whole window, and hands the last one's result over.
 
-    What it calls with the result, it calls in the window's thread.
+    The result is handed over in the window's thread.
 
     Signals
     -------
     settled()
-        A result was handed over, and nothing is awaited any more.
+        A result was handed over, and no other is awaited.
     """
 
     settled = Signal()
@@ -78,12 +78,12 @@ class Deriver(QObject):
         super().__init__(parent)
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
-        self._wished: tuple[int, Callable[[], object]] | None = None
+        self._request: tuple[int, Callable[[], object]] | None = None
         self._number = 0
         self._then: Callable[[Any], None] | None = None
         self._soon = QTimer(self, interval=PAINT_FIRST, singleShot=True)
         self._soon.timeout.connect(self._begin)
-        self._post = _the_post()
+        self._courier = _the_courier()
 
     @property
     def is_busy(self) -> bool:
@@ -91,7 +91,7 @@ class Deriver(QObject):
         return self._then is not None
 
     def derive(self, function: Callable[[], _T], then: Callable[[_T], None]) -> None:
-        """Call a function in the background; what was wished before and is not there yet is forgotten.
+        """Call a function in the background; an earlier request that is not done yet is forgotten.
 
         Parameters
         ----------
@@ -103,45 +103,45 @@ class Deriver(QObject):
         self.forget()
         self._then = then
         with self._lock:
-            self._wished = (self._number, function)
+            self._request = (self._number, function)
         self._soon.start()
 
     def forget(self) -> None:
-        """Do not hand over what was wished and is not there yet."""
+        """Forget the request that is not done yet."""
         with self._lock:
-            self._wished = None
+            self._request = None
         self._number += 1
         self._then = None
 
     def wait(self) -> None:
         """Wait until nothing runs any more."""
         with self._lock:
-            self._wished = None
+            self._request = None
             thread = self._thread
         if thread is not None:
             thread.join()
 
     def _begin(self) -> None:
-        """Start a thread for what is wished; by now all that follow a signal have heard of it, and are painted."""
+        """Start a thread for the request; by now all widgets have followed the change, and are painted."""
         with self._lock:
-            if self._thread is None and self._wished is not None:
+            if self._thread is None and self._request is not None:
                 self._thread = threading.Thread(target=self._work, name="deriving", daemon=True)
                 self._thread.start()
 
     def _work(self) -> None:
-        """Do what was wished last, until nothing is."""
+        """Do the last request, until there is none."""
         while self._do_one():
             pass
 
     def _do_one(self) -> bool:
-        """Do what is wished, when it is its turn; whether there was anything."""
+        """Do the request when it is its turn; return whether there was one."""
         with _ONE_AT_A_TIME:
             with self._lock:
-                if self._wished is None:
+                if self._request is None:
                     self._thread = None
                     return False
-                number, function = self._wished
-                self._wished = None
+                number, function = self._request
+                self._request = None
             self._run(number, function)
             return True
 
@@ -151,11 +151,11 @@ class Deriver(QObject):
             result = function()
         except Exception as error:  # all: a bug must reach the window's error dialog
             result = _Failure(error)
-        with contextlib.suppress(RuntimeError):  # the window is gone, and with it who waits
-            self._post.arrived.emit(_Letter(weakref.ref(self), number, result))
+        with contextlib.suppress(RuntimeError):  # the window is gone, and with it the deriver
+            self._courier.arrived.emit(_Delivery(weakref.ref(self), number, result))
 
     def hand_over(self, number: int, result: object) -> None:
-        """Call who waits for a result, in the window's thread, unless something else was wished since.
+        """Pass a result on, in the window's thread, unless there was another request since.
 
         Parameters
         ----------

@@ -18,8 +18,8 @@ from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.project.recovery import Remains
-from skelgen_gui.widgets.painting import rich
+from skelgen_gui.project.recovery import RecoveryEntry
+from skelgen_gui.widgets.painting import as_rich_text
 from skelgen_gui.widgets.preferences import Preferences
 
 Button = QMessageBox.StandardButton
@@ -48,7 +48,7 @@ class FileActions(QObject):
     opened(object)
         A project was opened.
     restored(object)
-        What a window that died left behind is open now.
+        The unsaved work of a window that crashed is open now.
     """
 
     opened = Signal(object)
@@ -65,7 +65,7 @@ class FileActions(QObject):
     ) -> None:
         super().__init__(window)
         self._document, self._jobs, self._preferences = document, jobs, preferences
-        self._view, self._tell_error, self._window = view, report_error, window
+        self._view, self._report_error, self._window = view, report_error, window
 
     @property
     def has_unsaved_work(self) -> bool:
@@ -74,7 +74,7 @@ class FileActions(QObject):
         return is_dirty and project is not None and bool(project.reports or project.corrections or project.identities)
 
     def open(self, path: Path) -> None:
-        """Open a recording or a project, after asking what becomes of unsaved changes."""
+        """Open a recording or a project, after asking whether to save changes."""
         if self._jobs.is_busy:
             return
         self._after_saving(lambda: self._begin(path))
@@ -95,8 +95,8 @@ class FileActions(QObject):
         """Overlay the result of another project."""
         self._read(path, partial(_opened, path), self._document.session.compare_with)
 
-    def restore(self, remains: Remains) -> None:
-        """Open what a window that died left behind; it stays unsaved until the user saves it."""
+    def restore(self, remains: RecoveryEntry) -> None:
+        """Open the unsaved work of a window that crashed; it stays unsaved until the user saves it."""
 
         def done(project: Project) -> None:
             self._document.open(project)
@@ -126,7 +126,7 @@ class FileActions(QObject):
             self._write(path if path.suffix.lower() == SUFFIX else path.with_name(path.name + SUFFIX), then)
 
     def close(self, then: Callable[[], None]) -> None:
-        """Ask what becomes of running work and unsaved changes, then close."""
+        """Ask whether to stop running work and to save changes, then close."""
         if self._jobs.is_busy:
             question = self.tr("Something is still running. Stop it and close?")
             if QMessageBox.question(self._window, self.tr("Close"), question) != Button.Yes:
@@ -139,9 +139,11 @@ class FileActions(QObject):
         if not self.has_unsaved_work:
             then()
             return
-        question = self.tr("Save the changes of {0}?").format(session.project.name if session.project else "")
+        question = as_rich_text(
+            self.tr("Save the changes of {0}?").format(session.project.name if session.project else "")
+        )
         buttons = Button.Save | Button.Discard | Button.Cancel
-        answer = QMessageBox.question(self._window, self.tr("Unsaved changes"), rich(question), buttons, Button.Save)
+        answer = QMessageBox.question(self._window, self.tr("Unsaved changes"), question, buttons, Button.Save)
         if answer == Button.Save:
             self.save(then)
         elif answer == Button.Discard:
@@ -164,7 +166,7 @@ class FileActions(QObject):
             monitor.begin("reading")
             return read(monitor)
 
-        self._jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._tell_error)
+        self._jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._report_error)
 
     def _write(self, path: Path, then: Callable[[], None] | None) -> None:
         project = self._document.session.project
@@ -173,7 +175,7 @@ class FileActions(QObject):
         shown = replace(project, view=dict(self._view()))
         embed = self._preferences.values.embed
 
-        def work(monitor: Any) -> Path:
+        def work(monitor: Monitor) -> Path:
             monitor.begin("saving")
             return save_project(shown, path, embed=embed)
 
@@ -183,7 +185,7 @@ class FileActions(QObject):
             if then is not None:
                 then()
 
-        self._jobs.start(self.tr("Saving {0}").format(path.name), work, done, self._tell_error)
+        self._jobs.start(self.tr("Saving {0}").format(path.name), work, done, self._report_error)
 
 
 def _opened(path: Path, monitor: Monitor) -> Project:
@@ -238,7 +240,7 @@ class RecentMenu(QMenu):
         entry = QAction(f"&{number} {name}" if number <= _WITH_DIGIT else name, self)
         is_there = path.exists()
         entry.setEnabled(is_there)
-        entry.setToolTip(rich(str(path) if is_there else self.tr("{0}: no longer there").format(path)))
+        entry.setToolTip(as_rich_text(str(path) if is_there else self.tr("{0}: no longer there").format(path)))
         entry.setData(path)
         return entry
 

@@ -15,11 +15,12 @@ from typing import Any, TypeVar
 from PySide6.QtCore import QCoreApplication, QObject, QThread, Signal, Slot
 
 from skelgen.errors import Cancelled, SkelgenError
+from skelgen.progress import Monitor
 
 T = TypeVar("T")
 
-TOLD_SECONDS = 0.05
-"""Progress is told no more often than that: the window has better things to do than to hear of every block."""
+PROGRESS_INTERVAL = 0.05
+"""Progress is reported no more often than that, so that the window stays free for other things."""
 
 WAIT_SECONDS = 30.0
 """How long closing waits for work that was cancelled; stages look at their monitor many times a second."""
@@ -27,14 +28,14 @@ WAIT_SECONDS = 30.0
 
 @dataclass(frozen=True)
 class _Ending:
-    """Who hears how a job ended."""
+    """What is called when a job ended."""
 
     done: Callable[[Any], None]
     failed: Callable[[Exception], None] | None
 
 
-class _Watcher:
-    """The monitor of a job: tells of progress through signals, and raises `Cancelled` when it is asked to stop."""
+class _JobMonitor:
+    """The monitor of a job: emits progress as signals, and raises `Cancelled` once the job is to stop."""
 
     def __init__(self, jobs: Jobs) -> None:
         self._jobs = jobs
@@ -43,16 +44,16 @@ class _Watcher:
         self.stop = threading.Event()
 
     def begin(self, name: str) -> None:
-        """Tell that a part of the work starts."""
+        """Begin a part of the work."""
         self._look()
         self._name = name
         self._jobs.progressed.emit(name, 0.0)
 
     def advance(self, done: float, total: float) -> None:
-        """Tell how much of the part is done."""
+        """Report how much of the part is done."""
         self._look()
         now = time.monotonic()
-        if now - self._told >= TOLD_SECONDS or done >= total:
+        if now - self._told >= PROGRESS_INTERVAL or done >= total:
             self._told = now
             self._jobs.progressed.emit(self._name, done / total if total else 1.0)
 
@@ -68,22 +69,22 @@ class _Watcher:
 class _Thread(QThread):
     """A thread that does one job and keeps how it ended."""
 
-    def __init__(self, work: Callable[[Any], Any], watcher: _Watcher, parent: QObject) -> None:
+    def __init__(self, work: Callable[[Monitor], Any], monitor: _JobMonitor, parent: QObject) -> None:
         super().__init__(parent)
-        self._work, self._watcher = work, watcher
+        self._work, self._monitor = work, monitor
         self.result: Any = None
         self.error: Exception | None = None
 
     def run(self) -> None:
         """Do the job; whatever it raises is kept for the window's thread."""
         try:
-            self.result = self._work(self._watcher)
-        except Exception as error:  # all: a bug must reach the window's error dialog, and not end the thread unheard
+            self.result = self._work(self._monitor)
+        except Exception as error:  # all: a bug must reach the window's error dialog, and not end the thread silently
             self.error = error
 
     def let_go(self) -> None:
         """Forget the work: it may hold the last reference to the `Jobs` that own this thread, and so end both twice."""
-        del self._work, self._watcher
+        del self._work, self._monitor
 
 
 class Jobs(QObject):
@@ -109,7 +110,7 @@ class Jobs(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._thread: _Thread | None = None
-        self._watcher: _Watcher | None = None
+        self._monitor: _JobMonitor | None = None
         self._ending: _Ending | None = None
 
     @property
@@ -120,7 +121,7 @@ class Jobs(QObject):
     def start(
         self,
         title: str,
-        work: Callable[[Any], T],
+        work: Callable[[Monitor], T],
         done: Callable[[T], None],
         failed: Callable[[Exception], None] | None = None,
     ) -> bool:
@@ -129,7 +130,7 @@ class Jobs(QObject):
         Parameters
         ----------
         title : str
-            What the user is told.
+            Title of the job for the user.
         work : callable (monitor) -> result
             Runs on another thread; must not touch widgets.
         done : callable (result)
@@ -144,9 +145,9 @@ class Jobs(QObject):
         """
         if self.is_busy:
             return False
-        self._watcher = _Watcher(self)
+        self._monitor = _JobMonitor(self)
         self._ending = _Ending(done, failed)
-        self._thread = _Thread(work, self._watcher, self)
+        self._thread = _Thread(work, self._monitor, self)
         self._thread.finished.connect(self._finish)
         self.begun.emit(title)
         self._thread.start()
@@ -154,11 +155,11 @@ class Jobs(QObject):
 
     def cancel(self) -> None:
         """Ask the job to stop at the next chance."""
-        if self._watcher is not None:
-            self._watcher.stop.set()
+        if self._monitor is not None:
+            self._monitor.stop.set()
 
     def stop(self) -> bool:
-        """Cancel, and wait until nothing runs; whether that was reached."""
+        """Cancel, and wait until nothing runs; return whether it ended in time."""
         self.cancel()
         end = time.monotonic() + WAIT_SECONDS
         while self.is_busy and time.monotonic() < end:
@@ -170,7 +171,7 @@ class Jobs(QObject):
     @Slot()
     def _finish(self) -> None:
         thread, ending = self._thread, self._ending
-        self._thread = self._watcher = self._ending = None
+        self._thread = self._monitor = self._ending = None
         self.ended.emit()
         if thread is None or ending is None:
             return

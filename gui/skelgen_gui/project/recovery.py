@@ -1,7 +1,7 @@
 """Autosave, and what a crash left behind: the open project is kept beside the user's files while it has changes.
 
 Each window writes into a folder of its own below the application's data folder: the project, and a note of whose it is.
-A clean end removes it; what a later window finds without a living process belongs to a window that died.
+A clean end removes it; what a later window finds without a living process belongs to a window that crashed.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _PROJECT, _NOTE = "project.skelgen", "note.json"
 
 
 @dataclass(frozen=True)
-class Remains:
-    """What a window that died left behind.
+class RecoveryEntry:
+    """Unsaved work of a window that crashed.
 
     Attributes
     ----------
@@ -62,15 +62,15 @@ def recovery_folder() -> Path:
     return Path(base) / "recovery"
 
 
-def find_remains(folder: Path | None = None) -> tuple[Remains, ...]:
-    """Return what windows that are no longer alive left behind, the newest first."""
+def find_recovery_entries(folder: Path | None = None) -> tuple[RecoveryEntry, ...]:
+    """Return the unsaved work of windows whose process ended, the newest first."""
     folder = folder or recovery_folder()
     found = []
     for each in sorted(folder.glob("*/")) if folder.is_dir() else ():
         try:
             note = json.loads((each / _NOTE).read_text(encoding="utf-8"))
             path = Path(note["path"]) if note["path"] else None
-            remains = Remains(each, str(note["name"]), path, datetime.fromisoformat(note["time"]))
+            remains = RecoveryEntry(each, str(note["name"]), path, datetime.fromisoformat(note["time"]))
             is_alive = _is_alive(int(note["process"]))
         except (OSError, ValueError, KeyError, TypeError):
             continue  # being written just now, or not ours
@@ -87,7 +87,7 @@ class Autosave(QObject):
     session : Session
         Holds the project.
     preferences : Preferences
-        Say how often.
+        Determine how often.
     folder : Path, optional
         Where all windows keep theirs.
     parent : QObject, optional
@@ -96,7 +96,7 @@ class Autosave(QObject):
     Signals
     -------
     failed(str)
-        The project cannot be kept, and why; told once, until it can be kept again.
+        The project cannot be kept, and why; emitted once, until it can be kept again.
     """
 
     failed = Signal(str)
@@ -113,7 +113,7 @@ class Autosave(QObject):
         self._session = session
         self._folder = (folder or recovery_folder()) / f"{os.getpid()}-{id(self):x}"
         self._kept: Project | None = None
-        self._inherited: list[Remains] = []
+        self._inherited: list[RecoveryEntry] = []
         self._problem = ""
         self._thread: threading.Thread | None = None
         self._preferences = preferences
@@ -135,13 +135,13 @@ class Autosave(QObject):
         self._thread = threading.Thread(target=self._keep, args=(project, self._session.path))
         self._thread.start()
 
-    def take_over(self, remains: Remains) -> None:
+    def take_over(self, remains: RecoveryEntry) -> None:
         """Keep what was restored, which is open now, and only then remove what it was restored from."""
         self._inherited.append(remains)
         self.save()
 
     def _drop_what_is_saved(self) -> None:
-        """Remove what was kept once the user has saved: nobody wants to be offered an older state."""
+        """Remove what was kept once the user has saved, so that no older state is offered for recovery."""
         is_writing = self._thread is not None and self._thread.is_alive()  # that is not waited for: the next look does
         if self._kept is not None and not self._session.is_dirty and not is_writing:
             self._kept = None

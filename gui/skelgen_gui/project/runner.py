@@ -12,12 +12,13 @@ from skelgen.app.pipeline import first_missing_stage, run_stages
 from skelgen.errors import SkelgenError
 from skelgen.model import Project
 from skelgen.model.project import STAGES
+from skelgen.progress import Monitor
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.jobs import Jobs
 
 
 class Runner(QObject):
-    """Knows what the forms hold, and runs the stages with it.
+    """Holds the parameters of all forms, and runs the stages with them.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ class Runner(QObject):
     Signals
     -------
     finished(str)
-        The last stage that was asked for has run.
+        The last of the stages has run.
     values_changed()
         Forms have to show other values: another project is open.
     """
@@ -45,7 +46,7 @@ class Runner(QObject):
         self, document: Document, jobs: Jobs, report_error: Callable[[Exception], None], parent: QObject | None = None
     ) -> None:
         super().__init__(parent)
-        self._document, self._jobs, self._tell_error = document, jobs, report_error
+        self._document, self._jobs, self._report_error = document, jobs, report_error
         self._values: dict[str, Mapping[str, Any]] = {}
         self.computes_at_once = True
 
@@ -107,10 +108,10 @@ class Runner(QObject):
         try:
             settings = Settings({stage: self.values(stage) for stage in STAGES if self.values(stage)})
         except SkelgenError as error:
-            self._tell_error(error)
+            self._report_error(error)
             return
 
-        def work(monitor: Any) -> Project:
+        def work(monitor: Monitor) -> Project:
             return run_stages(project, first, last, settings=settings, monitor=monitor)
 
         def done(result: Project) -> None:
@@ -120,4 +121,4 @@ class Runner(QObject):
         title = (
             self.tr("Running {0}").format(last) if first == last else self.tr("Running {0} to {1}").format(first, last)
         )
-        self._jobs.start(title, work, done, self._tell_error)
+        self._jobs.start(title, work, done, self._report_error)

@@ -1,6 +1,6 @@
 """The only mutable object of the window: the open project, the frame that is shown, and what is selected.
 
-Pages and views read it, wish through its methods, and follow its signals; they hold no state of the project.
+Pages and views read it, change it through its methods, and follow its signals; they hold no state of the project.
 """
 
 from __future__ import annotations

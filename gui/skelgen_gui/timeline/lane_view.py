@@ -28,7 +28,7 @@ from skelgen_gui.model.selection import NO_MARKERS, Selection
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
-from skelgen_gui.widgets.painting import paint_words, pixmap_of, tell
+from skelgen_gui.widgets.painting import paint_words, pixmap_of, show_tip
 from skelgen_gui.widgets.theme import blended, colour_of_limb, cursor_colour, doubt_colour, rgb_of
 
 _LANE = 16  # px, height of a lane
@@ -97,11 +97,11 @@ class LaneView(QWidget):
         return QPointF(self._x(frame), _LANE * (lane + 0.5) - self._bar.value())
 
     def event(self, event: QEvent) -> bool:
-        """Say what lies under the pointer."""
-        return tell(self, event, self.tip_at) or super().event(event)
+        """Describe what lies under the pointer."""
+        return show_tip(self, event, self.tip_at) or super().event(event)
 
     def tip_at(self, place: QPointF) -> str:
-        """Return what is told of a place: the marker, and how it is known in the frame there."""
+        """Describe a place: the marker, and how it is known in the frame there."""
         lane, project = self._lane_at(place.y()), self._lanes_of
         if lane is None or self._lanes is None or project is None:
             return self.tr("Wheel: zoom · Shift and wheel: pan · click: go there · click on a name: select")

@@ -1,4 +1,4 @@
-"""Plays a take against the clock, and does what the commands of the menu Play say.
+"""Plays a take against the clock, and carries out the commands of the menu Play.
 
 Frames are left out where they cannot be shown in time; a take is never slowed down.
 """
@@ -134,7 +134,7 @@ class Player(QObject):
         self.settings_changed.emit()
 
     def _follow_project(self) -> None:
-        """Of another take everything is played; another result of the same take changes nothing."""
+        """Play all of another take; another result of the same take changes nothing."""
         take = None if self._session.project is None else self._session.project.take
         if take is not self._take:
             self._take = take

@@ -24,7 +24,7 @@ from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.plot import paint_legend, paint_plot
 from skelgen_gui.timeline.span import GUTTER, MARGIN, VisibleSpan, plot_width, zoom_or_pan, zoomed_by_key
-from skelgen_gui.widgets.painting import paint_words, tell
+from skelgen_gui.widgets.painting import paint_words, show_tip
 from skelgen_gui.widgets.theme import cursor_colour
 
 _GAP = 6.0  # px between panels
@@ -82,8 +82,8 @@ class PlotView(QWidget):
         return QRectF(GUTTER, index * (height + _GAP), plot_width(self.width()), height)
 
     def event(self, event: QEvent) -> bool:
-        """Say what lies under the pointer."""
-        return tell(self, event, self.tip_at) or super().event(event)
+        """Describe what lies under the pointer."""
+        return show_tip(self, event, self.tip_at) or super().event(event)
 
     def tip_at(self, place: QPointF) -> str:
         """Return the values of the frame at a place, and what the panel's note says."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
@@ -13,6 +12,9 @@ from PySide6.QtWidgets import QHBoxLayout, QMenu, QToolButton, QWidget
 
 from skelgen_gui.model.scene import MAGNIFICATIONS, TRAIL_SECONDS, Shown
 from skelgen_gui.model.viewpoint import DOWN
+
+Choice = tuple[str, float | None]
+"""Text and value of something to choose."""
 
 _KEYS = {"trails": "T", "names": "N"}  # of switches
 
@@ -95,15 +97,15 @@ class Commands(QObject):
             "other": (tr("Second result"), tr("The project that is compared, translucent")),
         }
 
-    def _choice_words(self) -> dict[str, list[tuple[str, Any]]]:
+    def _choice_words(self) -> dict[str, list[Choice]]:
         """Text and value of everything that can be chosen."""
-        seconds = [(self.tr("{value:g} s").format(value=value), value) for value in TRAIL_SECONDS]
-        times: list[tuple[str, Any]] = [(self.tr("As large as fits"), None)]
+        seconds: list[Choice] = [(self.tr("{value:g} s").format(value=value), value) for value in TRAIL_SECONDS]
+        times: list[Choice] = [(self.tr("As large as fits"), None)]
         times += [(self.tr("{value} × standard deviation").format(value=value), value) for value in MAGNIFICATIONS]
-        ups: list[tuple[str, Any]] = [(self.tr("As the data tell"), None)]
+        ups: list[Choice] = [(self.tr("As the data tell"), None)]
         ups += [(self.tr("X up"), 0), (self.tr("Y up"), 1), (self.tr("Z up"), 2)]
         ups += [(self.tr("X down"), DOWN), (self.tr("Y down"), DOWN + 1), (self.tr("Z down"), DOWN + 2)]
-        return {"trail_seconds": list(seconds), "magnification": times, "up": ups}
+        return {"trail_seconds": seconds, "magnification": times, "up": ups}
 
     def _action(self, text: str, key: str, explanation: str) -> QAction:
         action = QAction(text, self)
@@ -119,7 +121,7 @@ class Commands(QObject):
         action.toggled.connect(partial(self._set, name))
         return action
 
-    def _choice(self, name: str, values: Iterable[tuple[str, Any]]) -> list[QAction]:
+    def _choice(self, name: str, values: Iterable[Choice]) -> list[QAction]:
         group = QActionGroup(self)
         actions = []
         for text, value in values:
@@ -130,7 +132,7 @@ class Commands(QObject):
         group.triggered.connect(partial(self._choose, name))
         return actions
 
-    def _set(self, name: str, value: Any) -> None:
+    def _set(self, name: str, value: float | None) -> None:
         self.shown_changed.emit(replace(self._shown, **{name: value}))
 
     def _choose(self, name: str, action: QAction) -> None:

@@ -60,7 +60,7 @@ class View3D(QWidget):
     shown_changed(Shown)
         Other things are shown.
     context_requested(QPoint, Selection)
-        A menu is wished at a place on the screen for what is selected.
+        The user wants a menu for what is selected, at a place on the screen.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class View3D(QWidget):
         """The coordinate axis that points up."""
         return self._camera.up
 
-    def show_only(self, shown: Shown) -> None:
+    def set_shown(self, shown: Shown) -> None:
         """Show other things."""
         if shown == self._shown:
             return
@@ -131,7 +131,7 @@ class View3D(QWidget):
         frustums : sequence of ndarray, shape (n, 2, 3), mm
             Each camera as lines, as `frustum` gives them.
         up : int, optional
-            The coordinate axis that points up, or with `DOWN` added down, if the cameras tell.
+            The coordinate axis that points up, or with `DOWN` added down, if the cameras determine it.
         """
         self._frustums = np.concatenate([NO_FRUSTUMS, *frustums])
         self._camera.show_cameras(self._frustums.reshape(-1, 3), up)
@@ -169,7 +169,7 @@ class View3D(QWidget):
         return None if math.isnan(x) else QPointF(x, y)
 
     def note(self) -> str:
-        """What is said of the thing under the pointer; empty if there is none."""
+        """Description of what lies under the pointer; empty if nothing does."""
         hovered, painted, scene = self._hovered, self._painted, self._camera.scene
         if hovered is None or painted is None or scene is None or not is_drawn(painted[1], hovered):
             return ""
@@ -293,7 +293,7 @@ class View3D(QWidget):
             (commands.top, self.look_from_top),
         ):
             action.triggered.connect(move)
-        commands.shown_changed.connect(self.show_only)
+        commands.shown_changed.connect(self.set_shown)
         self.shown_changed.connect(commands.follow)
         self.addActions(commands.with_keys)
 

@@ -20,13 +20,13 @@ from PySide6.QtWidgets import (
 
 from skelgen_gui.widgets.forms import stage_form
 from skelgen_gui.widgets.layouts import describe
-from skelgen_gui.widgets.preferences import Preferences, Wanted
+from skelgen_gui.widgets.preferences import Preferences, PreferenceValues
 
 _SIZE = (640, 560)  # px
 
 
 class ShortcutsDialog(QDialog):
-    """What every key does.
+    """A table of all keys and what they do.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class PreferencesDialog(QDialog):
     def __init__(self, preferences: Preferences, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._preferences = preferences
-        self.form = stage_form(Wanted, self)
+        self.form = stage_form(PreferenceValues, self)
         self.buttons = QDialogButtonBox(
             QDialogButtonBox.StandardButton.Ok | QDialogButtonBox.StandardButton.Cancel, parent=self
         )
@@ -121,7 +121,7 @@ class PreferencesDialog(QDialog):
 
     def accept(self) -> None:
         """Keep what is entered."""
-        self._preferences.change(Wanted.from_mapping(self.form.values()))
+        self._preferences.change(PreferenceValues.from_mapping(self.form.values()))
         super().accept()
 
     def _follow(self) -> None:

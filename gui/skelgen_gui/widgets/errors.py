@@ -1,4 +1,4 @@
-"""What an error says to the user, in a dialog with details to copy; also for faults that nobody expected."""
+"""The dialog of errors: one sentence, with details to copy; also for faults of the program."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class ErrorDialog(QDialog):
         self.copy.clicked.connect(self._copy)
 
     def count_another(self) -> None:
-        """Say that something else went wrong while this dialog was open."""
+        """Count another error that happened while this dialog was open."""
         self._n_more += 1
         self.more.setText(self.tr("More errors since then: {0}").format(self._n_more))
         self.more.show()
@@ -156,9 +156,9 @@ def show_error(parent: QWidget | None, error: BaseException) -> ErrorDialog:
 
 
 class ErrorReporter(QObject):
-    """Shows exceptions that nobody caught, from any thread, and still prints them.
+    """Shows uncaught exceptions of any thread, and still prints them.
 
-    One dialog is open at a time: what happens until it is closed is only counted.
+    One dialog is open at a time: errors until it is closed are only counted.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class ErrorReporter(QObject):
         self._before = sys.excepthook, threading.excepthook
 
     def install(self) -> None:
-        """Take over what Python does with exceptions that nobody caught."""
+        """Take over how Python handles uncaught exceptions."""
         sys.excepthook = self._main_hook
         threading.excepthook = self._thread_hook
 

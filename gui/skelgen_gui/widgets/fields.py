@@ -1,7 +1,7 @@
-"""One editor per kind of declared value; each shows whatever it is given and judges nothing.
+"""One editor for each type of declared value; each shows whatever it is given, allowed or not.
 
-What stands in an editor is asked for with `entered` and judged by the declaration, so that a value that is not
-allowed can be typed, is said to be wrong, and is not silently replaced.
+`entered` returns what stands in an editor, and the declaration checks it: a value that is not allowed can be typed, is
+marked as wrong, and is not silently replaced.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class NumberBox(QAbstractSpinBox):
         return QAbstractSpinBox.StepEnabledFlag.StepUpEnabled | QAbstractSpinBox.StepEnabledFlag.StepDownEnabled
 
     def validate(self, text: str, position: int) -> tuple[QValidator.State, str, int]:
-        """Tell Qt that every text may be typed; the form says what is wrong with it."""
+        """Tell Qt that every text may be typed; the form shows what is wrong with it."""
         return QValidator.State.Acceptable, text, position
 
 
@@ -84,7 +84,7 @@ class ChoiceBox(QComboBox):
         return self.currentText()
 
     def show_value(self, value: Any) -> None:
-        """Choose a text; one that is unknown is added, and the form says that it is not allowed."""
+        """Choose a text; one that is unknown is added, and the form shows that it is not allowed."""
         if self.findText(str(value)) < 0:
             self.addItem(str(value))
         self.setCurrentText(str(value))
@@ -208,7 +208,7 @@ class FoundOrGiven(QWidget):
     Signals
     -------
     changed()
-        Another wish.
+        Another choice, or another number.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ class FoundOrGiven(QWidget):
         (self._found if value is None else self._given).setChecked(True)
 
     def show_found(self, number: int | None) -> None:
-        """Say which number was found, and offer it as the one to give; None before the stage has run."""
+        """Show the number that was found, and propose it as the one to give; None before the stage has run."""
         self._found.setText(self.tr("found") if number is None else self.tr("found: {0}").format(number))
         if number is not None and self.value() is None:
             self._number.setValue(number)

@@ -45,7 +45,7 @@ class FormRow(QObject):
     declaration : Declaration
         What is asked for.
     check : callable (declaration, entered) -> value
-        Judges what is entered.
+        Checks what is entered.
     grid : QGridLayout
         Gets the row's widgets.
     line : int
@@ -110,7 +110,7 @@ class FormRow(QObject):
         return " ".join(sentences)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Tell the form which editor is looked at."""
+        """Notify the form which editor the user looks at."""
         if event.type() in {QEvent.Type.FocusIn, QEvent.Type.Enter}:
             self.looked_at.emit()
         return False
@@ -149,7 +149,7 @@ class FormRow(QObject):
         return f"{number} {self.declaration.unit}".rstrip()
 
     def _follow(self) -> None:
-        """Say what is wrong, and mark what is changed."""
+        """Show what is wrong, and mark what is changed."""
         try:
             self._is_changed = bool(self.value() != self.declaration.default)
             self._problem.clear()
@@ -170,7 +170,7 @@ _HELP_LINES = 4
 
 
 def stage_form(declared: type[StageParameters], parent: QWidget | None = None) -> ParameterForm:
-    """Return the form of a stage's parameters; it judges as the stage does, beyond single bounds.
+    """Return the form of a stage's parameters; it checks values as the stage does, beyond single bounds.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def stage_form(declared: type[StageParameters], parent: QWidget | None = None) -
 
 
 class ParameterForm(QWidget):
-    """One line per declared value, with what is wrong said beside it.
+    """One line for each declared value, with errors beside it.
 
     Signals
     -------
@@ -201,7 +201,7 @@ class ParameterForm(QWidget):
     parent : QWidget, optional
         Qt's parent.
     check : callable (declaration, entered) -> value, optional
-        Judges what is entered; by default the declaration does.
+        Checks what is entered; by default the declaration does.
     """
 
     changed = Signal()

@@ -28,7 +28,7 @@ def notches(event: QWheelEvent) -> tuple[float, float]:
 
 
 def paint_words(painter: QPainter, room: QRectF, words: str, palette: QPalette) -> None:
-    """Write words that say why there is nothing to see, and what to do.
+    """Write why there is nothing to see, and what to do.
 
     Parameters
     ----------
@@ -100,8 +100,8 @@ def pixmap_of(pixels: NDArray[np.uint8], ratio: float) -> QPixmap:
     return pixmap
 
 
-def tell(widget: QWidget, event: QEvent, tip_at: Callable[[QPointF], str]) -> bool:
-    """Show what is told of the place under the pointer, if that is what an event asks for.
+def show_tip(widget: QWidget, event: QEvent, tip_at: Callable[[QPointF], str]) -> bool:
+    """Show a tool tip about the place under the pointer, if an event asks for one.
 
     Parameters
     ----------
@@ -119,10 +119,10 @@ def tell(widget: QWidget, event: QEvent, tip_at: Callable[[QPointF], str]) -> bo
     """
     if event.type() != QEvent.Type.ToolTip or not isinstance(event, QHelpEvent):
         return False
-    QToolTip.showText(event.globalPos(), rich(tip_at(QPointF(event.pos()))), widget)
+    QToolTip.showText(event.globalPos(), as_rich_text(tip_at(QPointF(event.pos()))), widget)
     return True
 
 
-def rich(text: str) -> str:
+def as_rich_text(text: str) -> str:
     """Return plain text as rich text, which Qt wraps, and in which names of markers cannot be taken for tags."""
     return "<qt>" + "<br>".join(html.escape(line) for line in text.split("\n")) + "</qt>"

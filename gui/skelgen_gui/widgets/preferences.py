@@ -23,11 +23,11 @@ _WINDOW = "window"
 
 
 FOUND, AXES = "found", ("x", "y", "z")
-"""What may point up: what the recording tells, or a coordinate axis."""
+"""What may point up: the axis that the recording determines, or a coordinate axis."""
 
 
 @dataclass(frozen=True)
-class Wanted(StageParameters):
+class PreferenceValues(StageParameters):
     """How the window looks and behaves; declared as the parameters of stages are, so that one form shows both."""
 
     stage: ClassVar[str] = _PREFERENCES
@@ -84,11 +84,11 @@ class Preferences(QObject):
         self._values = self._stored()
 
     @property
-    def values(self) -> Wanted:
+    def values(self) -> PreferenceValues:
         """The preferences."""
         return self._values
 
-    def change(self, values: Wanted) -> None:
+    def change(self, values: PreferenceValues) -> None:
         """Keep other preferences."""
         self._values = values
         for name, value in values.as_mapping().items():
@@ -144,12 +144,12 @@ class Preferences(QObject):
         stored = self._settings.value(f"{_WINDOW}/{name}")
         return stored if isinstance(stored, QByteArray) else QByteArray()
 
-    def _stored(self) -> Wanted:
+    def _stored(self) -> PreferenceValues:
         values = {}
-        for declaration in Wanted.declarations():
+        for declaration in PreferenceValues.declarations():
             stored = self._settings.value(f"{_PREFERENCES}/{declaration.name}")
             try:
                 values[declaration.name] = declaration.check(stored)
             except ParameterError:  # absent, damaged, or of a newer version
                 values[declaration.name] = declaration.default
-        return Wanted(**values)
+        return PreferenceValues(**values)

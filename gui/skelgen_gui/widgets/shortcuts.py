@@ -1,4 +1,4 @@
-"""Everything that the window can be told by menu, tool bar or key: one table, from which all three are made.
+"""All commands of the window in one table, from which menus, tool bar and keys are made.
 
 Keys are Qt's portable texts; Ctrl is Cmd on a Mac. Keys without Ctrl or Alt would take letters and Space from lists and
 buttons: they work only where a view of the recording has the focus (`add_view_actions`). Texts are translated in the
@@ -20,7 +20,7 @@ SEPARATOR = "-"
 
 @dataclass(frozen=True)
 class Command:
-    """One thing that the window can be told.
+    """One command of the window.
 
     Attributes
     ----------

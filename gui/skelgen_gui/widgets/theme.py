@@ -12,7 +12,7 @@ from skelgen.app.drawing.colours import limb_colour
 from skelgen_gui.widgets.preferences import Preferences
 
 PROBLEM_ROLE = QPalette.ColorRole.BrightText
-"""Role of texts that say what is wrong; both palettes give it a colour that stands out and can be read."""
+"""Role of texts about errors; both palettes give it a colour that stands out and can be read."""
 
 CHANGED_ROLE = QPalette.ColorRole.Link
 """Role of texts that differ from their default."""

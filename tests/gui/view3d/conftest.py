@@ -120,6 +120,6 @@ def view(make_view, session, eye):
     """A view of `walked`, shown, in which only seen markers are drawn; frame 20."""
     view = make_view(session)
     session.show_frame(20)
-    view.show_only(eye.MARKERS)
+    view.set_shown(eye.MARKERS)
     eye.picture_of(view)
     return view

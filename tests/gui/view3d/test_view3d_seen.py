@@ -56,18 +56,18 @@ def test_background_follows_the_palette(view, eye):
 @pytest.mark.parametrize("part", ["markers", "filled", "names", "trails", "bones", "joints", "axes", "floor"])
 def test_every_part_can_be_switched_on_and_off(view, session, part, eye):
     session.show_frame(60)
-    view.show_only(eye.BARE)
+    view.set_shown(eye.BARE)
     without = eye.picture_of(view)
     shown = replace(eye.BARE, **{part: True, "markers": part in ("markers", "names", "trails")})
-    view.show_only(shown)
+    view.set_shown(shown)
     assert eye.changed(without, eye.picture_of(view)) > 60
-    view.show_only(eye.BARE)
+    view.set_shown(eye.BARE)
     assert eye.changed(without, eye.picture_of(view)) == 0
 
 
 def test_trails_are_drawn_behind_moving_markers(view, eye):
     without = eye.picture_of(view)
-    view.show_only(replace(eye.MARKERS, trails=True, trail_seconds=2.0))
+    view.set_shown(replace(eye.MARKERS, trails=True, trail_seconds=2.0))
     assert eye.changed(without, eye.picture_of(view)) > 300
 
 
@@ -76,9 +76,9 @@ def test_ellipsoids_cover_their_joints_and_grow_with_their_magnification(view, s
     std = np.full_like(project.motion.joint_std, 10.0)
     session.change(replace(project, _motion=replace(project.motion, joint_std=std)))
     for times in (2, 5):
-        view.show_only(replace(eye.BARE, magnification=times))
+        view.set_shown(replace(eye.BARE, magnification=times))
         without = eye.picture_of(view)
-        view.show_only(replace(eye.BARE, uncertainty=True, magnification=times))
+        view.set_shown(replace(eye.BARE, uncertainty=True, magnification=times))
         covered.append(eye.ink(without, eye.picture_of(view)))
     assert covered[0] > 14 * 50  # 14 joints
     assert covered[1] > 2.5 * covered[0]
@@ -98,7 +98,7 @@ def test_unseen_markers_are_hollow_and_doubtful_ones_have_a_ring(view, session, 
     positions = project.trajectories.positions.copy()
     positions[20, marker] = np.nan
     session.change(replace(project, _trajectories=replace(project.trajectories, positions=positions)))
-    view.show_only(replace(eye.MARKERS, filled=True))
+    view.set_shown(replace(eye.MARKERS, filled=True))
     hollow = eye.colour_at(eye.picture_of(view), view.place_of_marker(marker))
     assert hollow.saturation() < eye.colour_at(sure, place).saturation() / 2
 
@@ -146,7 +146,7 @@ def test_fit_shows_all_of_the_frame_or_what_is_selected(view, session, eye):
 def test_a_second_result_is_drawn_in_one_hue(view, session, eye):
     project = session.project
     shifted = replace(project.trajectories, positions=project.trajectories.positions + np.array([0, 0, 120.0]))
-    view.show_only(eye.MARKERS)
+    view.set_shown(eye.MARKERS)
     before = eye.picture_of(view)
     session.compare_with(Project(shifted))
     after = eye.picture_of(view)
@@ -155,18 +155,18 @@ def test_a_second_result_is_drawn_in_one_hue(view, session, eye):
     hues = [QColor(*colour).hue() for colour in new.tolist()]
     wanted = Colours(view.palette(), is_other=True).limb(0).hue()
     assert np.median([abs((hue - wanted + 180) % 360 - 180) for hue in hues]) < SAME_HUE
-    view.show_only(replace(eye.MARKERS, other=False))
+    view.set_shown(replace(eye.MARKERS, other=False))
     assert eye.changed(before, eye.picture_of(view)) == 0
 
 
 def test_cameras_are_drawn_as_what_they_see(view, eye):
-    view.show_only(eye.BARE)
+    view.set_shown(eye.BARE)
     before = eye.picture_of(view)
     pose = np.eye(4)
     pose[:3, 3] = view.viewpoint.target
     view.show_cameras([frustum(pose, (640, 480), (600.0, 600.0))])
     assert eye.changed(before, eye.picture_of(view)) > 300
-    view.show_only(replace(eye.BARE, cameras=False))
+    view.set_shown(replace(eye.BARE, cameras=False))
     assert eye.changed(before, eye.picture_of(view)) == 0
 
 
@@ -178,9 +178,9 @@ def test_cameras_say_which_axis_points_down_until_somebody_says_otherwise(view, 
     places, _ = canvas.project(np.concatenate([camera.reshape(-1, 3), view._camera.scene.usual]))
     assert (places > 0).all()
     assert (places < (canvas.width, canvas.height)).all()
-    view.show_only(replace(eye.BARE, up=2))
+    view.set_shown(replace(eye.BARE, up=2))
     assert view.up == 2
-    view.show_only(replace(eye.BARE, up=None))
+    view.set_shown(replace(eye.BARE, up=None))
     view.show_cameras([])
     assert view.up == 2
 
@@ -205,7 +205,7 @@ def test_a_view_that_follows_keeps_what_moves_in_its_place(view, session, eye):
     session.show_frame(250)
     assert np.linalg.norm(middle() - stays) > 30
     session.show_frame(20)
-    view.show_only(replace(eye.MARKERS, follow=True))
+    view.set_shown(replace(eye.MARKERS, follow=True))
     session.show_frame(250)
     assert np.abs(middle() - stays)[0] < 5  # it goes along on the level; height is seen
 
@@ -217,7 +217,7 @@ def test_a_view_that_follows_keeps_what_moves_in_its_place(view, session, eye):
         lambda view, session: session.select(Selection(joint=3)),
         lambda view, session: session.compare_with(session.project),
         lambda view, session: session.change(session.project),
-        lambda view, session: view.show_only(Shown(names=True)),
+        lambda view, session: view.set_shown(Shown(names=True)),
         lambda view, session: view.fit(),
         lambda view, session: view.look_from_top(),
         lambda view, session: view.show_cameras([]),
@@ -240,8 +240,8 @@ def test_every_change_is_painted(qtbot, view, session, change):
 
 
 def test_the_up_axis_can_be_stated(view, eye):
-    view.show_only(replace(eye.MARKERS, up=1))
+    view.set_shown(replace(eye.MARKERS, up=1))
     assert view.up == 1
     assert view.viewpoint.basis[1] @ [0, 1, 0] > 0.9
-    view.show_only(replace(eye.MARKERS, up=None))
+    view.set_shown(replace(eye.MARKERS, up=None))
     assert view.up == 2

@@ -53,7 +53,7 @@ def test_strange_takes_are_drawn_without_error_or_warning(qtlog, take, eye, hand
     session = Session()
     view = make_view(session)
     session.open(Project(take))
-    view.show_only(Shown(names=True, follow=True, trail_seconds=2.0))
+    view.set_shown(Shown(names=True, follow=True, trail_seconds=2.0))
     session.compare_with(Project(cloud(2)))
     for frame in range(take.n_frames):
         session.show_frame(frame)
@@ -74,9 +74,9 @@ def test_every_stage_is_drawn(qtlog, walked, stage, eye, make_view):
     view = make_view(session)
     session.open(replace(project, **{f"_{name}": None for name in later[first:]}))
     assert session.project.has(stage)
-    view.show_only(eye.BARE)
+    view.set_shown(eye.BARE)
     bare = eye.picture_of(view)
-    view.show_only(Shown())
+    view.set_shown(Shown())
     assert eye.changed(bare, eye.picture_of(view)) > 2000
     assert [record.message for record in qtlog.records] == []
 

@@ -25,12 +25,12 @@ def test_a_click_selects_and_control_adds_and_takes_away(view, session, eye, han
 
 
 def test_a_click_on_a_joint_selects_it_and_one_on_a_bone_its_limb(view, session, eye, hand):
-    view.show_only(replace(eye.BARE, bones=True, joints=True))
+    view.set_shown(replace(eye.BARE, bones=True, joints=True))
     eye.picture_of(view)
     joints, _ = view.viewpoint.project(session.project.motion.joint_positions[20], view.width(), view.height())
     hand.click(view, QPointF(*joints[0]))
     assert session.selection == Selection(joint=0)
-    view.show_only(replace(eye.BARE, bones=True))
+    view.set_shown(replace(eye.BARE, bones=True))
     eye.picture_of(view)
     skeleton = session.project.skeleton
     pair, _ = max(skeleton.lengths.items(), key=lambda item: np.linalg.norm(joints[item[0][0]] - joints[item[0][1]]))
@@ -148,14 +148,14 @@ def test_what_is_under_the_pointer_is_explained(view, session, eye, hand):
 
 
 def test_joints_bones_and_filled_markers_are_explained(view, session, eye, hand):
-    view.show_only(replace(eye.BARE, bones=True, joints=True))
+    view.set_shown(replace(eye.BARE, bones=True, joints=True))
     eye.picture_of(view)
     joints, _ = view.viewpoint.project(session.project.motion.joint_positions[20], view.width(), view.height())
     hand.move(view, QPointF(*joints[0]).toPoint())
     assert view.note().startswith("joint 0: limbs")
     assert "known to ±" in view.note()
     unseen = np.flatnonzero(~session.project.trajectories.seen[20])
-    view.show_only(replace(eye.BARE, filled=True))
+    view.set_shown(replace(eye.BARE, filled=True))
     eye.picture_of(view)
     hand.move(view, view.place_of_marker(int(unseen[0])).toPoint())
     assert "unseen" in view.note()
@@ -194,7 +194,7 @@ def test_the_menu_and_the_view_show_the_same(view):
     assert view.shown.bones
     view.commands.choices["trail_seconds"][-1].trigger()
     assert view.shown.trail_seconds == 2.0
-    view.show_only(replace(view.shown, bones=False, up=1))
+    view.set_shown(replace(view.shown, bones=False, up=1))
     assert not view.commands.switches["bones"].isChecked()
     assert [action.isChecked() for action in view.commands.choices["up"]] == [False, False, True] + 4 * [False]
 
@@ -202,8 +202,8 @@ def test_the_menu_and_the_view_show_the_same(view):
 def test_every_change_of_what_is_shown_is_told_once(view, eye):
     told = []
     view.shown_changed.connect(told.append)
-    view.show_only(replace(eye.MARKERS, names=True, joints=True))
-    view.show_only(replace(eye.MARKERS, names=True, joints=True))
+    view.set_shown(replace(eye.MARKERS, names=True, joints=True))
+    view.set_shown(replace(eye.MARKERS, names=True, joints=True))
     assert told == [replace(eye.MARKERS, names=True, joints=True)]
 
 
