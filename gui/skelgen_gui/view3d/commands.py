@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
@@ -133,7 +134,8 @@ class Commands(QObject):
         return actions
 
     def _set(self, name: str, value: float | None) -> None:
-        self.shown_changed.emit(replace(self._shown, **{name: value}))
+        changed: dict[str, Any] = {name: value}  # each field has a type of its own
+        self.shown_changed.emit(replace(self._shown, **changed))
 
     def _choose(self, name: str, action: QAction) -> None:
         self._set(name, action.data())
