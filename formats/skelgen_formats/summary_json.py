@@ -241,7 +241,8 @@ def _lengths(skeleton: Skeleton) -> list[dict[str, Any]]:
 
 
 def _mean(values: Floats) -> float | None:
-    return None if np.isnan(values).all() else float(np.nanmean(values))
+    measured = values[~np.isnan(values)]
+    return float(measured.mean()) if len(measured) else None
 
 
 def _plain(value: Any) -> Any:

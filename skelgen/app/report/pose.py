@@ -133,10 +133,10 @@ def _limb(project: Project, limb: int, body: _Body) -> Markup:
 
 
 def _limb_number(limb: int, lines: Floats) -> Markup:
-    """The limb's number beside the middle of its bones, given by both ends [px]."""
+    """The limb's number beside the middle of its longest bone; bones are given by both ends [px]."""
     if not len(lines):
         return Markup("")
-    start, end = lines.mean(axis=0)
+    start, end = lines[int(np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).argmax())]
     along = end - start
     size = float(np.linalg.norm(along))
     aside = np.array([along[1], -along[0]]) / size if size > 0 else np.array([1.0, 0.0])
