@@ -18,11 +18,11 @@ from skelgen_formats.recording import C3dRecorder, MfmlRecorder
 
 from skelgen.capture.bodies import BodyFinder, BodyParameters, check_targets, resolved_points
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
-from skelgen.capture.calibration.joints import JointCalibration, JointWish, calibrate_joints
+from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
 from skelgen.capture.live import Captured, MotionCapture, PointFinder
 from skelgen.capture.markers import misfit_in_space
 from skelgen.capture.prediction import PredictionParameters
-from skelgen.capture.values import FoundBody, FrameSource, StereoPoints
+from skelgen.capture.values import FoundBody, FrameSource, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, CaptureSettings, TargetJoint
@@ -141,7 +141,7 @@ def outdated(settings: CaptureSettings, name: str) -> tuple[str, ...]:
 def calibrate_joints_of(
     settings: CaptureSettings,
     source: FrameSource,
-    wishes: Sequence[JointWish] = (),
+    requests: Sequence[JointRequest] = (),
     n_frames: int | None = None,
     monitor: Monitor = SILENT,
 ) -> tuple[CaptureSettings, JointCalibration]:
@@ -152,7 +152,7 @@ def calibrate_joints_of(
     finder = BodyFinder(settings.bodies)
     monitor.begin("bodies")
     found: list[list[FoundBody]] = [finder.find(points) for points in with_progress(frames, len(frames), monitor)]
-    done = calibrate_joints(found, [body.name for body in settings.bodies], wishes, source.rate)
+    done = calibrate_joints(found, [body.name for body in settings.bodies], requests, source.rate)
     return with_joints(settings, done), done
 
 

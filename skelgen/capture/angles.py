@@ -1,19 +1,19 @@
 r"""Joint angles from the poses of two targets, with their errors (Gaschler 2011, 5.1.3 and 5.2.4).
 
-The joint's frames in both bodies, carried into the world by their poses, differ by a turn and a shift. The seed takes
-the turn that best lays points on the axes of one frame on those of the other, all weighed alike; the shift then says
-nothing. Here both poses come with covariances, and the joint holds the bodies together: at its centre, a hinge along
-its axis as well. Of all errors of the poses the most likely are taken that explain by how much the joint is torn apart,
+The joint's frames in both bodies, carried into the world by their poses, differ by a rotation and a shift. Gaschler
+takes the rotation that best lays points on the axes of one frame on those of the other, and does not use the shift.
+Here both poses have covariances, and the joint holds the bodies together: at its centre, a hinge along its axis as
+well. The measured poses violate these constraints by r. The most likely errors of the poses that explain this are
 
 .. math::
     e = \Sigma H^T (H \Sigma H^T + P)^{-1} r ,
 
-with the gap and tilt r, their slope H by the errors, the covariance :math:`\Sigma` of both poses, and P of the joint's
-own calibration. What is left of the turn is the angle: a rotation vector for a ball, the turn about z for a hinge. Its
-covariance is that of the errors once r is known.
+with the gap and tilt r, their derivative H by the errors, the covariance :math:`\Sigma` of both poses, and P of the
+joint's own calibration. The rotation without these errors is the angle: a rotation vector for a ball, the rotation
+about z for a hinge. Its covariance is that of the errors given r.
 
-A joint that is torn apart further than that, because it has play, is believed as much less as its gap asks for, up to
-not at all: then the angle is the seed's.
+A constraint that is violated by more than noise explains shows play of the joint. Then P grows until the violation is
+likely. With much play the constraint no longer counts, and the angle is Gaschler's.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ SIZE = 100.0
 """mm from the joint to the points that stand for its frames: the size of marker targets."""
 
 LIKELY = {3: 7.81, 5: 11.07}
-"""Squared deviation of gap and tilt that 95 % of whole joints stay below (chi-squared, by degrees of freedom)."""
+"""Squared deviation of gap and tilt below which 95 % of joints without play stay (chi-squared, by freedoms)."""
 
 EXACT = 1e-6
-"""mm; the least deviation of a gap, so that poses without errors can be weighed."""
+"""mm; the least deviation of a gap, so that poses without errors can be weighted."""
 
 _STEPS = 20
 _POINTS = SIZE * np.concatenate([np.eye(3), -np.eye(3)])
@@ -59,7 +59,7 @@ class JointAngle:
     std : ndarray, of the same shape, rad
         Standard deviations, from the covariances of both poses.
     residual : float, mm
-        Mean distance between the joint's frames, as the bodies have them, once they are turned onto each other.
+        Mean distance between points on the joint's frames of both bodies, after one frame is rotated onto the other.
     """
 
     name: str
@@ -74,7 +74,20 @@ def angle_names(joint: TargetJoint) -> tuple[str, ...]:
 
 
 def find_angles(joint: TargetJoint, bodies: Mapping[str, FoundBody]) -> JointAngle | None:
-    """Return the angles of a joint, or None if one of its bodies was not found."""
+    """Return the angles of a joint in one frame.
+
+    Parameters
+    ----------
+    joint : JointModel
+        With its frames in both bodies.
+    bodies : mapping of str to FoundBody
+        What was found in the frame, by name.
+
+    Returns
+    -------
+    JointAngle or None
+        None if one of its bodies was not found.
+    """
     if joint.parent not in bodies or joint.child not in bodies:
         return None
     parent, child = bodies[joint.parent], bodies[joint.child]
@@ -91,7 +104,7 @@ def find_angles(joint: TargetJoint, bodies: Mapping[str, FoundBody]) -> JointAng
 
 
 def _tilt(joint: TargetJoint, turn: Floats) -> Floats:
-    """Turns about x and y that the least squares angle of a hinge leaves [rad], shape (2,); none for a ball."""
+    """Rotation about x and y that the least squares angle of a hinge leaves [rad], shape (2,); none for a ball."""
     if joint.kind == "ball":
         return np.zeros(0)
     angle = joint_angles(_kinematic(joint.kind), turn[np.newaxis])[0]
@@ -99,7 +112,7 @@ def _tilt(joint: TargetJoint, turn: Floats) -> Floats:
 
 
 def _residual(turn: Floats, gap: Floats, tilt: Floats) -> float:
-    """Mean distance [mm] between the points of both frames once they are turned onto each other."""
+    """Mean distance [mm] between the points of both frames after one frame is rotated onto the other."""
     if not len(tilt):
         return float(np.linalg.norm(gap))
     tilted = matrix_from_vector(np.array([*tilt, 0.0]))
@@ -107,20 +120,20 @@ def _residual(turn: Floats, gap: Floats, tilt: Floats) -> float:
 
 
 def _most_likely(
-    joint: TargetJoint, poses: tuple[Floats, Floats], covariance: Floats, torn: Floats
+    joint: TargetJoint, poses: tuple[Floats, Floats], covariance: Floats, violation: Floats
 ) -> tuple[Floats, Floats]:
-    """What the joint's turn errs by [rad], in its frame in the parent, and the covariance that remains."""
+    """Most likely error [rad] of the joint's rotation, in its frame in the parent, and the covariance that remains."""
     turn, held = turn_slope(joint, poses), held_slope(joint, poses)
     gain = covariance @ held.T
     spread = held @ gain + _calibrated(joint, poses)
-    if torn @ np.linalg.solve(spread, torn) > LIKELY[len(torn)]:
-        spread = _with_play(spread, torn)
+    if violation @ np.linalg.solve(spread, violation) > LIKELY[len(violation)]:
+        spread = _with_play(spread, violation)
     gain = turn @ np.linalg.solve(spread, gain.T).T
-    return gain @ torn, turn @ covariance @ turn.T - gain @ held @ covariance @ turn.T
+    return gain @ violation, turn @ covariance @ turn.T - gain @ held @ covariance @ turn.T
 
 
 def _calibrated(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
-    """Covariance of a gap, and of tilts for a hinge, that the joint's calibration leaves."""
+    """Covariance of the gap, and of the tilts of a hinge, by the joint's calibration."""
     n = 5 if joint.kind == "hinge" else 3
     out = ((joint.axis_std**2).sum() + (EXACT / SIZE) ** 2) * np.eye(n)
     out[:3, :3] = EXACT**2 * np.eye(3)
@@ -129,11 +142,11 @@ def _calibrated(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
     return np.asarray(out)
 
 
-def _with_play(spread: Floats, torn: Floats) -> Floats:
-    """The covariance of gap and tilt, with as much play of the joint as makes them likely."""
-    scale = np.where(np.arange(len(torn)) < 3, 1.0, SIZE)
+def _with_play(spread: Floats, violation: Floats) -> Floats:
+    """Covariance of gap and tilt, with so much play added that they are likely."""
+    scale = np.where(np.arange(len(violation)) < 3, 1.0, SIZE)
     values, axes = np.linalg.eigh(spread * scale[:, np.newaxis] * scale)
-    squares, limit, play = (axes.T @ (scale * torn)) ** 2, LIKELY[len(torn)], 0.0
+    squares, limit, play = (axes.T @ (scale * violation)) ** 2, LIKELY[len(violation)], 0.0
     for _ in range(_STEPS):  # Newton's method; it never overshoots, as the deviation falls ever slower with the play
         ratios = squares / (values + play)
         excess = ratios.sum() - limit

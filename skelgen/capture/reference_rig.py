@@ -22,8 +22,8 @@ def reference_rig() -> StereoRig:
 
 
 _ROD = 6.0  # mm: the balls stand on thin rods that hide nearly nothing
-# mm; five balls within 105 mm, about as in the seed's figure 6.2. The ten distances within a target differ by 3.9 mm
-# and more, all thirty by 1.2 mm, so that no target is taken for another or for itself turned.
+# mm; five balls within 105 mm, about as in Gaschler (2011), figure 6.2. The ten distances within a target differ by
+# 3.9 mm and more, all thirty by 1.2 mm, so that no target is taken for another or for itself turned.
 _TORSO = ((-32, -19, 31), (55, -11, -15), (-27, -28, -6), (31, 34, -31), (-25, 24, 20))
 _UPPER = ((-19, -33, 4), (27, 52, 8), (-24, -7, 26), (23, -20, -13), (-8, 7, -26))
 _LOWER = ((18, 20, 11), (30, 1, 39), (-63, 9, 20), (-6, -2, -44), (19, -28, -25))
@@ -31,7 +31,7 @@ _HALF_WAY = np.array([0.0, 0.0, -100.0])  # mm: from a joint to the middle of th
 
 
 def reference_arm() -> Structure:
-    """Return the seed's test rig: a shoulder that is a ball joint, an elbow that is a hinge (Gaschler 2011, 5.3).
+    """Return the test arm of Gaschler (2011, 5.3): a shoulder that is a ball joint, an elbow that is a hinge.
 
     The torso hardly moves; the arm is moved by hand before the cameras, 0.6 m of it in all.
     """
@@ -40,24 +40,25 @@ def reference_arm() -> Structure:
     return Structure(
         "arm",
         (
-            _limb("torso", "", "free", (0, 0, 1200), np.array(_TORSO), axes[::-1], (8, 5, 5), (0, 0, 0)),
-            _limb("upper arm", "torso", "ball", (0, 110, -40), _HALF_WAY + _UPPER, axes, (30, 30, 25), (10, -15, 0)),
-            _limb("lower arm", "upper arm", "hinge", (5, 5, -190), _HALF_WAY + _LOWER, elbow, (45,), (55,)),
+            _limb(("torso", ""), "free", (0, 0, 1200), np.array(_TORSO), axes[::-1], ((8, 5, 5), (0, 0, 0))),
+            _limb(
+                ("upper arm", "torso"), "ball", (0, 110, -40), _HALF_WAY + _UPPER, axes, ((30, 30, 25), (10, -15, 0))
+            ),
+            _limb(("lower arm", "upper arm"), "hinge", (5, 5, -190), _HALF_WAY + _LOWER, elbow, ((45,), (55,))),
         ),
     )
 
 
 def _limb(
-    name: str,
-    parent: str,
+    names: tuple[str, str],
     kind: str,
     joint: tuple[float, ...],
     balls: Floats,
     axes: Floats,
-    amplitudes: tuple[float, ...],
-    offsets: tuple[float, ...],
+    swings: tuple[tuple[float, ...], tuple[float, ...]],
 ) -> LimbModel:
+    """A limb and its parent, its joint [mm] with amplitudes and offsets [degrees] of each axis, its balls [mm]."""
     balls = balls.astype(np.float64)
     segment = np.stack([balls.mean(axis=0), balls.mean(axis=0)])
-    angles = np.array(amplitudes, dtype=np.float64), np.array(offsets, dtype=np.float64)
-    return LimbModel(name, parent, kind, np.array(joint, dtype=np.float64), segment, _ROD, balls, axes, *angles)
+    angles = [np.array(part, dtype=np.float64) for part in swings]
+    return LimbModel(*names, kind, np.array(joint, dtype=np.float64), segment, _ROD, balls, axes, *angles)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.rig import JOINT_KINDS
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +98,30 @@ class FoundBody:
     covariance: Floats
     points: Ints
     rms: float
+
+
+@dataclass(frozen=True)
+class JointRequest:
+    """A joint that the user names.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    parent, child : str
+        Names of two targets.
+    kind : str
+        ``ball`` or ``hinge``; empty if it is to be found.
+    """
+
+    name: str
+    parent: str
+    child: str
+    kind: str = ""
+
+    def __post_init__(self) -> None:
+        if self.kind not in (*JOINT_KINDS, ""):
+            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; kinds are {', '.join(JOINT_KINDS)}")
 
 
 Image = NDArray[np.uint8]

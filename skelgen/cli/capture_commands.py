@@ -15,8 +15,8 @@ from skelgen.cli.screen import Screen
 from skelgen.errors import InputError
 
 if TYPE_CHECKING:
-    from skelgen.capture.calibration.joints import JointWish
     from skelgen.capture.live import Captured
+    from skelgen.capture.values import JointRequest
     from skelgen.cli.capture_output import Columns
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
@@ -163,14 +163,14 @@ def calibrate_joints(
     screen.json({"file": str(output or settings), "joints": joint_rows(done), "notices": list(done.notices)})
 
 
-def _wish(text: str) -> JointWish:
-    from skelgen.capture.calibration.joints import JointWish
+def _wish(text: str) -> JointRequest:
+    from skelgen.capture.values import JointRequest
 
     name, _, bodies = text.partition("=")
     parts = bodies.split(":")
     if not name or len(parts) not in (2, 3) or not all(parts[:2]):
         raise InputError(f"--joint {text!r} is not understood; it must be NAME=PARENT:CHILD or NAME=PARENT:CHILD:KIND")
-    return JointWish(name, *parts)
+    return JointRequest(name, *parts)
 
 
 class _Counts:

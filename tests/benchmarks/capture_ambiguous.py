@@ -15,7 +15,7 @@ from capture_pipeline import bent
 from shown import show, show_machine
 
 from skelgen.capture.markers.candidates import BallTracks, CandidateStore
-from skelgen.capture.markers.correspondences import chosen, evidence_of_time, surest_first, track_pairs
+from skelgen.capture.markers.correspondences import accept_best_first, evidence_over_time, find_markers, track_pairs
 from skelgen.capture.optics.matching import match_and_triangulate
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import projected_balls, scene_of_structure
@@ -32,25 +32,25 @@ def decided(structure: str, seed: int, rate: float, turned: float) -> tuple[int,
     scene = scene_of_structure(structure, rig, seed=seed, n_frames=n_frames, rate=rate)
     settings = bent(CaptureSettings(rig, scene.bodies, scene.joints), turned)
     store, followers = CandidateStore(), (BallTracks(rig.left.size), BallTracks(rig.right.size))
-    is_right, is_shared, rng = [], [], np.random.default_rng(seed)
+    is_right, share_a_ball, rng = [], [], np.random.default_rng(seed)
     for frame in range(n_frames):
         (left, of_left), (right, of_right) = projected_balls(scene, frame, rig, NOISE, rng)
         points = match_and_triangulate(left, right, settings.rig)
         centres = (left.centres, right.centres)
         store.add(points, *[one.follow(seen, frame / rate) for one, seen in zip(followers, centres, strict=True)])
         is_right.append(of_left[points.left] == of_right[points.right])
-        is_shared.append(points.ambiguous)
-    truth, shared = np.concatenate(is_right), np.concatenate(is_shared)
+        share_a_ball.append(points.ambiguous)
+    truth, shared = np.concatenate(is_right), np.concatenate(share_a_ball)
 
     def wrong(kept: Bools) -> int:
         return int((kept != truth)[shared].sum())
 
     candidates = store.all()
     pairs = track_pairs(candidates, *((one.first, one.last) for one in followers))
-    by_time = surest_first(pairs, evidence_of_time(candidates, pairs, rig.noise))[pairs.of_candidate]
-    learned = chosen(candidates, pairs, rig.noise, 1 / rate)
+    by_time = accept_best_first(pairs, evidence_over_time(candidates, pairs, rig.noise))[pairs.of_candidate]
+    learned = find_markers(candidates, pairs, rig.noise, 1 / rate)
     begin = time.process_time()
-    known = chosen(candidates, pairs, rig.noise, 1 / rate, settings.bodies)
+    known = find_markers(candidates, pairs, rig.noise, 1 / rate, settings.bodies)
     return int(shared.sum()), [wrong(kept) for kept in (by_time, learned, known)], time.process_time() - begin
 
 

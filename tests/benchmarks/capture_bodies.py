@@ -25,7 +25,7 @@ from shown import show, show_machine, verdict
 from skelgen.capture.bodies import BodyFinder, propose_targets
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
+from skelgen.capture.simulated_rig import SimulatedRig, Wandering, scene_of_bodies, simulated_rig
 from skelgen.capture.simulated_rig.scene import wandering_poses
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
@@ -176,7 +176,7 @@ def scenes() -> list[tuple[str, SimulatedRig]]:
     wished = [BodyTarget(f"body{i}", rng.uniform(-50, 50, (N_BALLS, 3))) for i in range(N_TARGETS)]
     targets = propose_targets(wished)
     for distance, apart in PASSING:
-        poses = wandering_poses(rig, RENDERED, N_TARGETS, distance=distance, spread=apart, seed=1)
+        poses = wandering_poses(rig, RENDERED, N_TARGETS, Wandering(distance, apart), seed=1)
         name = f"3 targets {apart:.0f} mm apart, {distance / 1000:g} m away"
         listed.append((name, SimulatedRig(scene_of_bodies(targets, poses), rig)))
     return listed

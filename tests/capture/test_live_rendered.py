@@ -9,7 +9,7 @@ from skelgen.app.capture import ball_positions
 from skelgen.capture.bodies import propose_targets, resolved_points
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
+from skelgen.capture.simulated_rig import SimulatedRig, Wandering, scene_of_bodies, simulated_rig
 from skelgen.capture.simulated_rig.scene import wandering_poses
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.model.rig import BodyTarget
@@ -21,7 +21,7 @@ def passing():
     """Three targets that pass before each other."""
     rng, rig = np.random.default_rng(0), reference_rig()
     targets = propose_targets([BodyTarget(f"body{i}", rng.uniform(-50, 50, (5, 3))) for i in range(3)])
-    return SimulatedRig(scene_of_bodies(targets, wandering_poses(rig, 200, 3, spread=60.0, seed=1)), rig)
+    return SimulatedRig(scene_of_bodies(targets, wandering_poses(rig, 200, 3, Wandering(spread=60.0), seed=1)), rig)
 
 
 @pytest.fixture(scope="module", params=[passing, lambda: simulated_rig("arm", n_frames=200)], ids=["passing", "arm"])

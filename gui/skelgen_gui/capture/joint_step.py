@@ -11,7 +11,8 @@ from PySide6.QtCore import Signal
 from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
 
-from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, JointRequest, TargetShot
+from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, TargetShot
+from skelgen.capture.values import JointRequest
 from skelgen.errors import SkelgenError
 from skelgen.model.rig import CaptureSettings
 from skelgen_gui.capture.forms import JointForm
@@ -245,7 +246,7 @@ class RequestList(QWidget):
         return JointRequest(self.name.text().strip(), self.parent_box.currentText(), self.child_box.currentText(), kind)
 
     def _follow(self) -> None:
-        name, parent, child, _ = self._request
+        name, parent, child = self._request.name, self._request.parent, self._request.child
         is_new = bool(name) and name not in [request.name for request in self.requests]
         self.more.setEnabled(is_new and bool(parent) and bool(child) and parent != child)
         self.less.setVisible(bool(self.requests))
@@ -263,6 +264,8 @@ class RequestList(QWidget):
         if requests != self.requests:
             self.requests = requests
             kinds = {kind: title for title, kind in self._kinds.items()}
-            self.table.show_rows([(*request[:3], kinds[request.kind]) for request in requests])
+            self.table.show_rows(
+                [(request.name, request.parent, request.child, kinds[request.kind]) for request in requests]
+            )
             self.changed.emit()
         self._follow()

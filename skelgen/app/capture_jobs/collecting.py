@@ -21,12 +21,11 @@ from skelgen.app.capture_jobs.messages import (
     Feed,
     FoundInSpace,
     JointProgress,
-    JointRequest,
     TargetShot,
 )
 from skelgen.capture.calibration.board import Board, BoardView, find_board
 from skelgen.capture.calibration.body import BodyCalibration, calibrate_body
-from skelgen.capture.calibration.joints import JointCalibration, JointWish, calibrate_joints
+from skelgen.capture.calibration.joints import JointCalibration, calibrate_joints
 from skelgen.capture.calibration.stereo import absence
 from skelgen.capture.calibration.taking import BodyProgress, BodyTaking, JointTaking
 from skelgen.capture.calibration.verdict import PairSeen
@@ -34,7 +33,7 @@ from skelgen.capture.health import RigWatch
 from skelgen.capture.images import opencv
 from skelgen.capture.live import PointFinder
 from skelgen.capture.optics.triangulation import triangulate
-from skelgen.capture.values import FoundBody, FramePair, FrameSource, Image, StereoPoints
+from skelgen.capture.values import FoundBody, FramePair, FrameSource, Image, JointRequest, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig
@@ -311,8 +310,7 @@ class JointCollector(TargetCollector[JointProgress]):
         """Calibrate joints from the frames that were taken; errors as `calibrate_joints`."""
         if self._taking is None:
             raise InputError("no frames of the joints were taken yet")
-        wishes = [JointWish(*request) for request in requests]
-        return calibrate_joints(self._taking.frames, self._taking.names, wishes, self._rate)
+        return calibrate_joints(self._taking.frames, self._taking.names, requests, self._rate)
 
     def _begin(self, settings: CaptureSettings) -> None:
         self._taking = JointTaking(settings.bodies)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -135,25 +135,6 @@ class CollectingControl:
 
     stop: Event = field(default_factory=Event)
     keep_next: Event = field(default_factory=Event)
-
-
-class JointRequest(NamedTuple):
-    """A joint that the user names.
-
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    parent, child : str
-        Names of two targets.
-    kind : str
-        ``ball`` or ``hinge``; empty if it is to be found.
-    """
-
-    name: str
-    parent: str
-    child: str
-    kind: str = ""
 
 
 @dataclass(frozen=True)

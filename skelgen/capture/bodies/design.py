@@ -15,13 +15,13 @@ from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget
 
 CLEAR = 0.1
-"""Of the distance that is needed: confusions below are not made worse by looking for still better ones."""
+"""As a part of the distance that is needed: below it a confusion is bad enough, and no worse one is looked for."""
 
-TOLD = 3
+MAX_LISTED = 3
 """Pairs of distances in a sentence, at most."""
 
 LEAST_WIDTH = 5.0
-"""mm; root mean square distance from a line that the seen balls of a target need at least to fix its turn about it."""
+"""mm; least root mean square distance of the seen balls from a line, so that they fix the rotation about it."""
 
 
 class AmbiguousTargetError(InputError):
@@ -85,7 +85,22 @@ def check_targets(targets: Sequence[BodyTarget], parameters: BodyParameters | No
 
 
 def check_target(target: BodyTarget, beside: Sequence[BodyTarget], parameters: BodyParameters) -> None:
-    """Refuse a target that cannot be found for sure beside others, which are good; see `check_targets`."""
+    """Refuse a target that cannot be found for sure beside others.
+
+    Parameters
+    ----------
+    target : BodyTarget
+        What is checked.
+    beside : sequence of BodyTarget
+        Others, which were checked already.
+    parameters : BodyParameters
+        How many balls must be seen, and how different targets must be.
+
+    Raises
+    ------
+    InputError
+        See `check_targets`.
+    """
     _check_shape(target, parameters)
     for confusion in find_confusions(target, beside, parameters):
         raise AmbiguousTargetError(confusion, target)
@@ -94,7 +109,17 @@ def check_target(target: BodyTarget, beside: Sequence[BodyTarget], parameters: B
 def find_confusions(
     target: BodyTarget, beside: Sequence[BodyTarget] = (), parameters: BodyParameters | None = None
 ) -> Iterator[Confusion]:
-    """Yield the worst confusion of a target with itself and with each of some others, where there is any."""
+    """Yield the worst confusion of a target with itself and with each of some others, where there is any.
+
+    Parameters
+    ----------
+    target : BodyTarget
+        What may be taken for something else.
+    beside : sequence of BodyTarget
+        What it may be taken for, beside itself.
+    parameters : BodyParameters, optional
+        How many balls must be seen, and how different targets must be.
+    """
     for other in (target, *beside):
         found = _Matcher(target, other, parameters or BodyParameters()).worst()
         if found is not None:
@@ -111,7 +136,7 @@ def _check_shape(target: BodyTarget, parameters: BodyParameters) -> None:
         if width < LEAST_WIDTH:
             raise InputError(
                 f"the balls {_listed(balls)} of body {target.name!r} lie on one line (within {width:.1f} mm), so that "
-                f"they do not fix its turn; move one of them away by more than {LEAST_WIDTH:g} mm"
+                f"they do not fix its rotation; move one of them away by more than {LEAST_WIDTH:g} mm"
             )
 
 
@@ -172,7 +197,7 @@ class _Matcher:
         pairs = [
             f"{a + 1}-{b + 1} ({one[a, b]:.1f} mm) and {c + 1}-{d + 1} ({two[c, d]:.1f} mm)"
             for (a, c), (b, d) in combinations(zip(balls, others, strict=True), 2)
-            if not self.is_same or (a, b) < (min(c, d), max(c, d))  # of two that change places, one is told
+            if not self.is_same or (a, b) < (min(c, d), max(c, d))  # two that change places are listed once
         ]
         name, listed = self.first.name, _listed(balls)
         if self.is_same:
@@ -181,7 +206,7 @@ class _Matcher:
             what = f"body {name!r} can be taken for {self.second.name!r}: its balls {listed} for the balls"
         return (
             f"{what} {_listed(others)}, {distance:.2f} mm apart where {self.distinct:g} mm are needed, because "
-            f"distances are near equal: {', '.join(pairs[:TOLD])}"
+            f"distances are near equal: {', '.join(pairs[:MAX_LISTED])}"
         )
 
 

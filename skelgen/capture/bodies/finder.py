@@ -39,7 +39,7 @@ class ExpectedPose:
     world_from_body : ndarray, shape (4, 4), translation in mm
         Its pose.
     covariance : ndarray, shape (6, 6)
-        Of a small turn about the world's axes [rad] and a shift [mm].
+        Of a small rotation about the world's axes [rad] and a shift [mm].
     """
 
     world_from_body: Floats
@@ -84,7 +84,7 @@ def find_bodies(
     Raises
     ------
     InputError
-        If the targets cannot be told from each other or from themselves; see `check_targets`.
+        If a target can be taken for another one or for itself turned; see `check_targets`.
     """
     return BodyFinder(targets, parameters).find(points, expected)
 
@@ -104,7 +104,7 @@ class BodyFinder:
     Raises
     ------
     InputError
-        If the targets cannot be told from each other or from themselves.
+        If a target can be taken for another one or for itself turned.
     """
 
     def __init__(
@@ -122,7 +122,15 @@ class BodyFinder:
         self._executor = executor
 
     def find(self, points: StereoPoints, expected: Mapping[str, ExpectedPose] | None = None) -> list[FoundBody]:
-        """Find the targets in one frame; see `find_bodies`."""
+        """Find the targets in one frame; see `find_bodies`.
+
+        Parameters
+        ----------
+        points : StereoPoints
+            Of the frame.
+        expected : mapping of str to ExpectedPose, optional
+            Bodies that are first looked for where they are expected to be.
+        """
         if len(points) < self._rules.min_points or not self.targets:
             return []
         scene = table_of_points(points)

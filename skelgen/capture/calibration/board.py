@@ -63,7 +63,20 @@ class Board:
 
 
 def board_from_text(text: str, square: float) -> Board:
-    """Return the board that a text such as ``9x6`` names, or raise `ParameterError`."""
+    """Return the board that a text names.
+
+    Parameters
+    ----------
+    text : str
+        Its inner corners in a row and in a column, e.g. ``9x6``.
+    square : float, mm
+        Side of a square.
+
+    Raises
+    ------
+    ParameterError
+        If the text does not look like that.
+    """
     match = re.fullmatch(r"\s*(\d+)\s*[x×*]\s*(\d+)\s*", text)
     if match is None:
         raise ParameterError(f"{text!r} is no board; give its inner corners as in 9x6")
@@ -108,7 +121,20 @@ def find_board(image: Image, board: Board) -> BoardView | None:
 
 
 def board_that_is_there(images: Sequence[Image], board: Board) -> Board | None:
-    """Return the largest board, counted by up to two otherwise each way, that one of the images shows; None if none."""
+    """Return the board that images show if its corners were miscounted by up to two in a row or in a column.
+
+    Parameters
+    ----------
+    images : sequence of ndarray of uint8, shape (height, width)
+        Grey images in which the board was not found.
+    board : Board
+        What was looked for.
+
+    Returns
+    -------
+    Board or None
+        The largest one; None if there is none.
+    """
     nearby = [(board.columns + across, board.rows + down) for across in range(-2, 3) for down in range(-2, 3)]
     for columns, rows in sorted(nearby, key=lambda size: size[0] * size[1], reverse=True):
         if min(columns, rows) >= _LEAST_CORNERS and (columns, rows) != (board.columns, board.rows):
@@ -160,7 +186,15 @@ def coverage(corners: Sequence[Floats], size: tuple[int, int], parts: tuple[int,
 
 
 def uncovered(corners: Sequence[Floats], size: tuple[int, int]) -> list[str]:
-    """Return the names of the ninths of an image where the board has never been."""
+    """Return the names of the ninths of an image where the board has never been.
+
+    Parameters
+    ----------
+    corners : sequence of ndarray, shape (n_corners, 2), px
+        One for each view.
+    size : tuple of int, px
+        Width and height of the image.
+    """
     counts = coverage(corners, size)
     return [
         name

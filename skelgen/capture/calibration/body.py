@@ -23,22 +23,21 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
 from skelgen.progress import SILENT, Monitor, with_progress
 
-FEWEST_FRAMES = 3
+MIN_FRAMES = 3
 ENOUGH_FRAMES = 10
-"""Frames that the seed takes at least; fewer calibrate a target, but not well."""
+"""Frames that Gaschler (2011) takes at least; fewer calibrate a target, but not well."""
 
-MOST_FRAMES = 300
+MAX_FRAMES = 300
 """Frames that are used, evenly spread: neighbours of these show the same."""
 
 FIRST_FRAMES = 5
 """Frames that are tried as the one that shows the target alone."""
 
-MOST_PROPOSED = 8
-"""Balls of a design up to which a better one is looked for; it takes three seconds then, and grows with their fourth
-power."""
+MAX_PROPOSED = 8
+"""Balls up to which a better design is looked for: it takes three seconds, and grows with their fourth power."""
 
 DOUBTFUL_NOISE = 2.0
-"""Residuals in stated deviations above which the rig's noise or the target's stiffness is doubted."""
+"""Residuals in stated deviations above which the rig's noise is wrong, or the target bends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,7 @@ class BodyCalibration:
     noise : float
         Root mean square residual in stated standard deviations.
     n_frames : int
-        Frames that the shape rests on.
+        Frames that the shape was fitted to.
     n_left_out : int
         Frames in which the target was not found.
     turn : float, degrees
@@ -106,7 +105,7 @@ def calibrate_body(
     parameters : BodyParameters, optional
         Limits of the search.
     monitor : Monitor
-        Hears of progress, and may cancel.
+        Reports progress, and may cancel.
 
     Raises
     ------
@@ -114,8 +113,8 @@ def calibrate_body(
         If no frame shows the target alone, too few show it at all, or its design is ambiguous.
     """
     parameters = parameters or BodyParameters()
-    chosen = [frames[index] for index in _spread(np.arange(len(frames)), MOST_FRAMES)]
-    n_balls = n_balls or _usual_number(chosen, parameters.min_points)
+    chosen = [frames[index] for index in _spread(np.arange(len(frames)), MAX_FRAMES)]
+    n_balls = n_balls or _typical_number(chosen, parameters.min_points)
     target = _first_target(chosen, name, n_balls, parameters)
     monitor.begin("body")
     found = _find_everywhere(chosen, target, parameters, monitor)
@@ -131,7 +130,7 @@ def calibrate_body(
     return BodyCalibration(target, shape.noise, n_frames, len(chosen) - n_frames, turn, notices)
 
 
-def _usual_number(frames: Sequence[StereoPoints], fewest: int) -> int:
+def _typical_number(frames: Sequence[StereoPoints], fewest: int) -> int:
     counts = np.array([len(sure_points(frame)) for frame in frames if len(sure_points(frame)) >= fewest])
     if not len(counts):
         raise InputError(f"no frame shows {fewest} points or more, so that there is no body to calibrate")
@@ -168,14 +167,22 @@ def _with_advice(error: InputError, beside: Sequence[BodyTarget], parameters: Bo
     """What is wrong with a target, and if it is ambiguous, which ball to move and where to."""
     if not isinstance(error, AmbiguousTargetError):
         return str(error)
-    few = len(error.target.points) <= MOST_PROPOSED
+    few = len(error.target.points) <= MAX_PROPOSED
     move = propose_move(error.target, beside, parameters) if few else None
     advice = "choose one whose distances all differ" if move is None else move.sentence
     return f"{error.confusion.sentence}; {advice}"
 
 
 def first_shape(frame: StereoPoints, name: str) -> BodyTarget:
-    """Return a target as one frame shows it that shows nothing else."""
+    """Return a target as seen in one frame that shows nothing else.
+
+    Parameters
+    ----------
+    frame : StereoPoints
+        Its balls.
+    name : str
+        What the target is called.
+    """
     order = _spanning_order(frame.points)
     std = np.sqrt(np.einsum("nii->ni", frame.covariance))
     return BodyTarget(name, frame.points[order] - frame.points[order[0]], std[order])
@@ -212,9 +219,9 @@ def _ordered(frames: Sequence[StereoPoints], found: Sequence[list[FoundBody]], n
 
 
 def _shape(positions: Floats, covariances: Floats, name: str) -> WeightedShape:
-    if len(positions) < FEWEST_FRAMES:
+    if len(positions) < MIN_FRAMES:
         raise InputError(
-            f"body {name!r} was found in {len(positions)} frames; {FEWEST_FRAMES} are the least, "
+            f"body {name!r} was found in {len(positions)} frames; {MIN_FRAMES} are the least, "
             f"{ENOUGH_FRAMES} or more from many sides are better"
         )
     start = calibrate_rigid_body(positions)
@@ -311,11 +318,11 @@ def fit_weighted_shape(points: Floats, poses: Floats, positions: Floats, covaria
     free = _free(len(points))
     points, poses = points.copy(), poses.copy()
     for _ in range(MAX_STEPS):
-        information, pull, back = _reduced(points, poses, np.nan_to_num(positions), weights)
+        information, gradient, back_substitute = _reduced(points, poses, np.nan_to_num(positions), weights)
         step = np.zeros(points.size)
-        step[free] = np.linalg.solve(information[np.ix_(free, free)], pull[free])
+        step[free] = np.linalg.solve(information[np.ix_(free, free)], gradient[free])
         points += step.reshape(points.shape)
-        poses = _stepped(poses, back(step))
+        poses = _stepped(poses, back_substitute(step))
         if np.abs(step).max() < STEP_TOLERANCE:
             break
     information, _, _ = _reduced(points, poses, np.nan_to_num(positions), weights)
@@ -339,28 +346,28 @@ def _residuals(points: Floats, poses: Floats, positions: Floats) -> tuple[Floats
 def _reduced(
     points: Floats, poses: Floats, positions: Floats, weights: Floats
 ) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
-    """Information and pull of the shape with the poses eliminated, and the step of the poses that goes with one."""
+    """Information and gradient of the shape with the poses eliminated, and the back-substitution for the poses."""
     arms, residuals = _residuals(points, poses, positions)
     slopes = np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (*arms.shape, 3))], axis=3)
     turns = poses[:, np.newaxis, :3, :3]
     pushed = slopes.swapaxes(2, 3) @ weights
     of_poses = np.linalg.inv((pushed @ slopes).sum(axis=1))
     mixed = (pushed @ turns).transpose(0, 2, 1, 3).reshape(len(poses), POSE_FREEDOMS, -1)
-    pull_poses = (pushed @ residuals[..., np.newaxis]).sum(axis=1)[..., 0]
+    gradient_of_poses = (pushed @ residuals[..., np.newaxis]).sum(axis=1)[..., 0]
     own = (turns.swapaxes(2, 3) @ weights @ turns).sum(axis=0)
-    pull = (turns.swapaxes(2, 3) @ weights @ residuals[..., np.newaxis]).sum(axis=0).ravel()
+    gradient = (turns.swapaxes(2, 3) @ weights @ residuals[..., np.newaxis]).sum(axis=0).ravel()
     information = np.zeros((points.size, points.size))
     for point in range(len(points)):
         block = slice(3 * point, 3 * point + 3)
         information[block, block] = own[point]
     eliminated = of_poses @ mixed
     information -= np.einsum("fai,faj->ij", mixed, eliminated)
-    pull -= np.einsum("fai,fa->i", eliminated, pull_poses)
+    gradient -= np.einsum("fai,fa->i", eliminated, gradient_of_poses)
 
-    def back(step: Floats) -> Floats:
-        return np.asarray(np.einsum("fab,fb->fa", of_poses, pull_poses - mixed @ step))
+    def back_substitute(step: Floats) -> Floats:
+        return np.asarray(np.einsum("fab,fb->fa", of_poses, gradient_of_poses - mixed @ step))
 
-    return information, pull, back
+    return information, gradient, back_substitute
 
 
 def _stepped(poses: Floats, steps: Floats) -> Floats:

@@ -27,14 +27,14 @@ N_POSE = 6
 
 MAX_STEPS = 40
 STANDS_STILL, ROUNDING = 1e-14, 1e-9
-"""Part of the sum of squares, and distance [px] of each corner, that no further step is worth."""
+"""Gain as a part of the sum of squares, and by distance [px] of each corner, below which no step is taken."""
 
 LEAST_DAMPING = 1e-6
 """Of the scaled normal matrix, when a full step has made the sum of squares larger (Levenberg and Marquardt)."""
 
 LEAST_EIGENVALUE = 1e-12
-"""Of the normal matrix, with its diagonal scaled to 1: below it some numbers cannot be told from others. Ten good views
-of one board are at 1e-6, three at 1e-8."""
+"""Of the normal matrix, with its diagonal scaled to 1: below it some numbers are not determined. Ten good views of
+one board are at 1e-6, three at 1e-8."""
 
 UNDETERMINED = (
     "the views do not determine the cameras: turn the board about different axes by 20 to 45 degrees, move it through "
@@ -259,11 +259,11 @@ and a view that errs three times as much would weigh as much as nine others."""
 
 MAX_ROUNDS = 10
 LEAST_VIEWS = 3
-"""Two views leave a camera undetermined in practice; three leave nothing to judge it by, and the verdict says so."""
+"""Two views leave a camera undetermined in practice; three determine it without redundancy, and the verdict says so."""
 
 
 class Robust(NamedTuple):
-    """An adjustment and the views that it rests on.
+    """An adjustment and the views that it was made from.
 
     Attributes
     ----------
@@ -315,7 +315,15 @@ def adjust_robustly(bundle: Bundle, free: Bools, trusted: Bools | None = None) -
 
 
 def bundle_of(bundle: Bundle, kept: Bools) -> Bundle:
-    """Return the bundle of some of its views."""
+    """Return the bundle of some views.
+
+    Parameters
+    ----------
+    bundle : Bundle
+        Of all views.
+    kept : ndarray of bool, shape (n_views,)
+        Which to keep.
+    """
     return replace(bundle, first_from_board=bundle.first_from_board[kept], corners=bundle.corners[:, kept])
 
 

@@ -1,6 +1,6 @@
 """Joints between targets, measured from their motion: each by itself, then the whole chain together (Gaschler 2011, 5).
 
-Balls and hinges are fitted to the relative poses of two targets, weighed with the covariance of every pose; then all
+Balls and hinges are fitted to the relative poses of two targets, weighted with the covariance of every pose; then all
 joints of a tree together. Which targets are joined, and how, is found if the user does not say so.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from skelgen.capture.angles import find_angles
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
 from skelgen.capture.calibration.whole_chain import fit_whole_chain
-from skelgen.capture.values import FoundBody
+from skelgen.capture.values import FoundBody, JointRequest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation, vector_from_matrix
 from skelgen.kinematics import JointFit, KindChoice, choose_kind, find_hierarchy
@@ -22,11 +22,11 @@ from skelgen.model import Poses
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import JOINT_KINDS, TargetJoint
 
-FEWEST_FRAMES = 20
+MIN_FRAMES = 20
 """Frames that show all targets of a chain at once, below which its joints are not fitted together."""
 
-MOST_FRAMES = 400
-"""Frames that a chain is fitted to, evenly spread."""
+MAX_FRAMES = 400
+"""Frames that a chain is fitted to, and that a motion is found from, evenly spread."""
 
 GOOD_PLACE, USABLE_PLACE = 1.0, 5.0
 """Standard deviations [mm] of a joint's place: 1 mm, 0.2 m from a target's middle, turns the angle by 0.3 degrees."""
@@ -35,31 +35,7 @@ DOUBTFUL_NOISE = 2.0
 """Residuals of a joint in stated deviations above which it has play, or its targets are not stiff."""
 
 ANY_RATE = 30.0
-"""Hz, where nobody knows: fits with covariances do not depend on it."""
-
-
-@dataclass(frozen=True)
-class JointWish:
-    """A joint that the user names.
-
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    parent, child : str
-        Names of two targets.
-    kind : str
-        ``ball`` or ``hinge``; empty if it is to be found.
-    """
-
-    name: str
-    parent: str
-    child: str
-    kind: str = ""
-
-    def __post_init__(self) -> None:
-        if self.kind not in (*JOINT_KINDS, ""):
-            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; kinds are {', '.join(JOINT_KINDS)}")
+"""Hz, where the rate is unknown: fits with covariances do not depend on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,19 +71,19 @@ class JointCalibration:
             grade = USABLE
         first = f"{grade.capitalize()}: no joint was found."
         if self.joints:
-            told = [
+            sentences = [
                 f"{joint.name} is a {joint.kind}, turned by {motion.spans[0]:.0f} degrees, its place known to "
                 f"{joint.std.max():.2f} mm"
                 for joint, motion in zip(self.joints, self.motions, strict=True)
             ]
-            first = f"{grade.capitalize()}: {'; '.join(told)}."
+            first = f"{grade.capitalize()}: {'; '.join(sentences)}."
         return Verdict(grade, (first, *map(as_sentence, self.notices)))
 
 
 def calibrate_joints(
     frames: Sequence[Sequence[FoundBody]],
     bodies: Sequence[str],
-    wishes: Sequence[JointWish] = (),
+    requests: Sequence[JointRequest] = (),
     rate: float | None = None,
 ) -> JointCalibration:
     """Calibrate the joints between targets.
@@ -119,7 +95,7 @@ def calibrate_joints(
         shows both targets of a joint is where its angles are zero.
     bodies : sequence of str
         Names of all targets.
-    wishes : sequence of JointWish
+    requests : sequence of JointRequest
         The joints; found if there are none.
     rate : float, Hz, optional
         Frames a second.
@@ -127,15 +103,15 @@ def calibrate_joints(
     Raises
     ------
     InputError
-        If a wish names a target that is not there, two targets are not seen together, or their motion does not tell
-        the kind of a joint that a wish leaves open.
+        If a request names a target that is not there, two targets are not seen together, or their motion does not tell
+        the kind of a joint that a request leaves open.
     """
     world, own = _tables(frames, bodies)
     poses = Poses(world, tuple(bodies), rate or ANY_RATE, "capture")
     notices: list[str] = []
-    named = [(wish, _chosen(poses, own, wish)) for wish in wishes]
+    named = [(request, _chosen(poses, own, request)) for request in requests]
     found = named or list(_found(poses, own, notices))
-    models = [_model(wish, choice.fit) for wish, choice in found]
+    models = [_model(request, choice.fit) for request, choice in found]
     fits = tuple(choice.fit for _, choice in found)
     fitted, noise = _together(models, fits, frames, notices)
     motions = tuple(joint_motion(frames, joint.parent, joint.child) for joint in fitted)
@@ -169,18 +145,18 @@ def _tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -> tup
     return world, own
 
 
-def _chosen(poses: Poses, own: Floats, wish: JointWish) -> KindChoice:
-    choice = choose_kind(poses, wish.parent, wish.child, own, wanted=wish.kind or None)
-    if wish.kind:
+def _chosen(poses: Poses, own: Floats, request: JointRequest) -> KindChoice:
+    choice = choose_kind(poses, request.parent, request.child, own, wanted=request.kind or None)
+    if request.kind:
         return choice
     if choice.kind == "universal":
-        return choose_kind(poses, wish.parent, wish.child, own, wanted="ball")
+        return choose_kind(poses, request.parent, request.child, own, wanted="ball")
     if choice.kind not in JOINT_KINDS:
-        raise InputError(f"joint {wish.name!r} is {choice.sentence}; move it further, or state its kind")
+        raise InputError(f"joint {request.name!r} is {choice.sentence}; move it further, or state its kind")
     return choice
 
 
-def _found(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointWish, KindChoice]]:
+def _found(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointRequest, KindChoice]]:
     """Joints of the hierarchy that the motion shows, named after their targets, each after that of its parent."""
     hierarchy = find_hierarchy(poses, covariances=own)
     order = [int(body) for body in np.flatnonzero(hierarchy.parents < 0)]
@@ -190,17 +166,17 @@ def _found(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[Join
         if child not in hierarchy.joints:
             continue
         parent = poses.names[hierarchy.parents[child]]
-        wish = JointWish(f"{parent}-{poses.names[child]}", parent, poses.names[child])
+        request = JointRequest(f"{parent}-{poses.names[child]}", parent, poses.names[child])
         try:
-            yield wish, _chosen(poses, own, wish)
+            yield request, _chosen(poses, own, request)
         except InputError as error:
             notices.append(f"left out: {error}")
 
 
-def _model(wish: JointWish, fit: JointFit) -> TargetJoint:
+def _model(request: JointRequest, fit: JointFit) -> TargetJoint:
     tilts = [np.sqrt(max(np.trace(fit.axis_covariance[at : at + 3, at : at + 3]) / 2, 0.0)) for at in (0, 3)]
     frames = fit.parent_from_joint, fit.child_from_joint
-    return TargetJoint(wish.name, fit.kind, wish.parent, wish.child, *frames, fit.std, np.array(tilts))
+    return TargetJoint(request.name, fit.kind, request.parent, request.child, *frames, fit.std, np.array(tilts))
 
 
 def _together(
@@ -217,9 +193,9 @@ def _together(
         joints = [models[index] for index in tree]
         names = list(dict.fromkeys(name for joint in joints for name in (joint.parent, joint.child)))
         poses, covariances = _complete(frames, names)
-        if len(poses[names[0]]) < FEWEST_FRAMES:
+        if len(poses[names[0]]) < MIN_FRAMES:
             notices.append(
-                f"{', '.join(names)} are seen together in {len(poses[names[0]])} frames; below {FEWEST_FRAMES} their "
+                f"{', '.join(names)} are seen together in {len(poses[names[0]])} frames; below {MIN_FRAMES} their "
                 "joints are fitted one by one"
             )
             continue
@@ -232,7 +208,7 @@ def _together(
 
 
 def _zeroed(joint: TargetJoint, frames: Sequence[Sequence[FoundBody]]) -> TargetJoint:
-    """The joint with all angles zero in the first frame that shows both targets, as the seed has it (7.1.4)."""
+    """The joint with all angles zero in the first frame that shows both targets, as in Gaschler (2011, 7.1.4)."""
     for frame in frames:
         bodies = {body.name: body for body in frame}
         first = find_angles(joint, bodies)
@@ -272,17 +248,15 @@ def _complete(
     """Poses and covariances of some targets in frames that show them all."""
     by_name = [{body.name: body for body in frame} for frame in frames]
     shown = [frame for frame in by_name if all(name in frame for name in names)]
-    if len(shown) > MOST_FRAMES:
-        shown = [shown[index] for index in np.linspace(0, len(shown) - 1, MOST_FRAMES).round().astype(int)]
+    if len(shown) > MAX_FRAMES:
+        shown = [shown[index] for index in np.linspace(0, len(shown) - 1, MAX_FRAMES).round().astype(int)]
     poses = {name: np.array([frame[name].world_from_body for frame in shown]).reshape(-1, 4, 4) for name in names}
     covariances = {name: np.array([frame[name].covariance for frame in shown]).reshape(-1, 6, 6) for name in names}
     return poses, covariances
 
 
 LEAST_TURN = 20.0
-"""Degrees; what turns less is seen from one side, and its place is known worse along one direction than others."""
-
-"""Frames that a motion is told from, evenly spread."""
+"""Degrees; a joint that turns less is seen from one side, and its place is less certain along one direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +287,7 @@ class JointMotion:
         return first, second, third
 
     def advice(self, kind: str = "") -> str:
-        """Return what to do for a joint of a kind, or of any kind if it is empty; empty if the motion is enough."""
+        """Return what to do for a joint of a kind, of any kind if that is empty; empty if the motion is enough."""
         if not self.n_frames:
             return f"{self.parent} and {self.child} were not seen together yet; hold both before the cameras"
         if self.spans[0] < LEAST_TURN:
@@ -336,8 +310,8 @@ def joint_motion(frames: Sequence[Sequence[FoundBody]], parent: str, child: str)
     found: list[Mapping[str, FoundBody]] = [{body.name: body for body in frame} for frame in frames]
     both = [frame for frame in found if parent in frame and child in frame]
     n_frames = len(both)
-    if n_frames > MOST_FRAMES:
-        both = [both[index] for index in np.linspace(0, n_frames - 1, MOST_FRAMES).round().astype(int)]
+    if n_frames > MAX_FRAMES:
+        both = [both[index] for index in np.linspace(0, n_frames - 1, MAX_FRAMES).round().astype(int)]
     if not both:
         return JointMotion(parent, child, 0, np.zeros((0, 3)))
     turns = [frame[parent].world_from_body[:3, :3].T @ frame[child].world_from_body[:3, :3] for frame in both]

@@ -24,7 +24,7 @@ from skelgen.model.arrays import Bools, Floats
 from skelgen.model.rig import Camera
 
 LENSES = {"radial": (0, 1), "tangential": (0, 1, 2, 3), "full": (0, 1, 2, 3, 4)}
-"""Lens models: which of k1 k2 p1 p2 k3 are estimated. The seed's is the first."""
+"""Lens models: which of k1 k2 p1 p2 k3 are estimated. Gaschler (2011) uses the first."""
 
 AUTO = "auto"
 """The lens model that the views themselves ask for: the least Bayesian information criterion."""
@@ -86,7 +86,29 @@ def calibrate_camera(
 
 
 def guess_camera(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Camera, Floats]:
-    """Return a camera with a radial lens and the poses of the board, shape (n_views, 4, 4), by OpenCV's calibration."""
+    """Return a camera with a radial lens and the poses of the board, by OpenCV's calibration.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (n_views, n_corners, 2), px
+        Where they were seen.
+    board : Board
+        What was seen.
+    size : tuple of int, px
+        Width and height of the images.
+
+    Returns
+    -------
+    Camera
+        Its frame is the world.
+    ndarray, shape (n_views, 4, 4), mm
+        camera_from_board.
+
+    Raises
+    ------
+    InputError
+        If the views are too few, or no camera explains them.
+    """
     if len(corners) < LEAST_VIEWS:
         raise InputError(
             f"{len(corners)} views of the board are too few; at least {LEAST_VIEWS} are needed, 10 to 20 are better"
@@ -108,9 +130,21 @@ def guess_camera(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[
 
 
 def adjust_lens(bundle: Bundle, trusted: Bools, lens: str) -> Robust:
-    """Return the robust adjustment with the lens model that is asked for, or that the views ask for.
+    """Return the robust adjustment with a lens model.
 
-    It begins with the `trusted` views; see `adjust_robustly`.
+    Parameters
+    ----------
+    bundle : Bundle
+        All views.
+    trusted : ndarray of bool, shape (n_views,)
+        Views to begin with; see `adjust_robustly`.
+    lens : str
+        One of `LENSES`, or `AUTO`: the model with the least Bayesian information criterion.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such lens model.
     """
     if lens != AUTO and lens not in LENSES:
         raise ParameterError(f"lens {lens!r} is unknown; it must be one of {', '.join([AUTO, *LENSES])}")

@@ -31,19 +31,19 @@ Picture = Image | Path | str
 """An image, or the file that holds it."""
 
 DISAGREEMENT = 10.0
-"""A pair is not begun with whose corners are so many times as far from where the guess expects them as the median's."""
+"""A pair is left out at first if its corners are so many times as far from the guess as those of the median pair."""
 
 _TRIED = 1  # images of each camera in which another board is looked for when the right one is in none
 
 
 @dataclass(frozen=True, eq=False)
 class StereoCalibration:
-    """Two calibrated cameras, how sure they are, and what they rest on.
+    """Two calibrated cameras with their deviations, and the images that they were found from.
 
     Attributes
     ----------
     rig : StereoRig
-        The world is the left camera's frame. Its noise is that of the corners along one axis, at least the seed's.
+        The world is the left camera's frame. Its noise is that of the corners along one axis, at least the default.
     rms : float, px
         Root mean square distance of the corners from where they are expected, over both images of all used pairs.
     left_std, right_std : ndarray, shape (9,)
@@ -92,7 +92,7 @@ def calibrate_stereo(
     lens : str
         ``auto``, ``radial``, ``tangential`` or ``full``; see `skelgen.capture.calibration.single_camera`.
     monitor : Monitor
-        Told of each pair.
+        Reports each pair.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def calibrate_views(
     size: tuple[int, int],
     lens: str = AUTO,
 ) -> StereoCalibration:
-    """Return the rig that saw boards that were found already; arguments and errors as `calibrate_stereo`.
+    """Return the rig from boards that were found already; errors as of `calibrate_stereo`.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def calibrate_views(
         PairSeen(name, left, right, float(left_rms), float(right_rms), bool(is_used))
         for name, (left, right), left_rms, right_rms, is_used in zip(names, views, *errors, kept, strict=True)
     )
-    return _told(found.adjusted, seen)
+    return _with_deviations(found.adjusted, seen)
 
 
 def _guessed(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Bundle, Bools]:
@@ -168,7 +168,7 @@ def _guessed(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Bund
     return Bundle((left, right), left_poses, board.points, np.stack([corners[0], ordered])), agrees
 
 
-def _told(adjusted: Adjusted, seen: tuple[PairSeen, ...]) -> StereoCalibration:
+def _with_deviations(adjusted: Adjusted, seen: tuple[PairSeen, ...]) -> StereoCalibration:
     """The calibration with its standard deviations and the verdict."""
     left, right = (
         replace(eye, name=name) for eye, name in zip(adjusted.bundle.cameras, ("left", "right"), strict=True)
@@ -215,7 +215,15 @@ def _common_size(left: Sequence[Picture], right: Sequence[Picture]) -> tuple[int
 
 
 def absence(images: Sequence[Image], board: Board) -> str:
-    """Return why images show no whole board: perhaps another one is there; what to do, in one sentence."""
+    """Return in one sentence why images show no whole board, and what to do.
+
+    Parameters
+    ----------
+    images : sequence of ndarray of uint8, shape (height, width)
+        Examples; another board is looked for in them.
+    board : Board
+        What was looked for.
+    """
     what = f"no image shows a whole board of {board.columns}x{board.rows} inner corners"
     other = board_that_is_there(images, board)
     if other is not None:
@@ -272,17 +280,17 @@ def pair_cameras(
     every = np.ones(len(board.points), dtype=np.bool_)
     turned = [fit_transform(board.points, board.points[order], every) for order in orders]
     guesses = (
-        _judged(right, right_pose @ turn @ np.linalg.inv(left_pose), left_poses, right_corners, orders, board)
+        _guess_of_pair(right, right_pose @ turn @ np.linalg.inv(left_pose), left_poses, right_corners, orders, board)
         for left_pose, right_pose in zip(left_poses, right_poses, strict=True)
         for turn in turned
     )
     return min(guesses, key=lambda guess: float(np.median(guess.error)))
 
 
-def _judged(
+def _guess_of_pair(
     right: Camera, right_from_left: Floats, left_poses: Floats, corners: Floats, orders: Ints, board: Board
 ) -> Pairing:
-    """A guess from one pair, with each pair's error in the order that fits it best; infinite behind the camera."""
+    """The guess from one pair, with the error of each pair in its best order; infinite behind the camera."""
     eye = replace(right, camera_from_world=_clean(right_from_left))
     in_left = board.points @ np.swapaxes(left_poses[:, :3, :3], 1, 2) + left_poses[:, np.newaxis, :3, 3]
     expected = project(eye, in_left)

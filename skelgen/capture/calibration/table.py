@@ -72,7 +72,15 @@ def _hundredths(value: float, std: float) -> str:
 
 
 def with_std(value: float, std: float) -> str:
-    """Return a value with two digits of its standard deviation; what was held has none."""
+    """Return a value with two digits of its standard deviation, as a text.
+
+    Parameters
+    ----------
+    value : float
+        In any unit.
+    std : float
+        In the same unit; 0 for a value that was not estimated, which is shown alone.
+    """
     if std == 0:
         return f"{value:g}"
     digits = max(0, 1 - math.floor(math.log10(std)))

@@ -1,4 +1,4 @@
-"""Frames that are taken to calibrate a target or joints, and what is said meanwhile of how many are still needed.
+"""Frames that are taken to calibrate a target or joints, and meanwhile how many are still needed.
 
 Calibrations themselves look at all frames once more: what is found here is to be shown while the cameras run.
 """
@@ -22,19 +22,19 @@ from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget
 
-MOST_KEPT = 4000
+MAX_KEPT = 4000
 """Frames that are kept: a calibration uses 400 at most, and cameras may run for hours."""
 
-MOST_MISSED = 10
+MAX_MISSED = 10
 """Frames that show a target alone in which it may be missed, before its first shape is taken anew."""
 
 _T = TypeVar("_T")
 
 
 class EvenFrames(Generic[_T]):
-    """At most `MOST_KEPT` frames, evenly spread over all that came, the first one among them."""
+    """At most `MAX_KEPT` frames, evenly spread over all that came, the first one among them."""
 
-    def __init__(self, most: int = MOST_KEPT) -> None:
+    def __init__(self, most: int = MAX_KEPT) -> None:
         self._most, self._every, self._n_seen = most, 1, 0
         self._kept: list[_T] = []
 
@@ -116,7 +116,7 @@ class BodyTaking:
     @property
     def progress(self) -> BodyProgress:
         """How far it is."""
-        n_balls = self._usual
+        n_balls = self._typical
         n_alone = self._counts[n_balls] if n_balls else 0
         return BodyProgress(self._n_frames, n_balls, n_alone, self._n_found, self._turn, self._problem)
 
@@ -128,8 +128,8 @@ class BodyTaking:
         is_alone = n_sure == len(points) >= BodyParameters().min_points
         if is_alone:
             self._counts[n_sure] += 1
-        is_whole = is_alone and n_sure == self._usual
-        if is_whole and (self._n_tried != n_sure or self._n_missed >= MOST_MISSED):
+        is_whole = is_alone and n_sure == self._typical
+        if is_whole and (self._n_tried != n_sure or self._n_missed >= MAX_MISSED):
             self._begin_with(points)
         found = None if self._finder is None else next(iter(self._finder.find(points)), None)
         if found is not None:
@@ -139,7 +139,7 @@ class BodyTaking:
         return found
 
     @property
-    def _usual(self) -> int:
+    def _typical(self) -> int:
         """Balls that the target seems to have."""
         if self._n_balls:
             return self._n_balls
@@ -183,7 +183,7 @@ class JointTaking:
     Raises
     ------
     InputError
-        If the targets cannot be told from each other, or there is only one.
+        If a target can be taken for another one, or there is only one.
     """
 
     def __init__(self, targets: Sequence[BodyTarget]) -> None:

@@ -44,14 +44,14 @@ GOOD_RMS, USABLE_RMS = 0.3, 1.0
 """Root mean square distances [px]: sharp images of a flat board reach 0.1 to 0.3; a whole pixel is a mistake."""
 
 GOOD_SCALE, USABLE_SCALE = 0.003, 0.01
-"""Relative standard deviations of focal lengths and of the baseline: 3 mm at 1 m are what the seed's targets bear."""
+"""Relative standard deviations of focal lengths and of the baseline: 3 mm at 1 m are what targets of 100 mm bear."""
 
 ENOUGH_PAIRS = 10
-"""Pairs from which on Bouguet and the seed call a calibration complete."""
+"""Pairs from which on Bouguet and Gaschler (2011) call a calibration complete."""
 
 LEAST_LEAN = 15.0
-"""Largest angle [degrees] between two poses of the board below which focal length and distance are hardly told
-apart."""
+"""Largest angle [degrees] between two poses of the board below which focal length and distance hardly
+differ in effect."""
 
 BLUR_RATIO, SHARP_EDGE = 1.5, 4.0
 """An image is blurred if its edges are so many times as wide as in the median image, and wider than so many pixels."""
@@ -105,7 +105,14 @@ def judge(rig: StereoRig, adjusted: Adjusted, baseline_std: float, pairs: Sequen
         f"{grade.capitalize()}: corners lie {adjusted.rms:.2f} px from where they are expected, in {len(used)} of "
         f"{len(pairs)} pairs; lengths are known to {100 * scale:.2g} %."
     )
-    advice = [*swapped, *_errors(adjusted.rms), *_missing(pairs), *_blurred(pairs), *_odd(pairs), *_few(len(used))]
+    advice = [
+        *swapped,
+        *_errors(adjusted.rms),
+        *_missing(pairs),
+        *_blurred(pairs),
+        *_unfitting(pairs),
+        *_few(len(used)),
+    ]
     advice += [*_lean(adjusted.bundle.first_from_board), *_gaps(rig, used)]
     return Verdict(grade, (first, *advice))
 
@@ -134,15 +141,15 @@ def _errors(rms: float) -> list[str]:
 
 def _missing(pairs: Sequence[PairSeen]) -> list[str]:
     names = [pair.name for pair in pairs if pair.left is None or pair.right is None]
-    return _said(names, "does not show the whole board in both images.", "do not show the whole board in both images.")
+    return _about(names, "does not show the whole board in both images.", "do not show the whole board in both images.")
 
 
 def _blurred(pairs: Sequence[PairSeen]) -> list[str]:
     names = [pair.name for pair, is_blurred in zip(pairs, _are_blurred(pairs), strict=True) if is_blurred]
-    return _said(names, "is blurred: hold the board still.", "are blurred: hold the board still.")
+    return _about(names, "is blurred: hold the board still.", "are blurred: hold the board still.")
 
 
-def _odd(pairs: Sequence[PairSeen]) -> list[str]:
+def _unfitting(pairs: Sequence[PairSeen]) -> list[str]:
     names = [
         pair.name
         for pair, is_blurred in zip(pairs, _are_blurred(pairs), strict=True)
@@ -152,7 +159,7 @@ def _odd(pairs: Sequence[PairSeen]) -> list[str]:
         "is left out: its images do not show one board at one moment.",
         "are left out: none shows one board at one moment.",
     )
-    return _said(names, *why)
+    return _about(names, *why)
 
 
 def _are_blurred(pairs: Sequence[PairSeen]) -> list[bool]:
@@ -191,7 +198,7 @@ def _gaps(rig: StereoRig, used: Sequence[PairSeen]) -> list[str]:
     return advice
 
 
-def _said(names: Sequence[str], of_one: str, of_more: str) -> list[str]:
+def _about(names: Sequence[str], of_one: str, of_more: str) -> list[str]:
     if not names:
         return []
     return [f"Pair {names[0]} {of_one}" if len(names) == 1 else f"Pairs {_joined(names)} {of_more}"]

@@ -1,10 +1,10 @@
 r"""All joints of a kinematic chain together, by maximum likelihood (Gaschler 2011, 5.3).
 
-A body between two joints errs for both of them. The poses of all frames follow from the root's pose, the angles, and
-the constants of the joints, :math:`S_c = S_p\,P\,A\,C^{-1}`; all of these minimise the distance of measured and
-modelled poses, weighed with the covariance of every pose. A pose with its covariance says all that its balls say, so
-that this is the seed's sum over balls, with their errors in depth heeded. Slopes are differences; the unknowns of the
-frames are eliminated one frame after the other.
+The error of a body between two joints affects both joints, so that all joints are fitted together. The poses of all
+frames follow from the root's pose, the angles, and the constants of the joints, :math:`S_c = S_p\,P\,A\,C^{-1}`. These
+unknowns minimise the distance of measured and modelled poses, weighted with the covariance of every pose. A pose with
+its covariance holds all information of its balls, so that this equals Gaschler's sum over balls with their covariances.
+Derivatives are differences; the unknowns of the frames are eliminated one frame after the other.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def fit_whole_chain(
     poses : dict of str to ndarray, shape (n_frames, 4, 4)
         World from body of every body, known in all frames.
     covariances : dict of str to ndarray, shape (n_frames, 6, 6)
-        Of small turns about the world's axes [rad] and shifts [mm].
+        Of small rotations about the world's axes [rad] and shifts [mm].
     """
     fit = _Fit(joints, poses, covariances)
     state = fit.start()
@@ -156,13 +156,13 @@ class _Fit:
         of_frames, of_constants = self._slopes(state)
         normal = np.linalg.inv(of_frames.swapaxes(1, 2) @ of_frames)
         mixed = of_frames.swapaxes(1, 2) @ of_constants
-        pull = np.einsum("fml,fm->fl", of_frames, error)
+        gradient = np.einsum("fml,fm->fl", of_frames, error)
         eliminated = normal @ mixed
         information = np.einsum("fmi,fmj->ij", of_constants, of_constants)
         information -= np.einsum("fli,flj->ij", mixed, eliminated)
-        right = np.einsum("fmi,fm->i", of_constants, error) - np.einsum("fli,fl->i", eliminated, pull)
+        right = np.einsum("fmi,fm->i", of_constants, error) - np.einsum("fli,fl->i", eliminated, gradient)
         constant = np.linalg.solve(information, right)
-        local = np.einsum("fkl,fl->fk", normal, pull - mixed @ constant)
+        local = np.einsum("fkl,fl->fk", normal, gradient - mixed @ constant)
         return information, local, constant
 
     def _slopes(self, state: _State) -> tuple[Floats, Floats]:

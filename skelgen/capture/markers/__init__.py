@@ -1,4 +1,4 @@
-"""A whole recording of two cameras to unlabelled markers, of which wrong pairs of balls are sorted out by time."""
+"""A whole recording of two cameras to unlabelled markers; time shows which pairs of balls are wrong."""
 
 from skelgen.capture.markers.recording import markers_of, misfit_in_space
 

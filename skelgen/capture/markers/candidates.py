@@ -1,4 +1,9 @@
-"""All pairs of balls of a recording that may be one marker, kept in little memory until the recording ends."""
+"""Balls followed through the images of each camera, and all pairs of balls that may be one marker.
+
+Whether a left and a right ball are one is decided for their whole tracks (`correspondences`). So tracks must be pure
+and need not be long: where a second ball is nearly as near, a track ends and another one begins. Pairs are kept in
+little memory until the recording ends.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +56,7 @@ class Candidates:
 
 
 class CandidateStore:
-    """Candidates of frames as they come: 60 bytes each."""
+    """Collects candidates frame by frame; each takes 60 bytes."""
 
     def __init__(self) -> None:
         self._points, self._misfit, self._spread = array("d"), array("f"), array("f")
@@ -86,14 +91,14 @@ class CandidateStore:
         )
 
 
-CLEAR = 3.0
-"""The second nearest ball is at least so many times farther from where a ball is expected than the nearest."""
+MIN_RATIO = 3.0
+"""A track goes on if the second nearest ball is so many times farther from the expected place than the nearest."""
 
 REACH = 0.04
 """Farthest that a ball may be from where it is expected, as a part of the image's longer side: 25 px of 640."""
 
-LONGEST_PAUSE = 5.0
-"""Usual steps in time over which a track still goes on; nobody knows what moves how in a longer one."""
+MAX_PAUSE = 5.0
+"""Time steps over which a track still goes on: in a longer pause any motion is possible."""
 
 
 class BallTracks:
@@ -121,7 +126,7 @@ class BallTracks:
         self.last: list[int] = []
 
     def follow(self, centres: Floats, time: float) -> Ints:
-        """Take the balls of the next image.
+        """Add the balls of the next image to the tracks.
 
         Parameters
         ----------
@@ -140,7 +145,7 @@ class BallTracks:
             self._step = min(self._step, pause)
         tracks = np.full(len(centres), -1, dtype=np.intp)
         speeds = np.zeros((len(centres), 2))
-        if len(centres) and len(self._places) and 0 < pause <= LONGEST_PAUSE * self._step:
+        if len(centres) and len(self._places) and 0 < pause <= MAX_PAUSE * self._step:
             before, now = self._links(centres, pause)
             tracks[now] = self._tracks[before]
             speeds[now] = (centres[now] - self._places[before]) / pause
@@ -154,7 +159,7 @@ class BallTracks:
         return tracks
 
     def _links(self, centres: Floats, pause: float) -> tuple[Ints, Ints]:
-        """Balls of the image before and of this one that are surely the same."""
+        """Indices of balls of the image before and of this one that are surely the same."""
         expected = self._places + self._speeds * pause
         gaps = np.linalg.norm(expected[:, np.newaxis] - centres, axis=2)
         before, now = np.arange(len(gaps)), gaps.argmin(axis=1)
@@ -162,7 +167,7 @@ class BallTracks:
         is_mutual = gaps.argmin(axis=0)[now] == before
         gaps[before, now] = np.where(is_mutual, np.inf, nearest)
         others = np.minimum(gaps.min(axis=1), gaps.min(axis=0)[now])
-        is_sure: Bools = is_mutual & (nearest < self._reach) & (CLEAR * nearest < others)
+        is_sure: Bools = is_mutual & (nearest < self._reach) & (MIN_RATIO * nearest < others)
         return before[is_sure], now[is_sure]
 
     def _begin_tracks(self, tracks: Ints) -> None:

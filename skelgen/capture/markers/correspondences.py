@@ -1,14 +1,14 @@
-"""Which of the pairs of balls that fit each other are one marker: what their tracks say over time.
+"""Stereo correspondences of a recording: which of the pairs of balls that fit each other are one marker.
 
-Two balls on one epipolar line fit each other by chance, in one frame or in many. But balls that are one fit in every
-frame in which both are seen, and a ball of one image is one ball of the other at most. So pairs of tracks are judged,
-not pairs of balls: each frame in which they fit speaks for them by how well they do, each frame in which both are seen
-and do not fit speaks against them. The surest pair is believed first, and rules out all pairs in which one of its
-tracks would have a second partner at the same time.
+Two balls on one epipolar line fit each other by chance, in one frame or in many. But two images of one marker fit in
+every frame in which both are seen, and a ball of one image belongs to at most one ball of the other. So evidence is
+summed for pairs of tracks, not for pairs of balls: each frame in which they fit counts for them, each frame in which
+both are seen and do not fit counts against them. Pairs are accepted in the order of their evidence. An accepted pair
+rules out all pairs in which one of its tracks would have a second partner at the same time.
 
-Where tracks are short, time says little. So what is believed after a first pass tells which distances hold, and
-candidates that share a ball are then judged by the rigid triangles that they make (`rigidity`), those of the settings'
-targets among them.
+Short tracks give little evidence. So the pairs that are accepted first show which distances stay constant. Candidates
+that share a ball are then weighed again by the rigid triangles that they make with others (`rigidity`); the triangles
+of known targets count, too.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from scipy.sparse.csgraph import connected_components
 from skelgen.capture.markers.candidates import Candidates
 from skelgen.capture.markers.rigidity import (
     evidence_of_rigidity,
-    independent,
     learned_triangles,
     log_ratios,
+    n_independent,
     triangles_of_targets,
 )
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
@@ -34,20 +34,20 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
 
 SPREAD = 30.0
-"""Distance [px] from an epipolar line over which balls that do not belong to it lie, in order of magnitude."""
+"""Distance [px] from an epipolar line at which unrelated balls lie, in order of magnitude."""
 
 WORST = 9.0
-"""Least log likelihood of a misfit: balls that are partly hidden are beyond all noise."""
+"""Largest loss of log likelihood by a misfit: balls that are partly hidden exceed all noise."""
 
 MISSED = 3.0
-"""What a frame in which two tracks do not fit speaks against them [nats]: balls that are hidden in part are seen so
-badly in one frame of twenty."""
+"""Evidence [nats] of a frame in which two tracks do not fit against them: a true pair does not fit in one frame of
+twenty, as balls are hidden in part."""
 
-MOST_TOLD = 9.0
-"""What triangles may say of a candidate at most [nats]: the odds that a few thousand candidates can tell."""
+MAX_EVIDENCE = 9.0
+"""Largest evidence [nats] of triangles for or against a candidate: more cannot be measured from a few thousand."""
 
-FREE = -2
-"""Owner of what no learned triangle was learned from."""
+NO_MARKER = -2
+"""Stands for the marker of pairs of tracks that are only a small part of one."""
 
 Spans = tuple[Sequence[int], Sequence[int]]
 """First and last frame of the tracks of one camera."""
@@ -76,10 +76,10 @@ class TrackPairs:
         return len(self.tracks)
 
 
-def chosen(
+def find_markers(
     candidates: Candidates, pairs: TrackPairs, noise: float, step: float, targets: Sequence[BodyTarget] = ()
 ) -> Bools:
-    """Tell which candidates are markers.
+    """Return which candidates are markers.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def chosen(
     pairs : TrackPairs
         Their pairs of tracks.
     noise : float, px
-        Standard deviation of a misfit that the rig's settings tell.
+        Standard deviation of a misfit by the rig's settings.
     step : float, s
         Time between frames.
     targets : sequence of BodyTarget
@@ -99,27 +99,40 @@ def chosen(
     ndarray of bool, shape (n,)
         At most one candidate of each ball.
     """
-    evidence = evidence_of_time(candidates, pairs, noise)
-    believed = surest_first(pairs, evidence)
-    n_told = independent(np.bincount(pairs.of_candidate, minlength=len(pairs)), step)
-    shared = is_shared(candidates, (evidence > -MOST_TOLD * n_told)[pairs.of_candidate])
+    evidence = evidence_over_time(candidates, pairs, noise)
+    accepted = accept_best_first(pairs, evidence)
+    n_independent_frames = n_independent(np.bincount(pairs.of_candidate, minlength=len(pairs)), step)
+    shared = share_a_ball(candidates, (evidence > -MAX_EVIDENCE * n_independent_frames)[pairs.of_candidate])
     if shared.any():
         scale = noise_scale(candidates, noise)
-        kept, makers = believed[pairs.of_candidate], makers_of(pairs, believed)
-        triangles = learned_triangles(candidates, kept, makers.marker[pairs.of_candidate], scale)
+        kept, markers = accepted[pairs.of_candidate], markers_of_pairs(pairs, accepted)
+        triangles = learned_triangles(candidates, kept, markers.marker[pairs.of_candidate], scale)
         triangles += triangles_of_targets(targets)
-        ratios = log_ratios(candidates, kept, makers.own[pairs.of_candidate], triangles, shared, scale)
+        ratios = log_ratios(candidates, kept, markers.own[pairs.of_candidate], triangles, shared, scale)
         evidence += evidence_of_rigidity(ratios, shared, pairs.of_candidate, len(pairs), step)
-        believed = surest_first(pairs, evidence)
-    return np.asarray(believed[pairs.of_candidate])
+        accepted = accept_best_first(pairs, evidence)
+    return np.asarray(accepted[pairs.of_candidate])
 
 
 def noise_scale(candidates: Candidates, noise: float) -> float:
-    """Return the recording's own noise by that of the settings, at most 1: they say how large it is at most."""
-    return min(1.0, usual_misfit(candidates.misfit.astype(np.float64)) / noise) or 1.0
+    """Return how large the noise of a recording is, as a part of what the rig's settings state.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        All pairs of balls of the recording; most of them are right, so that their median misfit measures the noise.
+    noise : float, px
+        Standard deviation of a misfit by the rig's settings. It is an upper bound.
+
+    Returns
+    -------
+    float
+        Above 0, at most 1.
+    """
+    return min(1.0, typical_misfit(candidates.misfit.astype(np.float64)) / noise) or 1.0
 
 
-def is_shared(candidates: Candidates, possible: Bools) -> Bools:
+def share_a_ball(candidates: Candidates, possible: Bools) -> Bools:
     """Return which candidates share a ball with another one that is possible too.
 
     Parameters
@@ -145,39 +158,40 @@ def is_shared(candidates: Candidates, possible: Bools) -> Bools:
 
 
 @dataclass(frozen=True, eq=False)
-class Makers:
-    """What believed pairs of tracks belong to.
+class PairMarkers:
+    """The marker that each pair of tracks belongs to.
 
     Attributes
     ----------
     marker : ndarray of intp, shape (n_pairs,)
-        Pairs that share a track are one marker: one camera followed it while the other lost it.
+        Accepted pairs that share a track are one marker: one camera followed it while the other lost it.
     own : ndarray of intp, shape (n_pairs,)
-        The marker of pairs that are most of it, so that it is no witness for them; -2 for all others.
+        The marker of pairs that make up most of it: triangles that were learned from it are no evidence for them.
+        `NO_MARKER` for all others.
     """
 
     marker: Ints
     own: Ints
 
 
-def makers_of(pairs: TrackPairs, believed: Bools) -> Makers:
-    """Return what pairs of tracks belong to.
+def markers_of_pairs(pairs: TrackPairs, accepted: Bools) -> PairMarkers:
+    """Return the marker that each pair of tracks belongs to.
 
     Parameters
     ----------
     pairs : TrackPairs
         All pairs of tracks.
-    believed : ndarray of bool, shape (n_pairs,)
-        Which of them are markers.
+    accepted : ndarray of bool, shape (n_pairs,)
+        Which of them are accepted.
     """
     left, right = pairs.tracks.T
     n_left, n_right = int(left.max(initial=-1)) + 1, int(right.max(initial=-1)) + 1
     shape = (n_left + n_right, n_left + n_right)
-    links = coo_array((np.ones(int(believed.sum())), (left[believed], n_left + right[believed])), shape)
+    links = coo_array((np.ones(int(accepted.sum())), (left[accepted], n_left + right[accepted])), shape)
     marker = connected_components(links, directed=False)[1][left].astype(np.intp)
     counts = np.bincount(pairs.of_candidate, minlength=len(pairs))
-    whole = np.bincount(marker[believed], counts[believed], int(marker.max(initial=-1)) + 1)
-    return Makers(marker, np.where(believed & (2 * counts > whole[marker]), marker, FREE))
+    whole = np.bincount(marker[accepted], counts[accepted], int(marker.max(initial=-1)) + 1)
+    return PairMarkers(marker, np.where(accepted & (2 * counts > whole[marker]), marker, NO_MARKER))
 
 
 def track_pairs(candidates: Candidates, left: Spans, right: Spans) -> TrackPairs:
@@ -202,8 +216,8 @@ def track_pairs(candidates: Candidates, left: Spans, right: Spans) -> TrackPairs
     return TrackPairs(tracks, first, last, of_candidate)
 
 
-def evidence_of_time(candidates: Candidates, pairs: TrackPairs, noise: float) -> Floats:
-    """Return how much better each pair of tracks is explained by one marker than by chance, shape (n_pairs,), nats.
+def evidence_over_time(candidates: Candidates, pairs: TrackPairs, noise: float) -> Floats:
+    """Return the log likelihood ratio of one marker against chance for each pair of tracks, shape (n_pairs,), nats.
 
     Parameters
     ----------
@@ -220,19 +234,19 @@ def evidence_of_time(candidates: Candidates, pairs: TrackPairs, noise: float) ->
     return np.asarray(np.bincount(pairs.of_candidate, fits, len(pairs)) - MISSED * (together - counts))
 
 
-def usual_misfit(misfit: Floats) -> float:
-    """Return the standard deviation [px] of the misfits of right pairs: most candidates are right."""
+def typical_misfit(misfit: Floats) -> float:
+    """Return the standard deviation [px] of the misfits of right pairs, by the median: most candidates are right."""
     return SIGMA_OF_MEDIAN * float(np.median(misfit)) if len(misfit) else 0.0
 
 
 def _log_likelihood_ratios(misfit: Floats, noise: float) -> Floats:
-    """How much better each misfit is explained by one marker than by chance [nats]."""
-    deviation = max(usual_misfit(misfit), noise)
+    """Log likelihood ratio [nats] of one marker against chance for each misfit."""
+    deviation = max(typical_misfit(misfit), noise)
     return np.asarray(np.log(SPREAD / deviation) - np.minimum((misfit / deviation) ** 2 / 2, WORST))
 
 
-def surest_first(pairs: TrackPairs, evidence: Floats) -> Bools:
-    """Believe pairs of tracks in the order of their evidence, unless a track has another partner at that time.
+def accept_best_first(pairs: TrackPairs, evidence: Floats) -> Bools:
+    """Accept pairs of tracks in the order of their evidence, unless a track has another partner at that time.
 
     Parameters
     ----------
@@ -246,7 +260,7 @@ def surest_first(pairs: TrackPairs, evidence: Floats) -> Bools:
     ndarray of bool, shape (n_pairs,)
         Which pairs are markers; at no time two of one track.
     """
-    is_believed = np.zeros(len(pairs), dtype=np.bool_)
+    is_accepted = np.zeros(len(pairs), dtype=np.bool_)
     partners: tuple[dict[int, list[tuple[int, int]]], ...] = (defaultdict(list), defaultdict(list))
     for pair in np.argsort(-evidence, kind="stable").tolist():
         if evidence[pair] <= 0:
@@ -258,7 +272,7 @@ def surest_first(pairs: TrackPairs, evidence: Floats) -> Bools:
             for other_first, other_last in partners[side][tracks[side]]
         ):
             continue
-        is_believed[pair] = True
+        is_accepted[pair] = True
         for side in (0, 1):
             partners[side][tracks[side]].append((first[1 - side], last[1 - side]))
-    return is_believed
+    return is_accepted

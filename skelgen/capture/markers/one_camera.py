@@ -1,9 +1,9 @@
 """Markers of which one camera loses sight for a while: where they are on the other camera's line of sight.
 
-A ball that both cameras saw is followed on in one image. Its depth is what the distances to markers that are rigid with
-it say (`rigid_edges`), held together over time by how fast depths change in this recording: a chain of unknown depths,
-solved by Gauss-Newton with weights of Student's t, which single wrong witnesses do not spoil. Only depths that come out
-as certain as those of two cameras are kept.
+A ball that both cameras saw is followed on in one image. Its depth follows from the known distances to markers that are
+rigid with it (`rigid_edges`) and from how fast depths change in this recording. All depths of a run are solved together
+by Gauss-Newton, with weights of Student's t, so that single wrong neighbours do little harm. Only depths that are as
+certain as those of two cameras are kept.
 """
 
 from __future__ import annotations
@@ -18,38 +18,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.capture.markers.candidates import Candidates
-from skelgen.capture.markers.correspondences import TrackPairs, makers_of
+from skelgen.capture.markers.correspondences import TrackPairs, markers_of_pairs
 from skelgen.capture.markers.rigidity import rigid_edges
 from skelgen.capture.optics.projection import undistort
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import Camera, StereoRig
 
-LONGEST = 120
-"""Frames over which a ball is followed by one camera at most; it bounds the work."""
+MAX_FRAMES = 120
+"""Longest run of frames with one camera; it bounds the work."""
 
 ANCHORS = 4
-"""Frames of both cameras before and after, which tell depth and speed."""
+"""Frames of both cameras before and after a run, which give depth and speed."""
 
 LAG = 5
-"""Frames between depths of which the usual change is taken: over fewer it is mostly noise."""
+"""Frames between two depths whose difference measures the typical change: over fewer it is mostly noise."""
 
 FASTER = 2.0
-"""How much faster than usual a depth may change, in standard deviations."""
+"""Factor on the typical change of depth, which a run may exceed."""
 
-MOST_STD = 2.0
-"""Largest deviation of a depth that is kept, in usual ones that the settings predict for points of both cameras."""
+MAX_STD = 2.0
+"""Largest standard deviation of a depth that is kept, as a multiple of that of points of both cameras."""
 
-LEAST_WITNESSES = 1
-"""Rigid mates that must be seen in a frame: how a ball moves on by itself is known too badly."""
+MIN_NEIGHBOURS = 1
+"""Rigid neighbours that must be seen in a frame: motion alone predicts a depth too badly."""
 
 GATE = 3.0
-"""Largest misfit of a run to its witnesses, root mean square in standard deviations."""
+"""Largest misfit of a run to the distances from its rigid neighbours, root mean square in standard deviations."""
 
 FREEDOM = 4.0
 """Degrees of freedom of Student's t."""
 
-STEPS, CONVERGED, LONGEST_STEP = 15, 1e-3, 100.0  # Gauss-Newton: iterations, and mm
+MAX_STEPS, CONVERGED, MAX_STEP = 15, 1e-3, 100.0  # Gauss-Newton: iterations, and mm
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +72,21 @@ class ImageBalls:
 
 
 class BallStore:
-    """Balls of one camera as its images come: 12 bytes each."""
+    """Collects the balls of one camera image by image; each takes 12 bytes."""
 
     def __init__(self) -> None:
         self._centres, self._tracks, self._per_frame = array("f"), array("i"), array("i")
 
     def add(self, centres: Floats, tracks: Ints) -> None:
-        """Append an image."""
+        """Append an image.
+
+        Parameters
+        ----------
+        centres : ndarray, shape (n_balls, 2), px
+            Its balls.
+        tracks : ndarray of intp, shape (n_balls,)
+            The track of each.
+        """
         self._centres.frombytes(np.ascontiguousarray(centres, dtype=np.float32).tobytes())
         self._tracks.frombytes(tracks.astype(np.int32).tobytes())
         self._per_frame.append(len(centres))
@@ -92,7 +100,7 @@ class BallStore:
         )
 
 
-class OnePoints(NamedTuple):
+class OneCameraPoints(NamedTuple):
     """Points of one camera: frames (n,), places [mm] (n, 3), standard deviations of depth [mm] (n,)."""
 
     frames: Ints
@@ -100,14 +108,14 @@ class OnePoints(NamedTuple):
     std: Floats
 
 
-def seen_by_one(
+def points_of_one_camera(
     candidates: Candidates,
     kept: Bools,
     pairs: TrackPairs,
     balls: tuple[ImageBalls, ImageBalls],
     rig: StereoRig,
     scale: float = 1.0,
-) -> OnePoints:
+) -> OneCameraPoints:
     """Return the places of markers while only one camera sees them.
 
     Parameters
@@ -123,31 +131,31 @@ def seen_by_one(
     rig : StereoRig
         The cameras.
     scale : float
-        Deviations of points by what their covariances say.
+        Noise of the recording as a part of the stated one; see `noise_scale`.
 
     Returns
     -------
-    OnePoints
+    OneCameraPoints
         In the rig's world; of each marker at most one in a frame, and none where both cameras see it.
     """
-    known = _Known(candidates, kept, pairs, rig, scale)
+    known = _TwoCameraMarkers(candidates, kept, pairs, rig, scale)
     found = (
         []
         if known.motion is None
         else [
-            known.placed(camera, run)
+            known.locate(camera, run)
             for side, camera in enumerate((rig.left, rig.right))
             for run in known.runs(balls, side, camera)
         ]
     )
     frames = np.concatenate([np.empty(0, dtype=np.intp), *(one.frames for one in found)])
     points = np.concatenate([np.empty((0, 3)), *(one.points for one in found)])
-    return OnePoints(frames, points, np.concatenate([np.empty(0), *(one.std for one in found)]))
+    return OneCameraPoints(frames, points, np.concatenate([np.empty(0), *(one.std for one in found)]))
 
 
 @dataclass(frozen=True, eq=False)
-class _Run:
-    """A ball followed through one camera's images, with frames of both cameras before or after."""
+class _OneCameraRun:
+    """A ball followed through one camera's images, with some frames of both cameras before or after."""
 
     marker: int
     frames: Ints
@@ -155,17 +163,17 @@ class _Run:
     both: Ints  # the candidate of each frame, -1 while the other camera does not see the marker
 
 
-class _Known:
-    """What both cameras saw."""
+class _TwoCameraMarkers:
+    """The markers that both cameras saw, how they move, and which of them are rigid with each other."""
 
     def __init__(self, candidates: Candidates, kept: Bools, pairs: TrackPairs, rig: StereoRig, scale: float) -> None:
-        believed = np.zeros(len(pairs), dtype=np.bool_)
-        believed[pairs.of_candidate[kept]] = True
-        marker = makers_of(pairs, believed).marker
+        accepted = np.zeros(len(pairs), dtype=np.bool_)
+        accepted[pairs.of_candidate[kept]] = True
+        marker = markers_of_pairs(pairs, accepted).marker
         self._candidates, self._scale, self._noise = candidates, scale, rig.noise * scale
         self._n_markers = int(marker.max(initial=-1)) + 1
         self._marker_of_track = [
-            dict(zip(pairs.tracks[believed, side].tolist(), marker[believed].tolist(), strict=True)) for side in (0, 1)
+            dict(zip(pairs.tracks[accepted, side].tolist(), marker[accepted].tolist(), strict=True)) for side in (0, 1)
         ]
         names = marker[pairs.of_candidate]
         index = np.flatnonzero(kept)
@@ -173,17 +181,17 @@ class _Known:
         order = np.argsort(keys, kind="stable")
         self._index, self._keys = index[order], keys[order]
         edges = rigid_edges(candidates, kept, names, scale)
-        self._mates: dict[int, list[tuple[int, float, float]]] = defaultdict(list)
+        self._neighbours: dict[int, list[tuple[int, float, float]]] = defaultdict(list)
         for (one, other), length, std in zip(edges.ends.tolist(), edges.lengths, edges.std, strict=True):
-            self._mates[one].append((other, float(length), float(std)))
-            self._mates[other].append((one, float(length), float(std)))
-        self.motion = self._usual_motion(names[index], rig.left)
+            self._neighbours[one].append((other, float(length), float(std)))
+            self._neighbours[other].append((one, float(length), float(std)))
+        self.motion = self._typical_motion(names[index], rig.left)
         spread = candidates.covariance(index)
         usual = float(np.median(np.sqrt(np.trace(spread, axis1=1, axis2=2)))) if len(index) else 0.0
-        self._most_std = MOST_STD * usual
+        self._most_std = MAX_STD * usual
 
-    def runs(self, balls: tuple[ImageBalls, ImageBalls], side: int, camera: Camera) -> Iterator[_Run]:
-        """Yield where only one camera sees a marker."""
+    def runs(self, balls: tuple[ImageBalls, ImageBalls], side: int, camera: Camera) -> Iterator[_OneCameraRun]:
+        """Yield the runs of frames in which only one camera sees a marker."""
         seen, others = self._seen(balls[side], side), self._seen(balls[1 - side], 1 - side)
         order = np.lexsort((seen.frames, seen.tracks))
         order = order[seen.markers[order] >= 0]
@@ -201,10 +209,10 @@ class _Known:
             if last - first > end - begin:
                 chosen = order[first:last]
                 rays = undistort(camera, balls[side].centres[chosen].astype(np.float64))
-                yield _Run(int(seen.markers[order[begin]]), seen.frames[chosen], rays, both[first:last])
+                yield _OneCameraRun(int(seen.markers[order[begin]]), seen.frames[chosen], rays, both[first:last])
 
-    def placed(self, camera: Camera, run: _Run) -> OnePoints:
-        """Return the points of a run that are certain enough."""
+    def locate(self, camera: Camera, run: _OneCameraRun) -> OneCameraPoints:
+        """Return the points of a run that are certain enough: the depths are solved for along the lines of sight."""
         pose = camera.camera_from_world
         eye = -pose[:3, :3].T @ pose[:3, 3]
         slopes = np.column_stack([run.rays, np.ones(len(run.rays))]) @ pose[:3, :3]
@@ -213,26 +221,26 @@ class _Known:
         depths_known = self._candidates.points[run.both[anchors]] @ pose[2, :3] + pose[2, 3]
         spread = self._candidates.covariance(run.both[anchors])
         weights = 1 / (self._scale**2 * np.einsum("i,nij,j->n", pose[2, :3], spread, pose[2, :3]))
-        witnesses = self._witnesses(run)
+        neighbours = self._rigid_neighbours(run)
         depths = np.interp(np.arange(len(run.frames)), anchors, depths_known)
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             normal, slope = chain.copy(), chain @ depths
             normal[anchors, anchors] += weights
             slope[anchors] += weights * (depths[anchors] - depths_known)
-            residuals, along, precision = witnesses.misfits(eye, slopes, depths, self._noise / camera.matrix[0, 0])
+            residuals, along, precision = neighbours.misfits(eye, slopes, depths, self._noise / camera.matrix[0, 0])
             robust = precision / (1 + residuals**2 * precision / FREEDOM)
-            np.add.at(normal, (witnesses.at, witnesses.at), along**2 * robust)
-            np.add.at(slope, witnesses.at, along * residuals * robust)
-            step = np.clip(np.linalg.solve(normal, slope), -LONGEST_STEP, LONGEST_STEP)
+            np.add.at(normal, (neighbours.at, neighbours.at), along**2 * robust)
+            np.add.at(slope, neighbours.at, along * residuals * robust)
+            step = np.clip(np.linalg.solve(normal, slope), -MAX_STEP, MAX_STEP)
             depths = depths - step
             if np.abs(step).max() < CONVERGED:
                 break
         std = np.sqrt(np.diag(np.linalg.inv(normal))) * np.linalg.norm(slopes, axis=1)
         fits = not len(residuals) or float((residuals**2 * precision).mean()) <= GATE**2
-        n_witnesses = np.bincount(witnesses.at, minlength=len(depths))
-        is_known = (n_witnesses >= LEAST_WITNESSES) & (std <= self._most_std) & (depths > 0)
+        n_neighbours = np.bincount(neighbours.at, minlength=len(depths))
+        is_known = (n_neighbours >= MIN_NEIGHBOURS) & (std <= self._most_std) & (depths > 0)
         good = np.flatnonzero((run.both < 0) & is_known & fits)
-        return OnePoints(run.frames[good], eye + slopes[good] * depths[good, np.newaxis], std[good] / self._scale)
+        return OneCameraPoints(run.frames[good], eye + slopes[good] * depths[good, np.newaxis], std[good] / self._scale)
 
     def _seen(self, balls: ImageBalls, side: int) -> _Balls:
         names = self._marker_of_track[side]
@@ -248,20 +256,20 @@ class _Known:
         place = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
         return np.where(self._keys[place] == keys, self._index[place], -1)
 
-    def _witnesses(self, run: _Run) -> _Witnesses:
-        """What is rigid with a marker and seen by both cameras while the marker is not."""
-        mates = self._mates.get(run.marker, [])
+    def _rigid_neighbours(self, run: _OneCameraRun) -> _RigidNeighbours:
+        """Markers that are rigid with that of a run and seen by both cameras while it is not."""
+        neighbours = self._neighbours.get(run.marker, [])
         lost = np.flatnonzero(run.both < 0)
-        names = np.array([mate[0] for mate in mates], dtype=np.intp)
+        names = np.array([neighbour[0] for neighbour in neighbours], dtype=np.intp)
         found = self._candidate(run.frames[lost, np.newaxis] * self._n_markers + names)
-        at, mate = np.nonzero(found >= 0)
-        chosen = found[at, mate]
-        lengths, std = (np.array([one[part] for one in mates])[mate] for part in (1, 2))
+        at, neighbour = np.nonzero(found >= 0)
+        chosen = found[at, neighbour]
+        lengths, std = (np.array([one[part] for one in neighbours])[neighbour] for part in (1, 2))
         spread = self._scale**2 * self._candidates.covariance(chosen)
-        return _Witnesses(lost[at], self._candidates.points[chosen], spread, lengths, std**2)
+        return _RigidNeighbours(lost[at], self._candidates.points[chosen], spread, lengths, std**2)
 
-    def _usual_motion(self, names: Ints, camera: Camera) -> tuple[float, float] | None:
-        """How much a depth changes from frame to frame, and how much that changes [mm]; None if nobody knows."""
+    def _typical_motion(self, names: Ints, camera: Camera) -> tuple[float, float] | None:
+        """Typical first and second differences of depths from frame to frame [mm]; None without enough frames."""
         index = self._index[np.argsort(self._keys % self._n_markers, kind="stable")]
         names, frames = np.sort(names, kind="stable"), self._candidates.frames[index]
         depths = self._candidates.points[index] @ camera.camera_from_world[2, :3]
@@ -275,7 +283,7 @@ class _Known:
         return (speed, bend) if min(speed, bend) > 0 else None
 
     def _chain(self, n_frames: int) -> Floats:
-        """Normal matrix of depths that change as usual, shape (n_frames, n_frames)."""
+        """Normal matrix of depths that change by the typical amounts, shape (n_frames, n_frames)."""
         assert self.motion is not None
         unit, normal = np.eye(n_frames), np.zeros((n_frames, n_frames))
         for order, std in enumerate(self.motion, 1):
@@ -292,8 +300,20 @@ class _Balls(NamedTuple):
     markers: Ints
 
 
-class _Witnesses(NamedTuple):
-    """Markers at known distances: of which frame of the run, where, covariances, distances and their variances."""
+class _RigidNeighbours(NamedTuple):
+    """Markers at known distances from the one that is located, shape (n, ...).
+
+    Attributes
+    ----------
+    at : ndarray of intp, shape (n,)
+        Frame of the run in which each is seen.
+    places : ndarray, shape (n, 3), mm
+        Where it is.
+    spread : ndarray, shape (n, 3, 3), mm^2
+        Covariance of that place.
+    lengths, variances : ndarray, shape (n,), mm and mm^2
+        Its known distance, and the variance of that.
+    """
 
     at: Ints
     places: Floats
@@ -302,7 +322,7 @@ class _Witnesses(NamedTuple):
     variances: Floats
 
     def misfits(self, eye: Floats, slopes: Floats, depths: Floats, blur: float) -> tuple[Floats, Floats, Floats]:
-        """Distances minus known ones [mm], their slopes along the depth, and their precisions [1 / mm^2]."""
+        """Return distances minus known ones [mm], their derivatives by the depth, and their precisions [1 / mm^2]."""
         away = eye + slopes[self.at] * depths[self.at, np.newaxis] - self.places
         lengths = np.linalg.norm(away, axis=1)
         along = away / lengths[:, np.newaxis]
@@ -312,12 +332,12 @@ class _Witnesses(NamedTuple):
 
 
 def _anchored(both: Ints, begin: int, end: int, low: int, high: int) -> tuple[int, int]:
-    """A run with the frames of both cameras next to it, cut to what is followed for so long."""
+    """First and last + 1 frame of a run with the frames of both cameras next to it, at most `MAX_FRAMES`."""
     before, after = begin, end
     while before > max(low, begin - ANCHORS) and both[before - 1] >= 0:
         before -= 1
     while after < min(high, end + ANCHORS) and both[after] >= 0:
         after += 1
-    if after - before <= LONGEST:
+    if after - before <= MAX_FRAMES:
         return before, after
-    return (before, before + LONGEST) if before < begin else (after - LONGEST, after)
+    return (before, before + MAX_FRAMES) if before < begin else (after - MAX_FRAMES, after)

@@ -11,8 +11,8 @@ import numpy as np
 from skelgen.capture.health import FEWEST_BALLS, LEAST_MATCHED, exchanged_share, matched_share, mismatch
 from skelgen.capture.live import PointFinder
 from skelgen.capture.markers.candidates import BallTracks, Candidates, CandidateStore
-from skelgen.capture.markers.correspondences import chosen, noise_scale, track_pairs
-from skelgen.capture.markers.one_camera import BallStore, seen_by_one
+from skelgen.capture.markers.correspondences import find_markers, noise_scale, track_pairs
+from skelgen.capture.markers.one_camera import BallStore, points_of_one_camera
 from skelgen.capture.values import Balls, FramePair, FrameSource, StereoPoints
 from skelgen.errors import InputError
 from skelgen.model import PointCloud
@@ -21,7 +21,7 @@ from skelgen.model.rig import Camera, CaptureSettings, StereoRig
 from skelgen.progress import SILENT, Monitor, with_progress
 
 N_BLOBS = 2
-"""Balls that a marker of two cameras rests on."""
+"""Balls of a marker that both cameras see."""
 
 
 def markers_of(
@@ -45,7 +45,7 @@ def markers_of(
     name : str
         What the take is called; by default as the source.
     monitor : Monitor
-        Told how many pairs are done; may cancel.
+        Reports how many pairs are done; may cancel.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def markers_of(
 
 
 class _Recording:
-    """What is kept of the images that were seen."""
+    """What is kept of a recording: pairs of balls, tracks, times, what is wrong with images."""
 
     def __init__(self, settings: CaptureSettings, size: tuple[int, int], threads: ThreadPoolExecutor | None) -> None:
         self._rig, self._targets = settings.rig, settings.bodies
@@ -84,7 +84,7 @@ class _Recording:
         self._tracks = BallTracks(size), BallTracks(size)
         self._store, self._balls = CandidateStore(), (BallStore(), BallStore())
         self._times: list[float] = []
-        self._health = _Health(settings.rig)
+        self._health = _ImageHealth(settings.rig)
 
     def add(self, pair: FramePair) -> None:
         left, right, points = self._finder.find(pair)
@@ -103,12 +103,12 @@ class _Recording:
         self._health.check(name)
         candidates = self._store.all()
         pairs = track_pairs(candidates, *((follower.first, follower.last) for follower in self._tracks))
-        kept = chosen(candidates, pairs, self._rig.noise, _step(self._times), self._targets)
+        kept = find_markers(candidates, pairs, self._rig.noise, _step(self._times), self._targets)
         index = np.flatnonzero(kept)
         points, covariance = candidates.points[kept], candidates.covariance(index)
         balls = self._balls[0].all(), self._balls[1].all()
         scale = noise_scale(candidates, self._rig.noise)
-        one = seen_by_one(candidates, kept, pairs, balls, self._rig, scale)
+        one = points_of_one_camera(candidates, kept, pairs, balls, self._rig, scale)
         misfit = misfit_in_space(points, candidates.misfit[kept].astype(np.float64), self._rig.left)
         frames = np.concatenate([candidates.frames[kept], one.frames])
         order = np.argsort(frames, kind="stable")
@@ -121,15 +121,15 @@ class _Recording:
         points = np.concatenate([points, one.points])[order]
         notices = (
             *self._health.notices(),
-            *_said_of(candidates, kept),
-            *_said_of_one(len(one.frames), len(points)),
-            *_said_of_times(rate),
+            *_notice_of_chance_pairs(candidates, kept),
+            *_notice_of_one_camera(len(one.frames), len(points)),
+            *_notice_of_times(rate),
         )
         return PointCloud(points, starts.astype(np.intp), np.array(self._times), attributes, name, notices)
 
 
-class _Health:
-    """What is wrong with images and settings, counted over a whole recording."""
+class _ImageHealth:
+    """Counts over a whole recording what is wrong with images and settings."""
 
     def __init__(self, rig: StereoRig) -> None:
         self._rig = rig
@@ -163,14 +163,14 @@ class _Health:
             raise InputError(f"{name}: no ball is seen in both images of any pair" + (f"; {faults}" if faults else ""))
 
     def notices(self) -> tuple[str, ...]:
-        said = [
+        notices = [
             f"{side} image of {count} of {self._n_pairs} pairs, first of number {first}: {fault}"
             for side, (count, first, fault) in self._faulty.items()
         ]
         if self._n_dropped:
             share = 100 * self._n_dropped / (self._n_dropped + self._n_pairs)
-            said.append(f"{self._n_dropped} pairs of images were lost ({share:.1f} %); their time stays empty")
-        return tuple(said)
+            notices.append(f"{self._n_dropped} pairs of images were lost ({share:.1f} %); their time stays empty")
+        return tuple(notices)
 
 
 def misfit_in_space(points: Floats, misfit: Floats, camera: Camera) -> Floats:
@@ -194,12 +194,12 @@ def misfit_in_space(points: Floats, misfit: Floats, camera: Camera) -> Floats:
 
 
 def _step(times: list[float]) -> float:
-    """Usual time [s] between pairs of images."""
+    """Median time [s] between pairs of images."""
     steps = np.diff(times)
     return float(np.median(steps)) if len(steps) else 0.0
 
 
-def _said_of(candidates: Candidates, kept: Bools) -> tuple[str, ...]:
+def _notice_of_chance_pairs(candidates: Candidates, kept: Bools) -> tuple[str, ...]:
     n_left_out = int((~kept).sum())
     if not n_left_out:
         return ()
@@ -207,20 +207,20 @@ def _said_of(candidates: Candidates, kept: Bools) -> tuple[str, ...]:
     return (f"{n_left_out} of {len(kept)} pairs of balls ({share:.1f} %) fit only by chance and are left out",)
 
 
-def _said_of_one(n_points: int, n_all: int) -> tuple[str, ...]:
+def _notice_of_one_camera(n_points: int, n_all: int) -> tuple[str, ...]:
     if not n_points:
         return ()
     share = 100 * n_points / n_all
     return (
-        f"{n_points} of {n_all} points ({share:.1f} %) are seen by one camera only; distances that held tell how far "
-        "away they are",
+        f"{n_points} of {n_all} points ({share:.1f} %) are seen by one camera only; constant distances to other "
+        "markers give their depth",
     )
 
 
-def _said_of_times(rate: float | None) -> tuple[str, ...]:
+def _notice_of_times(rate: float | None) -> tuple[str, ...]:
     if rate is not None:
         return ()
-    return ("nobody says how many images were taken per second: one is assumed; give the source ?rate=60",)
+    return ("the number of images per second is unknown: one is assumed; give the source ?rate=60",)
 
 
 def _mean(values: list[float], if_none: float) -> float:

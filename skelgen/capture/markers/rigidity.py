@@ -1,10 +1,10 @@
-"""Which of the pairs of balls stand where a rigid body has a ball: known targets, and distances that hold over time.
+"""Evidence of rigid bodies for pairs of balls: triangles of known targets, and distances that stay constant over time.
 
-Three balls on one rigid body keep their triangle wherever they go. Triangles are known of the targets of the settings;
-others are learned: three pairs of tracks that were believed, and whose distances changed no more than noise explains.
-They need no names, so that a triangle that was learned once speaks for balls whose tracks were lost since. A candidate
-that makes a triangle with two others is where a ball belongs; how much that says is counted in the recording itself, on
-candidates that are surely right, and on the same at depths where they are surely wrong.
+Three balls on one rigid body keep their triangle wherever they go. The triangles of the settings' targets are known.
+Others are learned from three accepted pairs of tracks whose distances change no more than noise explains. A triangle
+has no names, so that it is evidence for balls whose tracks were lost since, too. A candidate that makes a known
+triangle with two others is probably a marker. How probably is counted in the recording itself: how often candidates
+that are surely right make triangles, and how often the same do at wrong depths.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from skelgen.capture.markers.candidates import Candidates
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
 
-MOST_MATES = 8
-"""Rigid mates of a pair of tracks of which triangles are made, the steadiest first."""
+MAX_NEIGHBOURS = 8
+"""Rigid neighbours of a pair of tracks of which triangles are made, the steadiest first."""
 
 LEARNING_SPANS = 10
-"""Of `SPAN_FRAMES` each, spread over longer recordings: where distances are learned. A minute shows a body whole."""
+"""Blocks of `SPAN_FRAMES` frames, spread over longer recordings, in which distances are learned."""
 
 INDEPENDENT = 0.25
-"""Time [s] after which candidates of the same tracks make new triangles: by then moving bodies have other distances."""
+"""Time [s] after which candidates of the same tracks count as independent: by then bodies have moved."""
 
 CHECKED_FRAMES = 300
 """Frames in which it is counted how often right and wrong candidates make triangles."""
 
-NOBODY = -1
-"""Pair of tracks of a triangle that was not learned."""
+NO_PAIR = -1
+"""Stands for the pair of tracks of a triangle that is known of a target."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +46,9 @@ class Triangles:
     sides : ndarray, shape (n, 3), mm
         From the ball to the nearer one of the others, to the farther one, and between these.
     std : ndarray, shape (n,), mm
-        How well the sides are known.
+        Standard deviation of the sides.
     learned_from : ndarray of intp, shape (n, 3)
-        The pairs of tracks that they were learned from; `NOBODY` for targets.
+        The pairs of tracks that they were learned from; `NO_PAIR` for targets.
     """
 
     sides: Floats
@@ -72,37 +72,44 @@ def triangles_of_targets(targets: Sequence[BodyTarget]) -> Triangles:
     for target in targets:
         table = table_of_target(target)
         corners = np.array(list(combinations(range(len(table.points)), 3)), dtype=np.intp).reshape(-1, 3)
-        nobody = np.full(corners.shape, NOBODY)
-        found += _from_every_ball(corners, table.distances, np.sqrt(table.distance_variances), nobody)
+        no_pair = np.full(corners.shape, NO_PAIR)
+        found += _from_every_ball(corners, table.distances, np.sqrt(table.distance_variances), no_pair)
     return found
 
 
 def learned_triangles(candidates: Candidates, kept: Bools, pairs: Ints, scale: float = 1.0) -> Triangles:
-    """Return triangles whose sides held over time.
+    """Return triangles whose sides stay constant over time.
 
     Parameters
     ----------
     candidates : Candidates
         All pairs of balls of a recording.
     kept : ndarray of bool, shape (n,)
-        Which of them are believed.
+        Which of them are accepted.
     pairs : ndarray of intp, shape (n,)
         The pair of tracks of each candidate.
     scale : float
-        Deviations of points by what their covariances say.
+        Noise of the recording as a part of the stated one; see `noise_scale`.
     """
     edges = rigid_edges(candidates, kept, pairs, scale, _learning_frames(len(candidates.per_frame)))
     names, ends = np.unique(edges.ends, return_inverse=True)
-    mates: list[dict[int, int]] = [{} for _ in names]  # by pair of tracks: the edge to each mate
+    neighbours: list[dict[int, int]] = [{} for _ in names]  # by pair of tracks: the edge to each neighbour
     for edge in np.argsort(edges.std, kind="stable").tolist():
         one, other = ends.reshape(-1, 2)[edge].tolist()
-        if len(mates[one]) < MOST_MATES and len(mates[other]) < MOST_MATES:
-            mates[one][other] = mates[other][one] = edge
+        if len(neighbours[one]) < MAX_NEIGHBOURS and len(neighbours[other]) < MAX_NEIGHBOURS:
+            neighbours[one][other] = neighbours[other][one] = edge
     rows = [
-        (names[one], names[other], names[third], mates[one][other], mates[one][third], mates[other][third])
+        (
+            names[one],
+            names[other],
+            names[third],
+            neighbours[one][other],
+            neighbours[one][third],
+            neighbours[other][third],
+        )
         for one in range(len(names))
-        for other, third in combinations(sorted(mates[one]), 2)
-        if one < other and third in mates[other]
+        for other, third in combinations(sorted(neighbours[one]), 2)
+        if one < other and third in neighbours[other]
     ]
     if not rows:
         return _no_triangles()
@@ -112,64 +119,66 @@ def learned_triangles(candidates: Candidates, kept: Bools, pairs: Ints, scale: f
 
 
 def log_ratios(
-    candidates: Candidates, kept: Bools, pairs: Ints, triangles: Triangles, asked: Bools, scale: float = 1.0
+    candidates: Candidates, kept: Bools, pairs: Ints, triangles: Triangles, queried: Bools, scale: float = 1.0
 ) -> Floats:
-    """Return how much more the triangles of candidates speak for a marker than for chance, shape (n,), nats.
+    """Return the log likelihood ratio of a marker against chance by the triangles of candidates, shape (n,), nats.
 
     Parameters
     ----------
     candidates : Candidates
         All pairs of balls of a recording.
     kept : ndarray of bool, shape (n,)
-        Which of them are believed: they are witnesses.
+        Which of them are accepted: triangles are made with these.
     pairs : ndarray of intp, shape (n,)
         The pair of tracks of each candidate.
     triangles : Triangles
-        What is rigid.
-    asked : ndarray of bool, shape (n,)
-        Of which candidates it is asked; 0 for all others.
+        The known ones.
+    queried : ndarray of bool, shape (n,)
+        Candidates whose ratio is wanted; it is 0 for all others.
     scale : float
-        Deviations of points by what their covariances say.
+        Noise of the recording as a part of the stated one; see `noise_scale`.
     """
-    ratios = np.zeros(len(asked))
+    ratios = np.zeros(len(queried))
     if not len(triangles):
         return ratios
-    book = _Book(triangles, scale)
-    for_right, for_wrong = _told_by_triangles(candidates, kept, pairs, book, ~asked)
+    index = _TriangleIndex(triangles, scale)
+    for_right, for_wrong = _triangle_rates(candidates, kept, pairs, index, ~queried)
     if_hit, if_missed = np.log(for_right / for_wrong), np.log((1 - for_right) / (1 - for_wrong))
     for start, end in frames_of(
-        candidates, np.bincount(candidates.frames[asked], minlength=len(candidates.per_frame)) > 0
+        candidates, np.bincount(candidates.frames[queried], minlength=len(candidates.per_frame)) > 0
     ):
         here = np.arange(start, end)
-        wanted, witnesses = here[asked[start:end]], here[kept[start:end]]
-        hits = book.hits(Seen.of(candidates, wanted, pairs), Seen.of(candidates, witnesses, pairs))
+        wanted, witnesses = here[queried[start:end]], here[kept[start:end]]
+        hits = index.make_known_triangles(
+            FrameCandidates.of(candidates, wanted, pairs), FrameCandidates.of(candidates, witnesses, pairs)
+        )
         ratios[wanted] = np.where(hits, if_hit, if_missed)
     return ratios
 
 
-def evidence_of_rigidity(ratios: Floats, asked: Bools, pairs: Ints, n_pairs: int, step: float) -> Floats:
-    """Return what triangles say of each pair of tracks, shape (n_pairs,), nats.
+def evidence_of_rigidity(ratios: Floats, queried: Bools, pairs: Ints, n_pairs: int, step: float) -> Floats:
+    """Return the evidence of triangles for each pair of tracks, shape (n_pairs,), nats.
 
     Parameters
     ----------
     ratios : ndarray, shape (n,), nats
         See `log_ratios`.
-    asked : ndarray of bool, shape (n,)
-        Of which candidates it was asked.
+    queried : ndarray of bool, shape (n,)
+        Candidates with a ratio.
     pairs : ndarray of intp, shape (n,)
         The pair of tracks of each candidate.
     n_pairs : int
         Number of pairs of tracks.
     step : float, s
-        Time between frames: candidates of neighbouring frames say the same.
+        Time between frames: neighbouring frames give the same evidence.
     """
-    counts = np.bincount(pairs[asked], minlength=n_pairs)
-    sums = np.bincount(pairs[asked], ratios[asked], n_pairs)
-    return np.asarray(sums / np.maximum(counts, 1) * independent(counts, step))
+    counts = np.bincount(pairs[queried], minlength=n_pairs)
+    sums = np.bincount(pairs[queried], ratios[queried], n_pairs)
+    return np.asarray(sums / np.maximum(counts, 1) * n_independent(counts, step))
 
 
-def independent(counts: Ints, step: float) -> Floats:
-    """Return as how many independent candidates those of so many neighbouring frames count; at least as one.
+def n_independent(counts: Ints, step: float) -> Floats:
+    """Return how many independent candidates a number of neighbouring frames is worth, at least one.
 
     Parameters
     ----------
@@ -201,8 +210,8 @@ def _by_ball(sides: Floats, std: Floats, learned_from: Ints) -> Triangles:
     return Triangles(np.concatenate(views), np.tile(std, 3), np.tile(learned_from, (3, 1)))
 
 
-class _Book:
-    """Triangles to look candidates up in."""
+class _TriangleIndex:
+    """Known triangles by their sides, to look candidates up in."""
 
     def __init__(self, triangles: Triangles, scale: float) -> None:
         self._triangles, self._scale = triangles, scale
@@ -210,16 +219,16 @@ class _Book:
         self._lengths = np.sort(triangles.sides[:, :2], axis=None)
         self._std = float(np.median(triangles.std))
 
-    def hits(self, asked: Seen, witnesses: Seen) -> Bools:
-        """Whether each candidate makes a known triangle with two witnesses, shape (n,)."""
-        found = np.zeros(len(asked.points), dtype=np.bool_)
-        lengths, std = self._measured(asked, witnesses)
+    def make_known_triangles(self, queried: FrameCandidates, witnesses: FrameCandidates) -> Bools:
+        """Return whether each candidate makes a known triangle with two others, shape (n,)."""
+        found = np.zeros(len(queried.points), dtype=np.bool_)
+        lengths, std = self._measured(queried, witnesses)
         between, their_std = self._measured(witnesses, witnesses)
         near = self._is_known(lengths, std)
         queries, radii, whose = [], [], []
         for candidate in np.flatnonzero(near.sum(axis=1) >= 2):
-            mates = np.flatnonzero(near[candidate])
-            one, other = mates[np.stack(np.triu_indices(len(mates), 1))]
+            neighbours = np.flatnonzero(near[candidate])
+            one, other = neighbours[np.stack(np.triu_indices(len(neighbours), 1))]
             kept = np.isfinite(between[one, other])
             one, other = one[kept], other[kept]
             own = np.sort(np.stack([lengths[candidate, one], lengths[candidate, other]], axis=1), axis=1)
@@ -227,11 +236,11 @@ class _Book:
             radii.append(np.max([std[candidate, one], std[candidate, other], their_std[one, other]], axis=0))
             whose.append(np.full(len(one), candidate))
         if queries:
-            self._look_up(np.concatenate(queries), np.concatenate(radii), np.concatenate(whose), asked.pairs, found)
+            self._look_up(np.concatenate(queries), np.concatenate(radii), np.concatenate(whose), queried.pairs, found)
         return found
 
     def _look_up(self, queries: Floats, std: Floats, whose: Ints, pairs: Ints, found: Bools) -> None:
-        """Mark those whose triangle is known, and was not learned from themselves."""
+        """Mark candidates whose triangle is known and was not learned from themselves."""
         rows = self._tree.query_ball_point(queries, GATE * std, p=np.inf)
         lengths = np.array([len(row) for row in rows], dtype=np.intp)
         if lengths.sum():
@@ -239,8 +248,8 @@ class _Book:
             is_other = (self._triangles.learned_from[known] != pairs[candidate, np.newaxis]).all(axis=1)
             found[candidate[is_other]] = True
 
-    def _measured(self, seen: Seen, others: Seen) -> tuple[Floats, Floats]:
-        lengths, variances = seen.spans(others)
+    def _measured(self, seen: FrameCandidates, others: FrameCandidates) -> tuple[Floats, Floats]:
+        lengths, variances = seen.distances_to(others)
         return lengths, np.sqrt(self._scale**2 * variances + self._std**2)
 
     def _is_known(self, lengths: Floats, std: Floats) -> Bools:
@@ -249,10 +258,10 @@ class _Book:
         return np.asarray(np.isfinite(lengths) & (low < np.searchsorted(self._lengths, lengths + GATE * std)))
 
 
-def _told_by_triangles(
-    candidates: Candidates, kept: Bools, pairs: Ints, book: _Book, sure: Bools
+def _triangle_rates(
+    candidates: Candidates, kept: Bools, pairs: Ints, index: _TriangleIndex, sure: Bools
 ) -> tuple[float, float]:
-    """Parts of right and of wrong candidates that make triangles; Laplace's rule of succession."""
+    """Parts of right and of wrong candidates that make known triangles, by Laplace's rule of succession."""
     is_wanted = np.zeros(len(candidates.per_frame), dtype=np.bool_)
     is_wanted[np.linspace(0, len(is_wanted) - 1, CHECKED_FRAMES).astype(np.intp)] = True
     hits, n = np.ones(2), 2.0
@@ -261,10 +270,10 @@ def _told_by_triangles(
         right = witnesses[sure[witnesses]]
         if len(right) < 2:
             continue
-        seen, others = Seen.of(candidates, right, pairs), Seen.of(candidates, witnesses, pairs)
+        seen, others = FrameCandidates.of(candidates, right, pairs), FrameCandidates.of(candidates, witnesses, pairs)
         places = seen.points * (np.roll(seen.points[:, 2:], 1, axis=0) / seen.points[:, 2:])
-        displaced = Seen(places, seen.covariance, seen.left, seen.right, seen.pairs)
-        hits += book.hits(seen, others).sum(), book.hits(displaced, others).sum()
+        displaced = FrameCandidates(places, seen.covariance, seen.left, seen.right, seen.pairs)
+        hits += index.make_known_triangles(seen, others).sum(), index.make_known_triangles(displaced, others).sum()
         n += len(right)
     return float(hits[0] / n), float(hits[1] / n)
 
@@ -281,8 +290,8 @@ def _learning_frames(n_frames: int) -> Bools:
 GATE = 3.0
 """Standard deviations within which two distances are the same."""
 
-LEAST_SEEN = 6
-"""Frames in which two pairs of tracks are seen together before their distance is known to hold."""
+MIN_FRAMES = 6
+"""Frames in which two pairs of tracks must be seen together before their distance can count as constant."""
 
 SPAN_FRAMES = 200
 """Frames that are summed at once."""
@@ -290,14 +299,14 @@ SPAN_FRAMES = 200
 
 @dataclass(frozen=True, eq=False)
 class RigidEdges:
-    """Distances that held over time.
+    """Distances that stay constant over time.
 
     Attributes
     ----------
     ends : ndarray of intp, shape (n, 2)
-        Names of what they are between, the smaller first.
+        Names of their two ends, the smaller first.
     lengths, std : ndarray, shape (n,), mm
-        The distances, and how well they are known.
+        The distances and their standard deviations.
     """
 
     ends: Ints
@@ -308,18 +317,18 @@ class RigidEdges:
 def rigid_edges(
     candidates: Candidates, kept: Bools, names: Ints, scale: float = 1.0, wanted: Bools | None = None
 ) -> RigidEdges:
-    """Return the distances that changed no more than noise explains.
+    """Return the distances that change no more than noise explains.
 
     Parameters
     ----------
     candidates : Candidates
         All pairs of balls of a recording.
     kept : ndarray of bool, shape (n,)
-        Which of them are believed.
+        Which of them are accepted.
     names : ndarray of intp, shape (n,)
         What each candidate is: its pair of tracks, or its marker.
     scale : float
-        Deviations of points by what their covariances say.
+        Noise of the recording as a part of the stated one; see `noise_scale`.
     wanted : ndarray of bool, shape (n_frames,), optional
         In which frames to look; by default in all of them.
     """
@@ -330,7 +339,7 @@ def rigid_edges(
     for first in range(0, len(frames), SPAN_FRAMES):  # distances of a long recording would not fit into memory
         block = _spans_of(candidates, kept, names, frames[first : first + SPAN_FRAMES])
         sums = _summed(np.concatenate([sums, block]))
-    keys, counts, weights, firsts, seconds, variances = sums[sums[:, 1] >= LEAST_SEEN].T
+    keys, counts, weights, firsts, seconds, variances = sums[sums[:, 1] >= MIN_FRAMES].T
     mean = firsts / weights
     misfit = np.maximum(seconds - firsts * mean, 0.0) / scale**2
     expected = counts - 1  # chi-square: its mean, and half its variance
@@ -341,8 +350,18 @@ def rigid_edges(
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """Candidates of one frame."""
+class FrameCandidates:
+    """Candidates of one frame.
+
+    Attributes
+    ----------
+    points, covariance : ndarray, shape (n, 3) and (n, 3, 3), mm and mm^2
+        In the rig's world.
+    left, right : ndarray of intp, shape (n,)
+        Tracks of the two balls.
+    pairs : ndarray of intp, shape (n,)
+        The pair of tracks or the marker that each is.
+    """
 
     points: Floats
     covariance: Floats
@@ -351,8 +370,18 @@ class Seen:
     pairs: Ints
 
     @classmethod
-    def of(cls, candidates: Candidates, indices: Ints, pairs: Ints) -> Seen:
-        """Return some of all candidates, and the pair of tracks or marker that each is."""
+    def of(cls, candidates: Candidates, indices: Ints, pairs: Ints) -> FrameCandidates:
+        """Return some of all candidates.
+
+        Parameters
+        ----------
+        candidates : Candidates
+            All pairs of balls of a recording.
+        indices : ndarray of intp, shape (n,)
+            Which.
+        pairs : ndarray of intp, shape (n_candidates,)
+            The pair of tracks or the marker of each candidate.
+        """
         return cls(
             candidates.points[indices],
             candidates.covariance(indices),
@@ -361,8 +390,8 @@ class Seen:
             pairs[indices],
         )
 
-    def spans(self, other: Seen) -> tuple[Floats, Floats]:
-        """Distances [mm] to others, shape (n, n_others), and their variances; infinite where both would be one ball."""
+    def distances_to(self, other: FrameCandidates) -> tuple[Floats, Floats]:
+        """Return distances [mm] to others, shape (n, n_others), and variances; infinite where they share a ball."""
         between = self.points[:, np.newaxis] - other.points
         lengths = np.linalg.norm(between, axis=2)
         along = between / np.where(lengths > 0, lengths, 1.0)[..., np.newaxis]
@@ -373,14 +402,22 @@ class Seen:
 
 
 def frames_of(candidates: Candidates, wanted: Bools) -> Iterator[tuple[int, int]]:
-    """First candidate and the one after the last of each wanted frame that has any."""
+    """Yield the first candidate and the one after the last of each wanted frame that has any.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        All pairs of balls of a recording.
+    wanted : ndarray of bool, shape (n_frames,)
+        Frames.
+    """
     ends = np.cumsum(candidates.per_frame)
     for frame in np.flatnonzero(wanted & (candidates.per_frame > 0)).tolist():
         yield int(ends[frame] - candidates.per_frame[frame]), int(ends[frame])
 
 
 def _spans_of(candidates: Candidates, kept: Bools, names: Ints, frames: Sequence[tuple[int, int]]) -> Floats:
-    """What each two names' distances in some frames add up to.
+    """Sums of the distances of each two names over some frames.
 
     Returns
     -------
@@ -392,8 +429,8 @@ def _spans_of(candidates: Candidates, kept: Bools, names: Ints, frames: Sequence
     rows = [np.empty((0, 3))]
     for start, end in frames:
         here = np.flatnonzero(kept[start:end]) + start
-        seen = Seen.of(candidates, here, names)
-        distances, variances = seen.spans(seen)
+        seen = FrameCandidates.of(candidates, here, names)
+        distances, variances = seen.distances_to(seen)
         one, other = np.nonzero(np.isfinite(distances) & (seen.pairs[:, np.newaxis] < seen.pairs))
         key = (seen.pairs[one] * n_names + seen.pairs[other]).astype(np.float64)
         rows.append(np.column_stack([key, distances[one, other], variances[one, other]]))
@@ -404,6 +441,6 @@ def _spans_of(candidates: Candidates, kept: Bools, names: Ints, frames: Sequence
 
 
 def _summed(rows: Floats) -> Floats:
-    """Rows of one key added."""
+    """Sums of the rows with equal keys."""
     keys, of_row = np.unique(rows[:, 0], return_inverse=True)
     return np.column_stack([keys, *(np.bincount(of_row, column, len(keys)) for column in rows[:, 1:].T)])

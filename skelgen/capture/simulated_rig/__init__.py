@@ -6,6 +6,7 @@ from skelgen.capture.simulated_rig.board import BoardTruth, SimulatedBoard, boar
 from skelgen.capture.simulated_rig.render import PairTruth, projected_balls, render_pair, render_view
 from skelgen.capture.simulated_rig.scene import (
     Scene,
+    Wandering,
     hand_held_target,
     scene_of_bodies,
     scene_of_structure,
@@ -23,6 +24,7 @@ __all__ = [
     "SimulatedBoard",
     "SimulatedRig",
     "ViewTruth",
+    "Wandering",
     "board_places",
     "draw_board",
     "hand_held_target",

@@ -70,7 +70,7 @@ class SimulatedBoard:
     board : Board, optional
         The chessboard; by default 9 x 6 corners with squares of 25 mm.
     rig : StereoRig, optional
-        The cameras; by default the seed's.
+        The cameras; by default those of `reference_rig`.
     n_frames : int
         Pairs until it ends.
     rate : float, Hz
@@ -199,7 +199,18 @@ def draw_board(light: Floats, camera: Camera, board: Board, pose: Floats) -> Non
 
 
 def board_places(board: Board, rig: StereoRig, n_places: int, seed: int = 0) -> Floats:
-    """Return up to some places of a board, shape (n, 4, 4), that both cameras see whole and that cover both images.
+    """Return places of a board that both cameras see whole and that cover both images, shape (n, 4, 4), mm.
+
+    Parameters
+    ----------
+    board : Board
+        The chessboard.
+    rig : StereoRig
+        The cameras.
+    n_places : int
+        Number of places at most.
+    seed : int
+        Of the random places that are tried.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A pair of images of balls, as the two cameras of a rig would take it, with what is true of it."""
+"""Images of balls as the two cameras of a rig take them, with their truth; or their noisy centres without rendering."""
 
 from __future__ import annotations
 
@@ -47,7 +47,6 @@ def render_pair(
     hidden: Bools | None = None,
     seed: int = 0,
     index: int = 0,
-    time: float = 0.0,
 ) -> tuple[FramePair, PairTruth]:
     """Render balls into both images of a rig.
 
@@ -58,18 +57,18 @@ def render_pair(
     points : ndarray, shape (n_balls, 3), mm
         Centres of the balls in the rig's world; NaN for balls that are not there.
     parameters : RenderParameters, optional
-        Balls, light and sensors; by default the seed's conditions.
+        Balls, light and sensors; by default those of the reference rig.
     hidden : ndarray of bool, shape (2, n_balls), optional
         Balls that something stands before, for the left and the right camera.
     seed : int
         Of the sensors' noise and of where dull metal is.
-    index, time : int and float, s
-        Of the pair; each index has a noise of its own.
+    index : int
+        Number of the pair; each has a noise of its own.
 
     Returns
     -------
     FramePair
-        The images.
+        The images, at the time 0.
     PairTruth
         What is true of them.
 
@@ -89,13 +88,27 @@ def render_pair(
         for side, camera in enumerate((rig.left, rig.right))
     ]
     (left, left_truth), (right, right_truth) = views
-    return FramePair(left, right, time, index), PairTruth(places, left_truth, right_truth)
+    return FramePair(left, right, 0.0, index), PairTruth(places, left_truth, right_truth)
 
 
 def render_view(
     camera: Camera, points: Floats, parameters: RenderParameters, seed: int = 0, noise_of: tuple[int, ...] = (0,)
 ) -> tuple[Image, ViewTruth]:
-    """Render balls into one image; arguments as `render_pair`, `noise_of` tells noises of one seed apart."""
+    """Render balls into one image.
+
+    Parameters
+    ----------
+    camera : Camera
+        What looks.
+    points : ndarray, shape (n_balls, 3), mm
+        Centres of the balls in the world; NaN for balls that are not there.
+    parameters : RenderParameters
+        Balls, light and sensor.
+    seed : int
+        Of the sensor's noise and of where dull metal is.
+    noise_of : tuple of int
+        Different noises of one seed: the number of the pair, and the side.
+    """
     balls, truth = look_at(camera, points, parameters)
     light = background(camera, parameters, seed).copy()
     rays, blur = corner_rays(camera), _blur_of_samples(parameters.blur)
@@ -167,7 +180,7 @@ def projected_balls(
     rig : StereoRig
         The cameras.
     noise : float, px
-        Standard deviation of a centre along one axis; balls that touch are told apart nevertheless.
+        Standard deviation of a centre along one axis, also of balls that touch.
     rng : Generator
         Noise, and the order of the balls.
     """

@@ -1,4 +1,4 @@
-"""What moves before the simulated rig: the markers of a simulated structure, or rigid targets on paths of their own."""
+"""What moves before the simulated rig: a simulated structure, or rigid targets on paths of their own."""
 
 from __future__ import annotations
 
@@ -146,8 +146,6 @@ def scene_of_structure(
     *,
     distance: float = 0.0,
     seed: int = 0,
-    n_frames: int = 600,
-    rate: float = 60.0,
     hide: bool = True,
     **options: Any,
 ) -> Scene:
@@ -156,21 +154,17 @@ def scene_of_structure(
     Parameters
     ----------
     structure : Structure or str
-        What moves, or its name for `find_structure`; ``arm`` is the seed's test rig.
+        What moves, or its name for `find_structure`; ``arm`` is the reference arm.
     rig : StereoRig
         The cameras.
     distance : float, mm
         From the middle between the cameras to the middle of all markers; 0 = so near that both images show them whole.
     seed : int
         Of the motion.
-    n_frames : int
-        Length of the scene.
-    rate : float, Hz
-        Frames a second.
     hide : bool
         Whether limbs hide what is behind them.
     **options
-        Further `SimulationParameters`, by name: ``motion_range``, ``walk``, ``soft_tissue``, ...
+        `SimulationParameters` by name: ``n_frames`` (600 by default), ``rate`` (60 Hz), ``motion_range``, ``walk``, ...
 
     Raises
     ------
@@ -180,15 +174,15 @@ def scene_of_structure(
         If it fits into both images at no distance.
     """
     body = structure if isinstance(structure, Structure) else _find_structure(structure, seed)
-    options = {"walk": _WALK} | options | {"labelled": True}
-    simulated = simulate(body, seed=seed, n_frames=n_frames, rate=rate, **options)
+    options = {"n_frames": 600, "rate": 60.0, "walk": _WALK} | options | {"labelled": True}
+    simulated = simulate(body, seed=seed, **options)
     truth, seen = simulated.truth, simulated.take.positions  # type: ignore[union-attr]  # labelled: Trajectories
     points = (seen - truth.marker_positions.mean(axis=(0, 1))) @ RIG_FROM_SIMULATION.T
     place = view_centre(rig, distance) if distance > 0 else _near_place(points, rig)
     shift = place - RIG_FROM_SIMULATION @ truth.marker_positions.mean(axis=(0, 1))
     rig_from_simulation = np.eye(4)
     rig_from_simulation[:3, :3], rig_from_simulation[:3, 3] = RIG_FROM_SIMULATION, shift
-    hidden = np.zeros((n_frames, 2, body.n_markers), dtype=np.bool_)
+    hidden = np.zeros((len(seen), 2, body.n_markers), dtype=np.bool_)
     if hide:
         for side, camera in enumerate((rig.left, rig.right)):
             eye = np.asarray(np.linalg.inv(camera.camera_from_world @ rig_from_simulation)[:3, 3], dtype=np.float64)
@@ -196,7 +190,9 @@ def scene_of_structure(
     poses = rig_from_simulation @ truth.world_from_limb
     targets, joints = targets_of(body), joints_of(body)
     there = _placed(truth, rig_from_simulation)
-    return Scene(points + place, poses, body.limb_of_marker, targets, joints, hidden, rate, body.name, there)
+    return Scene(
+        points + place, poses, body.limb_of_marker, targets, joints, hidden, simulated.take.rate, body.name, there
+    )
 
 
 def _placed(truth: Truth, place: Floats) -> Truth:
@@ -233,14 +229,31 @@ def joints_of(structure: Structure) -> tuple[TargetJoint, ...]:
     return tuple(joints)
 
 
+@dataclass(frozen=True)
+class Wandering:
+    """How bodies move about before a rig.
+
+    Attributes
+    ----------
+    distance : float, mm
+        Of the middle of all bodies from the middle between the cameras.
+    spread : float, mm
+        How far bodies stand apart, side by side, and half of how far they move.
+    turn : float, rad
+        How far each turns about each axis from an attitude of its own.
+    """
+
+    distance: float = 1000.0
+    spread: float = 120.0
+    turn: float = 0.6
+
+
 def wandering_poses(
     rig: StereoRig,
     n_frames: int,
     n_bodies: int,
+    motion: Wandering | None = None,
     *,
-    distance: float = 1000.0,
-    spread: float = 120.0,
-    turn: float = 0.6,
     rate: float = 60.0,
     seed: int = 0,
 ) -> Floats:
@@ -252,33 +265,38 @@ def wandering_poses(
         The cameras.
     n_frames, n_bodies : int
         How many.
-    distance : float, mm
-        Of the middle of all bodies from the middle between the cameras.
-    spread : float, mm
-        How far bodies stand apart, side by side, and half of how far they move.
-    turn : float, rad
-        How far each turns about each axis from an attitude of its own.
+    motion : Wandering, optional
+        Where they are and how far they move.
     rate : float, Hz
         Frames a second.
     seed : int
         Of the motion.
     """
+    motion = motion or Wandering()
     rng = np.random.default_rng(seed)
     poses = np.zeros((n_frames, n_bodies, 4, 4))
     poses[..., 3, 3] = 1.0
     aside = np.arange(n_bodies) - (n_bodies - 1) / 2
     for body in range(n_bodies):
         start = matrix_from_vector(rng.normal(size=3))
-        turns = turn * smooth_curves(rng, n_frames, rate, 3, _TURN_FREQUENCIES)
-        shifts = spread / 2 * smooth_curves(rng, n_frames, rate, 3, _SHIFT_FREQUENCIES)
+        turns = motion.turn * smooth_curves(rng, n_frames, rate, 3, _TURN_FREQUENCIES)
+        shifts = motion.spread / 2 * smooth_curves(rng, n_frames, rate, 3, _SHIFT_FREQUENCIES)
         poses[:, body, :3, :3] = matrix_from_vector(turns) @ start
-        shifts[:, 0] += spread * aside[body]
-        poses[:, body, :3, 3] = view_centre(rig, distance) + shifts
+        shifts[:, 0] += motion.spread * aside[body]
+        poses[:, body, :3, 3] = view_centre(rig, motion.distance) + shifts
     return poses
 
 
 def view_centre(rig: StereoRig, distance: float) -> Floats:
-    """Return the point [mm] of the world that both cameras look at most, at a distance from the middle between them."""
+    """Return the point of the world in the middle of both views, shape (3,), mm.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The cameras.
+    distance : float, mm
+        From the middle between the cameras.
+    """
     poses = [np.linalg.inv(camera.camera_from_world) for camera in (rig.left, rig.right)]
     middle = (poses[0][:3, 3] + poses[1][:3, 3]) / 2
     ahead = poses[0][:3, 2] + poses[1][:3, 2]
@@ -306,14 +324,11 @@ def _frame_about(axis: Floats) -> Floats:
 
 
 def _find_structure(name: str, seed: int) -> Structure:
-    from skelgen.capture.reference_rig import reference_arm  # noqa: PLC0415 - only this name needs it
-
     return reference_arm() if name == "arm" else find_structure(name, seed)
 
 
-_DISTANCE = 900.0  # mm: a target fills a fifth of the images, and stays in both
-_SPREAD = 80.0  # mm
-_TURN = 0.9  # rad about each axis: seen from many sides, as the calibration asks for
+_IN_THE_HAND = Wandering(distance=900.0, spread=80.0, turn=0.9)
+"""A target fills a fifth of the images, stays in both, and is seen from many sides, as the calibration asks for."""
 
 
 def hand_held_target(name: str, rig: StereoRig, *, n_frames: int = 600, rate: float = 60.0, seed: int = 0) -> Scene:
@@ -342,5 +357,5 @@ def hand_held_target(name: str, rig: StereoRig, *, n_frames: int = 600, rate: fl
         raise InputError(f"there is no target {name!r} to show; there are {', '.join(targets)}")
     chosen = targets[name] if name else next(iter(targets.values()))
     held = BodyTarget(chosen.name, chosen.points - chosen.points.mean(axis=0))
-    poses = wandering_poses(rig, n_frames, 1, distance=_DISTANCE, spread=_SPREAD, turn=_TURN, rate=rate, seed=seed)
+    poses = wandering_poses(rig, n_frames, 1, _IN_THE_HAND, rate=rate, seed=seed)
     return scene_of_bodies([held], poses, rate=rate, name=f"target {chosen.name}")

@@ -17,7 +17,7 @@ from skelgen.capture.values import FramePair
 from skelgen.errors import InputError
 from skelgen.model.rig import CaptureSettings, StereoRig
 
-_SMALLEST_BALL = 7.0  # px across: half as much again as the seed's 4 x 4, with room for what is farther away
+_SMALLEST_BALL = 7.0  # px across: half as much again as 4 x 4 px, with room for what is farther away
 
 
 class SimulatedRig:
@@ -28,9 +28,9 @@ class SimulatedRig:
     scene : Scene
         What moves.
     rig : StereoRig, optional
-        The cameras; by default the seed's.
+        The cameras; by default those of `reference_rig`.
     parameters : RenderParameters, optional
-        Balls, light and sensors; by default the seed's conditions.
+        Balls, light and sensors; by default those of the reference rig.
     seed : int
         Of the sensors' noise and of where dull metal is.
     paced : bool
@@ -132,31 +132,29 @@ class SimulatedRig:
             hidden=self.scene.hidden[index],
             seed=self._seed,
             index=index,
-            time=index / self.scene.rate,
         )
-        return (FramePair(pair.left, pair.right, pair.time, index, dropped) if dropped else pair), truth
+        return FramePair(pair.left, pair.right, index / self.scene.rate, index, dropped), truth
 
 
 def simulated_rig(
     structure: str = "arm",
     *,
     rig: StereoRig | None = None,
-    parameters: RenderParameters | None = None,
     seed: int = 0,
     paced: bool = False,
     show: Sequence[str] = (),
     **options: Any,
 ) -> SimulatedRig:
-    """Return the simulated rig with a structure before it.
+    """Return the simulated rig with a structure before it, its balls lit as `suited_parameters` says.
 
     Parameters
     ----------
     structure : str
-        ``arm``, the seed's test rig, or what `skelgen.simulation.find_structure` knows.
-    rig, paced
-        As in `SimulatedRig`.
-    parameters : RenderParameters, optional
-        Balls, light and sensors; by default `suited_parameters`.
+        ``arm``, the reference arm, or what `skelgen.simulation.find_structure` knows.
+    rig : StereoRig, optional
+        The cameras; by default those of `reference_rig`.
+    paced : bool
+        Whether pairs come by the clock; see `SimulatedRig`.
     seed : int
         Of motion and noise.
     show : sequence of str
@@ -171,12 +169,12 @@ def simulated_rig(
     """
     cameras = rig or reference_rig()
     scene = scene_of_structure(structure, cameras, seed=seed, **options)
-    suited = parameters or suited_parameters(scene, cameras)
+    suited = suited_parameters(scene, cameras)
     return SimulatedRig(show_alone(scene, show) if show else scene, cameras, suited, seed=seed, paced=paced)
 
 
 def suited_parameters(scene: Scene, rig: StereoRig) -> RenderParameters:
-    """Return the seed's conditions with shutter and balls as somebody chooses them for a scene that is farther away.
+    """Return the conditions of the reference rig, with longer exposure and larger balls for scenes farther away.
 
     Parameters
     ----------

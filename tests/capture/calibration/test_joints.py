@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from skelgen.capture.angles import find_angles
-from skelgen.capture.calibration.joints import JointWish, calibrate_joints
-from skelgen.capture.values import FoundBody
+from skelgen.capture.calibration.joints import calibrate_joints
+from skelgen.capture.values import FoundBody, JointRequest
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.rig import TargetJoint
@@ -51,7 +51,7 @@ def moving_arm(seed, n_frames=120, swing=1.0, covariance=COVARIANCE, hidden=0.0)
     return frames
 
 
-WISHES = (JointWish("shoulder", "torso", "upper", "ball"), JointWish("elbow", "upper", "lower", "hinge"))
+WISHES = (JointRequest("shoulder", "torso", "upper", "ball"), JointRequest("elbow", "upper", "lower", "hinge"))
 
 
 def place_errors(joint: TargetJoint):
@@ -116,23 +116,23 @@ def test_joints_and_kinds_are_found_if_nobody_names_them():
 
 
 def test_kind_is_found_where_it_is_left_open():
-    done = calibrate_joints(moving_arm(2), NAMES, [JointWish("elbow", "upper", "lower")])
+    done = calibrate_joints(moving_arm(2), NAMES, [JointRequest("elbow", "upper", "lower")])
     assert done.joints[0].kind == "hinge"
 
 
 def test_joint_that_does_not_move_is_refused_with_the_reason():
     with pytest.raises(InputError, match=r"joint 'elbow' is .*; move it further, or state its kind"):
-        calibrate_joints(moving_arm(0, swing=0.001), NAMES, [JointWish("elbow", "upper", "lower")])
+        calibrate_joints(moving_arm(0, swing=0.001), NAMES, [JointRequest("elbow", "upper", "lower")])
 
 
 def test_unknown_body_is_named():
     with pytest.raises(InputError, match="there is no body 'uper'; bodies are torso, upper, lower"):
-        calibrate_joints(moving_arm(0, 5), NAMES, [JointWish("elbow", "uper", "lower", "hinge")])
+        calibrate_joints(moving_arm(0, 5), NAMES, [JointRequest("elbow", "uper", "lower", "hinge")])
 
 
 def test_unknown_kind_is_refused():
     with pytest.raises(InputError, match="kinds are ball, hinge"):
-        JointWish("elbow", "upper", "lower", "saddle")
+        JointRequest("elbow", "upper", "lower", "saddle")
 
 
 def test_bodies_that_are_never_seen_together_are_refused():

@@ -27,7 +27,7 @@ class Projected:
         right = replace(rig.right, camera_from_world=turn @ rig.right.camera_from_world)
         self.settings = CaptureSettings(replace(rig, right=right), self.scene.bodies, self.scene.joints)
         self.step, rng = 1 / rate, np.random.default_rng(seed)
-        store, followers, is_right, is_shared = (
+        store, followers, is_right, share_a_ball = (
             CandidateStore(),
             (BallTracks((640, 480)), BallTracks((640, 480))),
             [],
@@ -42,10 +42,10 @@ class Projected:
             ]
             store.add(points, *tracks)
             is_right.append(of_left[points.left] == of_right[points.right])
-            is_shared.append(points.ambiguous)
+            share_a_ball.append(points.ambiguous)
         self.candidates = store.all()
         self.pairs = track_pairs(self.candidates, *((follower.first, follower.last) for follower in followers))
-        self.is_right, self.is_shared = np.concatenate(is_right), np.concatenate(is_shared)
+        self.is_right, self.is_shared = np.concatenate(is_right), np.concatenate(share_a_ball)
 
     def wrong_part(self, kept):
         """Part of the ambiguous candidates that are judged wrongly."""

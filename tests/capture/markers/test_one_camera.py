@@ -1,4 +1,4 @@
-"""Markers of which one camera loses sight stay where they are, and are left out where nobody knows."""
+"""Markers of which one camera loses sight stay where they are, and are left out where no_pair knows."""
 
 from __future__ import annotations
 

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.markers.correspondences import chosen, evidence_of_time, makers_of, surest_first
-from skelgen.capture.markers.rigidity import NOBODY, learned_triangles, triangles_of_targets
+from skelgen.capture.markers.correspondences import (
+    accept_best_first,
+    evidence_over_time,
+    find_markers,
+    markers_of_pairs,
+)
+from skelgen.capture.markers.rigidity import NO_PAIR, learned_triangles, triangles_of_targets
 from skelgen.model.rig import BodyTarget
 
 SEEDS = (0, 1, 2)
@@ -14,13 +19,13 @@ SEEDS = (0, 1, 2)
 
 def by_time(recording):
     pairs = recording.pairs
-    believed = surest_first(pairs, evidence_of_time(recording.candidates, pairs, recording.settings.rig.noise))
-    return pairs, believed
+    accepted = accept_best_first(pairs, evidence_over_time(recording.candidates, pairs, recording.settings.rig.noise))
+    return pairs, accepted
 
 
 def judged(recording, targets):
     rig, bodies = recording.settings.rig, recording.settings.bodies if targets else ()
-    kept = chosen(recording.candidates, recording.pairs, rig.noise, recording.step, bodies)
+    kept = find_markers(recording.candidates, recording.pairs, rig.noise, recording.step, bodies)
     return recording.wrong_part(kept)
 
 
@@ -45,15 +50,15 @@ def test_distances_that_hold_decide_most_of_them_without_targets(slow):
 def test_what_time_tells_well_is_not_spoiled(projected):
     for seed in SEEDS:
         recording = projected("rods", seed, n_frames=120, rate=60.0)
-        pairs, believed = by_time(recording)
-        assert judged(recording, targets=True) <= recording.wrong_part(believed[pairs.of_candidate])
+        pairs, accepted = by_time(recording)
+        assert judged(recording, targets=True) <= recording.wrong_part(accepted[pairs.of_candidate])
 
 
 def test_learned_sides_are_those_of_the_bodies(projected):
     recording = projected("arm", 0, n_frames=120, rate=60.0)
-    pairs, believed = by_time(recording)
-    kept = believed[pairs.of_candidate]
-    marker = makers_of(pairs, believed).marker[pairs.of_candidate]
+    pairs, accepted = by_time(recording)
+    kept = accepted[pairs.of_candidate]
+    marker = markers_of_pairs(pairs, accepted).marker[pairs.of_candidate]
     learned, known = (
         learned_triangles(recording.candidates, kept, marker),
         triangles_of_targets(recording.settings.bodies),
@@ -66,7 +71,7 @@ def test_learned_sides_are_those_of_the_bodies(projected):
 def test_a_target_of_four_balls_has_four_triangles_seen_from_each_ball():
     target = BodyTarget("plate", np.array([[0, 0, 0], [30, 0, 0], [0, 40, 0], [0, 0, 50.0]]), np.full((4, 3), 0.1))
     triangles = triangles_of_targets([target])
-    assert len(triangles) == 12 and (triangles.learned_from == NOBODY).all()
+    assert len(triangles) == 12 and (triangles.learned_from == NO_PAIR).all()
     assert (np.abs(triangles.sides - [30, 40, 50]).max(axis=1) < 1e-9).sum() == 1
     assert len(triangles_of_targets([])) == 0
 
@@ -74,11 +79,11 @@ def test_a_target_of_four_balls_has_four_triangles_seen_from_each_ball():
 def test_a_body_does_not_bear_witness_for_itself(projected):
     """Of one piece each, learned triangles say nothing of the pieces that they were learned from."""
     recording = projected("arm", 1, n_frames=60, rate=60.0)
-    pairs, believed = by_time(recording)
-    makers = makers_of(pairs, believed)
+    pairs, accepted = by_time(recording)
+    markers = markers_of_pairs(pairs, accepted)
     counts = np.bincount(pairs.of_candidate)
-    sole = believed & (
-        np.bincount(makers.marker[believed], counts[believed], makers.marker.max() + 1)[makers.marker] == counts
+    sole = accepted & (
+        np.bincount(markers.marker[accepted], counts[accepted], markers.marker.max() + 1)[markers.marker] == counts
     )
-    assert sole.any() and (makers.own[sole] == makers.marker[sole]).all()
-    assert (makers.own[~believed] < 0).all()
+    assert sole.any() and (markers.own[sole] == markers.marker[sole]).all()
+    assert (markers.own[~accepted] < 0).all()

@@ -12,9 +12,9 @@ from skelgen_gui.capture.measured import MotionTable, TurnView
 from skelgen_gui.widgets.theme import is_dark, theme_palette
 
 from skelgen.app.capture_jobs.board_views import View
-from skelgen.app.capture_jobs.messages import JointRequest
 from skelgen.capture.calibration.board import BoardView
 from skelgen.capture.calibration.joints import JointMotion
+from skelgen.capture.values import JointRequest
 
 NAMES = ["torso", "upper arm", "lower arm"]
 

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QFileDialog
 from skelgen_formats.capture_settings import read_settings, write_settings
 
 from skelgen.capture.reference_rig import reference_rig
-from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig, wandering_poses
+from skelgen.capture.simulated_rig import SimulatedRig, Wandering, scene_of_bodies, simulated_rig, wandering_poses
 from skelgen.cli import main
 from skelgen.errors import CaptureError
 from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig
@@ -140,7 +140,7 @@ def test_a_simulated_target_is_one_choice_away(qtbot, page, window):
 
 def test_an_ambiguous_design_is_refused_with_the_reason(page, takes, path, tmp_path):
     cv2 = pytest.importorskip("cv2")
-    poses = wandering_poses(reference_rig(), 12, 1, distance=900.0, spread=60.0, rate=3.0)
+    poses = wandering_poses(reference_rig(), 12, 1, Wandering(distance=900.0, spread=60.0), rate=3.0)
     rig = SimulatedRig(scene_of_bodies([BodyTarget("pyramid", PYRAMID - PYRAMID.mean(axis=0))], poses))
     for index in range(12):
         pair, _ = rig.render(index)

@@ -1,11 +1,11 @@
-"""Which pairs of balls are believed: those whose tracks fit whenever both are there."""
+"""Which pairs of balls are accepted: those whose tracks fit whenever both are there."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from skelgen.capture.markers.candidates import CandidateStore
-from skelgen.capture.markers.correspondences import chosen, track_pairs
+from skelgen.capture.markers.correspondences import find_markers, track_pairs
 from skelgen.capture.values import StereoPoints
 
 NOISE, STEP = 0.1, 1 / 60
@@ -26,7 +26,7 @@ def candidates(frames):
 
 
 def decided(found, left, right):
-    return chosen(found, track_pairs(found, left, right), NOISE, STEP)
+    return find_markers(found, track_pairs(found, left, right), NOISE, STEP)
 
 
 def test_of_two_partners_the_one_that_fits_all_the_time_is_believed():
