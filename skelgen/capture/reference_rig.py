@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import Camera, StereoRig
-from skelgen.simulation.articulated import LimbModel, Structure
+
+if TYPE_CHECKING:
+    from skelgen.simulation.articulated import LimbModel, Structure
 
 
 def reference_rig() -> StereoRig:
@@ -35,6 +39,8 @@ def reference_arm() -> Structure:
 
     The torso hardly moves; the arm is moved by hand before the cameras, 0.6 m of it in all.
     """
+    from skelgen.simulation.articulated import Structure  # noqa: PLC0415 - SciPy, which the rig alone does not need
+
     axes = np.eye(3)
     elbow = np.array([[0.1, -1.0, 0.05]]) / np.sqrt(0.01 + 1.0 + 0.0025)
     return Structure(
@@ -58,6 +64,8 @@ def _limb(
     swings: tuple[tuple[float, ...], tuple[float, ...]],
 ) -> LimbModel:
     """A limb and its parent, its joint [mm] with amplitudes and offsets [degrees] of each axis, its balls [mm]."""
+    from skelgen.simulation.articulated import LimbModel  # noqa: PLC0415
+
     balls = balls.astype(np.float64)
     segment = np.stack([balls.mean(axis=0), balls.mean(axis=0)])
     angles = [np.array(part, dtype=np.float64) for part in swings]

@@ -75,7 +75,7 @@ def evaluate(
     ],
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="FILE", help="Of a rig: draw the errors (SVG, PNG, PDF).", show_default=False),
+        typer.Option("--plot", metavar="FILE", help="Of a rig: draw the errors (SVG).", show_default=False),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

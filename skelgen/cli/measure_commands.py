@@ -93,9 +93,9 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
     for curve in errors.curves:
         screen.table(f"{curve.what.capitalize()} [{curve.unit}]", _rows(errors, curve))
     if plot is not None:
-        from skelgen.capture.errors_plot import plot_errors
+        from skelgen.app.report.rig_errors import write_rig_errors
 
-        plot_errors(errors, plot)
+        write_rig_errors(errors, plot)
         screen.say(f"written: {plot}")
     screen.json(_mapping(errors))
 

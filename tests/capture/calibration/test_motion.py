@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.capture.calibration.joints import MOST_FRAMES, joint_motion
+from skelgen.capture.calibration.joints import MAX_FRAMES, joint_motion
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 
@@ -57,5 +57,5 @@ def test_frames_that_show_one_target_only_say_nothing():
 def test_long_motions_are_thinned_from_end_to_end():
     motion = joint_motion(moved(np.linspace(0, 60, 1000)[:, np.newaxis] * AXIS), "upper", "lower")
     assert motion.n_frames == 1000
-    assert len(motion.turns) == MOST_FRAMES
+    assert len(motion.turns) == MAX_FRAMES
     assert motion.spans[0] == pytest.approx(60)
