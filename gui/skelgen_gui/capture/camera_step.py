@@ -14,9 +14,9 @@ from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, Foun
 from skelgen.progress import Monitor
 from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, ViewList
 from skelgen_gui.capture.forms import BoardForm
-from skelgen_gui.capture.steps import Step, row_of
+from skelgen_gui.capture.steps import Step
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import describe, row_of
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration

@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 from skelgen.app.capture_jobs.messages import SIMULATED, CaptureOptions
 from skelgen.capture.calibration.board import Board
 from skelgen.capture.sources import SOURCES
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import describe, row_of
 
 
 class FileField(QWidget):
@@ -249,16 +249,12 @@ class SourceForm(QWidget):
         self.settings, self.source = SettingsField(self), SourceField(self)
         self.folder, self.simulated = FolderButton(self), QPushButton(self)
         self.source.show_hint(self.tr("that of the settings"))
-        sources = QHBoxLayout()
-        for button in (self.folder, self.simulated):
-            sources.addWidget(button)
-        sources.addStretch(1)
         self.rows = QFormLayout(self)
         self.rows.setContentsMargins(0, 0, 0, 0)
         self.rows.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
         self.rows.addRow(self.tr("Settings"), self.settings)
         self.rows.addRow(self.tr("Source"), self.source)
-        self.rows.addRow("", sources)
+        self.rows.addRow("", row_of(self.folder, self.simulated, room=True))
         self.folder.chosen.connect(self.take_source)
 
     @property
@@ -392,19 +388,14 @@ class BoardForm(QWidget):
         self.simulated.setToolTip(self.tr("Try it without cameras: a board moves before the simulated rig"))
 
     def _lay_out(self) -> None:
-        corners, sources = QHBoxLayout(), QHBoxLayout()
-        for widget in (self.columns, QLabel("×", self), self.rows, QLabel(self.tr("corners"), self)):
-            corners.addWidget(widget)
-        corners.addStretch(1)
-        for button in (self.folder, self.simulated):
-            sources.addWidget(button)
-        sources.addStretch(1)
+        words = QLabel("×", self), QLabel(self.tr("corners"), self)
+        corners = row_of(self.columns, words[0], self.rows, words[1], room=True)
         layout = QFormLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addRow(self.tr("Board"), corners)
         layout.addRow(self.tr("Square"), self.square)
         layout.addRow(self.tr("Source"), self.source)
-        layout.addRow("", sources)
+        layout.addRow("", row_of(self.folder, self.simulated, room=True))
 
     def _take_folder(self, source: str) -> None:
         self.source.show_source(source)

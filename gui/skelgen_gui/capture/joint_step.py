@@ -17,10 +17,10 @@ from skelgen.errors import SkelgenError
 from skelgen.model.rig import CaptureSettings
 from skelgen_gui.capture.forms import JointForm
 from skelgen_gui.capture.measured import JointTable, MotionTable, RowTable, TurnView
-from skelgen_gui.capture.steps import AddingStep, Plan, row_of
+from skelgen_gui.capture.steps import AddingStep, Plan
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import describe, row_of
 
 if TYPE_CHECKING:
     from skelgen.app.capture_jobs.collecting import JointCollector

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QSplitter, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QSplitter, QTabWidget, QWidget
 
 from skelgen.app.capture_jobs.messages import BoardShot, CaptureEnd, FoundInSpace, JointProgress, LiveShot, TargetShot
 from skelgen.model.rig import StereoRig
@@ -19,6 +19,7 @@ from skelgen_gui.capture.pictures import PicturePair
 from skelgen_gui.capture.space import Space
 from skelgen_gui.capture.target_step import TargetStep
 from skelgen_gui.project.context import Context
+from skelgen_gui.widgets.layouts import bare_column
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.taking import BodyProgress
@@ -59,9 +60,7 @@ class CapturePage(QWidget):
             (self.joints, self.tr("Joints"), self.tr("Measure the joints between targets")),
         ):
             self.tabs.setTabToolTip(self.tabs.addTab(panel, title), tip)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.tabs)
+        bare_column(self, [self.tabs])
         self.live.shot.connect(self.view.show_shot)
         self.live.open_wanted.connect(context.files.open)
         self.live.ended.connect(self._remember)

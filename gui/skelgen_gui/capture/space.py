@@ -17,9 +17,9 @@ from skelgen_gui.model.picture import Canvas
 from skelgen_gui.model.viewpoint import Viewpoint
 from skelgen_gui.project.cameras import DEPTH, cameras_of
 from skelgen_gui.view3d.colours import Colours
+from skelgen_gui.view3d.orbit import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
 from skelgen_gui.view3d.painting import paint_background
 from skelgen_gui.view3d.sprites import Sprites, Style
-from skelgen_gui.view3d.view import Drag, DragKind
 from skelgen_gui.widgets.painting import draw_lines
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour
 
@@ -29,9 +29,6 @@ _SHOWN_FROM_RIG = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _HOME = Viewpoint(azimuth=math.radians(-62), elevation=math.radians(22), up=2)
 _AXIS = 60.0  # mm, of the axes of a body
 _RADIUS = 5.0  # px, of a point
-_TURN, _KEY_TURN, _KEY_SHIFT, _WHEEL, _ZOOM = math.radians(0.4), math.radians(6), 40.0, 1.0012, 1.2
-_ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
-_ZOOMS = {Qt.Key.Key_Plus: _ZOOM, Qt.Key.Key_Equal: _ZOOM, Qt.Key.Key_Minus: 1 / _ZOOM}
 
 
 class Space(QWidget):
@@ -131,11 +128,8 @@ class Space(QWidget):
         if self._drag is None:
             return
         step = self._drag.moved_to(event.position(), wants_band=False)
-        viewpoint = self._canvas.viewpoint
-        if self._drag.kind is DragKind.TURN:
-            self._move(viewpoint.orbited(-_TURN * step.x(), _TURN * step.y()))
-        elif self._drag.kind is DragKind.SHIFT:
-            self._move(viewpoint.panned(step.x(), step.y(), self.height()))
+        if self._drag.kind in (DragKind.TURN, DragKind.SHIFT):
+            self._move(dragged(self._canvas.viewpoint, self._drag.kind, step, self.height()))
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """End a drag."""
@@ -143,21 +137,19 @@ class Space(QWidget):
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom at the pointer."""
-        place = event.position() - QPointF(self.width() / 2, self.height() / 2)
-        factor = _WHEEL ** event.angleDelta().y()
-        self._move(self._canvas.viewpoint.zoomed(factor, place.x(), place.y(), self.height()))
+        self._move(wheeled(self._canvas.viewpoint, event, self))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Turn, shift, zoom and fit with keys."""
         viewpoint, key = self._canvas.viewpoint, Qt.Key(event.key())
-        if key in _ARROWS:
-            right, down = _ARROWS[key]
+        if key in ARROWS:
+            right, down = ARROWS[key]
             if event.modifiers() & Qt.KeyboardModifier.ShiftModifier:
-                self._move(viewpoint.panned(_KEY_SHIFT * right, _KEY_SHIFT * down, self.height()))
+                self._move(viewpoint.panned(KEY_SHIFT * right, KEY_SHIFT * down, self.height()))
             else:
-                self._move(viewpoint.orbited(_KEY_TURN * right, -_KEY_TURN * down))
-        elif key in _ZOOMS:
-            self._move(viewpoint.zoomed(_ZOOMS[key]))
+                self._move(viewpoint.orbited(KEY_TURN * right, -KEY_TURN * down))
+        elif key in ZOOMS:
+            self._move(viewpoint.zoomed(ZOOMS[key]))
         elif key == Qt.Key.Key_F:
             self.fit()
         elif key == Qt.Key.Key_1:

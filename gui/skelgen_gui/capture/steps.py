@@ -10,13 +10,10 @@ from typing import Generic, Protocol, TypeVar
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import (
     QFileDialog,
-    QFrame,
-    QHBoxLayout,
     QLabel,
     QLayout,
     QPushButton,
     QScrollArea,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -28,6 +25,7 @@ from skelgen.progress import Monitor
 from skelgen_gui.capture.camera_views import VerdictLabel
 from skelgen_gui.capture.forms import SourceForm
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.widgets.layouts import bare_column, scrolled
 
 _T = TypeVar("_T")
 _Shot = TypeVar("_Shot")
@@ -172,23 +170,8 @@ class Step(QWidget, Generic[_Shot]):
 
     def lay_out(self, parts: Iterable[QWidget | QLayout]) -> None:
         """Put everything below each other, where it can be scrolled."""
-        inner = QWidget(self)
-        column = QVBoxLayout(inner)
-        for part in parts:
-            if isinstance(part, QWidget):
-                column.addWidget(part)
-            else:
-                column.addLayout(part)
-        column.addStretch(1)
-        area = self._area
-        area.setWidgetResizable(True)
-        area.setFrameShape(QFrame.Shape.NoFrame)
-        area.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # what is in it is reached by Tab, and scrolled to
-        area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        area.setWidget(inner)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(area)
+        self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        bare_column(self, [scrolled(parts, self._area, has_margin=True)])
 
     def _start_or_stop(self) -> None:
         if self.is_collecting:
@@ -205,14 +188,6 @@ class Step(QWidget, Generic[_Shot]):
         else:
             self._report_error(error)
         self.follow()
-
-
-def row_of(*widgets: QWidget) -> QHBoxLayout:
-    """Return widgets beside each other."""
-    row = QHBoxLayout()
-    for widget in widgets:
-        row.addWidget(widget)
-    return row
 
 
 class _Calibration(Protocol):

@@ -13,8 +13,9 @@ from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetSho
 from skelgen.model.rig import CaptureSettings
 from skelgen_gui.capture.forms import TargetForm
 from skelgen_gui.capture.measured import BallTable
-from skelgen_gui.capture.steps import AddingStep, Plan, row_of
+from skelgen_gui.capture.steps import AddingStep, Plan
 from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.widgets.layouts import row_of
 
 if TYPE_CHECKING:
     from skelgen.app.capture_jobs.collecting import BodyCollector

@@ -12,7 +12,6 @@ from PySide6.QtWidgets import (
     QFileDialog,
     QGridLayout,
     QGroupBox,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QProgressBar,
@@ -38,11 +37,10 @@ from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
 from skelgen_gui.widgets.forms import ParameterForm
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import bare_column, describe, row_of, scrolled
 from skelgen_gui.widgets.theme import PROBLEM_ROLE
 
 _PER_MILLE = 1000  # steps of the progress bar
-_BESIDE_BAR = 6  # px, between the form and the bar that scrolls it
 _NAME_WITHOUT_TAKE = "result"
 
 
@@ -109,28 +107,9 @@ class ExportPage(QWidget):
             widget.hide()
 
     def _lay_out(self) -> None:
-        inside = QWidget(self)
-        parts: tuple[QWidget, ...] = (self.choice, self.note, self.options_box, self.target, self.preview)
-        buttons = QHBoxLayout()
-        for widget in (self.export, self.cancel, self.show_folder):
-            buttons.addWidget(widget)
-        buttons.addStretch(1)
-        layout = QVBoxLayout(inside)
-        layout.setContentsMargins(0, 0, _BESIDE_BAR, 0)
-        for part in parts:
-            layout.addWidget(part)
-        layout.addStretch(1)
-        area = QScrollArea(self)
-        area.setWidgetResizable(True)
-        area.setFrameShape(QScrollArea.Shape.NoFrame)
-        area.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # what is in it is reached by Tab, and scrolled to
-        area.setWidget(inside)
-        outer = QVBoxLayout(self)
-        outer.setContentsMargins(0, 0, 0, 0)
-        outer.addWidget(area)
-        outer.addLayout(buttons)  # where they are seen however long the preview is
-        outer.addWidget(self.progress)
-        outer.addWidget(self.status)
+        parts = (self.choice, self.note, self.options_box, self.target, self.preview)
+        buttons = row_of(self.export, self.cancel, self.show_folder, room=True)  # seen however long the preview is
+        bare_column(self, (scrolled(parts, QScrollArea(self)), buttons, self.progress, self.status))
 
     def _connect(self) -> None:
         self._session.project_changed.connect(self._follow_project)

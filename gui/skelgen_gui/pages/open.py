@@ -8,7 +8,6 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QFileDialog,
-    QHBoxLayout,
     QLabel,
     QListWidget,
     QListWidgetItem,
@@ -22,7 +21,7 @@ from skelgen.app.stage_summary import take_sentences
 from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import describe, row_of
 from skelgen_gui.widgets.painting import as_rich_text
 
 _PATH = Qt.ItemDataRole.UserRole
@@ -72,13 +71,9 @@ class OpenPage(QWidget):
         describe(self.recent, self.tr("Recent files"), self.tr("Files that were open; Enter opens one again"))
 
     def _lay_out(self) -> None:
-        buttons = QHBoxLayout()
-        for button in (self.browse, self.identities):
-            buttons.addWidget(button)
-        buttons.addStretch(1)
         layout = QVBoxLayout(self)
         layout.addWidget(QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self))
-        layout.addLayout(buttons)
+        layout.addLayout(row_of(self.browse, self.identities, room=True))
         layout.addWidget(self.take)
         layout.addWidget(self.notices)
         layout.addWidget(QLabel(self.tr("Recent files"), self))

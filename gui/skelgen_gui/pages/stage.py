@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QButtonGroup,
     QFileDialog,
     QGroupBox,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QListWidget,
@@ -36,12 +35,11 @@ from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.widgets.fields import FoundOrGiven
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import bare_column, describe, row_of, scrolled
 
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
 """Stages whose number the user may give, and the correction that holds it."""
 
-_BESIDE_BAR = 6  # px, between the form and the bar that scrolls it
 _APART = 2  # px, between what is to be looked at
 
 _POINTER = Qt.ItemDataRole.UserRole
@@ -107,41 +105,19 @@ class StagePage(QWidget):
         self.runs.setChecked(True)
 
     def _lay_out(self) -> None:
-        choice, saved = QVBoxLayout(), QHBoxLayout()
-        for button in (self.runs, self.uses_saved):
-            choice.addWidget(button)
-        saved.addWidget(self.path)
-        saved.addWidget(self._browse)
         self._choice = QButtonGroup(self)
-        self._choice.addButton(self.runs)
-        self._choice.addButton(self.uses_saved)
-        choice.addLayout(saved)
-        inner = QWidget(self)
-        column = QVBoxLayout(inner)
-        column.setContentsMargins(0, 0, _BESIDE_BAR, 0)
+        for button in (self.runs, self.uses_saved):
+            self._choice.addButton(button)
         summary = QLabel(self._summary, self)
         summary.setWordWrap(True)
-        column.addWidget(summary)
-        column.addLayout(choice)
-        for widget in filter(None, (self.number, self.form)):
-            column.addWidget(widget)
-        column.addStretch(1)
-        area = QScrollArea(self)
-        area.setWidgetResizable(True)
-        area.setFrameShape(QScrollArea.Shape.NoFrame)
-        area.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # what is in it is reached by Tab, and scrolled to
-        area.setWidget(inner)
-        self._column = QVBoxLayout(self)
-        self._column.setContentsMargins(0, 0, 0, 0)
-        self._column.addWidget(area, 3)
-        self._column.addWidget(self.go)
-        self._column.addWidget(self._box)
-        self._fill_box()
-
-    def _fill_box(self) -> None:
-        layout = QVBoxLayout(self._box)
-        layout.addWidget(self.result)
-        layout.addWidget(self.warnings, 1)
+        saved = row_of(self.path, self._browse)
+        number = () if self.number is None else (self.number,)
+        area = scrolled((summary, self.runs, self.uses_saved, saved, *number, self.form), QScrollArea(self))
+        self._column = bare_column(self, (area, self.go, self._box))
+        self._column.setStretchFactor(area, 3)
+        box = QVBoxLayout(self._box)
+        box.addWidget(self.result)
+        box.addWidget(self.warnings, 1)
 
     def _connect(self) -> None:
         session, jobs = self._context.session, self._context.jobs

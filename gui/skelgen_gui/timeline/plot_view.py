@@ -58,6 +58,11 @@ class PlotView(QWidget):
         """What is shown."""
         return self._panels
 
+    @property
+    def hint(self) -> str:
+        """Words below the panels, or instead of them."""
+        return self._hint
+
     def show_panels(self, panels: tuple[Panel, ...], hint: str = "") -> None:
         """Show some panels, and below them, or instead of them, a hint.
 

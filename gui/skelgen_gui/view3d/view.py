@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from enum import Enum
 
 import numpy as np
 from PySide6.QtCore import QEvent, QPoint, QPointF, QRectF, QSize, Qt, Signal
@@ -19,7 +18,7 @@ from PySide6.QtGui import (
     QResizeEvent,
     QWheelEvent,
 )
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtWidgets import QWidget
 
 from skelgen.model.arrays import Floats
 from skelgen_gui.model.camera import ViewCamera
@@ -32,16 +31,11 @@ from skelgen_gui.model.viewpoint import Viewpoint
 from skelgen_gui.model.wording import about
 from skelgen_gui.project.session import Session
 from skelgen_gui.view3d.commands import Commands, ViewButtons
+from skelgen_gui.view3d.orbit import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
 from skelgen_gui.view3d.renderer import NO_FRUSTUMS, Renderer
 from skelgen_gui.widgets.painting import paint_words
 
-_TURN = math.radians(0.4)  # per pixel dragged
-_KEY_TURN = math.radians(6)
-_KEY_SHIFT = 40.0  # px
-_WHEEL = 1.0012  # per eighth of a degree: a notch, 120, is 15 %
 _MARGIN = 8  # px, of the buttons from the border
-_ARROWS = {Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0), Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1)}
-_ZOOMS = {Qt.Key.Key_Plus: 1.2, Qt.Key.Key_Equal: 1.2, Qt.Key.Key_Minus: 1 / 1.2}
 _SHIFT, _ALT, _CONTROL = (
     Qt.KeyboardModifier.ShiftModifier,
     Qt.KeyboardModifier.AltModifier,
@@ -229,10 +223,8 @@ class View3D(QWidget):
             self._hover(event.position())
             return
         step = self._drag.moved_to(event.position(), self._wants_band(event))
-        if self._drag.kind is DragKind.TURN:
-            self._move(self.viewpoint.orbited(-_TURN * step.x(), _TURN * step.y()))
-        elif self._drag.kind is DragKind.SHIFT:
-            self._move(self.viewpoint.panned(step.x(), step.y(), self.height()))
+        if self._drag.kind in (DragKind.TURN, DragKind.SHIFT):
+            self._move(dragged(self.viewpoint, self._drag.kind, step, self.height()))
         self.update()
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
@@ -256,9 +248,7 @@ class View3D(QWidget):
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom at the pointer."""
-        place = event.position()
-        right, down = place.x() - self.width() / 2, place.y() - self.height() / 2
-        self._move(self.viewpoint.zoomed(_WHEEL ** event.angleDelta().y(), right, down, self.height()))
+        self._move(wheeled(self.viewpoint, event, self))
 
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Ask for a menu from the keyboard; that of the mouse follows its release, since dragging shifts the view."""
@@ -268,14 +258,14 @@ class View3D(QWidget):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), select all or (esc) nothing."""
         modifiers = event.modifiers() & ~Qt.KeyboardModifier.KeypadModifier
-        if event.key() in _ARROWS and modifiers in (_CONTROL, _ALT):
-            right, down = _ARROWS[Qt.Key(event.key())]
+        if event.key() in ARROWS and modifiers in (_CONTROL, _ALT):
+            right, down = ARROWS[Qt.Key(event.key())]
             if modifiers == _CONTROL:
-                self._move(self.viewpoint.orbited(_KEY_TURN * right, -_KEY_TURN * down))
+                self._move(self.viewpoint.orbited(KEY_TURN * right, -KEY_TURN * down))
             else:
-                self._move(self.viewpoint.panned(-_KEY_SHIFT * right, -_KEY_SHIFT * down, self.height()))
-        elif event.key() in _ZOOMS and modifiers & _CONTROL:
-            self._move(self.viewpoint.zoomed(_ZOOMS[Qt.Key(event.key())]))
+                self._move(self.viewpoint.panned(-KEY_SHIFT * right, -KEY_SHIFT * down, self.height()))
+        elif event.key() in ZOOMS and modifiers & _CONTROL:
+            self._move(self.viewpoint.zoomed(ZOOMS[Qt.Key(event.key())]))
         elif event.matches(QKeySequence.StandardKey.SelectAll) and self._camera.scene is not None:
             self._session.select(Selection(frozenset(range(self._camera.scene.n_markers))))
         elif event.key() == Qt.Key.Key_Escape:
@@ -382,61 +372,3 @@ class View3D(QWidget):
         if picked is not None and scene is not None and not is_selected(picked, self._session.selection, scene):
             self._select(picked, adds=False)
         self.context_requested.emit(event.globalPosition().toPoint(), self._session.selection)
-
-
-class DragKind(Enum):
-    """What is going on while a button is down."""
-
-    CLICK = "click"
-    """The pointer has not moved yet, or only trembled."""
-    TURN = "turn"
-    SHIFT = "shift"
-    BAND = "band"
-
-
-class Drag:
-    """A button that is down.
-
-    Attributes
-    ----------
-    button : Qt.MouseButton
-        Which.
-    kind : DragKind
-        What it has become.
-
-    Parameters
-    ----------
-    place : QPointF
-        Where it was pressed.
-    button : Qt.MouseButton
-        Which.
-    """
-
-    def __init__(self, place: QPointF, button: Qt.MouseButton) -> None:
-        self.button = button
-        self.kind = DragKind.CLICK
-        self._start = self._last = place
-
-    @property
-    def band(self) -> QRectF:
-        """The rectangle between where it was pressed and where it is."""
-        return QRectF(self._start, self._last).normalized()
-
-    def moved_to(self, place: QPointF, wants_band: bool) -> QPointF:
-        """Follow the pointer and return the step that it made.
-
-        Parameters
-        ----------
-        place : QPointF
-            Where it is.
-        wants_band : bool
-            Whether the left button draws a rectangle, should this become a drag now.
-        """
-        if self.kind is DragKind.CLICK:
-            if (place - self._start).manhattanLength() < QApplication.startDragDistance():
-                return QPointF()
-            left = DragKind.BAND if wants_band else DragKind.TURN
-            self.kind = left if self.button == Qt.MouseButton.LeftButton else DragKind.SHIFT
-        step = place - self._last
-        self._last = place
-        return step

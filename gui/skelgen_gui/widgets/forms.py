@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt, Signal
-from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QToolButton, QWidget
 
 from skelgen.errors import ParameterError
 from skelgen.parameters import Declaration, StageParameters
 from skelgen_gui.widgets.fields import editor_for
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import bare_column, describe
 from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE
 
 Check = Callable[[Declaration, Any], Any]
@@ -291,10 +291,7 @@ class ParameterForm(QWidget):
         return label
 
     def _lay_out(self) -> None:
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        for widget in (self._boxes[0], self._expander, self._boxes[1], self._help):
-            layout.addWidget(widget)
+        layout = bare_column(self, (self._boxes[0], self._expander, self._boxes[1], self._help))
         layout.addWidget(self._reset_all, alignment=Qt.AlignmentFlag.AlignRight)
         layout.addStretch(1)
         describe(self._reset_all, self.tr("Reset all parameters"), self.tr("Return all parameters to their defaults"))

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QHBoxLayout, QScrollArea, QWidget
+from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QLayout, QScrollArea, QVBoxLayout, QWidget
+
+_BESIDE_BAR = 6  # px, between what is scrolled and the scroll bar
 
 
 def describe(widget: QWidget, name: str, tip: str = "") -> None:
@@ -22,36 +26,77 @@ def describe(widget: QWidget, name: str, tip: str = "") -> None:
     widget.setToolTip(tip or name)
 
 
-def row_of(*widgets: QWidget, is_filled: bool = True) -> QHBoxLayout:
+def row_of(*widgets: QWidget, room: bool = False) -> QHBoxLayout:
     """Return widgets beside each other.
 
     Parameters
     ----------
     *widgets : QWidget
         From left to right.
-    is_filled : bool
-        Whether they share the whole width; otherwise room is left at the right.
+    room : bool
+        Whether room is left at the right; otherwise they share the whole width.
     """
     row = QHBoxLayout()
     for widget in widgets:
         row.addWidget(widget)
-    if not is_filled:
+    if room:
         row.addStretch(1)
     return row
 
 
-def scroll(inner: QWidget, area: QScrollArea) -> QScrollArea:
-    """Show a widget in a frameless area that scrolls; what is in it is reached by Tab.
+def scrolled(parts: Iterable[QWidget | QLayout], area: QScrollArea, *, has_margin: bool = False) -> QScrollArea:
+    """Put widgets below each other into an area that scrolls; what is in it is reached by Tab.
 
     Parameters
     ----------
-    inner : QWidget
-        What is scrolled.
+    parts : iterable of QWidget or QLayout
+        From above to below.
     area : QScrollArea
-        Where.
+        Where; it loses its frame.
+    has_margin : bool
+        Whether there is a margin around the parts; otherwise there is only room beside the scroll bar.
     """
+    inner = QWidget(area)
+    column = QVBoxLayout(inner)
+    if not has_margin:
+        column.setContentsMargins(0, 0, _BESIDE_BAR, 0)
+    fill(column, parts)
+    column.addStretch(1)
     area.setWidgetResizable(True)
     area.setFrameShape(QScrollArea.Shape.NoFrame)
     area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     area.setWidget(inner)
     return area
+
+
+def fill(layout: QBoxLayout, parts: Iterable[QWidget | QLayout]) -> None:
+    """Put widgets and layouts behind each other.
+
+    Parameters
+    ----------
+    layout : QBoxLayout
+        Where.
+    parts : iterable of QWidget or QLayout
+        From left to right, or from above to below.
+    """
+    for part in parts:
+        if isinstance(part, QWidget):
+            layout.addWidget(part)
+        else:
+            layout.addLayout(part)
+
+
+def bare_column(parent: QWidget, parts: Iterable[QWidget | QLayout]) -> QVBoxLayout:
+    """Lay out a widget as a column without a margin.
+
+    Parameters
+    ----------
+    parent : QWidget
+        The widget.
+    parts : iterable of QWidget or QLayout
+        From above to below.
+    """
+    column = QVBoxLayout(parent)
+    column.setContentsMargins(0, 0, 0, 0)
+    fill(column, parts)
+    return column

@@ -130,7 +130,7 @@ def test_before_the_skeleton_it_says_what_to_do(shown, small_project):
     session.open(Project(small_project.take))
     curves = shown(Curves(session))
     assert curves.panels == ()
-    curves.grab()
+    assert curves.hint == "Run the step Skeleton to see residuals and angles of joints"
 
 
 def test_a_result_that_was_overtaken_is_not_shown(curves, session, qtbot):
