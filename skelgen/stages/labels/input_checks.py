@@ -114,7 +114,7 @@ def guessed_identities(positions: Floats, spacing: float) -> tuple[str, ...]:
     spacing : float, mm
         Typical distance of a point to its nearest neighbour.
     """
-    deviation = median_deviation(positions[: SAMPLED_FRAMES + 2])
+    deviation = _median_deviation(positions[: SAMPLED_FRAMES + 2])
     if not deviation > GUESS_SHARE * spacing:
         return ()
     return (
@@ -123,7 +123,7 @@ def guessed_identities(positions: Floats, spacing: float) -> tuple[str, ...]:
     )
 
 
-def median_deviation(positions: Floats) -> float:
+def _median_deviation(positions: Floats) -> float:
     """Median distance [mm] of markers from where the two frames before put them; NaN if there is none.
 
     `positions` [mm] has shape (n_frames, n_markers, 3).

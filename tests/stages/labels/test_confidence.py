@@ -11,7 +11,7 @@ from skelgen.model import PointCloud, Trajectories
 from skelgen.simulation import simulate
 from skelgen.stages.labels import LabelParameters, label_markers, labelling_of_markers
 from skelgen.stages.labels.confidence.identity import LABELS_FOUND, LABELS_GIVEN, identity_confidence
-from skelgen.stages.labels.confidence.label_quality import PointLabels, history_of, labelling_of_cloud, tracklets_of
+from skelgen.stages.labels.confidence.label_quality import PointLabels, history_of, labelling_of_cloud
 from skelgen.stages.labels.point_labels import find_points
 
 SURE = 0.9  # the threshold of doubt
@@ -116,7 +116,8 @@ def test_points_of_markers_are_found_again():
 
 def test_tracks_are_cut_where_they_change_their_marker():
     cloud = PointCloud(np.zeros((6, 3)), np.arange(7), np.arange(6.0))
-    tracklets = tracklets_of(cloud, np.array([4, 4, 4, -1, 9, 9]), np.array([0, 0, 1, 1, -1, -1]))
+    points = PointLabels(cloud, np.array([4, 4, 4, -1, 9, 9]), np.array([0, 0, 1, 1, -1, -1]))
+    tracklets = history_of(points, 2).tracklets
     assert tracklets.track.tolist() == [0, 0, 1]
     assert tracklets.marker.tolist() == [0, 1, -1]
     assert np.transpose([tracklets.first, tracklets.last, tracklets.n_points]).tolist() == [

@@ -133,7 +133,7 @@ def labelling_of_markers(trajectories: Trajectories, file: Trajectories, finding
         Errors of their labels.
     """
     certainty = identity_confidence(trajectories)
-    doubts = (*repaired_spans(file, trajectories, certainty.confidence), *doubtful_spans(trajectories, certainty))
+    doubts = (*_repaired_spans(file, trajectories, certainty.confidence), *doubtful_spans(trajectories, certainty))
     nothing = np.zeros(trajectories.n_frames, dtype=np.intp)
     ordered = tuple(sorted(doubts, key=lambda doubt: doubt.first_frame))
     return Labelling(certainty.confidence, ordered, certainty.twins, nothing, findings=tuple(findings))
@@ -157,22 +157,6 @@ def _stated(block: Block, marker: Ints, stated: Bools, n_markers: int) -> Bools:
     sure = stated & (marker >= 0)
     result[block.frames[sure], marker[sure]] = True
     return result
-
-
-def tracklets_of(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints) -> Tracklets:
-    """Cut tracks into the parts that went to one marker each.
-
-    Parameters
-    ----------
-    cloud : PointCloud
-        The take.
-    track_of_point : ndarray of intp, shape (n_points,)
-        Track of each point, -1 for none.
-    marker_of_point : ndarray of intp, shape (n_points,)
-        Marker of each point, -1 for none.
-    """
-    frame_of_point = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
-    return _tracklets_of_parts([_parts(track_of_point, marker_of_point, frame_of_point)])
 
 
 def _parts(track: Ints, marker_of_point: Ints, frame_of_point: Ints) -> Ints:
@@ -244,7 +228,7 @@ def doubtful_spans(trajectories: Trajectories, certainty: IdentityConfidence) ->
     return tuple(sorted(doubts, key=lambda doubt: (doubt.first_frame, doubt.marker)))
 
 
-def repaired_spans(file: Trajectories, repaired: Trajectories, confidence: Floats) -> tuple[Doubt, ...]:
+def _repaired_spans(file: Trajectories, repaired: Trajectories, confidence: Floats) -> tuple[Doubt, ...]:
     """List the spans in which markers carry other positions than in the file.
 
     Parameters
@@ -291,6 +275,7 @@ def _doubt(trajectories: Trajectories, certainty: IdentityConfidence, marker: in
     names = trajectories.names
     own, other = names[marker], names[rival] if rival >= 0 else ""
     mates = int(np.median(certainty.n_mates[span, marker][low]))
+    few = ("none", "only one", "only two")[mates] if mates < ENOUGH_MATES else str(mates)
     share = 1.0 - np.isnan(trajectories.positions[:, marker, 0]).mean()
     reason = {
         "piece": f"{own} lies where {other} belongs and is not seen together with it: the two may be one marker",
@@ -298,7 +283,7 @@ def _doubt(trajectories: Trajectories, certainty: IdentityConfidence, marker: in
         "rare": f"{own} is seen in {100 * share:.0f} % of the frames only: it may be a piece of another one",
         "rival": f"the distances of {own} to others fit {other} at least as well, or nearly",
         "misfit": f"the distances of {own} to others are not what they usually are",
-        "unsupported": f"{_beside(mates)} of the markers beside {own} are seen, and it was lost before",
+        "unsupported": f"{few} of the markers beside {own} are seen, and it was lost before",
     }[kind]
     return Doubt(marker, first, last, kind, rival, float(np.nanmin(confidence)), reason)
 
@@ -318,7 +303,3 @@ def _cause(certainty: IdentityConfidence, marker: int, span: slice, low: Bools) 
     if not against.any() and np.median(certainty.n_mates[span, marker][low]) < ENOUGH_MATES:
         return "unsupported", -1
     return ("misfit", -1) if rival < 0 else ("rival", rival)
-
-
-def _beside(count: int) -> str:
-    return ("none", "only one", "only two")[count] if count < ENOUGH_MATES else str(count)

@@ -78,7 +78,9 @@ def continuity_evidence(
         distance = _missed(points, tracklets, (i, j), (tracklets.last[i], tracklets.first[j]))
         known = ~np.isnan(distance)
         sigma = deviation(gap[i[known], j[known]] / rate)
-        evidence[start + np.flatnonzero(known)] = _log_ratio(distance[known], sigma, spacing)
+        wide, distance = np.sqrt(sigma**2 + spacing**2), distance[known]
+        ratio = 3.0 * np.log(wide / sigma) - _tail(distance / sigma) + _tail(distance / wide)
+        evidence[start + np.flatnonzero(known)] = ratio
     return before, after, evidence
 
 
@@ -132,11 +134,6 @@ def _error_deviation(points: Floats, tracklets: TrackletPoints, rate: float) -> 
             times.append(gap / rate)
             deviations.append(max(float(np.nanmedian(missed)) / CHI_MEDIAN, np.finfo(np.float64).eps))
     return _ErrorDeviation(np.array(times), np.array(deviations)) if times else None
-
-
-def _log_ratio(distance: Floats, sigma: Floats, spacing: float) -> Floats:
-    wide = np.sqrt(sigma**2 + spacing**2)
-    return np.asarray(3.0 * np.log(wide / sigma) - _tail(distance / sigma) + _tail(distance / wide))
 
 
 def _tail(ratio: Floats) -> Floats:

@@ -107,7 +107,8 @@ class _Groups:
         new = inside[self.group[inside] < 0]
         self.group[new] = new
         names = np.concatenate([self._names, np.setdiff1d(self.group[inside], self._names)])
-        row = self._rows(inside, names)
+        order = np.argsort(names)
+        row = order[np.searchsorted(names[order], self.group[inside])]  # of each tracklet's group in the tables
         record = self._record(span, inside, row, names)
         joined = merge_likely(record)
         target = names[joined]
@@ -115,11 +116,6 @@ class _Groups:
         member = np.isin(self.group, names)
         self.group[member] = target[[place[int(name)] for name in self.group[member]]]
         self._keep(record, names, np.unique(joined), span)
-
-    def _rows(self, inside: Ints, names: Ints) -> Ints:
-        """Row of each tracklet's group in the tables."""
-        order = np.argsort(names)
-        return order[np.searchsorted(names[order], self.group[inside])]
 
     def _record(self, span: tuple[int, int], inside: Ints, row: Ints, names: Ints) -> DistanceRecord:
         """Distances of all groups and new tracklets, those of the window added to what is known."""

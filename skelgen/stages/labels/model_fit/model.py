@@ -177,7 +177,8 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Ma
     usual = np.median(gates[:, core], axis=1)
     limb_of_marker[gates[0] > MISPLACED * usual[0]] = -1
     sizes = np.append(np.bincount(limb_of_marker[limb_of_marker >= 0], minlength=limbs.n_limbs), 0)
-    limits = _limits(poses.by_own, usual, widest)
+    mostly_own = poses.by_own.mean(axis=0) > 0.5
+    limits = STEADINESS * np.where(mostly_own, usual[0], min(usual[1], widest))  # farther on limbs that the chain poses
     for marker in np.flatnonzero(sizes[limb_of_marker] < 3):
         place = steadiest_place(markers.positions[:, marker], poses, limits)
         if place is not None and place[0] != limb_of_marker[marker]:
@@ -219,12 +220,6 @@ def steadiest_place(
     spread = np.sqrt((((local - mean) ** 2) * weight).sum(axis=(0, 2)) / weight[..., 0].sum(axis=0))
     best = int(np.argmin(spread / limits[limbs]))
     return (int(limbs[best]), mean[best]) if spread[best] < limits[limbs[best]] else None
-
-
-def _limits(by_own: Bools, usual: Floats, widest: float) -> Floats:
-    """How far a marker may deviate from its place on each limb [mm]: farther on limbs that the chain poses."""
-    mostly_own = by_own.mean(axis=0) > 0.5
-    return np.asarray(STEADINESS * np.where(mostly_own, usual[0], min(usual[1], widest)))
 
 
 def _core_gates(positions: Floats, limb_of_marker: Ints, offsets: Floats, poses: LimbPoses) -> tuple[Floats, Floats]:

@@ -64,7 +64,7 @@ class Learner:
         if len(poses) < LEAST_POSES or not often.any():
             return
         pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="skelgen-tracker")
-        self._future = pool.submit(learn_skeleton, poses[:, often].copy())
+        self._future = pool.submit(_fit_skeleton_to, poses[:, often].copy())
         pool.shutdown(wait=False)
         self._labels, self._due = labels[often], now + LAG_SECONDS
 
@@ -76,7 +76,7 @@ class Learner:
         return None if skeleton is None else (skeleton, self._labels)
 
 
-def learn_skeleton(poses: Floats) -> Skeleton | None:
+def _fit_skeleton_to(poses: Floats) -> Skeleton | None:
     """Fit a skeleton to poses, shape (n_poses, n_markers, 3) [mm]; None if they show no limb."""
     names = tuple(str(index) for index in range(poses.shape[1]))
     try:

@@ -88,7 +88,9 @@ class PoseFilter:
         self._of_limb: Floats = (self.limb == every).astype(np.float64)
         self._of_parent: Floats = (self.parents == every).astype(np.float64)
         self.reference: Floats = np.array(skeleton.reference_pose)
-        self.size = _typical_size(self.offsets, self.carried)
+        self.size = (
+            float(np.sqrt((self.offsets[self.carried] ** 2).sum(axis=1).mean())) or 1.0
+        )  # [mm], of a typical limb
         self.deviation = _deviations(skeleton, self.carried, self.size)
         self.joint_deviation = JOINT_SHARE * float(np.median(self.deviation))
         self.rotations: Floats = self.reference[:, :3, :3].copy()
@@ -240,11 +242,6 @@ def _columns(arm: Floats) -> Floats:
     columns[:, 2, 0], columns[:, 2, 1] = arm[:, 1], -arm[:, 0]
     columns[:, [0, 1, 2], [3, 4, 5]] = 1.0
     return columns
-
-
-def _typical_size(offsets: Floats, carried: Bools) -> float:
-    """Root mean square distance [mm] of markers from the origin of their limb."""
-    return float(np.sqrt((offsets[carried] ** 2).sum(axis=1).mean())) or 1.0
 
 
 def _deviations(skeleton: Skeleton, carried: Bools, size: float) -> Floats:

@@ -93,8 +93,8 @@ def find_pose(skeleton: PoseFilter, points: Floats, spacing: float) -> tuple[Flo
     """
     if len(points) < 3:
         return None
-    first = [limb_candidates(skeleton, limb, points, spacing) for limb in range(skeleton.n_limbs)]
-    found = [limb_candidates(skeleton, limb, points, spacing, first) for limb in range(skeleton.n_limbs)]
+    first = [_limb_candidates(skeleton, limb, points, spacing) for limb in range(skeleton.n_limbs)]
+    found = [_limb_candidates(skeleton, limb, points, spacing, first) for limb in range(skeleton.n_limbs)]
     found = [one.joined(two) for one, two in zip(first, found, strict=True)]
     chosen = _best_combination(skeleton, found, spacing)
     for _ in range(skeleton.n_limbs):
@@ -111,7 +111,7 @@ def find_pose(skeleton: PoseFilter, points: Floats, spacing: float) -> tuple[Flo
     return poses[:, :3, :3], poses[:, :3, 3]
 
 
-def limb_candidates(
+def _limb_candidates(
     skeleton: PoseFilter, limb: int, points: Floats, spacing: float, neighbours: list[Candidates] | None = None
 ) -> Candidates:
     """Find poses of one limb in which points lie where its markers belong.

@@ -146,7 +146,10 @@ def find_innovations(trial: Trial, spacing: float, n_steps: int) -> Innovations 
     prior_weight = mixed / 3.0
     # Scale of each track in units of the take's, after each of its points.
     own = np.sqrt((prior_weight + trial.recent_errors[:, 0] / usual**2) / (prior_weight + trial.recent_errors[:, 1]))
-    by_step = [_ratios(runs.innovations(trial, step), own) for step in range(1, n_steps + 1)]
+    by_step = []
+    for step in range(1, n_steps + 1):
+        steps, origins = runs.innovations(trial, step)
+        by_step.append(steps / own[origins])
     tail, scale = _fit_t(by_step[0], least)
     middle = np.array([np.median(ratios) if len(ratios) else np.nan for ratios in by_step])
     growth = np.fmax.accumulate(middle) / max(middle[0], least)
@@ -162,7 +165,9 @@ def find_innovations(trial: Trial, spacing: float, n_steps: int) -> Innovations 
     births, losses = _turnover(trial)
     seen = runs.log_odds(n_steps)
     seen[0, :2] = np.log((1.0 - losses) / losses)
-    odds = constant[:, np.newaxis] - 3.0 * np.log(scales) - np.log(births) - _log_density(spacing) + seen
+    # Half of the points have another one nearer than the spacing: that is their density [1/mm^3].
+    log_density = float(np.log(np.log(2.0) / (4.0 / 3.0 * np.pi * spacing**3)))
+    odds = constant[:, np.newaxis] - 3.0 * np.log(scales) - np.log(births) - log_density + seen
     return Innovations(tails, relative, prior_weight, scales, odds)
 
 
@@ -175,11 +180,6 @@ def _fit_t(sizes: Floats, least: float) -> tuple[float, float]:
         tails.append(float(TAILS[np.argmin(np.abs(np.log(ratios * middle / size)))]))
     tail = min(tails)
     return tail, float(middle / np.sqrt(3.0 * fdtri(3.0, tail, MIDDLE)))
-
-
-def _log_density(spacing: float) -> float:
-    """Log of the density of points [1/mm^3]: half of the points have another one nearer than the spacing."""
-    return float(np.log(np.log(2.0) / (4.0 / 3.0 * np.pi * spacing**3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,9 +275,3 @@ def _neighbours(trial: Trial, chosen: Bools) -> tuple[Ints, Ints]:
             points.append(here)
             nearest.append(here[found[:, 1]])
     return np.concatenate(points), np.concatenate(nearest)
-
-
-def _ratios(innovations: tuple[Floats, Ints], own: Floats) -> Floats:
-    """Sizes of innovations by the own scale of the track that they are innovations of."""
-    sizes, origins = innovations
-    return np.asarray(sizes / own[origins])

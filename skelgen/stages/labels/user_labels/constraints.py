@@ -106,7 +106,8 @@ def constrain_labelled(
     monitor : Monitor
         Receives a notice of what was changed.
     """
-    cloud = _cloud_of(file)
+    starts = np.concatenate([[0], np.cumsum(file.seen.sum(axis=1))])
+    cloud = PointCloud(file.positions[file.seen], starts, file.times, name=file.name)
     constraints = find_constraints(cloud, follow_points(cloud, parameters, monitor)[0], _by_position(identities, file))
     found, names = apply_constraints(cloud, find_points(cloud, repaired.positions), constraints, repaired.names)
     lost = int(repaired.seen.sum() - (found >= 0).sum())
@@ -116,12 +117,6 @@ def constrain_labelled(
     monitor.notice(sentence)
     positions = all_positions(cloud, found, len(names))
     return Trajectories(positions, names, file.rate, file.name, (*repaired.notices, sentence))
-
-
-def _cloud_of(take: Trajectories) -> PointCloud:
-    """The seen markers of each frame as points."""
-    starts = np.concatenate([[0], np.cumsum(take.seen.sum(axis=1))])
-    return PointCloud(take.positions[take.seen], starts, take.times, name=take.name)
 
 
 def _by_position(identities: Identities, take: Trajectories) -> Identities:
