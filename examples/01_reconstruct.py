@@ -12,14 +12,13 @@ import sys
 from pathlib import Path
 
 import skelgen
-from skelgen.simulation import simulate
 
 STRUCTURE = "quadruped"  # 17 limbs, three markers each
 
 
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples")
-    simulated = simulate(STRUCTURE, seed=1, n_frames=400, noise=0.3)
+    simulated = skelgen.simulate(STRUCTURE, seed=1, n_frames=400, noise=0.3)
     skelgen.write(simulated.take, folder / "walk.c3d")
 
     take = skelgen.read(folder / "walk.c3d")

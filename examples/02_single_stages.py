@@ -1,35 +1,33 @@
-"""The stages one by one, with parameters: what `skelgen.reconstruct` does in one call.
+"""The stages one by one, with parameters: a project goes on where it ended, as often as you like.
 
     python examples/02_single_stages.py
 
-A stage is a pure function of the results of the stages before it, so that one of them can be replaced or compared with
-another: here two ways to find the limbs, and two ways to fit the skeleton.
+Here two ways to find the limbs are compared, and two ways to fit the skeleton to the same limbs and joints.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from skelgen.simulation import simulate
-from skelgen.stages.joints import JointParameters, find_joints
-from skelgen.stages.limbs import LimbParameters, find_limbs
-from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
+import skelgen
 
 
 def main() -> None:
-    simulated = simulate("human", seed=2, n_frames=300, noise=0.5)
+    simulated = skelgen.simulate("human", seed=2, n_frames=300, noise=0.5)
     take, truth = simulated.take, simulated.truth
 
-    by_rigidity = find_limbs(take)
-    by_spectrum = find_limbs(take, LimbParameters(method="spectral"), n_limbs=by_rigidity.n_limbs)
-    agree = np.array_equal(by_rigidity.limb_of_marker, by_spectrum.limb_of_marker)
-    print(f"{by_rigidity.n_limbs} limbs; spectral clustering finds {'the same' if agree else 'others'}")
+    by_rigidity = skelgen.reconstruct(take, until="limbs")
+    n_limbs = by_rigidity.limbs.n_limbs
+    spectral = {"limbs": {"method": "spectral"}}
+    by_spectrum = skelgen.reconstruct(take, n_limbs=n_limbs, parameters=spectral, until="limbs")
+    agree = np.array_equal(by_rigidity.limbs.limb_of_marker, by_spectrum.limbs.limb_of_marker)
+    print(f"{n_limbs} limbs; spectral clustering finds {'the same' if agree else 'others'}")
 
-    topology = find_joints(take, by_rigidity, JointParameters(alpha=0.05))
-    print(f"{topology.n_joints} joints; the root is limb {topology.roots[0]}")
+    jointed = skelgen.reconstruct(by_rigidity, parameters={"joints": {"alpha": 0.05}}, until="joints")
+    print(f"{jointed.topology.n_joints} joints; the root is limb {jointed.topology.roots[0]}")
 
     for fit in ("root-outward", "whole-chain"):
-        _, motion = fit_skeleton(take, by_rigidity, topology, SkeletonParameters(fit=fit))
+        motion = skelgen.reconstruct(jointed, parameters={"skeleton": {"fit": fit}}).motion
         from_truth = np.linalg.norm(motion.marker_positions - truth.marker_positions, axis=2).mean()
         print(f"{fit}: markers of the skeleton are {from_truth:.3f} mm from the truth on average")
 

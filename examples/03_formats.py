@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 
 import skelgen
-from skelgen.simulation import simulate
 
 
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples")
-    take = simulate("rods", n_frames=200, noise=0.5, dropouts=0.05).take
+    take = skelgen.simulate("rods", n_frames=200, noise=0.5, dropouts=0.05).take
 
     for suffix in ("c3d", "trc", "csm"):
         (path,) = skelgen.write(take, folder / f"rods.{suffix}")
@@ -29,7 +28,7 @@ def main() -> None:
         print(f"{path.name}: {path.stat().st_size} bytes, {gaps}, largest difference {largest:.2g} mm")
 
     # Points without labels have a format of their own; each frame holds its own number of them.
-    cloud = simulate("rods", n_frames=200, dropouts=0.05, ghosts=0.5, labelled=False).take
+    cloud = skelgen.simulate("rods", n_frames=200, dropouts=0.05, ghosts=0.5, labelled=False).take
     (path,) = skelgen.write(cloud, folder / "rods.mfml")
     back = skelgen.read(path)
     print(f"{path.name}: {back.n_points} points in {back.n_frames} frames at {back.rate:.0f} Hz")

@@ -8,27 +8,26 @@ The simulation knows which point is which marker: `evaluate` compares.
 from __future__ import annotations
 
 import skelgen
-from skelgen.evaluation import evaluate, evaluation_lines
-from skelgen.simulation import simulate
 
 
-class Notices:
-    """A monitor that prints what the stages have to say, and ignores what they are doing and how far they are."""
-
-    def begin(self, name: str) -> None:
-        pass
-
-    def advance(self, done: float, total: float) -> None:
-        pass
+class Notices(skelgen.SilentMonitor):
+    """A monitor that prints the notices of the stages and ignores their progress."""
 
     def notice(self, sentence: str) -> None:
         print(f"note: {sentence}")
 
 
 def main() -> None:
-    simulated = simulate("rods", seed=3, n_frames=1000, noise=0.3, dropouts=0.05, ghosts=0.2, labelled=False)
+    simulated = skelgen.simulate("rods", seed=3, n_frames=1000, noise=0.3, dropouts=0.05, ghosts=0.2, labelled=False)
     project = skelgen.reconstruct(simulated.take, seed=3, monitor=Notices())
-    print(*evaluation_lines(evaluate(project, simulated.truth)), sep="\n")
+    scores = skelgen.evaluate(project, simulated.truth)
+    if scores.labels and scores.limbs:
+        print(
+            f"markers: {scores.labels.n_markers_found} of {scores.labels.n_markers_true}, IDF1 {scores.labels.idf1:.4f}"
+        )
+        print(f"limbs agree by {scores.limbs.adjusted_rand:.3f}")
+    for joint in scores.joints:
+        print(f"{joint.name}: {joint.mean:.2f} mm from the truth on average")
 
 
 if __name__ == "__main__":

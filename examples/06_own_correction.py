@@ -3,7 +3,7 @@
     python examples/06_own_correction.py [FOLDER]
 
 Hands and forearms of this human hardly move against each other, so that they are found as one limb. We say that two
-markers do not share a limb, and which kind a joint is; the stages from there on run again.
+markers do not share a limb, and of which type a joint is; the stages from there on run again.
 """
 
 from __future__ import annotations
@@ -12,37 +12,29 @@ import sys
 from pathlib import Path
 
 import skelgen
-from skelgen.app.corrections import with_correction
-from skelgen.app.pipeline import run_stages
-from skelgen.model.corrections import Correction
-from skelgen.simulation import simulate
 
 STILLNESS = 0.2  # of the usual angles
 
 
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples")
-    take = simulate("human", seed=3, n_frames=400, noise=0.5, motion_range=STILLNESS).take
+    take = skelgen.simulate("human", seed=3, n_frames=400, noise=0.5, motion_range=STILLNESS).take
     project = skelgen.reconstruct(take)
     print(f"found: {project.limbs.n_limbs} limbs of 15")
 
     markers = take.names
     hand, forearm = (next(name for name in markers if name.startswith(limb)) for limb in ("left hand", "left forearm"))
-    for correction in (
-        Correction("apart", (hand, forearm)),
-        Correction("join", (hand, forearm)),
-        Correction("kind", (hand, forearm), value="ball"),
-    ):
-        project = with_correction(project, correction)
-        print(f"said: {correction.sentence}")
+    for kind, value in (("apart", ""), ("join", ""), ("kind", "ball")):
+        project = skelgen.correct(project, kind, (hand, forearm), value)
+        print(f"stated: {project.corrections[-1].sentence}")
 
-    project = run_stages(project)  # those without a result: from the limbs on
+    project = skelgen.reconstruct(project)  # goes on with the limbs, which have no result any more
     print(f"now: {project.limbs.n_limbs} limbs")
     pair = {int(project.limbs.limb_of_marker[markers.index(name)]) for name in (hand, forearm)}
     kind = next(joint.kind for joint in project.skeleton.joints if {joint.parent, joint.child} == pair)
     print(f"the joint between {forearm} and {hand} is a {kind}")
     (path,) = skelgen.write(project, folder / "corrected.skelgen")
-    print(f"written with what was said: {path}")
+    print(f"written with the corrections: {path}")
 
 
 if __name__ == "__main__":

@@ -11,11 +11,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
-from skelgen_formats.options import Options
-from skelgen_formats.registry import find_format
-
 import skelgen
-from skelgen.simulation import simulate
 
 EXPORTS = (
     ("walk.bvh", {"axes": "z-to-y", "unit": "cm", "rate": 30.0}),  # Blender, Unreal, MotionBuilder
@@ -32,7 +28,7 @@ NEEDS = {".usda": "pxr"}  # extra `usd`
 
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples")
-    project = skelgen.reconstruct(simulate("quadruped", seed=1, n_frames=200, noise=0.3).take)
+    project = skelgen.reconstruct(skelgen.simulate("quadruped", seed=1, n_frames=200, noise=0.3).take)
     for name, options in EXPORTS:
         module = NEEDS.get(Path(name).suffix)
         if module and importlib.util.find_spec(module) is None:
@@ -40,8 +36,6 @@ def main() -> None:
             continue
         files = skelgen.write(project, folder / name, **options)
         print(f"{name}: {', '.join(path.name for path in files)}")
-    for sentence in find_format("bvh").remarks(project, Options()):
-        print(f"what BVH cannot hold: {sentence}")
 
 
 if __name__ == "__main__":

@@ -11,16 +11,15 @@ from __future__ import annotations
 import numpy as np
 
 import skelgen
-from skelgen.simulation import simulate
 
 FAULTS = {"n_frames": 600, "noise": 0.3, "dropouts": 0.03, "ghosts": 0.2}
 
 
 def main() -> None:
-    live = simulate("human", seed=11, labelled=False, **FAULTS)
+    live = skelgen.simulate("human", seed=11, labelled=False, **FAULTS)
     follow("nothing known", skelgen.Tracker(rate=live.take.rate), live)
 
-    earlier = skelgen.reconstruct(simulate("human", seed=12, n_frames=600, noise=0.3).take)
+    earlier = skelgen.reconstruct(skelgen.simulate("human", seed=12, n_frames=600, noise=0.3).take)
     follow("skeleton known", skelgen.Tracker(skeleton=earlier, rate=live.take.rate), live)
 
 

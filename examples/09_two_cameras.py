@@ -13,10 +13,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from skelgen_formats.capture_settings import write_settings
 
-from skelgen.capture.live import MotionCapture
-from skelgen.capture.simulated_rig import simulated_rig
+import skelgen
 
 N_PAIRS = 60
 
@@ -26,13 +24,12 @@ def main() -> None:
     if importlib.util.find_spec("cv2") is None:
         print("needs OpenCV: pip install 'skelgen[capture]'")
         return
-    folder.mkdir(parents=True, exist_ok=True)
-    with simulated_rig("arm", n_frames=N_PAIRS, seed=1) as source:
+    with skelgen.simulated_rig("arm", n_frames=N_PAIRS, seed=1) as source:
         settings = source.settings
-        write_settings(settings, folder / "rig.xml")
+        skelgen.write(settings, folder / "rig.xml")
         angles: dict[str, list[np.ndarray]] = {}
         seen = errors = 0.0
-        with MotionCapture(settings) as capture:
+        with skelgen.MotionCapture(settings) as capture:
             for index in range(N_PAIRS):
                 pair, truth = source.render(index)
                 captured = capture.see(pair)

@@ -8,14 +8,9 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
 from pathlib import Path
 
 import skelgen
-from skelgen.app.batch.run import run_batch
-from skelgen.app.batch.work import Job
-from skelgen.app.batch.workers import in_processes
-from skelgen.simulation import simulate
 
 N_TAKES = 3
 
@@ -24,18 +19,18 @@ def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/examples")
     recordings, results = folder / "recordings", folder / "results"
     for seed in range(N_TAKES):
-        skelgen.write(simulate("rods", seed=seed, n_frames=200, noise=0.3).take, recordings / f"take{seed}.c3d")
+        skelgen.write(skelgen.simulate("rods", seed=seed, n_frames=200, noise=0.3).take, recordings / f"take{seed}.c3d")
     (recordings / "broken.c3d").write_bytes((recordings / "take0.c3d").read_bytes()[:1500])
 
-    job = Job(formats=("bvh",))
-    done = run_batch([recordings], results, job, pool=partial(in_processes, n_workers=2), resume=results.exists())
-    tell(done)
-    again = run_batch([recordings], results, job, resume=True)  # as after a kill: nothing finished is done twice
-    tell(again)
+    job = skelgen.Job(formats=("bvh",))
+    done = skelgen.run_batch([recordings], results, job, n_workers=2, resume=results.exists())
+    show(done)
+    again = skelgen.run_batch([recordings], results, job, resume=True)  # as after a kill: nothing is done twice
+    show(again)
     print(f"look at {done.page}")
 
 
-def tell(batch) -> None:
+def show(batch) -> None:
     print(f"{batch.n_done} of {len(batch.records)} takes done, {batch.n_kept} of them before")
     for record in batch.failed:
         print(f"  {record['name']}: {record['error']}")

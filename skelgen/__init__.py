@@ -37,6 +37,8 @@ if TYPE_CHECKING:
         CaptureError,
         FormatError,
         InputError,
+        KernelError,
+        MissingPackageError,
         MissingResultError,
         ParameterError,
         SkelgenError,
@@ -59,6 +61,7 @@ if TYPE_CHECKING:
         Trajectories,
     )
     from skelgen.model.filled import Filled
+    from skelgen.model.rig import CaptureSettings
     from skelgen.progress import Monitor, SilentMonitor
     from skelgen.simulation import simulate
     from skelgen.stages.labels import Tracker
@@ -101,6 +104,7 @@ _NAMES = {
         "StageReport",
     ),
     "skelgen.model.filled": ("Filled",),
+    "skelgen.model.rig": ("CaptureSettings",),
     "skelgen.progress": ("Monitor", "SilentMonitor"),
     "skelgen.errors": (
         "SkelgenError",
@@ -108,6 +112,8 @@ _NAMES = {
         "InputError",
         "ParameterError",
         "MissingResultError",
+        "MissingPackageError",
+        "KernelError",
         "WriteError",
         "CaptureError",
         "Cancelled",
@@ -120,6 +126,7 @@ _HOMES = {name: module for module, names in _NAMES.items() for name in names}
 __all__ = [
     "Cancelled",
     "CaptureError",
+    "CaptureSettings",
     "Filled",
     "FormatError",
     "Identities",
@@ -127,9 +134,11 @@ __all__ = [
     "InputError",
     "Job",
     "Joint",
+    "KernelError",
     "Labelling",
     "Limbs",
     "LiveSkeleton",
+    "MissingPackageError",
     "MissingResultError",
     "Monitor",
     "Motion",

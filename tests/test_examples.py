@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -27,3 +28,11 @@ def test_example_runs_and_says_something(script, tmp_path):
 def test_every_example_says_how_to_start_it():
     for script in EXAMPLES:
         assert f"    python examples/{script.name}" in script.read_text(encoding="utf-8")
+
+
+def test_examples_need_the_face_alone():
+    for script in EXAMPLES:
+        nodes = list(ast.walk(ast.parse(script.read_text(encoding="utf-8"))))
+        names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+        sources = {str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)}
+        assert {name for name in names | sources if name.startswith("skelgen")} == {"skelgen"}, script

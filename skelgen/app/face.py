@@ -24,6 +24,7 @@ from skelgen.model import Identities, PointCloud, Poses, Project, Take, Trajecto
 from skelgen.model.corrections import Correction
 from skelgen.model.filled import Filled
 from skelgen.model.project import STAGES
+from skelgen.model.rig import CaptureSettings
 from skelgen.progress import SILENT, Monitor
 
 if TYPE_CHECKING:
@@ -436,12 +437,14 @@ def run_batch(
     return run.run_batch(inputs, output, job, pool=pool, resume=resume, monitor=monitor or SILENT)
 
 
-def write(value: Project | Take | Filled, path: Path | str, format: str | None = None, **options: Any) -> list[Path]:
-    """Write a project, a take or filled markers; the file appears whole or not at all.
+def write(
+    value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
+) -> list[Path]:
+    """Write a project, a take, filled markers or settings of a capture; the file appears whole or not at all.
 
     Parameters
     ----------
-    value : Project, PointCloud, Trajectories, Poses or Filled
+    value : Project, PointCloud, Trajectories, Poses, Filled or CaptureSettings
         What to write.
     path : Path or str
         The file; its format comes from `format` or the suffix.

@@ -33,6 +33,7 @@ from skelgen.errors import InputError, WriteError
 from skelgen.files import replacing
 from skelgen.model import Identities, PointCloud, Project, Take
 from skelgen.model.filled import Filled
+from skelgen.model.rig import CaptureSettings
 from skelgen.progress import SILENT, Monitor
 
 PROJECT_FORMAT = "skelgen"
@@ -98,9 +99,11 @@ def given_identities(identities: Identities | Path | str | None) -> Identities |
 
 
 def write_any(
-    value: Project | Take | Filled, path: Path | str, format: str | None = None, **options: Any
+    value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
 ) -> list[Path]:
-    """Write a project, a take or filled markers in any format, the project file included; see `skelgen.write`."""
+    """Write any value of the public face in any format that holds it; see `skelgen.write`."""
+    if isinstance(value, CaptureSettings):
+        return [_write_capture_settings(value, Path(path))]
     if isinstance(value, Filled):
         return write_file(value, path, format, **{"filled": True, **options})
     if _is_project(path, format):
@@ -108,6 +111,13 @@ def write_any(
             raise WriteError(f"{path}: a project file is written without options, not with {', '.join(options)}")
         return [save_project(value if isinstance(value, Project) else Project(value), path)]
     return write_file(value, path, format, **options)
+
+
+def _write_capture_settings(settings: CaptureSettings, path: Path) -> Path:
+    from skelgen_formats.capture_settings import write_settings  # noqa: PLC0415 - lxml costs 50 ms
+
+    write_settings(settings, path)
+    return path
 
 
 def _is_project(path: Path | str, format: str | None) -> bool:
