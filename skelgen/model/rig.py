@@ -17,7 +17,7 @@ from skelgen.errors import InputError
 from skelgen.model.arrays import Floats, check_floats, check_names
 
 N_DISTORTION = 5
-SEED_NOISE = 0.1
+TYPICAL_NOISE = 0.1
 """Standard deviation [px] of a ball's centre along one axis, calibration included (Gaschler 2011, chapter 6.1)."""
 JOINT_KINDS = ("ball", "hinge")
 
@@ -85,7 +85,7 @@ class StereoRig:
 
     left: Camera
     right: Camera
-    noise: float = SEED_NOISE
+    noise: float = TYPICAL_NOISE
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.noise) or self.noise <= 0:

@@ -24,7 +24,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import nearest_rotation, transform_from
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.rig import SEED_NOISE, Camera, StereoRig
+from skelgen.model.rig import TYPICAL_NOISE, Camera, StereoRig
 from skelgen.progress import SILENT, Monitor, with_progress
 
 Picture = Image | Path | str
@@ -173,7 +173,7 @@ def _with_deviations(adjusted: Adjusted, seen: tuple[PairSeen, ...]) -> StereoCa
     left, right = (
         replace(eye, name=name) for eye, name in zip(adjusted.bundle.cameras, ("left", "right"), strict=True)
     )
-    rig = StereoRig(left, right, max(SEED_NOISE, adjusted.noise))
+    rig = StereoRig(left, right, max(TYPICAL_NOISE, adjusted.noise))
     std = np.sqrt(np.diag(adjusted.covariance))
     along = rig.right_from_left[:3, 3] / rig.baseline
     baseline_std = float(np.sqrt(along @ adjusted.covariance[-3:, -3:] @ along))
