@@ -10,6 +10,7 @@ from skelgen.evaluation.joints import JointScore, joint_distances, joint_gaps
 from skelgen.kinematics.calibration.uncertainty import Bound, cramer_rao_bound
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.model import Project, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order
@@ -56,7 +57,7 @@ def bound_of_take(trajectories: Trajectories, true_of_marker: Ints, truth: Truth
     if noise == 0.0:
         return None
     chain, articulation, poses = true_chain(truth)
-    return cramer_rao_bound(chain, articulation, poses[frames], measured, noise), noise, frames
+    return cramer_rao_bound(observed(chain, articulation, poses[frames], measured), noise), noise, frames
 
 
 def true_chain(truth: Truth) -> tuple[Chain, Articulation, ChainPoses]:

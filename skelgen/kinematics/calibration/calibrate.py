@@ -1,43 +1,44 @@
 r"""Limb shapes and joints of a whole chain by maximum likelihood, with all poses free (Gaschler 2011, 5.3).
 
-The normal matrix of all unknowns is an arrow: one block per frame (its pose), bordered by the few constants of the
-skeleton. The poses are eliminated frame by frame (Schur complement), so that the cost is linear in frames:
+The normal matrix of all unknowns is a bordered system: one block per frame (its pose), and its coupling to the few
+constants of the skeleton. The poses are eliminated frame by frame (Schur complement), so the cost is linear in frames:
 
 .. math::
     S = H_{cc} - \sum_f H_{cf} H_{ff}^{-1} H_{fc}, \qquad S\,\delta c = g_c - \sum_f H_{cf} H_{ff}^{-1} g_f .
 
-After every step the poses are settled, so that their pull :math:`g_f` is nothing. For steps S is computed from a few
-evenly spread frames and scaled, while the pull of the constants comes from all: the solution is that of all frames.
+After every step the poses are fitted again, so that their gradient :math:`g_f` is 0. For a step S is computed from a
+few evenly spread frames and scaled, but the gradient of the constants comes from all: so the solution is that of all
+frames.
 
 The inverse of S, times the noise variance, is the covariance of the constants: the Cramer-Rao bound at the solution.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
-from skelgen.kinematics.chain.normal_equations import constant_gradient, n_constants, total_information
-from skelgen.kinematics.inverse.poses import fit_poses
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.normal_equations import constant_gradient, total_information
+from skelgen.kinematics.chain.observed_chain import ObservedChain, observed
+from skelgen.kinematics.inverse.poses import MAX_STEPS, fit_poses
 from skelgen.model.arrays import Bools, Floats, Ints
 
 STEP_FRAMES = 80
-"""Frames that the matrix S of a step rests on: it need not be exact, but few frames do not tell all constants."""
+"""Frames from which the matrix S of a step is computed: it need not be exact, but must determine all constants."""
 
 INFORMATION_WORK = 1.5e8
-"""Multiplications that S for deviations may take, some 50 ms: larger chains use fewer frames, but not below those of a
-step."""
+"""Multiplications that S for deviations may take, some 50 ms: larger chains use fewer frames, but `STEP_FRAMES`."""
 
 LEAST_SIGHTS = 10
 """Frames of each marker that are among those for S, if there are as many."""
 
 MAX_ROUNDS = 12
 POSE_STEPS = 3
-"""Steps of the poses after each step of the constants: from so near, more would gain nothing that counts."""
+"""Steps of the poses after each step of the constants: from so near, more would hardly gain anything."""
 
 STEP_TOLERANCE = 1e-7
 """mm; rounds stop when no constant moves more."""
@@ -46,59 +47,44 @@ STEP_PARTS = (1.0, 0.5, 0.25, 0.1)
 """Parts of a Gauss-Newton step that are tried until one lowers the sum of squares."""
 
 LEAST_GAIN = 0.01
-"""Rounds stop when the log-likelihood rises by less than this per constant: less is nothing but noise."""
+"""Rounds stop when the log-likelihood rises by less than this per constant, which is less than chance."""
 
 PRIOR_SPREAD = 30.0
-"""mm; constants that the frames do not determine (a joint along its hinge) lean to the start with this spread."""
+"""mm; standard deviation from the start of constants that the frames do not determine (a joint along its hinge)."""
 
 FREE_SHARE = 1e-8
-"""Of the mean information: what at least holds the free frames of the limbs, however exact the take."""
+"""Of the mean information: least prior, which holds the free frames of the limbs, however exact the take."""
 
-LEAST_NOISE = 1e-12
-"""mm^2; of a gain in likelihood, for exact takes."""
+LEAST_VARIANCE = 1e-12
+"""mm^2; of a coordinate, by which gains in likelihood are computed for exact takes."""
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
-    """A calibrated chain.
+class Calibration(ObservedChain):
+    """A calibrated chain: limbs, joints, axes and poses are those of maximum likelihood.
 
     Attributes
     ----------
-    chain : Chain
-        Limbs with their maximum likelihood shapes and joints.
-    articulation : Articulation
-        What the joints allow, their axes calibrated too.
-    poses : ChainPoses
-        Poses in the frames used.
     noise : float, mm
         Standard deviation of one coordinate of weight 1, with the freedoms of poses and constants taken off.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        What was measured.
-    weights : ndarray, shape (n_frames, n_markers)
-        Of the squared distances, 0 where unseen.
+    known_information : ndarray, shape (n_constants, n_constants), optional
+        Information from elsewhere, such as that with unknown soft tissue.
     """
 
-    chain: Chain
-    articulation: Articulation
-    poses: ChainPoses
     noise: float
-    positions: Floats
-    weights: Floats
-    known: Floats | None = None
+    known_information: Floats | None = None
 
     @cached_property
     def information(self) -> Floats:
-        """Information matrix, shape (n_constants, n_constants), computed when it is first asked for.
+        """Information matrix of the constants for noise 1, shape (n_constants, n_constants), computed when needed.
 
         Of marker offsets, then joints 1 .. n_limbs - 1, in 1 / mm^2 times `noise` squared, then of the constants of
         axes.
         """
-        if self.known is not None:
-            return self.known
-        size = n_constants(self.chain, self.articulation)
-        affordable = int(INFORMATION_WORK / (size**2 * (3 + 3 * self.chain.n_limbs)))
-        most = max(affordable, STEP_FRAMES)
-        return _information(self.chain, self.articulation, self.poses, self.positions, self.weights, most)
+        if self.known_information is not None:
+            return self.known_information
+        affordable = int(INFORMATION_WORK / (self.n_constants**2 * (3 + 3 * self.chain.n_limbs)))
+        return _information(self, max(affordable, STEP_FRAMES))
 
 
 def calibrate(
@@ -122,76 +108,79 @@ def calibrate(
     n_rounds : int, optional
         Rounds at most; 0 keeps the chain and only finds poses, noise and information.
     articulation : Articulation, optional
-        What the joints allow; any turn if it is not given.
+        What the joints allow; any rotation if it is not given.
     weights : ndarray, shape (n_frames, n_markers), optional
         Of the squared distances.
     """
     articulation = articulation or Articulation.free(chain.n_limbs)
-    weights = seen_weights(positions, weights)
     if not articulation.is_free:
         start = ChainPoses(start.root, articulation.projected(chain.parents, start.rotations))
         articulation = articulation.at_rest(chain.parents, start.rotations)
-    poses = fit_poses(chain, start, positions, articulation, weights)
-    state = _State(chain, articulation, poses, positions, weights)
+    guess = observed(chain, articulation, start, positions, weights)
+    state = _State.fitted(guess)
     for _ in range(MAX_ROUNDS if n_rounds is None else n_rounds):
-        better = _improved(state, chain, positions, weights)
+        better = _improved(state, chain)
         if better is None:
             break
-        moved = float(np.abs(_packed(better.chain) - _packed(state.chain)).max())
-        gain = (state.squares - better.squares) / (2 * max(better.noise, LEAST_NOISE))
+        moved = float(np.abs(_packed(better.fit.chain) - _packed(state.fit.chain)).max())
+        gain = (state.squares - better.squares) / (2 * max(better.variance, LEAST_VARIANCE))
         state = better
-        if moved < STEP_TOLERANCE or gain <= LEAST_GAIN * n_constants(chain, articulation):
+        if moved < STEP_TOLERANCE or gain <= LEAST_GAIN * guess.n_constants:
             break
-    noise = float(np.sqrt(state.noise))
-    return Calibration(state.chain, state.articulation, state.poses, noise, positions, weights)
+    fit = state.fit
+    noise = float(np.sqrt(state.variance))
+    return Calibration(fit.chain, fit.articulation, fit.poses, fit.positions, fit.weights, noise)
 
 
+@dataclass(frozen=True, eq=False)
 class _State:
-    """A chain with poses, and how well they explain the markers."""
+    """A chain with fitted poses, its sum of squares [mm^2], and the variance of a coordinate [mm^2]."""
 
-    def __init__(
-        self, chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats
-    ) -> None:
-        self.chain, self.articulation, self.poses = chain, articulation, poses
-        error = residuals(chain, poses, positions)
-        self.squares = float(np.einsum("fmi,fmi,fm->", error, error, weights))
+    fit: ObservedChain
+    squares: float
+    variance: float
+
+    @classmethod
+    def fitted(cls, guess: ObservedChain, max_steps: int = MAX_STEPS) -> _State:
+        """Fit the poses of a chain."""
+        start, positions, weights = guess.poses, guess.positions, guess.weights
+        fit = replace(guess, poses=fit_poses(guess.chain, start, positions, guess.articulation, weights, max_steps))
         n_data = 3 * int((weights > 0).sum())
-        n_free = n_data - len(positions) * articulation.n_freedoms - n_constants(chain, articulation)
-        self.noise = self.squares / max(n_free, 0.05 * n_data, 1)
+        n_free = n_data - fit.n_frames * fit.articulation.n_freedoms - fit.n_constants
+        squares = fit.squares
+        return cls(fit, squares, squares / max(n_free, 0.05 * n_data, 1))
 
 
-def _improved(state: _State, first: Chain, positions: Floats, weights: Floats) -> _State | None:
-    """One Gauss-Newton step of the constants, halved until it lowers the sum of squares; None if it does not."""
-    chain, articulation = state.chain, state.articulation
-    constants = _packed(chain)
-    step = _step(state, _packed(first) - constants, positions, weights)
+def _improved(state: _State, first: Chain) -> _State | None:
+    """Take a Gauss-Newton step of the constants, shortened until it lowers the sum of squares; None if none does."""
+    fit, n_places = state.fit, 3 * (first.n_markers + first.n_limbs - 1)
+    step = _step(state, _packed(first) - _packed(fit.chain))
     for part in STEP_PARTS:
-        trial = _unpacked(chain, constants + part * step[: len(constants)])
-        changed, rotations = articulation.tilted(chain.parents, state.poses.rotations, part * step[len(constants) :])
-        start = ChainPoses(state.poses.root, rotations)
-        poses = fit_poses(trial, start, positions, changed, weights, POSE_STEPS)
-        better = _State(trial, changed, poses, positions, weights)
+        chain = _unpacked(fit.chain, _packed(fit.chain) + part * step[:n_places])
+        articulation, rotations = fit.articulation.tilted(chain.parents, fit.poses.rotations, part * step[n_places:])
+        trial = replace(fit, chain=chain, articulation=articulation, poses=ChainPoses(fit.poses.root, rotations))
+        better = _State.fitted(trial, POSE_STEPS)
         if better.squares <= state.squares:
             return better
     return None
 
 
-def _step(state: _State, from_start: Floats, positions: Floats, weights: Floats) -> Floats:
-    """Step of the constants, drawn weakly to the start.
+def _step(state: _State, from_start: Floats) -> Floats:
+    """Step of the constants, with a weak prior at the start.
 
-    What no frame determines, such as the free frames of the limbs, is filtered out of it: there, poses that are not
-    quite settled pull at nothing but the weak prior.
+    Directions that no frame determines, such as the free frames of the limbs, are filtered out of it. There the
+    gradient is not exactly 0 where poses have not quite converged, and only the weak prior would hold it.
     """
-    chain, articulation, n_places = state.chain, state.articulation, len(from_start)
-    information = _information(chain, articulation, state.poses, positions, weights, STEP_FRAMES)
+    fit, n_places = state.fit, len(from_start)
+    information = _information(fit, STEP_FRAMES)
     held = FREE_SHARE * float(np.diag(information)[:n_places].mean())
-    prior = max(state.noise / PRIOR_SPREAD**2, held)
+    prior = max(state.variance / PRIOR_SPREAD**2, held)
     levels = np.full(len(information), prior)
-    levels[n_places:] *= max(3 * float((chain.offsets**2).mean()), 1.0)  # tilts move what is a limb away
-    pull = constant_gradient(chain, articulation, state.poses, positions, weights)
-    pull[:n_places] += prior * from_start
-    held_together = information + np.diag(levels)
-    return np.asarray(np.linalg.solve(held_together, information @ np.linalg.solve(held_together, pull)))
+    levels[n_places:] *= max(3 * float((fit.chain.offsets**2).mean()), 1.0)  # tilts move what is a limb away
+    gradient = constant_gradient(fit)
+    gradient[:n_places] += prior * from_start
+    with_prior = information + np.diag(levels)
+    return np.asarray(np.linalg.solve(with_prior, information @ np.linalg.solve(with_prior, gradient)))
 
 
 def _packed(chain: Chain) -> Floats:
@@ -204,17 +193,15 @@ def _unpacked(chain: Chain, constants: Floats) -> Chain:
     return chain.moved(joints, offsets)
 
 
-def _information(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats, most: int
-) -> Floats:
+def _information(fit: ObservedChain, most: int) -> Floats:
     """S of all frames, scaled up from at most some that are evenly spread."""
-    frames = _spread_frames(weights > 0, most)
-    scale = (weights > 0).sum() / max((weights[frames] > 0).sum(), 1)
-    return np.asarray(scale * total_information(chain, articulation, poses[frames], positions[frames], weights[frames]))
+    some = fit.at(_spread_frames(fit.weights > 0, most))
+    scale = (fit.weights > 0).sum() / max((some.weights > 0).sum(), 1)
+    return np.asarray(scale * total_information(some))
 
 
 def _spread_frames(seen: Bools, most: int) -> Ints:
-    """Evenly spread frames, and some of each marker that is seen in few of these."""
+    """Evenly spread frames, and more of each marker that is seen in few of these."""
     frames = np.arange(len(seen))
     if len(frames) <= most:
         return frames

@@ -1,15 +1,15 @@
-r"""How surely the parts of a calibrated chain are known, whatever frames its limbs were given.
+r"""Errors of the limbs and joints of a calibrated chain, whatever frames its limbs were given.
 
-The inverse information of the constants leaves open how each limb's frame is turned. What counts is how points of a
-limb lie to each other: of the change :math:`d_i` of each point the rigid motion of the limb's markers is taken off,
+The inverse information of the constants leaves the rotation of each limb's frame open. What counts is how the points of
+a limb lie to each other. So the rigid motion of the limb's markers is taken off the change :math:`d_i` of each point:
 
 .. math::
     d_i' = d_i - \bar d - \theta \times (p_i - c),
 
-with the mean change :math:`\bar d` and the centroid c of the markers, and the turn :math:`\theta` that fits their
-changes best. Limbs whose markers lie on one line are turned by their joints as well. The same turn is taken off axes
-and off the limbs' rotations, so that joints, axes, offsets, lengths and angles all count against the markers (Gaschler
-2011, 6.1).
+with the mean change :math:`\bar d` and the centroid c of the markers, and the rotation :math:`\theta` that fits their
+changes best. Where the markers of a limb lie on one line, its joints take part in that fit. The same rotation is taken
+off axes and off the limbs' rotations. So joints, axes, offsets, lengths and angles all count against the markers
+(Gaschler 2011, 6.1).
 """
 
 from __future__ import annotations
@@ -21,22 +21,49 @@ import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.bodies.shape import determines_pose
+from skelgen.kinematics.calibration.calibrate import Calibration
 from skelgen.kinematics.chain.articulation import Articulation, across
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.chain.normal_equations import linearised
+from skelgen.kinematics.chain.normal_equations import frame_blocks
+from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.kinematics.inverse.poses import LEAST_NOISE
 from skelgen.model.arrays import Floats
 
 FAINT = 1e-4
-"""Weight of points that only take up a turn which the others leave open."""
+"""Weight of points that only fix a rotation which the others leave open."""
 
 FRAME_ONLY = 0.05
-"""Of a limb's size: free changes that move points of limbs against each other by less do nothing but turn frames."""
+"""Of a limb's size: undetermined changes that move points of limbs against each other by less only rotate frames."""
 
 _WITH_AXES = ("hinge", "universal")
 
 RANK_TOLERANCE = 1e-8
 """Of the largest: information below this part is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class HingeShifts:
+    """Shifts of hinges along their axes, where the data leave the choice.
+
+    Attributes
+    ----------
+    axes : ndarray, shape (2, n_limbs, 3)
+        Unit axes of the shifted hinges in the parents' frames and in the limbs' own; 0 for other joints.
+    distances : ndarray, shape (n_limbs,), mm
+        How far each hinge was shifted along its axis after the calibration.
+    open_changes : ndarray, shape (3 (n_markers + n_limbs - 1), n), mm
+        Changes of offsets and joints by further shifts of standard size, which nothing determines.
+    """
+
+    axes: Floats
+    distances: Floats
+    open_changes: Floats
+
+    @classmethod
+    def none(cls, chain: Chain) -> HingeShifts:
+        """Return no shifts."""
+        n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
+        return cls(np.zeros((2, chain.n_limbs, 3)), np.zeros(chain.n_limbs), np.zeros((n_places, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,17 +78,14 @@ class LimbErrors:
         What its joints allow.
     root : ndarray, shape (n_constants, n)
         Changes of marker offsets, joints and axes: their covariance is root @ root.T.
-    hinges : ndarray, shape (2, n_limbs, 3)
-        Unit axes of hinges, held or not, in the parents' frames and in the limbs' own; 0 for other joints.
-    slides : ndarray, shape (n_limbs,), mm
-        How far hinges were moved along their axes since.
+    shifts : HingeShifts
+        Shifts of hinges along their axes.
     """
 
     chain: Chain
     articulation: Articulation
     root: Floats
-    hinges: Floats
-    slides: Floats
+    shifts: HingeShifts
 
     @cached_property
     def _points(self) -> list[_Points]:
@@ -69,36 +93,54 @@ class LimbErrors:
         return [_Points.of(self, limb) for limb in range(self.chain.n_limbs)]
 
     def offsets(self, limb: int) -> Floats:
-        """Changes [mm] of a limb's markers against each other, shape (n_markers, 3, n)."""
+        """Return the changes [mm] of a limb's markers against each other, shape (n_markers, 3, n)."""
         points = self._points[limb]
-        return np.asarray(points.against(points.still)[: points.n_markers])
+        return np.asarray(points.against(points.rigid_motion)[: points.n_markers])
 
     def joint(self, child: int, limb: int) -> Floats:
-        """Change [mm] of the joint above a limb against the markers of one of its limbs, shape (3, n)."""
+        """Return the change [mm] of the joint above `child` against the markers of one of its limbs, shape (3, n).
+
+        Parameters
+        ----------
+        child : int
+            Limb below the joint.
+        limb : int
+            The child, or its parent.
+        """
         points = self._points[limb]
         row = points.row_of(child)
         motion = points.motion(row)
-        return np.asarray(points.against(motion)[row] + self._change_of_way(child, limb, motion[2]))
+        return np.asarray(points.against(motion)[row] + self._change_of_shift(child, limb, motion[2]))
 
     def point(self, limb: int, place: Floats, change: Floats) -> Floats:
-        """Change [mm] against a limb's markers of a point that follows the errors by `change`, shape (3, n)."""
-        centre, shift, turn = self._points[limb].still
+        """Return the change [mm] of a point against a limb's markers, shape (3, n).
+
+        Parameters
+        ----------
+        limb : int
+            The limb.
+        place : ndarray, shape (3,), mm
+            The point in its frame.
+        change : ndarray, shape (3, n), mm
+            How the point follows the errors.
+        """
+        centre, shift, turn = self._points[limb].rigid_motion
         return np.asarray(change - shift + cross_matrix(place - centre) @ turn)
 
-    def _change_of_way(self, child: int, limb: int, turn: Floats) -> Floats:
-        """How a joint that was moved along its axis follows the errors of the axis [mm], shape (3, n)."""
+    def _change_of_shift(self, child: int, limb: int, turn: Floats) -> Floats:
+        """How a joint that was shifted along its axis follows the errors of the axis [mm], shape (3, n)."""
         if self.articulation.kinds[child] != "hinge":
             return np.zeros_like(turn)
         moved = -turn if limb == child else self.tilt(child) - turn
-        return np.asarray(-cross_matrix(self._way(child, limb)) @ moved)
+        return np.asarray(-cross_matrix(self._shift(child, limb)) @ moved)
 
-    def _way(self, child: int, limb: int) -> Floats:
-        """How far a hinge was moved along its axis [mm], shape (3,)."""
-        return np.asarray(self.slides[child] * self.hinges[int(limb == child), child])
+    def _shift(self, child: int, limb: int) -> Floats:
+        """Shift of a hinge along its axis in one of its limbs [mm], shape (3,)."""
+        return np.asarray(self.shifts.distances[child] * self.shifts.axes[int(limb == child), child])
 
     def axis(self, child: int, limb: int) -> Floats:
-        """Change of the axis of the joint above `child` that is fixed in one of its limbs, shape (3, n)."""
-        _, _, turn = self._points[limb].still
+        """Return the change of a joint's axis that is fixed in a limb, shape (3, n); parameters as for `joint`."""
+        _, _, turn = self._points[limb].rigid_motion
         if limb == child:
             axis, moved = self.articulation.in_child[child], -turn
         else:
@@ -106,32 +148,39 @@ class LimbErrors:
         return np.asarray(-cross_matrix(axis) @ moved)
 
     def length(self, first: int, second: int, limb: int) -> Floats:
-        """Change [mm] of the distance between the joints above two limbs, both of them joints of `limb`, shape (n,).
+        """Return the change [mm] of the distance between two joints of a limb, shape (n,).
 
-        Where a hinge is along its axis is a choice, and no error of the length.
+        The position of a hinge along its axis is a choice, and no error of the length.
+
+        Parameters
+        ----------
+        first, second : int
+            Limbs below the joints.
+        limb : int
+            The limb that both are joints of.
         """
         points = self._points[limb]
-        motion = points.still
+        motion = points.rigid_motion
         places, changes = [], []
         for child in (first, second):
             row = points.row_of(child)
-            places.append(points.place[row] + self._way(child, limb))
-            changes.append(points.against(motion)[row] + self._change_of_way(child, limb, motion[2]))
+            places.append(points.place[row] + self._shift(child, limb))
+            changes.append(points.against(motion)[row] + self._change_of_shift(child, limb, motion[2]))
         way = places[0] - places[1]
         unit = way / max(float(np.linalg.norm(way)), np.finfo(np.float64).tiny)
-        axes = [self.hinges[int(limb == child), child] for child in (first, second)]
+        axes = [self.shifts.axes[int(limb == child), child] for child in (first, second)]
         ends = [(unit - (unit @ axis) * axis) @ change for axis, change in zip(axes, changes, strict=True)]
         return np.asarray(ends[0] - ends[1])
 
     def turns(self, poses: ChainPoses, positions: Floats, weights: Floats | None = None) -> Floats:
-        """Mean covariance [rad^2] of the turn of each limb against its parent that these errors make.
+        """Return the mean covariance [rad^2] of each limb's rotation against its parent that these errors cause.
 
         Parameters
         ----------
         poses : ChainPoses
             Some frames.
         positions : ndarray, shape (n_frames, n_markers, 3), mm
-            Measured markers: which are seen says how the poses follow the constants.
+            Measured markers: how the poses follow the constants depends on which are seen.
         weights : ndarray, shape (n_frames, n_markers), optional
             Of the squared distances.
 
@@ -141,18 +190,18 @@ class LimbErrors:
             In the parents' axes; 0 for the root.
         """
         chain = self.chain
-        frames = linearised(chain, self.articulation, poses, positions, weights, poses_only=True)
+        frames = frame_blocks(observed(chain, self.articulation, poses, positions, weights), poses_only=True)
         n_places = len(self.root) - self.articulation.n_constants
         own = frames.tilts @ self.root[n_places:] - frames.turns @ (frames.follow() @ self.root)
         own = own[:, 3:].reshape(len(positions), chain.n_limbs, 3, -1)
-        frame_turns = np.stack([self._points[limb].still[2] for limb in range(chain.n_limbs)])
+        frame_turns = np.stack([self._points[limb].rigid_motion[2] for limb in range(chain.n_limbs)])
         own = own + poses.rotations @ frame_turns
         above = np.maximum(chain.parents, 0)
         relative = poses.rotations[:, above].swapaxes(2, 3) @ (own - own[:, above])
         return np.asarray((relative @ relative.swapaxes(2, 3)).mean(axis=0))
 
     def tilt(self, child: int) -> Floats:
-        """Turn [rad] of the axis of the joint above `child` in its parent's frame, shape (3, n); 0 without axes."""
+        """Return the tilt [rad] of the axis above `child` in its parent's frame, shape (3, n); 0 without axes."""
         n_places = 3 * (self.chain.n_markers + self.chain.n_limbs - 1)
         columns = self.articulation.constant_columns[child]
         rows = self.root[n_places + columns.start : n_places + columns.stop]
@@ -201,13 +250,13 @@ class _Points:
         return self.n_markers + self.joints.index(child)
 
     def against(self, motion: tuple[Floats, Floats, Floats]) -> Floats:
-        """Changes of all points without a rigid motion, shape (n_points, 3, n), mm."""
+        """Changes of all points with a rigid motion taken off, shape (n_points, 3, n), mm."""
         centre, shift, turn = motion
         return self.change - shift + cross_matrix(self.place - centre) @ turn
 
     @cached_property
-    def still(self) -> tuple[Floats, Floats, Floats]:
-        """Rigid motion of all points."""
+    def rigid_motion(self) -> tuple[Floats, Floats, Floats]:
+        """Rigid motion of the markers."""
         return self.motion(None)
 
     @cached_property
@@ -217,7 +266,7 @@ class _Points:
         return bool(determines_pose(anchor, np.ones((1, len(anchor)), dtype=bool))[0])
 
     def motion(self, apart: int | None) -> tuple[Floats, Floats, Floats]:
-        """Rigid motion of the markers: centre (3,), mean change and turn (3, n); the row `apart` hardly counts."""
+        """Rigid motion of the markers: centre (3,), mean change and rotation (3, n); the row `apart` hardly counts."""
         anchor = slice(0, self.n_markers or None)
         centre, shift = self.place[anchor].mean(axis=0), self.change[anchor].mean(axis=0)
         weights = np.full(len(self.place), FAINT)
@@ -231,16 +280,7 @@ class _Points:
 
 
 def limb_errors(
-    chain: Chain,
-    articulation: Articulation,
-    information: Floats,
-    noise: float,
-    *,
-    growth: float = 1.0,
-    loose: Floats | None = None,
-    hinges: Floats | None = None,
-    slides: Floats | None = None,
-    tolerance: float = RANK_TOLERANCE,
+    last: Calibration, shifts: HingeShifts | None = None, *, growth: float = 1.0, tolerance: float = RANK_TOLERANCE
 ) -> LimbErrors:
     """Return the errors of a calibrated chain's constants.
 
@@ -248,56 +288,47 @@ def limb_errors(
 
     Parameters
     ----------
-    chain, articulation
-        Calibrated.
-    information : ndarray, shape (n_constants, n_constants)
-        Of the constants, for noise 1.
-    noise : float, mm
-        Standard deviation of a coordinate.
+    last : Calibration
+        The calibrated chain.
+    shifts : HingeShifts, optional
+        Shifts of hinges along their axes after the calibration.
     growth : float
-        How much less than independent ones the frames tell.
-    loose : ndarray, shape (3 (n_markers + n_limbs - 1), n), mm, optional
-        More errors: changes of offsets and joints that nothing determines, such as shifts along hinges.
-    hinges : ndarray, shape (2, n_limbs, 3), optional
-        Unit axes of hinges in the parents' frames and in the limbs' own; 0 for other joints.
-    slides : ndarray, shape (n_limbs,), mm, optional
-        How far hinges were moved along them since.
+        How many frames determine as much as one independent frame.
     tolerance : float
         Information below this part of the largest is none.
     """
-    hinges = np.zeros((2, chain.n_limbs, 3)) if hinges is None else hinges
-    slides = np.zeros(chain.n_limbs) if slides is None else slides
-    deviation = max(noise, LEAST_NOISE) * np.sqrt(growth)
+    chain, articulation, information = last.chain, last.articulation, last.information
+    shifts = shifts or HingeShifts.none(chain)
+    deviation = max(last.noise, LEAST_NOISE) * np.sqrt(growth)
     n_places = 3 * (chain.n_markers + chain.n_limbs - 1)
-    known = np.ones(len(information))
-    known[:n_places] = max(float((chain.offsets**2).sum(axis=1).mean()), 1.0)
+    sizes = np.ones(len(information))
+    sizes[:n_places] = max(float((chain.offsets**2).sum(axis=1).mean()), 1.0)
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(np.float64).tiny))
-    prior = deviation**2 / known / scale**2
+    prior = deviation**2 / sizes / scale**2
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    told = values > tolerance * max(float(values[-1]), np.finfo(np.float64).tiny)
-    level = np.einsum("cq,c,cq->q", vectors[:, told], prior, vectors[:, told])
-    root = deviation * vectors[:, told] / np.sqrt(values[told] + level) / scale[:, np.newaxis]
-    free = vectors[:, ~told]
+    determined = values > tolerance * max(float(values[-1]), np.finfo(np.float64).tiny)
+    clear, free = vectors[:, determined], vectors[:, ~determined]
+    level = np.einsum("cq,c,cq->q", clear, prior, clear)
+    root = deviation * clear / np.sqrt(values[determined] + level) / scale[:, np.newaxis]
     held = np.linalg.cholesky(free.T @ (prior[:, np.newaxis] * free))
     open_root = deviation * np.linalg.solve(held, free.T).T / scale[:, np.newaxis]
-    root = np.concatenate([root, _without_frames(LimbErrors(chain, articulation, open_root, hinges, slides))], axis=1)
-    if loose is not None:
-        root = np.concatenate([root, np.pad(loose, ((0, len(root) - n_places), (0, 0)))], axis=1)
-    return LimbErrors(chain, articulation, root, hinges, slides)
+    open_root = _without_frames(LimbErrors(chain, articulation, open_root, shifts))
+    shifted = np.pad(shifts.open_changes, ((0, len(root) - n_places), (0, 0)))
+    return LimbErrors(chain, articulation, np.concatenate([root, open_root, shifted], axis=1), shifts)
 
 
 def _without_frames(errors: LimbErrors) -> Floats:
-    """Root of errors without those that do nothing but turn the limbs' frames, shape (n_constants, n_open)."""
+    """Root of errors without those that only rotate the limbs' frames, shape (n_constants, n_open)."""
     chain, kinds = errors.chain, errors.articulation.kinds
     size = max(float(np.sqrt((chain.offsets**2).sum(axis=1).mean())), 1.0)
     rows = [size * errors.axis(limb, chain.parents[limb]) for limb, kind in enumerate(kinds) if kind in _WITH_AXES]
     for limb in range(chain.n_limbs):
         points = _Points.of(errors, limb)
-        rows.append(points.against(points.still).reshape(-1, errors.root.shape[1]))
+        rows.append(points.against(points.rigid_motion).reshape(-1, errors.root.shape[1]))
     _, sizes, directions = np.linalg.svd(np.concatenate(rows), full_matrices=False)
     return np.asarray(errors.root @ directions[: int((sizes > FRAME_ONLY * size).sum())].T)
 
 
 def deviations(change: Floats) -> Floats:
-    """Standard deviations of what follows errors of variance 1: root mean squares over the last axis."""
+    """Return standard deviations of what follows errors of variance 1: root sums of squares over the last axis."""
     return np.asarray(np.sqrt((change**2).sum(axis=-1)))

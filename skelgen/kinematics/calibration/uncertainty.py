@@ -1,26 +1,28 @@
-r"""Standard deviations of what a whole-chain fit gives, from the inverse of its information matrix.
+r"""Covariances of joints in the world from the information of a whole-chain fit, and the Cramer-Rao bound.
 
-A joint's place in the world follows the frame's pose by J and the constants by C. With the pose's own information H,
-border B and the constants' reduced information S, its covariance is
+A joint's position in the world follows the frame's pose by J and the constants by C. With the pose's information H, its
+coupling B to the constants and the constants' information S (poses eliminated), the covariance of the position is
 
 .. math::
     \sigma^2 \left( J H^{-1} J^T + D S^{-1} D^T \right), \qquad D = C - J H^{-1} B,
 
-noise of the frame, and error of the skeleton. Directions of S that nothing determines (the free frames of the limbs, a
-hinge along its axis) are left out.
+by noise of the frame, and by errors of the skeleton. Directions of S that nothing determines (the free frames of the
+limbs, a hinge along its axis) are left out.
+
+The Cramer-Rao bound is the same at the truth: no unbiased method can locate the joints better.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, world_arms
-from skelgen.kinematics.chain.normal_equations import Frames, frames_together, linearised, total_information
-from skelgen.kinematics.inverse.poses import LEAST_NOISE, UNKNOWN_SHIFT, UNKNOWN_TURN
+from skelgen.kinematics.chain.normal_equations import frame_blocks, frames_together, total_information
+from skelgen.kinematics.chain.observed_chain import ObservedChain
+from skelgen.kinematics.inverse.poses import weak_prior
 from skelgen.model.arrays import Bools, Floats
 
 RANK_TOLERANCE = 1e-8
@@ -31,7 +33,7 @@ _LOG_STEPS = 137  # a quarter apart: the trapezoidal rule is exact to 1e-4 for s
 
 
 DETERMINED = 10.0
-"""Frames count in which a joint's bound is at most this many times its median: in others too few markers are seen."""
+"""Times its median: a joint is determined in the frames in which its bound is no larger."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,86 +52,48 @@ class FrameCovariances:
     constant_share: Floats
 
 
-def inverse_root(information: Floats, tolerance: float = RANK_TOLERANCE) -> Floats:
+def inverse_root(information: Floats) -> Floats:
     """Return W with W W^T the inverse of an information matrix where it is determined, shape (n, n_determined)."""
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(np.float64).tiny))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    known = values > tolerance * max(float(values[-1]), np.finfo(np.float64).tiny)
-    return np.asarray(vectors[:, known] / np.sqrt(values[known]) / scale[:, np.newaxis])
+    determined = values > RANK_TOLERANCE * max(float(values[-1]), np.finfo(np.float64).tiny)
+    return np.asarray(vectors[:, determined] / np.sqrt(values[determined]) / scale[:, np.newaxis])
 
 
-def frame_covariances(
-    chain: Chain,
-    articulation: Articulation,
-    poses: ChainPoses,
-    positions: Floats,
-    root: Floats,
-    noise: float,
-    weights: Floats | None = None,
-) -> FrameCovariances:
+def frame_covariances(observed: ObservedChain, root: Floats, noise: float) -> FrameCovariances:
     """Return the covariances of the joints in every frame.
 
     Parameters
     ----------
-    chain, articulation, poses
+    observed : ObservedChain
         A calibrated chain, and where it is.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers, NaN where unseen.
     root : ndarray, shape (n_constants, n)
         Root of the inverse information of the constants for noise 1, see `inverse_root`.
     noise : float, mm
         Standard deviation of a coordinate of weight 1.
-    weights : ndarray, shape (n_frames, n_markers), optional
-        Of the squared distances.
     """
-    together = frames_together(chain, articulation)
-    parts = []
-    for first in range(0, len(positions), together):
-        part = slice(first, first + together)
-        heard = None if weights is None else weights[part]
-        block = linearised(chain, articulation, poses[part], positions[part], heard, poses_only=True)
-        parts.append(_covariances(chain, articulation, poses[part], block, root, noise))
+    together = frames_together(observed)
+    parts = [
+        _covariances(observed.at(slice(first, first + together)), root, noise)
+        for first in range(0, observed.n_frames, together)
+    ]
     return FrameCovariances(
         joints=np.concatenate([part.joints for part in parts]),
         constant_share=np.concatenate([part.constant_share for part in parts]),
     )
 
 
-def axis_projectors(chain: Chain, articulation: Articulation, poses: ChainPoses) -> Floats:
-    """Projectors across the hinges' axes in the world, the identity elsewhere, shape (n_frames, n_limbs, 3, 3)."""
-    axes = hinge_axes(chain, articulation, poses)
-    return np.asarray(np.eye(3) - axes[..., np.newaxis] * axes[..., np.newaxis, :])
-
-
-def hinge_axes(chain: Chain, articulation: Articulation, poses: ChainPoses) -> Floats:
-    """Unit axes of the hinges in the world, 0 for other limbs, shape (n_frames, n_limbs, 3)."""
-    result = np.zeros((len(poses.root), chain.n_limbs, 3))
-    for limb, kind in enumerate(articulation.kinds):
-        if kind == "hinge":
-            result[:, limb] = poses.rotations[:, chain.parents[limb]] @ articulation.in_parent[limb]
-    return result
-
-
-def _covariances(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, block: Frames, root: Floats, noise: float
-) -> FrameCovariances:
-    by_pose, by_constants = joint_slopes(chain, poses)
+def _covariances(observed: ObservedChain, root: Floats, noise: float) -> FrameCovariances:
+    block = frame_blocks(observed, poses_only=True)
+    by_pose, by_constants = joint_slopes(observed.chain, observed.poses)
     by_constants = np.concatenate([by_constants, by_pose @ block.tilts], axis=2)
     by_pose = by_pose @ block.turns
-    inverse = np.linalg.inv(block.own + weak_prior(articulation, noise))
+    inverse = np.linalg.inv(block.own + weak_prior(observed.articulation, noise))
     spread = by_pose @ inverse
     own = noise**2 * _diagonal_blocks(spread, by_pose)
-    change = noise * (by_constants - spread @ block.border) @ root
+    change = noise * (by_constants - spread @ block.coupling) @ root
     constant = _diagonal_blocks(change, change)
     return FrameCovariances(own + constant, constant)
-
-
-def weak_prior(articulation: Articulation, noise: float) -> Floats:
-    """What is known of poses without any marker, as information for noise 1; it keeps deviations finite."""
-    noise = max(noise, LEAST_NOISE)
-    level = np.full(articulation.n_freedoms, (noise / UNKNOWN_TURN) ** 2)
-    level[:3] = (noise / UNKNOWN_SHIFT) ** 2
-    return np.diag(level)
 
 
 def _diagonal_blocks(first: Floats, second: Floats) -> Floats:
@@ -140,9 +104,21 @@ def _diagonal_blocks(first: Floats, second: Floats) -> Floats:
 
 
 def joint_slopes(chain: Chain, poses: ChainPoses) -> tuple[Floats, Floats]:
-    """How the world places of all limbs' origins follow translation and turns, and offsets and joints.
+    """Return the derivatives of the world positions of all limbs' origins.
 
-    Shapes (n_frames, 3 n_limbs, 3 + 3 n_limbs) and (n_frames, 3 n_limbs, 3 (n_markers + n_limbs - 1)).
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    poses : ChainPoses
+        Their poses.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, 3 n_limbs, 3 + 3 n_limbs)
+        By translation and rotations of the limbs.
+    ndarray, shape (n_frames, 3 n_limbs, 3 (n_markers + n_limbs - 1))
+        By marker offsets and joints.
     """
     n_limbs, n_frames = chain.n_limbs, len(poses.root)
     points = Chain(chain.parents, np.arange(n_limbs), chain.joints, np.zeros((n_limbs, 3)))
@@ -158,7 +134,7 @@ def joint_slopes(chain: Chain, poses: ChainPoses) -> tuple[Floats, Floats]:
 
 
 def expected_distance(covariances: Floats) -> Floats:
-    r"""Mean length of normal vectors with given covariances, shape (...) from (..., 3, 3).
+    r"""Return the mean length of normal vectors with given covariances, shape (...) from (..., 3, 3).
 
     With eigenvalues :math:`\lambda_i`, :math:`E\sqrt q = \frac1{2\sqrt\pi}\int_0^\infty (1 - \prod_i (1 + 2 \lambda_i
     t)^{-1/2})\, t^{-3/2} dt`, taken over the logarithm of t by the trapezoidal rule.
@@ -186,9 +162,9 @@ class Bound:
     covariances : ndarray, shape (n_frames, n_limbs, 3, 3), mm^2
         Of the joint above each limb in the world; of hinges across their axes.
     distance : ndarray, shape (n_frames, n_limbs), mm
-        Mean distance from the truth that goes with it.
+        Mean distance from the truth that these covariances give.
     determined : ndarray of bool, shape (n_frames, n_limbs)
-        Whether the frame shows enough to place the joint.
+        Whether the frame shows enough markers to locate the joint.
     information : ndarray, shape (n_constants, n_constants)
         Of the constants, for noise 1.
     """
@@ -199,24 +175,20 @@ class Bound:
     information: Floats
 
 
-def cramer_rao_bound(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, noise: float
-) -> Bound:
-    """Return the bound at the truth.
+def cramer_rao_bound(truth: ObservedChain, noise: float) -> Bound:
+    """Return the smallest possible uncertainty of the joints of a take whose truth is known.
 
     Parameters
     ----------
-    chain, articulation, poses
-        The truth.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers: only which are seen counts.
+    truth : ObservedChain
+        The true chain and its true poses. Of the measured markers only the weights count.
     noise : float, mm
         Standard deviation of a marker's coordinate.
     """
-    information = total_information(chain, articulation, poses, positions)
-    exact = np.where(np.isnan(positions), np.nan, poses.markers(chain))
-    found = frame_covariances(chain, articulation, poses, exact, inverse_root(information), noise)
-    across = axis_projectors(chain, articulation, poses)
+    information = total_information(truth)
+    exact = np.where(np.isnan(truth.positions), np.nan, truth.poses.markers(truth.chain))
+    found = frame_covariances(replace(truth, positions=exact), inverse_root(information), noise)
+    across = truth.articulation.across_hinges(truth.chain.parents, truth.poses.rotations)
     covariances = across @ found.joints @ across
     distance = expected_distance(covariances)
     return Bound(covariances, distance, distance <= DETERMINED * np.median(distance, axis=0), information)

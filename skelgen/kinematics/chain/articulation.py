@@ -1,9 +1,9 @@
-r"""What the joints of a chain allow: any turn, turns about two axes, about one, or none.
+r"""What the joints of a chain allow: any rotation, rotations about two axes, about one, or none.
 
-A limb below a ball joint turns freely. Below a hinge with axis a in the parent and b in the child, its rotation against
-the parent keeps :math:`R b = a`; below a universal joint it keeps the angle between a and R b. Steps of such limbs are
-the turn of the parent plus turns about the axes, so that constrained chains need nothing but two matrices per frame:
-how the turns of all limbs follow the freedoms of the frame, and how they follow the constants of the axes.
+A limb below a ball joint rotates freely. Below a hinge with axis a in the parent and b in the child, its rotation
+against the parent keeps :math:`R b = a`; below a universal joint it keeps the angle between a and R b. A small rotation
+of such a limb is that of its parent plus rotations about the axes. So a constrained chain needs two matrices in each
+frame: the derivatives of all limbs' rotations by the freedoms of the frame, and those by the constants of the axes.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from skelgen.geometry.rotations import matrix_from_vector, nearest_rotation
 from skelgen.model.arrays import Floats, Ints
 
 FREEDOMS = {"ball": 3, "undetermined": 3, "universal": 2, "hinge": 1, "rigid": 0}
-"""Turns that each kind of joint allows."""
+"""Degrees of freedom of each type of joint."""
 
 AXIS_CONSTANTS = {"ball": 0, "undetermined": 0, "universal": 3, "hinge": 2, "rigid": 0}
-"""Constants of the axes: two tilts in the parent, and the angle between the axes of a universal joint. The frame
-of the child is free to turn, which takes up the rest."""
+"""Constants of the axes of each type of joint: two tilts in the parent, and the angle between the axes of a universal
+joint. Axes in the child need none, as the child's frame is free to rotate."""
 
 
 @dataclass(frozen=True, eq=False)
 class Articulation:
-    """The kinds and axes of a chain's joints.
+    """Types and axes of a chain's joints.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Articulation:
 
     @property
     def is_free(self) -> bool:
-        """Whether every limb may turn as it likes."""
+        """Whether every limb rotates freely."""
         return all(FREEDOMS[kind] == 3 for kind in self.kinds)
 
     @property
@@ -78,7 +78,7 @@ class Articulation:
         return int(self.constant_columns[-1].stop)
 
     def bases(self, parents: Ints, rotations: Floats) -> tuple[Floats, Floats]:
-        """Return how translation and turns of all limbs follow the freedoms and the constants of the axes.
+        """Return the derivatives of translation and rotations by the freedoms and by the constants of the axes.
 
         Parameters
         ----------
@@ -110,12 +110,12 @@ class Articulation:
         return turns, tilts
 
     def axes_of(self, limb: int, parent: Floats, child: Floats) -> tuple[Floats, Floats]:
-        """World axes of a constrained limb's freedoms and constants, shape (n_frames, 3, n) each.
+        """Return world axes of a constrained limb's freedoms and constants, shape (n_frames, 3, n) each.
 
         Parameters
         ----------
         limb : int
-            Whose joint is held.
+            Limb below the joint.
         parent, child : ndarray, shape (n_frames, 3, 3)
             World from parent, and from the limb itself.
         """
@@ -130,7 +130,7 @@ class Articulation:
         return np.stack([first, second], axis=2), np.concatenate([tilt, normal[:, :, np.newaxis]], axis=2)
 
     def tilted(self, parents: Ints, rotations: Floats, change: Floats) -> tuple[Articulation, Floats]:
-        """Turn axes by their constants, and limbs with them, so that the joints still hold.
+        """Tilt the axes by changes of their constants, and rotate the limbs so that the joints still allow it.
 
         Parameters
         ----------
@@ -161,8 +161,35 @@ class Articulation:
             new[:, limb] = new[:, parent] @ relative
         return replace(self, in_parent=axes, between=between), new
 
+    def hinge_axes(self, parents: Ints, rotations: Floats) -> Floats:
+        """Return the unit axes of the hinges in the world, 0 for other limbs, shape (n_frames, n_limbs, 3).
+
+        Parameters
+        ----------
+        parents : ndarray of intp, shape (n_limbs,)
+            Of the chain.
+        rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+            World from limb.
+        """
+        result = np.zeros(rotations.shape[:3])
+        for limb, kind in enumerate(self.kinds):
+            if kind == "hinge":
+                result[:, limb] = rotations[:, parents[limb]] @ self.in_parent[limb]
+        return result
+
+    def across_hinges(self, parents: Ints, rotations: Floats) -> Floats:
+        """Return projectors across the hinges' axes, the identity for other limbs, shape (n_frames, n_limbs, 3, 3).
+
+        Parameters
+        ----------
+        parents, rotations : ndarray
+            As for `hinge_axes`.
+        """
+        axes = self.hinge_axes(parents, rotations)
+        return np.asarray(np.eye(3) - axes[..., np.newaxis] * axes[..., np.newaxis, :])
+
     def projected(self, parents: Ints, rotations: Floats) -> Floats:
-        """Return rotations near to given ones that the joints allow, from the root outward."""
+        """Return the nearest rotations that the joints allow, from the root outward; parameters as `hinge_axes`."""
         new = rotations.copy()
         for limb, kind in enumerate(self.kinds):
             if FREEDOMS[kind] < 3:
@@ -172,7 +199,15 @@ class Articulation:
         return new
 
     def turned(self, parents: Ints, turn: Floats) -> Articulation:
-        """Return the same joints for limbs whose frames are turned: `turn` brings old axes to new ones."""
+        """Return the same joints for limbs whose frames are rotated.
+
+        Parameters
+        ----------
+        parents : ndarray of intp, shape (n_limbs,)
+            Of the chain.
+        turn : ndarray, shape (n_limbs, 3, 3)
+            New frame from old frame of each limb.
+        """
         above = np.maximum(parents, 0)
         in_parent = np.einsum("lij,lj->li", turn[above], self.in_parent)
         in_child = np.einsum("lij,lj->li", turn, self.in_child)
@@ -180,7 +215,7 @@ class Articulation:
         return replace(self, in_parent=in_parent, in_child=in_child, rest=rest)
 
     def allowed(self, limb: int, parent: Floats, child: Floats) -> Floats:
-        """Return rotations of a limb near to given ones that its joint allows, shape (n_frames, 3, 3).
+        """Return the nearest rotations of a limb that its joint allows, shape (n_frames, 3, 3).
 
         Parameters
         ----------
@@ -204,7 +239,7 @@ class Articulation:
         return np.asarray(parent @ turn @ relative)
 
     def at_rest(self, parents: Ints, rotations: Floats) -> Articulation:
-        """Return rigid joints fixed as they are in the first of some frames."""
+        """Return the joints with rigid ones fixed as they are in the first frame; parameters as `hinge_axes`."""
         relative = rotations[0, np.maximum(parents, 0)].swapaxes(1, 2) @ rotations[0]
         return replace(self, rest=relative)
 
@@ -215,7 +250,7 @@ def _slices(sizes: list[int], first: int) -> list[slice]:
 
 
 def across(axis: Floats) -> Floats:
-    """Two unit vectors across an axis, as columns."""
+    """Return two unit vectors across an axis, as columns, shape (3, 2)."""
     return np.asarray(np.linalg.svd(axis[np.newaxis])[2][1:].T)
 
 

@@ -1,8 +1,9 @@
-r"""The border of the arrow: how poses and constants of a chain go together in the normal matrix.
+r"""Normal equations of a chain: how its poses and its constants are tied in least squares.
 
-The constants are marker offsets, joints 1 .. n_limbs - 1 in their parents, and tilts of the joints' axes. A marker m
-follows its own offset by the rotation of its limb, and every joint b on the way by the rotation of the joint's parent,
-so that all blocks are sums of rotations and of arms: no Jacobian is ever written down.
+The constants are marker offsets, joints 1 .. n_limbs - 1 in their parents, and tilts of the joints' axes. A marker
+follows its own offset by the rotation of its limb, and every joint between the root and its limb by the rotation of the
+joint's parent. So all blocks are sums of rotations and of arms, and no Jacobian is ever written down. The block between
+the poses of a frame and the constants is called their coupling.
 """
 
 from __future__ import annotations
@@ -15,95 +16,77 @@ from skelgen._kernels.gradient import add_pulls
 from skelgen._kernels.information import POSE_RIDGE, Columns, add_frames
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights, world_arms
-from skelgen.kinematics.chain.chain_table import chain_table, fresh
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, world_arms
+from skelgen.kinematics.chain.observed_chain import ObservedChain, writable
 from skelgen.model.arrays import Bools, Floats, Ints
 
 CHUNK_FLOATS = 1_000_000
-"""Entries of the largest border held at once: 8 MB."""
+"""Entries of the couplings that are held at once: 8 MB."""
 
 CHUNK_FRAMES = 1024
 """Frames that are summed together before they are added to the others: sums of sums round less."""
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
-    """A chain in some frames, linearised: blocks of the normal matrix.
+class FrameBlocks:
+    """Blocks of the normal matrix of a chain in some frames.
 
     Attributes
     ----------
     own : ndarray, shape (n_frames, n_freedoms, n_freedoms)
         Of the poses, with a ridge that keeps it regular.
-    border : ndarray, shape (n_frames, n_freedoms, n_constants)
+    coupling : ndarray, shape (n_frames, n_freedoms, n_constants)
         Between poses and constants.
     turns : ndarray, shape (n_frames, 3 + 3 n_limbs, n_freedoms)
-        How translation and turns of the limbs follow the freedoms.
+        Derivatives of the translation and the limbs' rotations by the freedoms.
     tilts : ndarray, shape (n_frames, 3 + 3 n_limbs, n_axis_constants)
-        How they follow the constants of the axes.
+        Derivatives of the same by the constants of the axes.
     constants : ndarray, shape (n_constants, n_constants)
         Of the constants, summed over the frames.
     """
 
     own: Floats
-    border: Floats
+    coupling: Floats
     turns: Floats
     tilts: Floats
     constants: Floats
 
     def follow(self) -> Floats:
-        """How poses follow the constants, shape (n_frames, n_freedoms, n_constants)."""
-        return np.asarray(np.linalg.solve(self.own, self.border))
+        """Return how poses follow the constants, shape (n_frames, n_freedoms, n_constants)."""
+        return np.asarray(np.linalg.solve(self.own, self.coupling))
 
 
-def n_constants(chain: Chain, articulation: Articulation) -> int:
-    """Number of constants of a chain."""
-    return 3 * (chain.n_markers + chain.n_limbs - 1) + articulation.n_constants
+def frames_together(observed: ObservedChain) -> int:
+    """Number of frames whose couplings may be held at once."""
+    return max(1, CHUNK_FLOATS // (observed.n_constants * (3 + 3 * observed.chain.n_limbs)))
 
 
-def frames_together(chain: Chain, articulation: Articulation) -> int:
-    """Frames whose border may be held at once."""
-    return max(1, CHUNK_FLOATS // (n_constants(chain, articulation) * (3 + 3 * chain.n_limbs)))
-
-
-def linearised(
-    chain: Chain,
-    articulation: Articulation,
-    poses: ChainPoses,
-    positions: Floats,
-    weights: Floats | None = None,
-    *,
-    poses_only: bool = False,
-) -> Frames:
-    """Return the blocks of the normal matrix for some frames.
+def frame_blocks(observed: ObservedChain, *, poses_only: bool = False) -> FrameBlocks:
+    """Return the blocks of the normal matrix.
 
     Parameters
     ----------
-    chain, articulation, poses
+    observed : ObservedChain
         Where to linearise.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers, NaN where unseen.
-    weights : ndarray, shape (n_frames, n_markers), optional
-        Of the squared distances.
     poses_only : bool
-        Leave the matrix of the constants empty: how poses follow them is told without.
+        Leave the block of the constants empty, for those who ask only how poses follow them.
     """
-    weights = seen_weights(positions, weights)
-    body_arms = chain.arms()
-    hessian, _ = normal_equations(chain, body_arms, poses, positions, weights)
-    border = _border(chain, body_arms, poses, weights)
+    chain, articulation, poses, weights = observed.chain, observed.articulation, observed.poses, observed.weights
+    hessian, _ = normal_equations(chain, poses, observed.positions, weights)
+    coupling = _coupling(chain, poses, weights)
     turns, tilts = articulation.bases(chain.parents, poses.rotations)
     by_tilt = hessian @ tilts
-    constants = np.zeros((0, 0)) if poses_only else _all_constants(chain, poses, weights, border, tilts, by_tilt)
+    constants = np.zeros((0, 0)) if poses_only else _all_constants(chain, poses, weights, coupling, tilts, by_tilt)
     if articulation.n_constants:
-        border = np.concatenate([border, by_tilt], axis=2)
+        coupling = np.concatenate([coupling, by_tilt], axis=2)
     if not articulation.is_free:
         hessian = turns.swapaxes(1, 2) @ hessian @ turns
-        border = turns.swapaxes(1, 2) @ border
-    return Frames(with_ridge(hessian), border, turns, tilts, constants)
+        coupling = turns.swapaxes(1, 2) @ coupling
+    return FrameBlocks(with_ridge(hessian), coupling, turns, tilts, constants)
 
 
 def with_ridge(own: Floats) -> Floats:
-    """Return frames' normal matrices of translation and turns made regular, where no marker determines them."""
+    """Return frames' normal matrices, made regular in directions that no marker determines."""
     diagonal = np.einsum("fqq->fq", own)
     level = np.empty_like(diagonal)
     level[:, :3] = diagonal[:, :3].mean(axis=1, keepdims=True)
@@ -112,47 +95,47 @@ def with_ridge(own: Floats) -> Floats:
     return np.asarray(own + level[:, :, np.newaxis] * np.eye(own.shape[1]))
 
 
-def reduced_information(frames: Frames) -> Floats:
-    """Information of the constants when the poses are eliminated, shape (n_constants, n_constants)."""
-    root = np.linalg.solve(np.linalg.cholesky(frames.own), frames.border)
+def reduced_information(frames: FrameBlocks) -> Floats:
+    """Return the information of the constants, poses eliminated, shape (n_constants, n_constants)."""
+    root = np.linalg.solve(np.linalg.cholesky(frames.own), frames.coupling)
     flat = root.reshape(-1, root.shape[2])
     return np.asarray(frames.constants - flat.T @ flat)
 
 
-def beyond_joints(chain: Chain) -> Bools:
-    """Whether each marker lies beyond the joint above each limb, shape (n_limbs, n_markers); the root's is False."""
+def _beyond_joints(chain: Chain) -> Bools:
+    """Whether each marker lies beyond the joint above each limb, shape (n_limbs, n_markers); False for the root."""
     beyond = chain.ancestry()[:, chain.limb_of_marker]
     beyond[0] = False
     return np.asarray(beyond)
 
 
-def _border(chain: Chain, body_arms: Floats, poses: ChainPoses, weights: Floats) -> Floats:
-    """Border of translation and turns, shape (n_frames, 3 + 3 n_limbs, 3 (n_markers + n_limbs - 1))."""
+def _coupling(chain: Chain, poses: ChainPoses, weights: Floats) -> Floats:
+    """Coupling of translation and rotations, shape (n_frames, 3 + 3 n_limbs, 3 (n_markers + n_limbs - 1))."""
     n_frames, n_limbs = poses.rotations.shape[:2]
-    beyond = beyond_joints(chain)[1:].astype(np.float64)
-    arms = world_arms(body_arms, poses) * weights[:, :, np.newaxis, np.newaxis]
+    beyond = _beyond_joints(chain)[1:].astype(np.float64)
+    arms = world_arms(chain.arms(), poses) * weights[:, :, np.newaxis, np.newaxis]
     behind = (beyond @ arms.reshape(n_frames, chain.n_markers, -1)).reshape(n_frames, n_limbs - 1, n_limbs, 3)
     shift = np.concatenate([weights, weights @ beyond.T], axis=1)
     carrier = np.concatenate([chain.limb_of_marker, chain.parents[1:]])
-    turning = poses.rotations[:, carrier]
-    border = np.zeros((n_frames, 1 + n_limbs, 3, len(carrier), 3))
-    border[:, 0] = (shift[:, :, np.newaxis, np.newaxis] * turning).swapaxes(1, 2)
+    rotations = poses.rotations[:, carrier]
+    coupling = np.zeros((n_frames, 1 + n_limbs, 3, len(carrier), 3))
+    coupling[:, 0] = (shift[:, :, np.newaxis, np.newaxis] * rotations).swapaxes(1, 2)
     levers = np.concatenate([arms, behind], axis=1)
     for limb in range(n_limbs):
         moved = np.flatnonzero(np.abs(levers[:, :, limb]).max(axis=(0, 2), initial=0.0) > 0)
-        border[:, 1 + limb][:, :, moved] = (cross_matrix(levers[:, moved, limb]) @ turning[:, moved]).swapaxes(1, 2)
-    return border.reshape(n_frames, 3 + 3 * n_limbs, -1)
+        coupling[:, 1 + limb][:, :, moved] = (cross_matrix(levers[:, moved, limb]) @ rotations[:, moved]).swapaxes(1, 2)
+    return coupling.reshape(n_frames, 3 + 3 * n_limbs, -1)
 
 
 def _all_constants(
-    chain: Chain, poses: ChainPoses, weights: Floats, border: Floats, tilts: Floats, by_tilt: Floats
+    chain: Chain, poses: ChainPoses, weights: Floats, coupling: Floats, tilts: Floats, by_tilt: Floats
 ) -> Floats:
     """Normal matrix of offsets, joints and axes, summed over frames."""
     constants = _constants(chain, poses, weights)
     if not tilts.shape[2]:
         return constants
     flat = tilts.reshape(-1, tilts.shape[2])
-    across = border.reshape(len(flat), -1).T @ flat
+    across = coupling.reshape(len(flat), -1).T @ flat
     corner = flat.T @ by_tilt.reshape(flat.shape)
     return np.block([[constants, across], [across.T, corner]])
 
@@ -161,7 +144,7 @@ def _constants(chain: Chain, poses: ChainPoses, weights: Floats) -> Floats:
     """Normal matrix of offsets and joints, summed over frames."""
     n_markers = chain.n_markers
     n_points = n_markers + chain.n_limbs - 1
-    beyond = beyond_joints(chain)
+    beyond = _beyond_joints(chain)
     matrix = np.zeros((n_points, 3, n_points, 3))
     diagonal = np.arange(n_markers)
     matrix[diagonal, :, diagonal] = weights.sum(axis=0)[:, np.newaxis, np.newaxis] * np.eye(3)
@@ -185,64 +168,56 @@ def _constants(chain: Chain, poses: ChainPoses, weights: Floats) -> Floats:
     return matrix.reshape(3 * n_points, 3 * n_points)
 
 
-def total_information(
-    chain: Chain,
-    articulation: Articulation,
-    poses: ChainPoses,
-    positions: Floats,
-    weights: Floats | None = None,
-) -> Floats:
-    """Information of the constants from all frames for noise 1, poses eliminated, shape (n_constants, n_constants).
+def total_information(observed: ObservedChain) -> Floats:
+    """Return the information of the constants for noise 1, poses eliminated, shape (n_constants, n_constants).
 
     Parameters
     ----------
-    chain, articulation, poses
-        Where to linearise.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers: only which are seen counts.
-    weights : ndarray, shape (n_frames, n_markers), optional
-        Of the squared distances.
+    observed : ObservedChain
+        Where to linearise. Of the measured markers only the weights count.
     """
-    weights = seen_weights(positions, weights)
-    table = chain_table(chain, articulation)
-    columns, places = columns_of(chain, articulation)
-    total = np.zeros((len(places), len(places)))
-    for first in range(0, len(weights), CHUNK_FRAMES):
-        part = slice(first, first + CHUNK_FRAMES)
+    table, (columns, order) = observed.table, columns_of(observed.chain, observed.articulation)
+    total = np.zeros((len(order), len(order)))
+    for first in range(0, observed.n_frames, CHUNK_FRAMES):
+        part = observed.at(slice(first, first + CHUNK_FRAMES))
         found = np.zeros_like(total)
-        add_frames(table, columns, fresh(poses.rotations[part]), fresh(weights[part]), found)
-        total[np.ix_(places, places)] += np.triu(found) + np.triu(found, 1).T
+        add_frames(table, columns, writable(part.poses.rotations), writable(part.weights), found)
+        total[np.ix_(order, order)] += np.triu(found) + np.triu(found, 1).T
     return total
 
 
-def constant_gradient(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats
-) -> Floats:
-    """Return how the residuals of settled poses pull at the constants, summed over frames, shape (n_constants,).
+def constant_gradient(observed: ObservedChain) -> Floats:
+    """Return the gradient of the residuals by the constants, for poses that fit best, shape (n_constants,).
+
+    Half the sum of squares falls by it: offsets are pulled by forces, joints by the forces of all markers beyond, axes
+    by their torques.
 
     Parameters
     ----------
-    chain, articulation, poses
+    observed : ObservedChain
         Where to linearise.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers, NaN where unseen.
-    weights : ndarray, shape (n_frames, n_markers)
-        Of the squared distances, 0 where unseen.
     """
-    table = chain_table(chain, articulation)
-    columns, places = columns_of(chain, articulation)
-    total = np.zeros(len(places))
-    for first in range(0, len(positions), CHUNK_FRAMES):
-        part = slice(first, first + CHUNK_FRAMES)
-        pose = fresh(poses.root[part]), fresh(poses.rotations[part])
+    table, (columns, order) = observed.table, columns_of(observed.chain, observed.articulation)
+    total = np.zeros(len(order))
+    for first in range(0, observed.n_frames, CHUNK_FRAMES):
+        part = observed.at(slice(first, first + CHUNK_FRAMES))
+        pose = writable(part.poses.root), writable(part.poses.rotations)
         found = np.zeros_like(total)
-        add_pulls(table, columns, *pose, fresh(positions[part]), fresh(weights[part]), found)
-        total[places] += found
+        add_pulls(table, columns, *pose, writable(part.positions), writable(part.weights), found)
+        total[order] += found
     return total
 
 
 def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]:
-    """Where the constants stand, and which of `Calibration.information` each of them is."""
+    """Return where kernels keep the constants of each limb, and which constant each of their columns is.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    articulation : Articulation
+        What their joints allow.
+    """
     n_limbs, n_offsets = chain.n_limbs, 3 * chain.n_markers
     below = chain.ancestry()
     order = sorted(range(n_limbs), key=lambda limb: [int(one) for one in np.flatnonzero(below[:, limb])])
@@ -265,31 +240,26 @@ def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]
     return Columns(np.array(order, dtype=np.intp), first, last.astype(np.intp), n_tilts, directions), places
 
 
-def normal_equations(
-    chain: Chain, body_arms: Floats, poses: ChainPoses, positions: Floats, weights: Floats | None = None
-) -> tuple[Floats, Floats]:
-    """Gauss-Newton normal matrix and right-hand side of every frame.
+def normal_equations(chain: Chain, poses: ChainPoses, positions: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """Return the Gauss-Newton normal matrix and right-hand side of every frame, all rotations free.
 
     Parameters
     ----------
     chain : Chain
         The limbs.
-    body_arms : ndarray
-        `chain.arms()`.
     poses : ChainPoses
         Where to linearise.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
-    weights : ndarray, shape (n_frames, n_markers), optional
-        Of the squared distances; 1 if not given.
+    weights : ndarray, shape (n_frames, n_markers)
+        Of the squared distances, 0 where unseen.
 
     Returns
     -------
     tuple of ndarray
         Shapes (n_frames, d, d) and (n_frames, d) with d = 3 + 3 n_limbs: translation first, then rotation vectors.
     """
-    weights = seen_weights(positions, weights)
-    limbs = _limbs_of_frames(chain, body_arms, poses, positions, weights)
+    limbs = _limb_sums(chain, poses, positions, weights)
     n_frames, n_limbs = limbs.weights.shape
     flat = limbs.arms.reshape(n_frames, n_limbs, 3 * n_limbs)
     weighted = flat * limbs.weights[:, :, np.newaxis]
@@ -305,15 +275,15 @@ def normal_equations(
     mixed = mixed.transpose(0, 2, 1, 3).reshape(n_frames, 3, 3 * n_limbs)
     hessian[:, :3, 3:] = mixed
     hessian[:, 3:, :3] = mixed.swapaxes(1, 2)
-    moment = (flat.swapaxes(1, 2) @ limbs.pull).reshape(n_frames, n_limbs, 3, 3) + limbs.twist
+    moment = (flat.swapaxes(1, 2) @ limbs.force).reshape(n_frames, n_limbs, 3, 3) + limbs.moment
     torque = np.stack([moment[..., i, j] - moment[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
-    gradient = np.concatenate([limbs.pull.sum(axis=1), torque.reshape(n_frames, -1)], axis=1)
+    gradient = np.concatenate([limbs.force.sum(axis=1), torque.reshape(n_frames, -1)], axis=1)
     return hessian, gradient
 
 
 @dataclass(frozen=True, eq=False)
 class _LimbSums:
-    """Markers summed by limb: seen from any other limb, all markers of a limb hang on the same arm.
+    """Sums over the markers of each limb: to any other limb, all of them hang on the same arm.
 
     Attributes
     ----------
@@ -323,43 +293,42 @@ class _LimbSums:
         World arms of the limbs' centroids: that of limb a for limb l is at [l, a].
     spread : ndarray, shape (n_frames, n_limbs, 3, 3), mm^2
         Weighted outer products of the markers' arms from the centroid.
-    pull, twist : ndarray, shapes (n_frames, n_limbs, 3) and (n_frames, n_limbs, 3, 3)
+    force, moment : ndarray, shapes (n_frames, n_limbs, 3) and (n_frames, n_limbs, 3, 3)
         Weighted sums of residuals, and of their outer products with arms from the centroid.
     """
 
     weights: Floats
     arms: Floats
     spread: Floats
-    pull: Floats
-    twist: Floats
+    force: Floats
+    moment: Floats
 
 
-def _limbs_of_frames(
-    chain: Chain, body_arms: Floats, poses: ChainPoses, positions: Floats, weights: Floats
-) -> _LimbSums:
+def _limb_sums(chain: Chain, poses: ChainPoses, positions: Floats, weights: Floats) -> _LimbSums:
     n_frames, n_limbs = poses.rotations.shape[:2]
+    arms_of_markers = chain.arms()
     forces = residuals(chain, poses, positions) * weights[:, :, np.newaxis]
-    total, pull = np.zeros((n_frames, n_limbs)), np.zeros((n_frames, n_limbs, 3))
+    total, force = np.zeros((n_frames, n_limbs)), np.zeros((n_frames, n_limbs, 3))
     centre, spread = np.zeros((n_limbs, n_frames, 3)), np.zeros((n_frames, n_limbs, 3, 3))
-    twist = np.zeros((n_frames, n_limbs, 3, 3))
+    moment = np.zeros((n_frames, n_limbs, 3, 3))
     carried = np.zeros((n_limbs, n_limbs, 3))
     for limb in range(n_limbs):
         own = np.flatnonzero(chain.limb_of_marker == limb)
         if not len(own):
             continue
-        heard, offsets = weights[:, own], chain.offsets[own]
-        carried[limb] = body_arms[own[0]]
-        total[:, limb], pull[:, limb] = heard.sum(axis=1), forces[:, own].sum(axis=1)
-        centre[limb] = (heard @ offsets) / np.maximum(total[:, limb], np.finfo(np.float64).tiny)[:, np.newaxis]
-        squares = heard @ (offsets[:, :, np.newaxis] * offsets[:, np.newaxis]).reshape(-1, 9)
+        used, offsets = weights[:, own], chain.offsets[own]
+        carried[limb] = arms_of_markers[own[0]]
+        total[:, limb], force[:, limb] = used.sum(axis=1), forces[:, own].sum(axis=1)
+        centre[limb] = (used @ offsets) / np.maximum(total[:, limb], np.finfo(np.float64).tiny)[:, np.newaxis]
+        squares = used @ (offsets[:, :, np.newaxis] * offsets[:, np.newaxis]).reshape(-1, 9)
         about = squares.reshape(-1, 3, 3) - total[:, limb, np.newaxis, np.newaxis] * (
             centre[limb][:, :, np.newaxis] * centre[limb][:, np.newaxis]
         )
         turn = poses.rotations[:, limb]
         spread[:, limb] = turn @ about @ turn.swapaxes(1, 2)
-        moments = offsets.T @ forces[:, own] - centre[limb][:, :, np.newaxis] * pull[:, limb][:, np.newaxis]
-        twist[:, limb] = turn @ moments
+        moments = offsets.T @ forces[:, own] - centre[limb][:, :, np.newaxis] * force[:, limb][:, np.newaxis]
+        moment[:, limb] = turn @ moments
     arms = world_arms(carried, poses)
     for limb in range(n_limbs):
         arms[:, limb, limb] = np.einsum("fij,fj->fi", poses.rotations[:, limb], centre[limb])
-    return _LimbSums(total, arms, spread, pull, twist)
+    return _LimbSums(total, arms, spread, force, moment)

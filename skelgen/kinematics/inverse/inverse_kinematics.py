@@ -1,19 +1,18 @@
-"""Inverse kinematics: the pose of a known skeleton from markers of one frame or many.
+"""Inverse kinematics: the pose of a calibrated skeleton from markers of one frame or many.
 
-Limbs are placed from the root outward in closed form (Schönauer 2007, 3.8.2). The whole chain is then fitted to all
-markers at once, joints turning only as their kinds allow, and every joint's angles come with standard deviations.
+Limbs are posed from the root outward in closed form (Schönauer 2007, 3.8.2). Then the whole chain is fitted to all
+markers at once, and joints rotate only as their types allow. Every joint's angles come with standard deviations.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import transform_from
-from skelgen.kinematics.calibration.uncertainty import axis_projectors
-from skelgen.kinematics.chain.chain import ChainPoses, seen_weights
+from skelgen.kinematics.chain.chain import ChainPoses
 from skelgen.kinematics.inverse.loop_closure import fit_closed_poses
 from skelgen.kinematics.inverse.poses import fit_poses, pose_covariances
 from skelgen.kinematics.inverse.root_outward import KnownJoints, PosedTree, outward_covariances, pose_outward
@@ -27,9 +26,8 @@ METHODS = ("whole-chain", "root-outward")
 ANGLE_FRAMES = 8_192
 """Frames whose angles are computed together: their covariances take some 20 MB."""
 
-
 MOST_FRAMES = 5000
-"""Frames on which tables rest, evenly spread."""
+"""Frames from which ranges of angles are computed, evenly spread."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,19 +41,19 @@ class Posture:
     joint_positions : ndarray, shape (n_frames, n_joints, 3), mm
         World positions in the order of the skeleton's joints.
     joint_covariances : ndarray, shape (n_frames, n_joints, 3, 3), mm^2
-        Of these along the world's axes, of hinges across their axes; at most some `UNKNOWN_SHIFT` squared where no
-        marker tells.
+        Of these along the world's axes, of hinges across their axes; at most about `UNKNOWN_SHIFT` squared where no
+        marker determines them.
     angles : tuple of ndarray, shape (n_frames, n_angles), rad
         Of each joint, 0 in the reference pose. Hinge: the angle about its axis. Universal: the angle about the axis in
         the parent, then that about the axis in the child. Ball and undetermined: the rotation vector of the child
         against the parent, in the parent's axes. Rigid: none.
     angle_std : tuple of ndarray, shape (n_frames, n_angles), rad
-        Standard deviations of the angles against the limbs' markers: noise of the frame and errors of the skeleton. At
-        most some `UNKNOWN_TURN` where no marker tells. That the zero was taken from a measured frame adds one constant
-        to all frames, which is not counted.
+        Standard deviations of the angles against the limbs' markers, by noise of the frame and errors of the skeleton;
+        at most about `UNKNOWN_TURN` where no marker determines an angle. The zero comes from a measured frame: its
+        error is the same in all frames and not included.
     limb_seen : ndarray of bool, shape (n_frames, n_limbs)
-        Whether markers of the frame fix the limb's rotation; otherwise the limb is turned as its parent, as far as the
-        other limbs' markers do not say otherwise.
+        Whether markers of the frame fix the limb's rotation. Otherwise it follows from the parent and from the markers
+        of the limbs beyond.
     """
 
     world_from_limb: Floats
@@ -72,18 +70,18 @@ class Posture:
 
 
 def solve(skeleton: Skeleton, positions: Floats, *, method: str = "whole-chain", noise: float | None = None) -> Posture:
-    """Pose a known skeleton; rings that it closes stay closed.
+    """Pose a calibrated skeleton; its kinematic loops stay closed.
 
     Parameters
     ----------
     skeleton : Skeleton
-        With its kinds of joints and axes.
+        With its types of joints and axes.
     positions : ndarray, shape (n_frames, n_markers, 3) or (n_markers, 3), mm
         Measured markers, NaN where unseen.
     method : str
         ``whole-chain``, or ``root-outward`` for the closed form alone.
     noise : float, mm, optional
-        Standard deviation of a marker's coordinate; what the skeleton's markers showed, if not given.
+        Standard deviation of a marker's coordinate; that of the skeleton's markers if not given.
 
     Raises
     ------
@@ -120,22 +118,33 @@ def check_method(method: str) -> None:
 
 
 def solve_tree(tree: SkeletonTree, positions: Floats, method: str, before: Floats | None = None) -> PosedTree:
-    """Pose one tree; parameters are those of `pose_outward`, and the method."""
+    """Pose one tree of a skeleton.
+
+    Parameters
+    ----------
+    tree : SkeletonTree
+        The limbs.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Markers of the tree, NaN where unseen; every frame shows one.
+    method : str
+        One of `METHODS`.
+    before : ndarray, shape (n_limbs, 3, 3), optional
+        World from limb in the frame before; that of the reference pose if not given.
+    """
     before = np.tile(np.eye(3), (tree.chain.n_limbs, 1, 1)) if before is None else before
     start, fixed = pose_outward(tree.chain, positions, joints=KnownJoints(tree.articulation, before))
     if method == "root-outward":
         return PosedTree(start, fixed, outward_covariances(tree, start, fixed, positions))
-    weights = seen_weights(positions, np.broadcast_to(tree.weights, positions.shape[:2]))
-    chain, articulation = tree.chain, tree.articulation
-    if tree.rings.n_rings:
-        poses = fit_closed_poses(chain, tree.rings, start, positions, articulation, weights)
+    observed = tree.observed(start, positions)
+    if tree.loops.n_loops:
+        poses = fit_closed_poses(observed, tree.loops)
     else:
-        poses = fit_poses(chain, start, positions, articulation, weights)
-    return PosedTree(poses, fixed, pose_covariances(chain, articulation, poses, positions, tree.noise, weights))
+        poses = fit_poses(tree.chain, start, positions, tree.articulation, observed.weights)
+    return PosedTree(poses, fixed, pose_covariances(replace(observed, poses=poses), tree.noise))
 
 
 def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: Ints | None = None) -> Posture:
-    """Return angles, joints and their standard deviations of a motion that is known.
+    """Return the angles and joints of a motion with their standard deviations.
 
     Parameters
     ----------
@@ -144,7 +153,7 @@ def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: In
     motion : Motion
         Its motion.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers of all frames, NaN where unseen: which are seen says how sure a frame is.
+        Measured markers of all frames, NaN where unseen: the deviations of a frame depend on which are seen.
     frames : ndarray of intp, optional
         Some frames; all if not given.
 
@@ -161,9 +170,7 @@ def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: In
     found = []
     for tree in trees:
         poses = ChainPoses(world[:, tree.limbs[0], :3, 3], world[:, tree.limbs, :3, :3])
-        own = positions[frames][:, tree.markers]
-        weights = seen_weights(own, np.broadcast_to(tree.weights, own.shape[:2]))
-        covariances = pose_covariances(tree.chain, tree.articulation, poses, own, tree.noise, weights)
+        covariances = pose_covariances(tree.observed(poses, positions[frames][:, tree.markers]), tree.noise)
         found.append(PosedTree(poses, motion.limb_seen[frames][:, tree.limbs], covariances))
     return posture(skeleton, trees, found)
 
@@ -199,7 +206,17 @@ class MotionAngles:
 
 
 def posture(skeleton: Skeleton, trees: list[SkeletonTree], found: list[PosedTree]) -> Posture:
-    """Gather posed trees, and add the errors of the skeleton to those of the frames."""
+    """Gather posed trees, and add the errors of the skeleton to those of the frames.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+    trees : list of SkeletonTree
+        One for each of its roots.
+    found : list of PosedTree
+        Their poses, in the same order.
+    """
     n_frames, n_limbs = len(found[0].fixed), skeleton.n_limbs
     world = np.tile(np.eye(4), (n_frames, n_limbs, 1, 1))
     turns, places = np.zeros((2, n_frames, n_limbs, 3, 3))
@@ -208,7 +225,7 @@ def posture(skeleton: Skeleton, trees: list[SkeletonTree], found: list[PosedTree
         world[:, tree.limbs] = transform_from(one.poses.rotations, one.poses.origins(tree.chain))
         turns[:, tree.limbs], seen[:, tree.limbs] = one.covariances.turns + tree.turns, one.fixed
         parents = one.poses.rotations[:, np.maximum(tree.chain.parents, 0)]
-        across = axis_projectors(tree.chain, tree.articulation, one.poses)
+        across = tree.articulation.across_hinges(tree.chain.parents, one.poses.rotations)
         whole = one.covariances.origins + parents @ tree.places @ parents.swapaxes(2, 3)
         places[:, tree.limbs] = across @ whole @ across
     rotations = world[..., :3, :3]
@@ -226,19 +243,19 @@ def posture(skeleton: Skeleton, trees: list[SkeletonTree], found: list[PosedTree
 
 
 class LiveSkeleton:
-    """Poses a known skeleton frame by frame.
+    """Poses a calibrated skeleton in live use, one frame after the other.
 
-    Limbs that a frame does not show keep their turn against the parent from the frame before; trees that it does not
-    show at all stay where they were. Both are marked, and their deviations say so.
+    A limb that a frame does not show keeps its rotation against the parent from the frame before. A tree that it does
+    not show at all stays where it was. Both are marked in `limb_seen`, and their deviations are large.
 
     Parameters
     ----------
     skeleton : Skeleton
-        With its kinds of joints and axes, as a project has it.
+        With its types of joints and axes, as a project has it.
     method : str
         ``root-outward``, the closed form, which is quick; or ``whole-chain``, which is nearer to the truth.
     noise : float, mm, optional
-        Standard deviation of a marker's coordinate; what the skeleton's markers showed, if not given.
+        Standard deviation of a marker's coordinate; that of the skeleton's markers if not given.
 
     Raises
     ------
@@ -292,7 +309,7 @@ class LiveSkeleton:
             return solve_tree(tree, positions, self._method, None if before is None else before.rotations[0])
         if before is None:
             raise InputError(f"the first frame shows no marker of limb {tree.limbs[0]} and those beyond it")
-        unknown = pose_covariances(tree.chain, tree.articulation, before, positions, tree.noise)
+        unknown = pose_covariances(tree.observed(before, positions), tree.noise)
         return PosedTree(before, np.zeros((1, len(tree.limbs)), dtype=bool), unknown)
 
 
@@ -318,7 +335,15 @@ class AngleRange:
 
 
 def spread_frames(n_frames: int, most: int = MOST_FRAMES) -> Ints:
-    """Return at most so many frames, evenly spread."""
+    """Return evenly spread frames.
+
+    Parameters
+    ----------
+    n_frames : int
+        Frames of the take.
+    most : int
+        Number of frames at most.
+    """
     return np.unique(np.linspace(0, n_frames - 1, min(n_frames, most)).astype(np.intp))
 
 
@@ -327,7 +352,7 @@ def angle_ranges(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple
 
     Parameters
     ----------
-    skeleton, motion
+    skeleton, motion : Skeleton and Motion
         The skeleton and its motion.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.

@@ -1,21 +1,49 @@
-"""One tree of a known skeleton as a chain with what its joints allow, how sure it is, and the noise of its markers."""
+"""One tree of a calibrated skeleton as a chain, with covariances of its joints and the noise of its markers."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
-from skelgen.kinematics.chain.chain import Chain
-from skelgen.kinematics.inverse.loop_closure import Rings
+from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.observed_chain import ObservedChain, observed
+from skelgen.kinematics.inverse.loop_closure import KinematicLoops
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Floats, Ints
 
 LEAST_SHARE = 0.1
-"""Of the usual noise: no marker counts as surer than this."""
+"""Of the root mean square noise: no marker counts as surer than this."""
 
 
 class SkeletonTree:
-    """One tree of a skeleton as a chain."""
+    """One tree of a skeleton as a chain.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With its types of joints and axes.
+    root : int
+        Root of the tree.
+    noise : float, mm, optional
+        Standard deviation of a marker's coordinate; that of the skeleton's markers if not given.
+
+    Attributes
+    ----------
+    limbs, markers : ndarray of intp
+        Limbs and markers of the skeleton that belong to the tree, in the order of the chain.
+    chain : Chain
+        The limbs.
+    articulation : Articulation
+        What the joints allow.
+    loops : KinematicLoops
+        Joints of the tree that close loops.
+    turns, places : ndarray, shape (n_limbs, 3, 3), rad^2 and mm^2
+        Covariances of the joints' rotations and positions, see `Joint`; 0 where they were not estimated.
+    noise : float, mm
+        Median standard deviation of a marker's coordinate.
+    weights : ndarray, shape (n_markers,)
+        Of the markers' squared distances.
+    """
 
     def __init__(self, skeleton: Skeleton, root: int, noise: float | None) -> None:
         below = {root}
@@ -32,30 +60,48 @@ class SkeletonTree:
         self.chain = Chain(parents, limb_of_marker, np.array(places), skeleton.marker_offsets[self.markers])
         joints = [above.get(int(limb)) for limb in self.limbs]
         self.articulation = _articulation(joints)
-        loops = [joint for joint in skeleton.loops if joint.parent in place and joint.child in place]
-        pairs = np.array([[place[joint.parent], place[joint.child]] for joint in loops], dtype=np.intp).reshape(-1, 2)
-        ends = [(joint.position_in_parent, joint.position_in_child) for joint in loops]
-        self.rings = Rings(pairs, np.array(ends).reshape(-1, 2, 3))
-        self.turns = np.array([_or_zero(joint, "turn_covariance") for joint in joints])
-        self.places = np.array([_or_zero(joint, "covariance") for joint in joints])
+        closing = [joint for joint in skeleton.loops if joint.parent in place and joint.child in place]
+        pairs = np.array([[place[joint.parent], place[joint.child]] for joint in closing], dtype=np.intp).reshape(-1, 2)
+        ends = [(joint.position_in_parent, joint.position_in_child) for joint in closing]
+        self.loops = KinematicLoops(pairs, np.array(ends).reshape(-1, 2, 3))
+        nothing = np.zeros((3, 3))
+        turns = [joint.turn_covariance if joint else None for joint in joints]
+        covariances = [joint.covariance if joint else None for joint in joints]
+        self.turns = np.array([nothing if one is None else one for one in turns])
+        self.places = np.array([nothing if one is None else one for one in covariances])
         deviations = noise_of_markers(skeleton, noise)[self.markers]
         self.noise = float(np.median(deviations)) if len(deviations) else 0.0
         self.weights: Floats = (self.noise / deviations) ** 2 if self.noise > 0 else np.ones(len(deviations))
 
+    def observed(self, poses: ChainPoses, positions: Floats) -> ObservedChain:
+        """Return the chain with what was measured, every marker with its weight.
 
-def _or_zero(joint: Joint | None, name: str) -> Floats:
-    """A covariance of a joint, 0 where it was not estimated."""
-    value = None if joint is None else getattr(joint, name)
-    return np.zeros((3, 3)) if value is None else value
+        Parameters
+        ----------
+        poses : ChainPoses
+            Poses of the chain.
+        positions : ndarray, shape (n_frames, n_markers, 3), mm
+            Measured markers of the tree, NaN where unseen.
+        """
+        weights = np.broadcast_to(self.weights, positions.shape[:2])
+        return observed(self.chain, self.articulation, poses, positions, weights)
 
 
 def noise_of_markers(skeleton: Skeleton, noise: float | None) -> Floats:
-    """Standard deviation [mm] of each marker's coordinates, none far below the usual one."""
+    """Return the standard deviation [mm] of each marker's coordinates, none far below the root mean square.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Its markers' noise counts.
+    noise : float, mm, or None
+        Counts instead for all markers, if given.
+    """
     if noise is not None:
         return np.full(len(skeleton.limb_of_marker), noise)
     known = skeleton.marker_std if skeleton.marker_noise is None else skeleton.marker_noise
-    heard = known[~np.isnan(known)]
-    usual = float(np.sqrt((heard**2).mean())) if len(heard) else 0.0
+    valid = known[~np.isnan(known)]
+    usual = float(np.sqrt((valid**2).mean())) if len(valid) else 0.0
     if skeleton.marker_noise is None:
         return np.full(len(known), usual)
     return np.where(np.isnan(known), usual, np.maximum(known, LEAST_SHARE * usual))
@@ -63,12 +109,8 @@ def noise_of_markers(skeleton: Skeleton, noise: float | None) -> Floats:
 
 def _articulation(joints: list[Joint | None]) -> Articulation:
     free = Articulation.free(len(joints))
-    kinds, in_parent, in_child, between = (
-        ["ball"] * len(joints),
-        free.in_parent.copy(),
-        free.in_child.copy(),
-        free.between.copy(),
-    )
+    in_parent, in_child, between = free.in_parent.copy(), free.in_child.copy(), free.between.copy()
+    kinds = ["ball"] * len(joints)
     for index, joint in enumerate(joints):
         if joint is None:
             continue

@@ -1,8 +1,8 @@
-r"""How clusters of markers bend as the joints of their limb do: slides that are seen without knowing any joint.
+r"""Deformations of marker clusters that follow the joints of their limb: soft tissue that is seen without a fit.
 
-Of what a marker does in the frame of its limb, the rigid displacements of the cluster may be errors of the pose; the
-rest is the bending of the cluster. Where it follows the bends of a joint, so do, by all experience, the rigid
-displacements that nothing shows.
+What the markers of a limb do in its frame is a rigid displacement of the cluster and its deformation. The rigid part
+may be an error of the pose. Where the deformation follows the flexions of a joint, the rigid displacement, which
+nothing shows, does so too by all experience.
 """
 
 from __future__ import annotations
@@ -20,63 +20,72 @@ from skelgen.kinematics.soft_tissue.normal_equations import RigidDisplacements
 from skelgen.model.arrays import Floats, Ints
 
 VARIANCES = np.geomspace(1e-4, 1e4, 161)
-"""Variances of slides that are tried, in units of the noise's: 12 % apart."""
+"""Variances of displacements that are tried, in units of that of the noise: 12 % apart."""
 
 SURE = 6.0
-"""Nats by which a joint's bends must explain how a cluster bends, for slides to be looked for at all."""
+"""Nats by which a joint's flexions must explain the deformation of a cluster, for displacements to be fitted at all."""
 
 DOUBTFUL = -8.0
-"""Nats above which slides of a cluster with a joint are not ruled out: three markers may slide without bending."""
+"""Nats above which displacements by a joint are not ruled out: three markers may move without deforming."""
 
 
 @dataclass(frozen=True, eq=False)
 class ClusterDeformation:
-    """What is seen of a limb's cluster before any slide is fitted.
+    """What is seen of a limb's cluster before any displacement is fitted.
 
     Attributes
     ----------
     own : ndarray of intp, shape (n_own,)
         Markers of the limb.
-    bends : ndarray of intp, shape (n_bends,)
-        Bends of its joints.
-    squares : ndarray, shape (n_own, n_bends, n_bends)
-        Sums of products of bends over the frames that show each marker.
-    moments : ndarray, shape (3 n_own, n_bends), mm
-        Sums of residuals times bends.
-    inner : ndarray, shape (n_inner, 3 n_own)
-        Orthonormal ways to bend the cluster.
+    flexions : ndarray of intp, shape (n_flexions,)
+        Flexions of its joints.
+    squares : ndarray, shape (n_own, n_flexions, n_flexions)
+        Sums of products of flexions over the frames that show each marker.
+    moments : ndarray, shape (3 n_own, n_flexions), mm
+        Sums of residuals times flexions.
+    modes : ndarray, shape (n_modes, 3 n_own)
+        Orthonormal deformations of the cluster.
     """
 
     own: Ints
-    bends: Ints
+    flexions: Ints
     squares: Floats
     moments: Floats
-    inner: Floats
+    modes: Floats
 
     @cached_property
     def slopes(self) -> Floats:
-        """How residuals follow the bends by least squares, shape (n_own, 3, n_bends)."""
+        """Slopes of the residuals by the flexions (least squares) [mm], shape (n_own, 3, n_flexions)."""
         inverse = np.linalg.pinv(self.squares, hermitian=True)
-        return np.asarray(self.moments.reshape(len(self.own), 3, len(self.bends)) @ inverse)
+        return np.asarray(self.moments.reshape(len(self.own), 3, len(self.flexions)) @ inverse)
 
-    def ways(self) -> tuple[Floats, Floats]:
-        """Information and pull of each way to bend with each bend, shape (n_inner, n_bends); see `ways_to_bend`."""
+    def modal_equations(self) -> tuple[Floats, Floats]:
+        """Return information and gradient of each mode for each flexion, shape (n_modes, n_flexions) each."""
         squares = np.diagonal(self.squares, axis1=1, axis2=2).sum(axis=0) / max(len(self.own), 1)
-        return np.tile(squares, (len(self.inner), 1)), np.asarray(self.inner @ self.moments)
+        return np.tile(squares, (len(self.modes), 1)), np.asarray(self.modes @ self.moments)
 
     def with_joint(self, tissue: SoftTissue, joint: int, noise: float) -> tuple[Floats, Floats]:
-        """Variances of ways to bend with one joint that other joints do not explain: expected by chance, and seen.
+        """Return the variances of modes with one joint that other joints do not explain: expected by noise, and seen.
 
-        Both in units of a slide of the variance of the noise.
+        Both are in units of a displacement of the variance of the noise.
+
+        Parameters
+        ----------
+        tissue : SoftTissue
+            With the joint of each flexion.
+        joint : int
+            Limb below the joint.
+        noise : float, mm^2
+            Variance of a coordinate.
         """
-        if not len(self.inner):
+        if not len(self.modes):
             return np.zeros(0), np.zeros(0)
-        chosen = np.flatnonzero(tissue.joints[self.bends] == joint)
+        chosen = np.flatnonzero(tissue.joints[self.flexions] == joint)
         spread = np.linalg.pinv(self.squares.mean(axis=0), hermitian=True)[np.ix_(chosen, chosen)]
         values, vectors = np.linalg.eigh(spread)
-        inner = (self.inner @ self.slopes.reshape(3 * len(self.own), len(self.bends)))[:, chosen] @ vectors
-        expected = np.tile(values, (len(inner), 1))
-        return (expected * len(chosen)).ravel(), (inner**2 * len(chosen) / noise).ravel()
+        modes = (self.modes @ self.slopes.reshape(3 * len(self.own), len(self.flexions)))[:, chosen] @ vectors
+        expected = np.tile(values, (len(modes), 1))
+        return (expected * len(chosen)).ravel(), (modes**2 * len(chosen) / noise).ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,20 +95,21 @@ class ObservedDeformations:
     Attributes
     ----------
     limbs : tuple of ClusterDeformation
-        By limb; limbs without markers or bends have empty arrays.
+        By limb; empty arrays for limbs without markers or flexions.
     noise : float, mm^2
-        Variance of a coordinate that follows no bend, times the frames that tell as much as one.
+        Variance of a coordinate that follows no flexion, times the number of frames that count as one independent.
     """
 
     limbs: tuple[ClusterDeformation, ...]
     noise: float
 
-    def likely_slides(self, tissue: SoftTissue) -> Floats:
-        """Prior variances of slides, of one size wherever they are not ruled out, shape (n_limbs, n_bends), mm^2.
+    def likely_variances(self, tissue: SoftTissue) -> Floats:
+        """Return prior variances of displacements [mm^2], shape (n_limbs, n_flexions).
 
-        All are zero if no cluster is seen to bend with a joint.
+        They have one size wherever displacements are not ruled out. All are 0 if no cluster deforms with a joint.
         """
-        pairs = [(limb, joint) for limb, one in enumerate(self.limbs) for joint in np.unique(tissue.joints[one.bends])]
+        joints = [np.unique(tissue.joints[one.flexions]) for one in self.limbs]
+        pairs = [(limb, joint) for limb, own in enumerate(joints) for joint in own]
         seen = [self.limbs[limb].with_joint(tissue, joint, self.noise) for limb, joint in pairs]
         result = np.zeros((len(self.limbs), len(tissue.joints)))
         sure = [one for one in seen if _evidence(one, VARIANCES).max() > SURE]
@@ -113,24 +123,24 @@ class ObservedDeformations:
 
 
 def observe_deformations(last: Calibration, tissue: SoftTissue, clusters: RigidDisplacements) -> ObservedDeformations:
-    """Look for bending of clusters in the residuals of a fit.
+    """Find deformations of clusters in the residuals of a fit.
 
     Parameters
     ----------
     last : Calibration
-        Fitted to markers that do not slide, in the order of time.
+        Fitted to rigid limbs, frames in the order of time.
     tissue : SoftTissue
-        What bends.
+        With the flexions.
     clusters : RigidDisplacements
         Rigid displacements of the markers.
     """
     local = residuals_in_limbs(last.chain, last.poses, last.positions)
-    bends, reach = tissue.bends(last.chain, last.poses), tissue.reach(last.chain)
+    flexions, reach = tissue.flexions(last.chain, last.poses), tissue.reach(last.chain)
     limbs, after = [], local.copy()
     for limb in range(last.chain.n_limbs):
-        one = _bending_of(last, local, bends, clusters, limb, np.flatnonzero(reach[limb]))
+        one = _deformation_of(last, local, flexions, clusters, limb, np.flatnonzero(reach[limb]))
         limbs.append(one)
-        explained = bends[:, one.bends] @ one.slopes.reshape(3 * len(one.own), len(one.bends)).T
+        explained = flexions[:, one.flexions] @ one.slopes.reshape(3 * len(one.own), len(one.flexions)).T
         after[:, one.own] -= explained.reshape(len(local), len(one.own), 3) * last.weights[:, one.own, np.newaxis]
     kept = float((after**2).sum()) / max(float((local**2).sum()), np.finfo(np.float64).tiny)
     growth = len(after) / effective_frames(after.reshape(len(after), -1))
@@ -138,27 +148,27 @@ def observe_deformations(last: Calibration, tissue: SoftTissue, clusters: RigidD
     return ObservedDeformations(tuple(limbs), noise)
 
 
-def _bending_of(
-    last: Calibration, local: Floats, bends: Floats, clusters: RigidDisplacements, limb: int, reach: Ints
+def _deformation_of(
+    last: Calibration, local: Floats, flexions: Floats, clusters: RigidDisplacements, limb: int, reach: Ints
 ) -> ClusterDeformation:
-    own, some = np.flatnonzero(last.chain.limb_of_marker == limb), bends[:, reach]
+    own, some = np.flatnonzero(last.chain.limb_of_marker == limb), flexions[:, reach]
     products = (some[:, :, np.newaxis] * some[:, np.newaxis]).reshape(len(some), -1)
     squares = (last.weights[:, own].T @ products).reshape(len(own), len(reach), len(reach))
     rigid = clusters.basis[own][:, :, clusters.limbs == limb]
     rigid = rigid.reshape(3 * len(own), rigid.shape[2])
-    inner = np.linalg.svd(rigid, full_matrices=True)[0][:, rigid.shape[1] :].T
-    return ClusterDeformation(own, reach, squares, local[:, own].reshape(len(local), 3 * len(own)).T @ some, inner)
+    modes = np.linalg.svd(rigid, full_matrices=True)[0][:, rigid.shape[1] :].T
+    return ClusterDeformation(own, reach, squares, local[:, own].reshape(len(local), 3 * len(own)).T @ some, modes)
 
 
-def _evidence(ways: tuple[Floats, Floats], variances: Floats) -> Floats:
-    """Nats that slides of each variance gain over none."""
-    expected, seen = ways
+def _evidence(modes: tuple[Floats, Floats], variances: Floats) -> Floats:
+    """Nats that displacements of each variance gain over none."""
+    expected, seen = modes
     total = expected + variances[:, np.newaxis]
     return np.asarray((seen / expected - seen / total - np.log(total / expected)).sum(axis=1) / 2)
 
 
 def deformation_slopes(chain: Chain, seen: ObservedDeformations, variances: Floats) -> Floats:
-    """Return slopes of what bends clusters, drawn to nothing by a prior, shape (n_markers, 3, n_bends), mm.
+    """Return slopes of the deformations with a prior, shape (n_markers, 3, n_flexions), mm.
 
     Parameters
     ----------
@@ -166,14 +176,14 @@ def deformation_slopes(chain: Chain, seen: ObservedDeformations, variances: Floa
         The limbs.
     seen : ObservedDeformations
         What is seen.
-    variances : ndarray, shape (n_limbs, n_bends), mm^2
-        Prior variances of slides; 0 where there are none.
+    variances : ndarray, shape (n_limbs, n_flexions), mm^2
+        Prior variances of displacements; 0 where there are none.
     """
     result = np.zeros((chain.n_markers, 3, variances.shape[1]))
     for limb, one in enumerate(seen.limbs):
-        kept = np.flatnonzero(variances[limb, one.bends])
+        kept = np.flatnonzero(variances[limb, one.flexions])
         squares = one.squares.mean(axis=0)[np.ix_(kept, kept)] if len(kept) else np.zeros((0, 0))
-        held = squares + np.diag(seen.noise / variances[limb, one.bends[kept]])
-        slopes = one.inner.T @ (one.inner @ one.moments[:, kept]) @ np.linalg.inv(held)
-        result[np.ix_(one.own, np.arange(3), one.bends[kept])] = slopes.reshape(len(one.own), 3, len(kept))
+        held = squares + np.diag(seen.noise / variances[limb, one.flexions[kept]])
+        slopes = one.modes.T @ (one.modes @ one.moments[:, kept]) @ np.linalg.inv(held)
+        result[np.ix_(one.own, np.arange(3), one.flexions[kept])] = slopes.reshape(len(one.own), 3, len(kept))
     return result

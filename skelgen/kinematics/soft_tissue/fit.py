@@ -1,10 +1,10 @@
-r"""A chain fitted to markers that slide: slides are unknowns with a prior, so that they do not pass for joints.
+r"""Calibration of a chain with soft tissue: displacements are unknowns with a prior, so they do not pass for joints.
 
-A cluster that slides in proportion to the bends moves the joint that is found, and hardly leaves residuals: a slide
-:math:`\delta \times \varphi` looks like a joint that is :math:`\delta` away. So slides are fitted together with the
-constants of the chain, drawn to nothing by a prior whose variance is that which makes all that is seen of them most
-likely: how clusters bend, and how their joints fail to meet. The common covariance of both tells how far
-joints may be off by slides that nothing shows.
+A cluster that moves in proportion to the flexions shifts the joint that is found, and hardly leaves residuals: a
+displacement :math:`\delta \times \varphi` looks like a joint that is :math:`\delta` away. So displacements are fitted
+together with the constants of the chain. Their prior has mean 0 and the variance that makes all that is seen of them
+most likely: how clusters deform, and how their joints fail to meet. The common covariance of both says how far joints
+may be off by displacements that nothing shows.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from skelgen.kinematics.calibration.calibrate import Calibration, calibrate
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals_in_limbs
 from skelgen.kinematics.chain.normal_equations import constant_gradient
+from skelgen.kinematics.chain.observed_chain import ObservedChain, observed
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import LEAST_NOISE, fit_poses
 from skelgen.kinematics.soft_tissue.cluster_deformation import (
@@ -32,62 +33,64 @@ from skelgen.kinematics.soft_tissue.normal_equations import (
 )
 from skelgen.model.arrays import Floats, Ints
 
-SYSTEM_FRAMES = 100
-"""Frames on which slides and their uncertainty rest, evenly spread: soft tissue is slow, more would tell the same."""
+EQUATION_FRAMES = 100
+"""Frames from which soft tissue and its uncertainty are computed, evenly spread: it is slow, more would add nothing."""
 
 ESTIMATES = 4
-"""Rounds in which variances of slides are estimated."""
+"""Rounds in which variances of displacements are estimated."""
 
 WEIGHT_OF_COMMON = 1.0
-"""Numbers that the common variance counts for beside those of a cluster and a joint."""
+"""Coefficients that the common variance counts for beside those of a cluster and a joint."""
 
 LEAST_PART = 0.02
-"""Of the largest variance: slides of less are left out."""
+"""Of the largest variance: displacements of less are left out."""
 
 MAX_STEPS = 5
 STEP_TOLERANCE = 0.1
 """mm; less than a tenth of what soft tissue leaves uncertain."""
 
 POSE_STEPS = 4
-LOOSE = 30.0
-"""mm; constants that the frames do not determine (a joint along its hinge) move little with this spread."""
+PRIOR_SPREAD = 30.0
+"""mm; standard deviation of constants that the frames do not determine (a joint along its hinge)."""
 
 
 @dataclass(frozen=True, eq=False)
 class SoftTissueFit:
-    """A chain whose markers slide.
+    """A chain fitted together with its soft tissue.
 
     Attributes
     ----------
-    chain, articulation
-        Fitted without the slides.
+    chain : Chain
+        Limbs, fitted without the displacements.
+    articulation : Articulation
+        What their joints allow.
     tissue : SoftTissue
-        The slides.
-    bending : ndarray, shape (n_markers, 3, n_bends), mm
-        The part of the slopes that bends clusters and tells nothing of joints.
-    variances : ndarray, shape (n_limbs, n_bends), mm^2
-        Of a coordinate's slides with each bend; 0 where the markers of a limb do not follow it.
+        How markers are displaced.
+    deformation : ndarray, shape (n_markers, 3, n_flexions), mm
+        The part of the slopes that deforms clusters and does not move joints.
+    variances : ndarray, shape (n_limbs, n_flexions), mm^2
+        Of a coordinate's displacement by each flexion; 0 where the markers of a limb do not follow it.
     """
 
     chain: Chain
     articulation: Articulation
     tissue: SoftTissue
-    bending: Floats
+    deformation: Floats
     variances: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class SoftTissueCalibration:
-    """The chain of all frames, fitted without slides.
+    """A chain that was calibrated on all frames, with its soft tissue.
 
     Attributes
     ----------
     calibration : Calibration
-        Its information counts that slides are not known either.
+        Fitted to the markers without their displacements; its information counts that these are not known either.
     tissue : SoftTissue
-        The slides.
+        How markers are displaced.
     growth : float
-        How many frames tell as much as one that is independent.
+        How many frames determine as much as one independent frame.
     """
 
     calibration: Calibration
@@ -96,103 +99,105 @@ class SoftTissueCalibration:
 
 
 def fit_soft_tissue(last: Calibration) -> SoftTissueFit | None:
-    """Fit slides of markers, and the chain with them; None if there is no sign of slides.
+    """Fit soft tissue together with the chain; None if no cluster deforms with a joint.
 
     Parameters
     ----------
     last : Calibration
-        The chain fitted to markers that do not slide, frames in the order of time.
+        The chain fitted to rigid limbs, frames in the order of time.
     """
     if last.noise <= LEAST_NOISE:
         return None
     tissue = soft_tissue_at_rest(last.chain, last.poses)
     seen = observe_deformations(last, tissue, rigid_displacements(last.chain))
-    variances = seen.likely_slides(tissue)
+    variances = seen.likely_variances(tissue)
     return _fitted(last, tissue, seen, variances) if variances.any() else None
 
 
 def _fitted(last: Calibration, tissue: SoftTissue, seen: ObservedDeformations, variances: Floats) -> SoftTissueFit:
-    """Gauss-Newton steps of constants and slides on some frames."""
-    frames, share = _system_frames(last)
+    """Take Gauss-Newton steps of constants and displacements on some frames."""
+    frames, share = _equation_frames(last)
     chain, articulation, poses = last.chain, last.articulation, last.poses[frames]
-    positions, bent = last.positions[frames], np.zeros_like(tissue.slopes)
+    positions, deformation = last.positions[frames], np.zeros_like(tissue.slopes)
     for step_number in range(MAX_STEPS):
-        without = positions - tissue.slides(chain, poses)
-        system = soft_tissue_equations(chain, articulation, poses, without, tissue, variances > 0, last.noise)
-        matrix, pull = share * system.matrix, share * system.pull
+        here = observed(chain, articulation, poses, positions - tissue.displacements(chain, poses))
+        system = soft_tissue_equations(here, tissue, variances > 0, last.noise)
+        matrix, gradient = share * system.matrix, share * system.gradient
         n = system.n_constants
-        matrix[np.arange(n), np.arange(n)] += seen.noise / _looseness(system, chain) ** 2
+        matrix[np.arange(n), np.arange(n)] += seen.noise / _prior_spread(system, chain) ** 2
         if step_number == 0:
-            variances = _estimated(matrix, pull, system, tissue, seen, variances)
-            bent = deformation_slopes(chain, seen, variances)
-            kept = np.append(np.ones(n, dtype=bool), variances[system.limbs, system.bend] > 0)
-            system = system.without(~kept[n:])
-            matrix, pull = matrix[np.ix_(kept, kept)], pull[kept]
-        prior = seen.noise / variances[system.limbs, system.bend]
-        slides = system.slides(tissue.slopes - bent)
-        pull[n:] -= prior * slides
+            scaled = replace(system, matrix=matrix, gradient=gradient)
+            variances = _estimated_variances(scaled, tissue, seen, variances)
+            deformation = deformation_slopes(chain, seen, variances)
+            scaled = scaled.without(variances[system.limbs, system.flexion] == 0)
+            system, matrix, gradient = scaled, scaled.matrix.copy(), scaled.gradient.copy()
+        prior = seen.noise / variances[system.limbs, system.flexion]
+        coefficients = system.coefficients(tissue.slopes - deformation)
+        gradient[n:] -= prior * coefficients
         matrix[np.arange(n, len(matrix)), np.arange(n, len(matrix))] += prior
-        step: Floats = np.asarray(np.linalg.solve(matrix, pull))
-        chain, articulation, poses = _stepped(chain, articulation, poses, system, step)
-        tissue = tissue.with_slopes(system.slopes(slides + step[n:], len(tissue.joints)) + bent)
-        for _ in range(2):  # bends follow the poses, and poses the slides
-            poses = fit_poses(chain, poses, positions - tissue.slides(chain, poses), articulation, None, POSE_STEPS)
+        step: Floats = np.asarray(np.linalg.solve(matrix, gradient))
+        chain, articulation, poses = _stepped(here, system, step)
+        tissue = tissue.with_slopes(system.slopes(coefficients + step[n:], len(tissue.joints)) + deformation)
+        for _ in range(2):  # flexions follow the poses, and poses the displacements
+            rigid = positions - tissue.displacements(chain, poses)
+            poses = fit_poses(chain, poses, rigid, articulation, None, POSE_STEPS)
         if np.abs(step[: system.n_joints]).max(initial=0.0) < STEP_TOLERANCE:
             break
-    return SoftTissueFit(chain, articulation, tissue, bent, variances)
+    return SoftTissueFit(chain, articulation, tissue, deformation, variances)
 
 
-def calibrate_soft_tissue(sliding: SoftTissueFit, poses: ChainPoses, positions: Floats) -> SoftTissueCalibration:
-    """Take the last step with what all frames tell, and find out how sure everything is.
+def calibrate_soft_tissue(fit: SoftTissueFit, poses: ChainPoses, positions: Floats) -> SoftTissueCalibration:
+    """Take the last step on all frames, and compute the information of the constants.
 
     Parameters
     ----------
-    sliding : SoftTissueFit
+    fit : SoftTissueFit
         From `fit_soft_tissue`.
     poses : ChainPoses
-        Poses of the markers without their slides.
+        Poses of the markers without their displacements.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, as given to `fit_soft_tissue`.
     """
-    chain, articulation = sliding.chain, sliding.articulation
-    still = positions - sliding.tissue.slides(chain, poses)
-    last = calibrate(chain, poses, still, 0, articulation)
-    growth = len(still) / effective_frames(residuals_in_limbs(chain, last.poses, still).reshape(len(still), -1))
-    variance, (frames, share) = growth * last.noise**2, _system_frames(last)
-    some, tissue = last.poses[frames], sliding.tissue
-    system = soft_tissue_equations(chain, articulation, some, still[frames], tissue, sliding.variances > 0, last.noise)
-    n, prior = system.n_constants, variance / sliding.variances[system.limbs, system.bend]
+    chain, articulation, tissue = fit.chain, fit.articulation, fit.tissue
+    rigid = positions - tissue.displacements(chain, poses)
+    last = calibrate(chain, poses, rigid, 0, articulation)
+    growth = len(rigid) / effective_frames(residuals_in_limbs(chain, last.poses, rigid).reshape(len(rigid), -1))
+    variance, (frames, share) = growth * last.noise**2, _equation_frames(last)
+    some = observed(chain, articulation, last.poses[frames], rigid[frames])
+    system = soft_tissue_equations(some, tissue, fit.variances > 0, last.noise)
+    n, prior = system.n_constants, variance / fit.variances[system.limbs, system.flexion]
     matrix = share * system.matrix
     matrix[np.arange(n, len(matrix)), np.arange(n, len(matrix))] += prior
-    known = matrix[:n, :n] - matrix[:n, n:] @ np.linalg.solve(matrix[n:, n:], matrix[n:, :n])
-    pull = _pull_of_all(last, still, system, tissue)
-    slides = system.slides(tissue.slopes - sliding.bending)
-    pull[n:] -= prior * slides
-    held = matrix + np.diag(np.concatenate([variance / _looseness(system, chain) ** 2, np.zeros(len(prior))]))
-    step: Floats = np.asarray(np.linalg.solve(held, pull))
-    chain, articulation, settled = _stepped(chain, articulation, last.poses, system, step)
-    tissue = tissue.with_slopes(system.slopes(slides + step[n:], len(tissue.joints)) + sliding.bending)
-    still = positions - tissue.slides(chain, settled)
-    settled = fit_poses(chain, settled, still, articulation, None, POSE_STEPS)
-    information = _of_offsets(known, system, last.weights.sum(axis=0))
-    last = replace(last, chain=chain, articulation=articulation, poses=settled, positions=still, known=information)
-    return SoftTissueCalibration(last, tissue, growth)
+    reduced = matrix[:n, :n] - matrix[:n, n:] @ np.linalg.solve(matrix[n:, n:], matrix[n:, :n])
+    gradient = _gradient_of_all(last, system, tissue)
+    coefficients = system.coefficients(tissue.slopes - fit.deformation)
+    gradient[n:] -= prior * coefficients
+    held = matrix + np.diag(np.concatenate([variance / _prior_spread(system, chain) ** 2, np.zeros(len(prior))]))
+    step: Floats = np.asarray(np.linalg.solve(held, gradient))
+    chain, articulation, found = _stepped(replace(last, articulation=articulation), system, step)
+    tissue = tissue.with_slopes(system.slopes(coefficients + step[n:], len(tissue.joints)) + fit.deformation)
+    rigid = positions - tissue.displacements(chain, found)
+    found = fit_poses(chain, found, rigid, articulation, None, POSE_STEPS)
+    information = _information_of_offsets(reduced, system, last.weights.sum(axis=0))
+    fitted = replace(last, chain=chain, articulation=articulation, poses=found, positions=rigid)
+    return SoftTissueCalibration(replace(fitted, known_information=information), tissue, growth)
 
 
-def _pull_of_all(last: Calibration, positions: Floats, system: SoftTissueEquations, tissue: SoftTissue) -> Floats:
-    """How the residuals of all frames pull at the columns of a system."""
+def _gradient_of_all(last: Calibration, system: SoftTissueEquations, tissue: SoftTissue) -> Floats:
+    """Gradient of the residuals of all frames by the columns of the normal equations."""
     chain, clusters = last.chain, system.clusters
-    pull = constant_gradient(chain, last.articulation, last.poses, positions, last.weights)
+    gradient = constant_gradient(last)
     n_places = 3 * chain.n_markers
-    rigid = clusters.of_markers(pull[:n_places, np.newaxis])[:, 0]
-    flat = residuals_in_limbs(chain, last.poses, positions).reshape(len(positions), -1)
-    return np.concatenate([pull[n_places:], rigid, system.slides(flat.T @ tissue.bends(chain, last.poses))])
+    rigid = clusters.of_markers(gradient[:n_places, np.newaxis])[:, 0]
+    flat = residuals_in_limbs(chain, last.poses, last.positions).reshape(last.n_frames, -1)
+    by_tissue = system.coefficients(flat.T @ tissue.flexions(chain, last.poses))
+    return np.concatenate([gradient[n_places:], rigid, by_tissue])
 
 
-def _of_offsets(known: Floats, system: SoftTissueEquations, sights: Floats) -> Floats:
+def _information_of_offsets(reduced: Floats, system: SoftTissueEquations, sights: Floats) -> Floats:
     """Information of offsets, joints and axes from that of joints, axes and rigid displacements.
 
-    What bends a cluster is known from the sights of its markers alone.
+    Deformations of a cluster are determined by the sights of its markers alone.
     """
     basis = system.clusters.basis
     n_markers, _, n_rigid = basis.shape
@@ -201,82 +206,76 @@ def _of_offsets(known: Floats, system: SoftTissueEquations, sights: Floats) -> F
     from_offsets[: system.n_joints, 3 * n_markers : 3 * n_markers + system.n_joints] = np.eye(system.n_joints)
     from_offsets[system.n_joints : system.n_joints + n_axes, 3 * n_markers + system.n_joints :] = np.eye(n_axes)
     from_offsets[system.n_joints + n_axes :, : 3 * n_markers] = basis.reshape(-1, n_rigid).T
-    information = from_offsets.T @ known @ from_offsets
+    information = from_offsets.T @ reduced @ from_offsets
     each = np.sqrt(np.repeat(sights, 3))
     flat = basis.reshape(-1, n_rigid)
-    bending = (np.eye(3 * n_markers) - flat @ flat.T) * np.outer(each, each)
-    information[: 3 * n_markers, : 3 * n_markers] += bending
+    information[: 3 * n_markers, : 3 * n_markers] += (np.eye(3 * n_markers) - flat @ flat.T) * np.outer(each, each)
     return np.asarray((information + information.T) / 2)
 
 
-def _system_frames(last: Calibration) -> tuple[Ints, float]:
+def _equation_frames(last: Calibration) -> tuple[Ints, float]:
     """Evenly spread frames among those that show anything, and how many of all frames each stands for."""
     shown = np.flatnonzero((last.weights > 0).any(axis=1))
-    frames = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), SYSTEM_FRAMES)).astype(np.intp))]
+    frames = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), EQUATION_FRAMES)).astype(np.intp))]
     return frames, float(last.weights.sum() / max(last.weights[frames].sum(), 1.0))
 
 
-def _estimated(
-    matrix: Floats,
-    pull: Floats,
-    system: SoftTissueEquations,
-    tissue: SoftTissue,
-    seen: ObservedDeformations,
-    variances: Floats,
+def _estimated_variances(
+    system: SoftTissueEquations, tissue: SoftTissue, seen: ObservedDeformations, variances: Floats
 ) -> Floats:
-    """Variances of the slides of each limb with each of its joints, from how clusters bend and joints fail to meet.
+    """Variances of the displacements of each limb by each flexion, from deformations and from joints that fail to meet.
 
-    MacKay's updates (1992, *Bayesian interpolation*): a variance is the sum of squares over the numbers that data tell.
+    MacKay's updates (1992, *Bayesian interpolation*): a variance is the sum of squares divided by the number of
+    coefficients that the data determine.
     """
-    n = system.n_constants
-    across = np.linalg.solve(matrix[:n, :n], np.column_stack([matrix[:n, n:], pull[:n]]))
+    n, matrix, gradient = system.n_constants, system.matrix, system.gradient
+    across = np.linalg.solve(matrix[:n, :n], np.column_stack([matrix[:n, n:], gradient[:n]]))
     reduced = (matrix[n:, n:] - matrix[n:, :n] @ across[:, :-1]) / seen.noise
-    left = (pull[n:] - matrix[n:, :n] @ across[:, -1]) / seen.noise
-    found, limbs, bend = variances.copy(), system.limbs, system.bend
+    left = (gradient[n:] - matrix[n:, :n] @ across[:, -1]) / seen.noise
+    found, limbs, flexion = variances.copy(), system.limbs, system.flexion
     for _ in range(ESTIMATES):
-        prior = found[limbs, bend]
+        prior = found[limbs, flexion]
         spread = np.linalg.inv(reduced + np.diag(1 / prior))
-        squares, told = np.zeros_like(found), np.zeros_like(found)
-        np.add.at(squares, (limbs, bend), (spread @ left) ** 2)
-        np.add.at(told, (limbs, bend), 1 - np.diag(spread) / prior)
-        _add_bending(seen, found, squares, told)
-        found = _shared_by_joint(tissue, variances, squares, told)
+        squares, determined = np.zeros_like(found), np.zeros_like(found)
+        np.add.at(squares, (limbs, flexion), (spread @ left) ** 2)
+        np.add.at(determined, (limbs, flexion), 1 - np.diag(spread) / prior)
+        _add_deformations(seen, found, squares, determined)
+        found = _shared_by_joint(tissue, variances, squares, determined)
     return np.asarray(np.where(found > LEAST_PART * found.max(), found, 0.0))
 
 
-def _add_bending(seen: ObservedDeformations, variances: Floats, squares: Floats, told: Floats) -> None:
+def _add_deformations(seen: ObservedDeformations, variances: Floats, squares: Floats, determined: Floats) -> None:
     for limb, one in enumerate(seen.limbs):
-        kept = variances[limb, one.bends] > 0
-        information, pull = (ways[:, kept] / seen.noise for ways in one.ways())
-        prior = variances[limb, one.bends[kept]]
+        kept = variances[limb, one.flexions] > 0
+        information, gradient = (part[:, kept] / seen.noise for part in one.modal_equations())
+        prior = variances[limb, one.flexions[kept]]
         spread = 1 / (information + 1 / prior)
-        squares[limb, one.bends[kept]] += ((spread * pull) ** 2).sum(axis=0)
-        told[limb, one.bends[kept]] += (1 - spread / prior).sum(axis=0)
+        squares[limb, one.flexions[kept]] += ((spread * gradient) ** 2).sum(axis=0)
+        determined[limb, one.flexions[kept]] += (1 - spread / prior).sum(axis=0)
 
 
-def _shared_by_joint(tissue: SoftTissue, common: Floats, squares: Floats, told: Floats) -> Floats:
-    """One variance for all bends of a joint, drawn to the common one."""
+def _shared_by_joint(tissue: SoftTissue, common: Floats, squares: Floats, determined: Floats) -> Floats:
+    """One variance for all flexions of a joint, drawn to the common one."""
     of_joint = tissue.joints[:, np.newaxis] == tissue.joints
-    squares, told = squares @ of_joint, told @ of_joint
-    variance = (WEIGHT_OF_COMMON * common + squares) / (WEIGHT_OF_COMMON + told)
+    squares, determined = squares @ of_joint, determined @ of_joint
+    variance = (WEIGHT_OF_COMMON * common + squares) / (WEIGHT_OF_COMMON + determined)
     return np.asarray(np.where(common > 0, variance, 0.0))
 
 
-def _looseness(system: SoftTissueEquations, chain: Chain) -> Floats:
-    """How far each constant may go if nothing determines it: mm, of tilts rad."""
-    loose = np.full(system.n_constants, LOOSE)
+def _prior_spread(system: SoftTissueEquations, chain: Chain) -> Floats:
+    """Standard deviation of each constant that nothing determines: mm, of tilts rad."""
+    spread = np.full(system.n_constants, PRIOR_SPREAD)
     tilts = slice(system.n_joints, system.n_constants - len(system.clusters.limbs))
-    loose[tilts] /= max(np.sqrt(3 * float((chain.offsets**2).mean())), 1.0)
-    return loose
+    spread[tilts] /= max(np.sqrt(3 * float((chain.offsets**2).mean())), 1.0)
+    return spread
 
 
-def _stepped(
-    chain: Chain, articulation: Articulation, poses: ChainPoses, system: SoftTissueEquations, step: Floats
-) -> tuple[Chain, Articulation, ChainPoses]:
-    n_rigid = len(system.clusters.limbs)
+def _stepped(here: ObservedChain, system: SoftTissueEquations, step: Floats) -> tuple[Chain, Articulation, ChainPoses]:
+    """Apply a step of the constants to a chain, its joints, and poses that follow them."""
+    chain, n_rigid = here.chain, len(system.clusters.limbs)
     joints = chain.joints.copy()
     joints[1:] += step[: system.n_joints].reshape(-1, 3)
     offsets = chain.offsets + system.clusters.basis @ step[system.n_constants - n_rigid : system.n_constants]
     tilts: Floats = np.asarray(step[system.n_joints : system.n_constants - n_rigid])
-    changed, rotations = articulation.tilted(chain.parents, poses.rotations, tilts)
-    return chain.moved(joints, offsets), changed, ChainPoses(poses.root, rotations)
+    changed, rotations = here.articulation.tilted(chain.parents, here.poses.rotations, tilts)
+    return chain.moved(joints, offsets), changed, ChainPoses(here.poses.root, rotations)

@@ -1,12 +1,12 @@
-r"""The equations of a chain whose markers slide: constants and slides together, poses eliminated.
+r"""Normal equations of a chain with soft tissue: constants and displacements together, poses eliminated.
 
-A limb's markers tell of the chain by their rigid displacements only, which an orthonormal basis U of them spans: a
-residual r counts as :math:`U^T r`. What bends the cluster goes beside. In these few numbers for each limb, the markers
-follow
+A limb's markers determine the chain by their rigid displacements only, which an orthonormal basis U of them spans: a
+residual r counts as :math:`U^T r`, and the deformation of the cluster is left out. In these few numbers for each limb,
+the markers follow
 
 - joints in their parents and tilts of axes, as in `skelgen.kinematics.chain.normal_equations`,
-- rigid displacements of the limb's markers, which stand for the joint's place in the limb,
-- slides: such displacements times a bend.
+- rigid displacements of the limb's markers, which stand for the joint's position in the limb,
+- soft tissue: such displacements times a flexion.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.geometry.rotations import cross_matrix
-from skelgen.kinematics.calibration.uncertainty import weak_prior
-from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights, world_arms
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, world_arms
+from skelgen.kinematics.chain.observed_chain import ObservedChain
+from skelgen.kinematics.inverse.poses import weak_prior
 from skelgen.kinematics.soft_tissue.model import SoftTissue
 from skelgen.model.arrays import Bools, Floats, Ints
 
 DEGENERATE = 1e-6
-"""Of the largest: rigid displacements that move the markers less, as the turn about a line of markers, are none."""
+"""Of the largest: rigid displacements that move the markers less, such as about a line of markers, are none."""
 
 UNSEEN = 1e-9
-"""Weight of what a frame does not show: keeps the roots of weights regular."""
+"""Weight of markers that a frame does not show: keeps the roots of weights regular."""
 
 
 @dataclass(frozen=True, eq=False)
 class RigidDisplacements:
-    """Orthonormal rigid displacements of all limbs' markers.
+    """Orthonormal rigid displacements of the markers of all limbs.
 
     Attributes
     ----------
@@ -44,66 +44,71 @@ class RigidDisplacements:
     basis: Floats
     limbs: Ints
 
-    def without_rigid(self, displacements: Floats) -> Floats:
-        """Return what is no rigid displacement of a limb's markers, shape (n_markers, 3, n)."""
-        return np.asarray(displacements - self.basis @ self.of_markers(displacements))
-
     def of_markers(self, displacements: Floats) -> Floats:
-        """Return the rigid displacements that are in displacements of markers, shape (n_rigid, n)."""
+        """Return the rigid displacements in displacements of markers, shapes (n_rigid, n) from (n_markers, 3, n)."""
         flat = self.basis.reshape(-1, len(self.limbs))
         return np.asarray(flat.T @ displacements.reshape(len(flat), -1))
 
 
 @dataclass(frozen=True, eq=False)
 class SoftTissueEquations:
-    """Normal equations summed over frames; columns are joints, tilts, rigid displacements, slides.
+    """Normal equations summed over frames; columns are joints, tilts, rigid displacements, soft tissue.
 
     Attributes
     ----------
     matrix : ndarray, shape (n, n)
-    pull : ndarray, shape (n,)
-        How residuals pull at the columns, poses eliminated.
+        Normal matrix, poses eliminated.
+    gradient : ndarray, shape (n,)
+        Right-hand side.
     clusters : RigidDisplacements
         Rigid displacements.
     n_joints, n_constants : int
-        Where tilts and slides begin; rigid displacements are the last of the constants.
-    slide, bend : ndarray of intp, shape (n_slides,)
-        Rigid displacement and bend of each slide.
+        Where tilts and soft tissue begin; rigid displacements are the last of the constants.
+    rigid, flexion : ndarray of intp, shape (n_tissue,)
+        Rigid displacement and flexion of each column of soft tissue.
     """
 
     matrix: Floats
-    pull: Floats
+    gradient: Floats
     clusters: RigidDisplacements
     n_joints: int
     n_constants: int
-    slide: Ints
-    bend: Ints
+    rigid: Ints
+    flexion: Ints
 
     @property
     def limbs(self) -> Ints:
-        """Limb of each slide."""
-        return self.clusters.limbs[self.slide]
+        """Limb of each column of soft tissue."""
+        return self.clusters.limbs[self.rigid]
 
     def without(self, left_out: Bools) -> SoftTissueEquations:
-        """The system without some slides."""
+        """Return the equations without some columns of soft tissue, shape (n_tissue,)."""
         kept = np.append(np.ones(self.n_constants, dtype=bool), ~left_out)
         return replace(
             self,
             matrix=self.matrix[np.ix_(kept, kept)],
-            pull=self.pull[kept],
-            slide=self.slide[~left_out],
-            bend=self.bend[~left_out],
+            gradient=self.gradient[kept],
+            rigid=self.rigid[~left_out],
+            flexion=self.flexion[~left_out],
         )
 
-    def slopes(self, slides: Floats, n_bends: int) -> Floats:
-        """Slopes of the markers from the slides, shape (n_markers, 3, n_bends), mm."""
-        table = np.zeros((len(self.clusters.limbs), n_bends))
-        table[self.slide, self.bend] = slides
+    def slopes(self, coefficients: Floats, n_flexions: int) -> Floats:
+        """Return the markers' slopes from the coefficients of soft tissue, shape (n_markers, 3, n_flexions), mm.
+
+        Parameters
+        ----------
+        coefficients : ndarray, shape (n_tissue,), mm
+            Size of each column of soft tissue.
+        n_flexions : int
+            Number of flexions.
+        """
+        table = np.zeros((len(self.clusters.limbs), n_flexions))
+        table[self.rigid, self.flexion] = coefficients
         return np.asarray(self.clusters.basis @ table)
 
-    def slides(self, slopes: Floats) -> Floats:
-        """The slides that are in slopes of the markers, shape (n_slides,)."""
-        return np.asarray(self.clusters.of_markers(slopes)[self.slide, self.bend])
+    def coefficients(self, slopes: Floats) -> Floats:
+        """Return the coefficients of soft tissue [mm], shape (n_tissue,), from slopes of the markers."""
+        return np.asarray(self.clusters.of_markers(slopes)[self.rigid, self.flexion])
 
 
 def rigid_displacements(chain: Chain) -> RigidDisplacements:
@@ -126,65 +131,60 @@ def rigid_displacements(chain: Chain) -> RigidDisplacements:
 
 
 def soft_tissue_equations(
-    chain: Chain,
-    articulation: Articulation,
-    poses: ChainPoses,
-    positions: Floats,
-    tissue: SoftTissue,
-    follows: Bools,
-    noise: float,
+    observed: ObservedChain, tissue: SoftTissue, follows: Bools, noise: float
 ) -> SoftTissueEquations:
     """Return the normal equations for some frames.
 
     Parameters
     ----------
-    chain, articulation, poses
-        Where to linearise.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers without the slides that are known, NaN where unseen.
+    observed : ObservedChain
+        Where to linearise; measured markers without the displacements that are known.
     tissue : SoftTissue
-        What bends.
-    follows : ndarray of bool, shape (n_limbs, n_bends)
-        Which bends the markers of each limb follow.
+        With the flexions.
+    follows : ndarray of bool, shape (n_limbs, n_flexions)
+        Which flexions the markers of each limb follow.
     noise : float, mm
         Standard deviation of a coordinate.
     """
-    weights, clusters = seen_weights(positions), rigid_displacements(chain)
-    n_frames, n_rigid = len(weights), len(clusters.limbs)
+    chain, articulation, poses = observed.chain, observed.articulation, observed.poses
+    clusters = rigid_displacements(chain)
+    n_frames, n_rigid = observed.n_frames, len(clusters.limbs)
     basis = clusters.basis.reshape(-1, n_rigid).T
     against = poses.rotations[:, chain.limb_of_marker].swapaxes(2, 3)
 
-    def seen_by_limbs(slopes: Floats) -> Floats:
+    def in_basis(slopes: Floats) -> Floats:
         return np.asarray(basis @ (against @ slopes).reshape(n_frames, 3 * chain.n_markers, -1))
 
     turns, tilts = articulation.bases(chain.parents, poses.rotations)
-    by_pose = seen_by_limbs(_pose_slopes(chain, poses))
-    joints, by_tilt, by_pose = seen_by_limbs(_joint_slopes(chain, poses)), by_pose @ tilts, by_pose @ turns
-    rigid = np.broadcast_to(np.eye(n_rigid), (n_frames, n_rigid, n_rigid))
-    constants = np.concatenate([joints, by_tilt, rigid], axis=2)
-    root = _root_of_weights(clusters, weights)
-    heard, own = root @ constants, root @ by_pose
-    follow = np.linalg.solve(own.swapaxes(1, 2) @ own + weak_prior(articulation, noise), own.swapaxes(1, 2) @ heard)
-    left = heard - own @ follow
-    error = residuals(chain, poses, positions) * weights[:, :, np.newaxis]
-    local = seen_by_limbs(error[..., np.newaxis]).swapaxes(1, 2)
-    pull = (local @ constants - local @ by_pose @ follow)[:, 0]
-    slide, bend = np.nonzero(follows[clusters.limbs])
-    bends, column = tissue.bends(chain, poses)[:, bend], constants.shape[2] - n_rigid + slide
-    flat = np.concatenate([left, left[:, :, column] * bends[:, np.newaxis]], axis=2).reshape(n_frames * n_rigid, -1)
+    by_pose = in_basis(_pose_slopes(chain, poses))
+    joints, by_tilt, by_pose = in_basis(_joint_slopes(chain, poses)), by_pose @ tilts, by_pose @ turns
+    unit = np.broadcast_to(np.eye(n_rigid), (n_frames, n_rigid, n_rigid))
+    constants = np.concatenate([joints, by_tilt, unit], axis=2)
+    root = _root_of_weights(clusters, observed.weights)
+    weighted, own = root @ constants, root @ by_pose
+    normal = own.swapaxes(1, 2) @ own + weak_prior(articulation, noise)
+    follow = np.linalg.solve(normal, own.swapaxes(1, 2) @ weighted)
+    reduced = weighted - own @ follow
+    error = observed.residuals * observed.weights[:, :, np.newaxis]
+    local = in_basis(error[..., np.newaxis]).swapaxes(1, 2)
+    gradient = (local @ constants - local @ by_pose @ follow)[:, 0]
+    rigid, flexion = np.nonzero(follows[clusters.limbs])
+    flexions, column = tissue.flexions(chain, poses)[:, flexion], constants.shape[2] - n_rigid + rigid
+    columns = np.concatenate([reduced, reduced[:, :, column] * flexions[:, np.newaxis]], axis=2)
+    flat = columns.reshape(n_frames * n_rigid, -1)
     return SoftTissueEquations(
         matrix=flat.T @ flat,
-        pull=np.concatenate([pull.sum(axis=0), (pull[:, column] * bends).sum(axis=0)]),
+        gradient=np.concatenate([gradient.sum(axis=0), (gradient[:, column] * flexions).sum(axis=0)]),
         clusters=clusters,
         n_joints=joints.shape[2],
         n_constants=constants.shape[2],
-        slide=slide,
-        bend=bend,
+        rigid=rigid,
+        flexion=flexion,
     )
 
 
 def _pose_slopes(chain: Chain, poses: ChainPoses) -> Floats:
-    """How markers follow translation and turns of all limbs, shape (n_frames, n_markers, 3, 3 + 3 n_limbs)."""
+    """Derivatives of markers by translation and rotations, shape (n_frames, n_markers, 3, 3 + 3 n_limbs)."""
     turning = -cross_matrix(world_arms(chain.arms(), poses)).transpose(0, 1, 3, 2, 4)
     shape = (*turning.shape[:3], 3)
     shift = np.broadcast_to(np.eye(3), shape)
@@ -192,7 +192,7 @@ def _pose_slopes(chain: Chain, poses: ChainPoses) -> Floats:
 
 
 def _joint_slopes(chain: Chain, poses: ChainPoses) -> Floats:
-    """How markers follow joints in their parents, shape (n_frames, n_markers, 3, 3 (n_limbs - 1))."""
+    """Derivatives of markers by joints in their parents, shape (n_frames, n_markers, 3, 3 (n_limbs - 1))."""
     beyond = chain.ancestry()[1:, chain.limb_of_marker].T.astype(np.float64)
     above = poses.rotations[:, chain.parents[1:]].swapaxes(1, 2)
     slopes = beyond[:, np.newaxis, :, np.newaxis] * above[:, np.newaxis]
@@ -200,7 +200,7 @@ def _joint_slopes(chain: Chain, poses: ChainPoses) -> Floats:
 
 
 def _root_of_weights(clusters: RigidDisplacements, weights: Floats) -> Floats:
-    """What rigid displacements count in each frame: roots of their weights, shape (n_frames, n_rigid, n_rigid)."""
+    """Roots of the weights of rigid displacements in each frame, shape (n_frames, n_rigid, n_rigid)."""
     basis = clusters.basis
     counts = np.einsum("mie,fm,mik->fek", basis, weights, basis, optimize=True)
     return np.linalg.cholesky(counts + UNSEEN * np.eye(basis.shape[2])).swapaxes(1, 2)

@@ -291,13 +291,13 @@ def _without_slides(
         return last, poses, trusted, growth, None
     before, chain, articulation = poses, sliding.chain, sliding.articulation
     poses = ChainPoses(poses.root, articulation.projected(chain.parents, poses.rotations))
-    poses = fit_poses(chain, poses, trusted - sliding.tissue.slides(chain, poses), articulation)
+    poses = fit_poses(chain, poses, trusted - sliding.tissue.displacements(chain, poses), articulation)
     settled = calibrate_soft_tissue(sliding, poses[used], trusted[used])
     if not _squares(settled.calibration) < _squares(last):
         return last, before, trusted, growth, None
     last = settled.calibration
     poses = ChainPoses(poses.root, last.articulation.projected(chain.parents, poses.rotations))
-    return last, poses, trusted - settled.tissue.slides(last.chain, poses), settled.growth, settled.tissue
+    return last, poses, trusted - settled.tissue.displacements(last.chain, poses), settled.growth, settled.tissue
 
 
 def _squares(fit: Calibration) -> float:

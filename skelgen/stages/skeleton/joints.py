@@ -10,10 +10,11 @@ from skelgen._kernels import contiguous
 from skelgen._kernels.chain import variances_across
 from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES
 from skelgen.kinematics.calibration.calibrate import Calibration
-from skelgen.kinematics.calibration.limb_errors import LimbErrors, limb_errors
-from skelgen.kinematics.calibration.uncertainty import frame_covariances, hinge_axes, inverse_root
+from skelgen.kinematics.calibration.limb_errors import HingeShifts, LimbErrors, limb_errors
+from skelgen.kinematics.calibration.uncertainty import frame_covariances, inverse_root
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, residuals_in_limbs
+from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointKind, KindLimits, find_kind
@@ -56,7 +57,7 @@ def find_kinds(
     are_poses : bool
         Whether the markers stand for bodies with orientation.
     """
-    covariances = pose_covariances(chain, Articulation.free(chain.n_limbs), poses, positions, noise).turns
+    covariances = pose_covariances(observed(chain, Articulation.free(chain.n_limbs), poses, positions), noise).turns
     n_seen = float((~np.isnan(positions[:, :, 0])).sum() / len(positions))
     n_numbers = NUMBERS_OF_POSE * chain.n_limbs if are_poses else 3 * n_seen
     freedoms_of_pair = 2 * max(n_numbers - 3 - 3 * chain.n_limbs, 0.0) / chain.n_limbs
@@ -201,20 +202,12 @@ def errors_of_limbs(
     tolerance : float
         Information below this part of the largest is none.
     """
-    hinges, slides = np.zeros((2, last.chain.n_limbs, 3)), np.zeros(last.chain.n_limbs)
+    chain = last.chain
+    axes, distances = np.zeros((2, chain.n_limbs, 3)), np.zeros(chain.n_limbs)
     for limb, shift in shifts.items():
-        hinges[:, limb], slides[limb] = (kinds[limb - 1].axis_in_parent, kinds[limb - 1].axis_in_child), shift
-    return limb_errors(
-        last.chain,
-        last.articulation,
-        last.information,
-        last.noise,
-        growth=growth,
-        loose=_along_hinges(last.chain, kinds, freedom),
-        hinges=hinges,
-        slides=slides,
-        tolerance=tolerance,
-    )
+        axes[:, limb], distances[limb] = (kinds[limb - 1].axis_in_parent, kinds[limb - 1].axis_in_child), shift
+    along = HingeShifts(axes, distances, _along_hinges(chain, kinds, freedom))
+    return limb_errors(last, along, growth=growth, tolerance=tolerance)
 
 
 def _along_hinges(chain: Chain, kinds: list[JointKind], freedom: Floats) -> Floats:
@@ -280,8 +273,8 @@ def joint_deviations(
     """
     frames = _exact_frames(unseen)
     articulation, some = last.articulation, poses[frames]
-    axes = hinge_axes(chain, articulation, some)
-    covariances = pose_covariances(chain, articulation, some, positions[frames], last.noise).origins
+    axes = articulation.hinge_axes(chain.parents, some.rotations)
+    covariances = pose_covariances(observed(chain, articulation, some, positions[frames]), last.noise).origins
     shared = growth * _shared(last, chain, poses, positions)
     held = contiguous(covariances, some.rotations, chain.parents, shared, axes)
     variances = variances_across(*held)
@@ -306,6 +299,6 @@ def _shared(last: Calibration, chain: Chain, poses: ChainPoses, positions: Float
     frames = np.unique(np.linspace(0, len(positions) - 1, min(len(positions), SHARED_FRAMES)).astype(np.intp))
     some = poses[frames]
     root = inverse_root(last.information)
-    found = frame_covariances(chain, last.articulation, some, positions[frames], root, last.noise)
+    found = frame_covariances(observed(chain, last.articulation, some, positions[frames]), root, last.noise)
     turn = some.rotations[:, np.maximum(chain.parents, 0)]
     return np.asarray((turn.swapaxes(2, 3) @ found.constant_share @ turn).mean(axis=0))

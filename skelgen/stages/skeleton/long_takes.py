@@ -164,7 +164,7 @@ def _pose_block(
         poses = posed_with_care(chain, one.rings, start, trusted, articulation, posed)
         if one.skin is not None:
             for _ in range(SETTLING):
-                still = trusted - one.skin.slides(chain, poses)
+                still = trusted - one.skin.displacements(chain, poses)
                 poses = all_poses(chain, one.rings, poses, still, articulation)
     poses = poses[inner]
     found.orientations[part, body.limbs] = quaternion_from_matrix(poses.rotations)

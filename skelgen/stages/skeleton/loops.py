@@ -13,7 +13,8 @@ from skelgen.kinematics.calibration.closed_loops import ClosedCalibration, close
 from skelgen.kinematics.calibration.limb_errors import LimbErrors
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals
-from skelgen.kinematics.inverse.loop_closure import Rings, fit_closed_poses
+from skelgen.kinematics.chain.observed_chain import observed
+from skelgen.kinematics.inverse.loop_closure import KinematicLoops, fit_closed_poses
 from skelgen.kinematics.inverse.poses import fit_poses
 from skelgen.kinematics.joints.joint_type import JointKind
 from skelgen.model import Limbs, Topology, Trajectories
@@ -33,7 +34,7 @@ class BodyRings:
 
     Attributes
     ----------
-    rings : Rings
+    rings : KinematicLoops
         Their joints.
     before, after : ndarray, shape (n_rings,), mm
         Root mean square gap of their ends in the fit of the tree, and in that of the rings.
@@ -45,7 +46,7 @@ class BodyRings:
         Of the rings' places in both limbs, against their markers.
     """
 
-    rings: Rings
+    rings: KinematicLoops
     before: Floats
     after: Floats
     missed_before: float
@@ -69,17 +70,17 @@ class BodyRings:
 
     def with_errors(self, errors: LimbErrors, closed: ClosedCalibration, deviation: float) -> BodyRings:
         """Return the rings with covariances: what chain and frames leave open for noise of `deviation` [mm]."""
-        n_own = 6 * closed.rings.n_rings
+        n_own = 6 * closed.loops.n_loops
         whole = closed.whole_information
-        corner = closed.free_corner
+        corner = closed.loop_information
         follow = -np.linalg.solve(corner, whole[-n_own:, :-n_own]) @ errors.root
         own = deviation * np.linalg.inv(np.linalg.cholesky(corner)).T
-        changes = np.concatenate([follow, own], axis=1).reshape(*closed.rings.places.shape, -1)
+        changes = np.concatenate([follow, own], axis=1).reshape(*closed.loops.places.shape, -1)
         wide = replace(errors, root=np.pad(errors.root, ((0, 0), (0, n_own))))
-        covariances = np.zeros((*closed.rings.places.shape, 3))
-        for ring, limbs in enumerate(closed.rings.limbs.tolist()):
+        covariances = np.zeros((*closed.loops.places.shape, 3))
+        for ring, limbs in enumerate(closed.loops.limbs.tolist()):
             for side, limb in enumerate(limbs):
-                change = wide.point(limb, closed.rings.places[ring, side], changes[ring, side])
+                change = wide.point(limb, closed.loops.places[ring, side], changes[ring, side])
                 covariances[ring, side] = change @ change.T
         return replace(self, covariances=covariances)
 
@@ -121,7 +122,7 @@ def closed_body(
     are_stated : bool
         Whether the user states the rings; others stay open where noise does not explain their gap.
     """
-    rings = Rings.of_poses(limbs, last.chain, last.poses)
+    rings = KinematicLoops.of_poses(limbs, last.chain, last.poses)
     usual = np.median(np.linalg.norm(rings.gaps(last.chain, last.poses), axis=2), axis=0)
     closes = np.ones(len(limbs), dtype=bool) if are_stated else usual <= LARGEST_GAP * last.noise
     before = rings.gap(last.chain, last.poses)
@@ -132,11 +133,11 @@ def closed_body(
         missed = _missed(last)
         return last, poses, BodyRings(kept, before[closes], before[closes], missed, missed, left_open, nothing)
     closed = close_loops(last, limbs[closes])
-    after = closed.rings.gap(closed.chain, closed.poses)
+    after = closed.loops.gap(closed.chain, closed.poses)
     rotations = closed.articulation.projected(closed.chain.parents, poses.rotations)
     root = poses.root.copy()
     root[used], rotations[used] = closed.poses.root, closed.poses.rotations
-    found = BodyRings(closed.rings, before[closes], after, _missed(last), _missed(closed), left_open, nothing)
+    found = BodyRings(closed.loops, before[closes], after, _missed(last), _missed(closed), left_open, nothing)
     return closed, ChainPoses(root, rotations), found
 
 
@@ -151,9 +152,9 @@ def all_poses(
     chain: Chain, rings: BodyRings | None, start: ChainPoses, positions: Floats, articulation: Articulation
 ) -> ChainPoses:
     """Pose a chain in all frames, its rings closed."""
-    if rings is None or not rings.rings.n_rings:
+    if rings is None or not rings.rings.n_loops:
         return fit_poses(chain, start, positions, articulation)
-    return fit_closed_poses(chain, rings.rings, start, positions, articulation)
+    return fit_closed_poses(observed(chain, articulation, start, positions), rings.rings)
 
 
 def ring_sentences(rings: BodyRings, limbs: Ints) -> Iterator[str]:

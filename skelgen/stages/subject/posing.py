@@ -141,10 +141,10 @@ def _joints_of_limbs(chain: Chain, positions: Floats, flatness: float) -> Floats
 
 
 def _closed(tree: SkeletonTree) -> BodyRings | None:
-    n_rings = tree.rings.n_rings
+    n_rings = tree.loops.n_loops
     if not n_rings:
         return None
-    return BodyRings(tree.rings, np.zeros(n_rings), np.zeros(n_rings), 0.0, 0.0, {}, np.zeros((n_rings, 2, 3, 3)))
+    return BodyRings(tree.loops, np.zeros(n_rings), np.zeros(n_rings), 0.0, 0.0, {}, np.zeros((n_rings, 2, 3, 3)))
 
 
 def known_motion(skeleton: Skeleton, poses: KnownPoses, measured: Floats, rate: float) -> Motion:

@@ -10,7 +10,8 @@ from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.calibration.uncertainty import cramer_rao_bound, expected_distance
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import ChainPoses
-from skelgen.kinematics.chain.normal_equations import linearised, n_constants, total_information
+from skelgen.kinematics.chain.normal_equations import frame_blocks, total_information
+from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.simulation import simulate
 
 STEP = 1e-6
@@ -49,7 +50,8 @@ def test_axes_that_are_tilted_keep_the_joints(tree):
 def test_normal_matrix_is_that_of_the_numerical_jacobian(tree):
     chain, articulation, poses, _ = tree
     some = poses[slice(0, 2)]
-    n_own, n_all = articulation.n_freedoms, n_constants(chain, articulation)
+    here = observed(chain, articulation, some, some.markers(chain))
+    n_own, n_all = articulation.n_freedoms, here.n_constants
     n_points = n_all - articulation.n_constants
 
     turns, _ = articulation.bases(chain.parents, some.rotations)
@@ -68,9 +70,9 @@ def test_normal_matrix_is_that_of_the_numerical_jacobian(tree):
 
     by_own = slopes(n_own, lambda own: markers(own, np.zeros(n_all)))
     by_constants = slopes(n_all, lambda constants: markers(np.zeros(n_own), constants))
-    block = linearised(chain, articulation, some, some.markers(chain))
+    block = frame_blocks(here)
     np.testing.assert_allclose(block.own, by_own.swapaxes(1, 2) @ by_own, rtol=1e-4, atol=0.5)
-    np.testing.assert_allclose(block.border, by_own.swapaxes(1, 2) @ by_constants, rtol=1e-4, atol=0.5)
+    np.testing.assert_allclose(block.coupling, by_own.swapaxes(1, 2) @ by_constants, rtol=1e-4, atol=0.5)
     np.testing.assert_allclose(
         block.constants, np.einsum("frc,frd->cd", by_constants, by_constants), rtol=1e-4, atol=0.5
     )
@@ -78,7 +80,7 @@ def test_normal_matrix_is_that_of_the_numerical_jacobian(tree):
 
 def test_bound_lacks_only_free_frames_and_places_along_hinges(tree):
     chain, articulation, poses, case = tree
-    information = total_information(chain, articulation, poses, case.take.positions)
+    information = total_information(observed(chain, articulation, poses, case.take.positions))
     scale = np.sqrt(np.diag(information))
     values = np.linalg.eigvalsh(information / np.outer(scale, scale))
     free = {"ball": 3, "universal": 1, "hinge": 2}
@@ -88,9 +90,9 @@ def test_bound_lacks_only_free_frames_and_places_along_hinges(tree):
 
 def test_bound_grows_with_the_noise_and_falls_with_constraints(tree):
     chain, articulation, poses, case = tree
-    held = cramer_rao_bound(chain, articulation, poses, case.take.positions, 0.5)
-    louder = cramer_rao_bound(chain, articulation, poses, case.take.positions, 1.0)
-    free = cramer_rao_bound(chain, Articulation.free(chain.n_limbs), poses, case.take.positions, 0.5)
+    held = cramer_rao_bound(observed(chain, articulation, poses, case.take.positions), 0.5)
+    louder = cramer_rao_bound(observed(chain, articulation, poses, case.take.positions), 1.0)
+    free = cramer_rao_bound(observed(chain, Articulation.free(chain.n_limbs), poses, case.take.positions), 0.5)
     np.testing.assert_allclose(louder.distance, 2 * held.distance, rtol=1e-3)
     balls = np.array([kind == "ball" for kind in articulation.kinds])
     balls[0] = False  # the root has no joint
@@ -99,7 +101,7 @@ def test_bound_grows_with_the_noise_and_falls_with_constraints(tree):
 
 def test_fit_of_the_whole_chain_reaches_the_bound(tree):
     chain, articulation, poses, case = tree
-    bound = cramer_rao_bound(chain, articulation, poses, case.take.positions, 0.5)
+    bound = cramer_rao_bound(observed(chain, articulation, poses, case.take.positions), 0.5)
     found = calibrate(chain, poses, case.take.positions, articulation=articulation)
     gap = (found.poses.origins(found.chain) - poses.origins(chain))[:, 1:]
     error = np.linalg.norm(gap[:, [kind != "hinge" for kind in articulation.kinds[1:]]], axis=2).mean()

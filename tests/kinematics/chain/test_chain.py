@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelgen.kinematics.chain.chain import ChainPoses, residuals
+from skelgen.kinematics.chain.chain import ChainPoses, residuals, seen_weights
 from skelgen.kinematics.chain.normal_equations import normal_equations
 from skelgen.kinematics.inverse.poses import fit_poses
 
@@ -38,7 +38,7 @@ def test_chain_of_the_truth_puts_markers_where_they_are(true_chain):
 
 def test_gradient_is_the_slope_of_half_the_sum_of_squares(case):
     poses, n = disturbed(case.poses, 0.1), 3 + 3 * case.chain.n_limbs
-    _, gradient = normal_equations(case.chain, case.chain.arms(), poses, case.positions)
+    _, gradient = normal_equations(case.chain, poses, case.positions, seen_weights(case.positions))
 
     def half_squares(step):
         moved = poses.stepped(np.tile(step, (6, 1)))
@@ -49,7 +49,7 @@ def test_gradient_is_the_slope_of_half_the_sum_of_squares(case):
 
 def test_normal_matrix_is_that_of_the_numerical_jacobian(case):
     poses, n = disturbed(case.poses, 0.1), 3 + 3 * case.chain.n_limbs
-    hessian, _ = normal_equations(case.chain, case.chain.arms(), poses, case.positions)
+    hessian, _ = normal_equations(case.chain, poses, case.positions, seen_weights(case.positions))
 
     def errors(step):
         return residuals(case.chain, poses.stepped(np.tile(step, (6, 1))), case.positions).reshape(6, -1)

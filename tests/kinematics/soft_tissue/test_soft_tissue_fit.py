@@ -10,8 +10,8 @@ import pytest
 from skelgen.evaluation.joints import joint_distances
 from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.chain.articulation import Articulation
-from skelgen.kinematics.chain.chain import seen_weights
-from skelgen.kinematics.chain.normal_equations import linearised, reduced_information
+from skelgen.kinematics.chain.normal_equations import frame_blocks, reduced_information
+from skelgen.kinematics.chain.observed_chain import observed
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
 from skelgen.kinematics.soft_tissue.model import soft_tissue_at_rest
 from skelgen.kinematics.soft_tissue.normal_equations import soft_tissue_equations
@@ -24,7 +24,7 @@ SEEDS = (0, 1, 2)
 @pytest.fixture(scope="module")
 def tissue(true_chain):
     """Trees of 8 limbs with 3 mm of soft tissue, and their chains fitted to markers that do not slide."""
-    cases = [true_chain("tree:8", seed, n_frames=N_FRAMES, noise=0.3, tissue=TISSUE) for seed in SEEDS]
+    cases = [true_chain("tree:8", seed, n_frames=N_FRAMES, noise=0.3, soft_tissue=TISSUE) for seed in SEEDS]
     return [(case, calibrate(case.chain, case.poses, case.positions)) for case in cases]
 
 
@@ -93,8 +93,9 @@ def test_rigid_displacements_tell_all_that_markers_tell(true_chain, dropouts):
     case = true_chain("tree:8", n_frames=30, noise=0.3, dropouts=dropouts)
     chain, free = case.chain, Articulation.free(case.chain.n_limbs)
     tissue = soft_tissue_at_rest(chain, case.poses)
-    system = soft_tissue_equations(chain, free, case.poses, case.positions, tissue, tissue.reach(chain), 0.3)
-    full = reduced_information(linearised(chain, free, case.poses, case.positions, seen_weights(case.positions)))
+    here = observed(chain, free, case.poses, case.positions)
+    system = soft_tissue_equations(here, tissue, tissue.reach(chain), 0.3)
+    full = reduced_information(frame_blocks(here))
     basis = system.clusters.basis.reshape(3 * chain.n_markers, -1)
     n = system.n_joints
     spread = np.zeros((len(full), system.n_constants))
@@ -104,27 +105,27 @@ def test_rigid_displacements_tell_all_that_markers_tell(true_chain, dropouts):
     np.testing.assert_allclose(found, wanted, atol=1e-5 * np.abs(wanted).max())
 
 
-def test_pull_is_the_slope_of_the_squares(true_chain):
+def test_gradient_is_the_slope_of_the_squares(true_chain):
     """Slides against finite differences: poses are at their best for no slide, so only the residuals change."""
     case = true_chain("rods", n_frames=40, noise=1.0)
     last = calibrate(case.chain, case.poses, case.positions, 0)
     tissue = soft_tissue_at_rest(last.chain, last.poses)
     reach = tissue.reach(last.chain)
-    system = soft_tissue_equations(last.chain, last.articulation, last.poses, case.positions, tissue, reach, last.noise)
-    n_slides, step = len(system.slide), 1e-4
+    system = soft_tissue_equations(last, tissue, reach, last.noise)
+    n_slides, step = len(system.rigid), 1e-4
     for index in (0, n_slides // 2, n_slides - 1):
         slides = np.zeros(n_slides)
         slides[index] = step
         squares = [
-            ((case.positions - moved.slides(last.chain, last.poses) - last.poses.markers(last.chain)) ** 2).sum()
+            ((case.positions - moved.displacements(last.chain, last.poses) - last.poses.markers(last.chain)) ** 2).sum()
             for moved in (tissue.with_slopes(sign * system.slopes(slides, len(tissue.joints))) for sign in (1, -1))
         ]
         slope = (squares[1] - squares[0]) / (4 * step)
-        assert system.pull[system.n_constants + index] == pytest.approx(slope, rel=1e-3, abs=0.05)
+        assert system.gradient[system.n_constants + index] == pytest.approx(slope, rel=1e-3, abs=0.05)
 
 
 def test_limbs_of_one_and_two_markers_take_part(true_chain):
-    case = true_chain("classic-human", n_frames=300, noise=0.3, tissue=TISSUE)
+    case = true_chain("classic-human", n_frames=300, noise=0.3, soft_tissue=TISSUE)
     last = calibrate(case.chain, case.poses, case.positions)
     found = fit_soft_tissue(last)
     assert found is not None

@@ -17,14 +17,14 @@ def tree(true_chain):
 
 def test_bends_have_mean_square_one_and_those_of_a_joint_do_not_go_together(tree):
     tissue = soft_tissue_at_rest(tree.chain, tree.poses)
-    bends = tissue.bends(tree.chain, tree.poses)
+    flexions = tissue.flexions(tree.chain, tree.poses)
     for joint in range(1, tree.chain.n_limbs):
-        own = bends[:, tissue.joints == joint]
+        own = flexions[:, tissue.joints == joint]
         np.testing.assert_allclose(own.T @ own / len(own), np.eye(own.shape[1]), atol=1e-9)
 
 
 def test_hinges_bend_in_one_way_and_balls_in_three(tree):
-    """Rotation vectors of a universal joint leave the plane of its axes when it bends far."""
+    """Rotation vectors of a universal joint leave the plane of its axes when it flexions far."""
     tissue = soft_tissue_at_rest(tree.chain, tree.poses)
     fewest, most = ({"ball": 3, "universal": two, "hinge": 1} for two in (2, 3))
     for kind, limb in zip(tree.truth.joint_kinds, tree.truth.edges[:, 1], strict=True):
@@ -48,11 +48,11 @@ def test_slides_are_slopes_times_bends_in_the_limbs_axes(tree):
     random = np.random.default_rng(0)
     at_rest = soft_tissue_at_rest(tree.chain, tree.poses)
     tissue = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
-    slides, bends = tissue.slides(tree.chain, tree.poses), tissue.bends(tree.chain, tree.poses)
+    displacements, flexions = tissue.displacements(tree.chain, tree.poses), tissue.flexions(tree.chain, tree.poses)
     for frame, marker in ((0, 0), (7, 5), (299, -1)):
         limb = tree.chain.limb_of_marker[marker]
-        local = tissue.slopes[marker] @ bends[frame]
-        np.testing.assert_allclose(slides[frame, marker], tree.poses.rotations[frame, limb] @ local)
+        local = tissue.slopes[marker] @ flexions[frame]
+        np.testing.assert_allclose(displacements[frame, marker], tree.poses.rotations[frame, limb] @ local)
 
 
 def test_slides_are_the_same_whatever_the_limbs_frames(tree):
@@ -61,5 +61,5 @@ def test_slides_are_the_same_whatever_the_limbs_frames(tree):
     tissue = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
     turn = matrix_from_vector(random.normal(size=(chain.n_limbs, 3)))
     turned = ChainPoses(poses.root, poses.rotations @ turn.swapaxes(1, 2))
-    slides = tissue.turned(chain, turn).slides(chain, turned)
-    np.testing.assert_allclose(slides, tissue.slides(chain, poses), atol=1e-9)
+    displacements = tissue.turned(chain, turn).displacements(chain, turned)
+    np.testing.assert_allclose(displacements, tissue.displacements(chain, poses), atol=1e-9)

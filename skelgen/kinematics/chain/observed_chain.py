@@ -1,0 +1,115 @@
+"""A chain with its poses in some frames and the markers that were measured there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skelgen._kernels.posing import ChainTable
+from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
+from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
+from skelgen.model.arrays import Bools, Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedChain:
+    """A chain in some frames, with what was measured there.
+
+    Attributes
+    ----------
+    chain : Chain
+        The limbs.
+    articulation : Articulation
+        What the joints allow.
+    poses : ChainPoses
+        Poses in the frames.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    weights : ndarray, shape (n_frames, n_markers)
+        Of the squared distances, 0 where unseen.
+    """
+
+    chain: Chain
+    articulation: Articulation
+    poses: ChainPoses
+    positions: Floats
+    weights: Floats
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.positions)
+
+    @property
+    def n_constants(self) -> int:
+        """Number of constants: marker offsets, joints 1 .. n_limbs - 1, and those of the joints' axes."""
+        return 3 * (self.chain.n_markers + self.chain.n_limbs - 1) + self.articulation.n_constants
+
+    @property
+    def residuals(self) -> Floats:
+        """Measured minus predicted markers [mm], 0 where unseen, shape (n_frames, n_markers, 3)."""
+        return residuals(self.chain, self.poses, self.positions)
+
+    @property
+    def squares(self) -> float:
+        """Weighted sum of the squared residuals [mm^2]."""
+        error = self.residuals
+        return float(np.einsum("fmi,fmi,fm->", error, error, self.weights))
+
+    @property
+    def table(self) -> ChainTable:
+        """Chain and joints as kernels take them."""
+        return chain_table(self.chain, self.articulation)
+
+    def at(self, frames: slice | Ints | Bools) -> ObservedChain:
+        """Return some of the frames."""
+        return ObservedChain(
+            self.chain, self.articulation, self.poses[frames], self.positions[frames], self.weights[frames]
+        )
+
+
+def observed(
+    chain: Chain, articulation: Articulation, poses: ChainPoses, positions: Floats, weights: Floats | None = None
+) -> ObservedChain:
+    """Return a chain with what was measured.
+
+    Parameters
+    ----------
+    chain, articulation, poses : Chain, Articulation and ChainPoses
+        The limbs, what their joints allow, and their poses.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    weights : ndarray, shape (n_frames, n_markers), optional
+        Of the squared distances; 1 if not given.
+    """
+    return ObservedChain(chain, articulation, poses, positions, seen_weights(positions, weights))
+
+
+def chain_table(chain: Chain, articulation: Articulation) -> ChainTable:
+    """Return a chain as the table that kernels take: copies in the order of memory that they were compiled for.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    articulation : Articulation
+        What their joints allow.
+    """
+    markers = np.argsort(chain.limb_of_marker, kind="stable").astype(np.intp)
+    limbs = np.arange(chain.n_limbs + 1)
+    return ChainTable(
+        parents=np.array(chain.parents, dtype=np.intp),
+        freedoms=np.array([FREEDOMS[kind] for kind in articulation.kinds], dtype=np.intp),
+        in_parent=writable(articulation.in_parent),
+        in_child=writable(articulation.in_child),
+        joints=writable(chain.joints),
+        markers=markers,
+        starts=np.searchsorted(chain.limb_of_marker[markers], limbs).astype(np.intp),
+        offsets=writable(chain.offsets[markers]),
+    )
+
+
+def writable(values: Floats) -> Floats:
+    """Return a contiguous copy that may be written to."""
+    return np.array(values, dtype=np.float64, order="C")
