@@ -16,7 +16,7 @@ from skelgen.parameters import Declaration, StageParameters
 
 PACKAGE = "skelgen"
 FOR_DEVELOPERS = {"dev", "all"}  # tools that no user installs, and a name for all other extras together
-UNSTATED = {"ezc3d": "MIT"}  # packages whose metadata name no licence, and the licence file of their source
+UNSTATED: dict[str, str] = {}  # packages whose metadata name no licence, and the licence file of their source
 LONGEST_NAME = 60  # characters; what is longer is the text of a licence
 TEXTS = {
     "Permission is hereby granted, free of charge": "MIT",

@@ -28,7 +28,6 @@ HEAVY = [
     "scipy",
     "sklearn",
     "numba",
-    "matplotlib",
     "lxml",
     "jinja2",
     "joblib",
