@@ -24,7 +24,7 @@ from functools import cache
 
 import numpy as np
 
-from skelgen.capture.error_propagation import block_diagonal, held_slope, turn_slope
+from skelgen.capture.error_propagation import block_diagonal, constraint_slope, rotation_slope
 from skelgen.capture.values import FoundBody
 from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
 from skelgen.kinematics.joints.angles import angle_deviations, joint_angles
@@ -123,13 +123,13 @@ def _most_likely(
     joint: TargetJoint, poses: tuple[Floats, Floats], covariance: Floats, violation: Floats
 ) -> tuple[Floats, Floats]:
     """Most likely error [rad] of the joint's rotation, in its frame in the parent, and the covariance that remains."""
-    turn, held = turn_slope(joint, poses), held_slope(joint, poses)
-    gain = covariance @ held.T
-    spread = held @ gain + _calibrated(joint, poses)
+    rotation, constraint = rotation_slope(joint, poses), constraint_slope(joint, poses)
+    gain = covariance @ constraint.T
+    spread = constraint @ gain + _calibrated(joint, poses)
     if violation @ np.linalg.solve(spread, violation) > LIKELY[len(violation)]:
         spread = _with_play(spread, violation)
-    gain = turn @ np.linalg.solve(spread, gain.T).T
-    return gain @ violation, turn @ covariance @ turn.T - gain @ held @ covariance @ turn.T
+    gain = rotation @ np.linalg.solve(spread, gain.T).T
+    return gain @ violation, rotation @ covariance @ rotation.T - gain @ constraint @ covariance @ rotation.T
 
 
 def _calibrated(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:

@@ -55,7 +55,7 @@ def _opened() -> tuple[str, Any]:
     if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
         return "there is no display, so that no pictures are shown (-n says so)", None
     try:
-        import cv2
+        import cv2  # noqa: PLC0415 - only here
     except ImportError:
         return "pictures need OpenCV: pip install 'skelgen[capture]' (-n captures without them)", None
     try:

@@ -37,7 +37,15 @@ def point_covariances(rig: StereoRig, points: Floats) -> Floats:
 
 
 def seen_by_both(rig: StereoRig, points: Floats) -> Bools:
-    """Whether points, shape (..., 3), mm, lie in both images."""
+    """Return whether points lie in both images, shape (...).
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The cameras.
+    points : ndarray, shape (..., 3), mm
+        In the world.
+    """
     return np.asarray(in_image(rig.left, project(rig.left, points)) & in_image(rig.right, project(rig.right, points)))
 
 
@@ -45,7 +53,7 @@ LEAST_POINTS = 3
 """Balls below which a pose cannot be known."""
 
 LEAST_EIGENVALUE = 1e-10
-"""Of the scaled information: balls on one line leave a turn free, and rounding 1e-16 of it."""
+"""Of the scaled information: balls on one line leave a rotation undetermined, up to rounding of 1e-16."""
 
 _TINY = np.finfo(np.float64).tiny
 
@@ -67,7 +75,7 @@ def pose_covariances(rig: StereoRig, target: BodyTarget, world_from_body: Floats
     Returns
     -------
     ndarray, shape (..., 6, 6)
-        Of a small turn about the world's axes [rad] and a shift [mm]; NaN where fewer than three balls are seen, or
+        Of a small rotation about the world's axes [rad] and a shift [mm]; NaN where fewer than three balls are seen, or
         such as lie on one line.
     """
     turned = target.points @ np.swapaxes(world_from_body[..., :3, :3], -1, -2)
@@ -118,35 +126,41 @@ def angle_covariance(
     poses : tuple of ndarray, shape (..., 4, 4), mm
         world_from_body of the parent and of the child.
     covariances : tuple of ndarray, shape (..., 6, 6)
-        Of small turns about the world's axes [rad] and shifts [mm] of both.
+        Of small rotations about the world's axes [rad] and shifts [mm] of both.
     is_joined : bool
         Whether the estimate uses that the joint holds the bodies together: at its centre, a hinge along its axis as
-        well. Otherwise each body is posed by its own balls alone, as the seed does.
+        well. Otherwise each body is posed by its own balls alone, as in Gaschler (2011).
 
     Returns
     -------
     ndarray, shape (..., 3, 3) or (..., 1, 1), rad^2
-        Of small turns about the axes of the joint's frame in the parent; of the angle for a hinge.
+        Of small rotations about the axes of the joint's frame in the parent; of the angle for a hinge.
     """
     both = block_diagonal(*covariances)
-    slope = turn_slope(joint, poses)
+    slope = rotation_slope(joint, poses)
     if is_joined:
-        held = held_slope(joint, poses)
-        gain = both @ np.swapaxes(held, -1, -2)
-        both = both - gain @ np.linalg.solve(held @ gain, np.swapaxes(gain, -1, -2))
+        constraint = constraint_slope(joint, poses)
+        gain = both @ np.swapaxes(constraint, -1, -2)
+        both = both - gain @ np.linalg.solve(constraint @ gain, np.swapaxes(gain, -1, -2))
     slope = slope[..., 2:, :] if joint.kind == HINGE else slope
     return np.asarray(slope @ both @ np.swapaxes(slope, -1, -2))
 
 
 def block_diagonal(first: Floats, second: Floats) -> Floats:
-    """Return the covariance of both bodies together, shape (..., 12, 12), rad and mm: they err independently."""
+    """Return the covariance of two bodies together, shape (..., 12, 12): their errors are independent.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (..., 6, 6)
+        Of small rotations about the world's axes [rad] and shifts [mm] of each.
+    """
     out = np.zeros((*first.shape[:-2], 12, 12))
     out[..., :6, :6], out[..., 6:, 6:] = first, second
     return out
 
 
-def turn_slope(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
-    """Return the derivative of the joint's turn, in the axes of its frame in the parent, shape (..., 3, 12).
+def rotation_slope(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
+    """Return the derivative of the joint's rotation, in the axes of its frame in the parent, shape (..., 3, 12).
 
     Parameters
     ----------
@@ -161,18 +175,18 @@ def turn_slope(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
     return slope
 
 
-def held_slope(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
-    """Return the derivative of what a joint holds at zero, shape (..., 3, 12) for a ball, (..., 5, 12) for a hinge.
+def constraint_slope(joint: TargetJoint, poses: tuple[Floats, Floats]) -> Floats:
+    """Return the derivative of a joint's constraints, shape (..., 3, 12) for a ball, (..., 5, 12) for a hinge.
 
-    That is the way [mm] from its centre in the parent to that in the child, in the world, and for a hinge the tilts
-    [rad] about x and y of its frame in the parent. Parameters as for `turn_slope`.
+    These are the way [mm] from its centre in the parent to that in the child, in the world, and for a hinge the tilts
+    [rad] about x and y of its frame in the parent. Parameters as for `rotation_slope`.
     """
     parent_arm = poses[0][..., :3, :3] @ joint.parent_from_joint[:3, 3]
     child_arm = poses[1][..., :3, :3] @ joint.child_from_joint[:3, 3]
     slope = np.zeros((*parent_arm.shape[:-1], 3, 12))
     slope[..., :3], slope[..., 6:9] = cross_matrix(parent_arm), -cross_matrix(child_arm)
     slope[..., 3:6], slope[..., 9:] = -np.eye(3), np.eye(3)
-    return np.concatenate([slope, turn_slope(joint, poses)[..., :2, :]], axis=-2) if joint.kind == HINGE else slope
+    return np.concatenate([slope, rotation_slope(joint, poses)[..., :2, :]], axis=-2) if joint.kind == HINGE else slope
 
 
 def _inverse_where_finite(matrices: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Errors of a rig against the distance from it: what the seed shows in its figures 6.1 to 6.4."""
+"""Errors of a rig against the distance from it, as in Gaschler (2011), figures 6.1 to 6.4."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vecto
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, CaptureSettings, StereoRig, TargetJoint
 
-SEED_DISTANCES = (500.0, 600.0, 700.0, 800.0, 900.0, 1000.0, 1250.0, 1500.0, 1750.0, 2000.0, 2500.0, 3000.0)
-"""Distances [mm] of the seed's working space."""
+WORKING_DISTANCES = (500.0, 600.0, 700.0, 800.0, 900.0, 1000.0, 1250.0, 1500.0, 1750.0, 2000.0, 2500.0, 3000.0)
+"""Distances [mm] of the working space of Gaschler (2011)."""
 
 N_TURNS = 100
 """Random orientations over which errors are averaged: one of a target seen edge-on is no measure of it."""
@@ -76,7 +76,7 @@ class RigErrors:
 
 
 def errors_by_distance(
-    settings: CaptureSettings, distances: Sequence[float] = SEED_DISTANCES, seed: int = 0
+    settings: CaptureSettings, distances: Sequence[float] = WORKING_DISTANCES, seed: int = 0
 ) -> RigErrors:
     """Return the errors of a rig's points, bodies and joint angles against the distance.
 
@@ -111,7 +111,15 @@ def errors_by_distance(
 
 
 def places_before(rig: StereoRig, distances: Floats) -> Floats:
-    """Return points in the middle of both views, shape (n_distances, 3), mm, in the world."""
+    """Return points in the middle of both views, shape (n_distances, 3), mm, in the world.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The cameras.
+    distances : ndarray, shape (n_distances,), mm
+        From the middle between the cameras.
+    """
     world_from_left = np.linalg.inv(rig.left.camera_from_world)
     world_from_right = np.linalg.inv(rig.right.camera_from_world)
     middle = (world_from_left[:3, 3] + world_from_right[:3, 3]) / 2
@@ -120,7 +128,7 @@ def places_before(rig: StereoRig, distances: Floats) -> Floats:
 
 
 def typical_target(name: str) -> BodyTarget:
-    """Return five balls within a sphere of 98 mm, as in the seed's figure 6.2, that no turn brings onto each other."""
+    """Return five balls within 98 mm that no rotation brings onto each other, as in Gaschler (2011), figure 6.2."""
     return BodyTarget(name, TYPICAL_POINTS - TYPICAL_POINTS.mean(axis=0))
 
 
@@ -165,7 +173,7 @@ def _of_body(rig: StereoRig, body: BodyTarget, places: Floats, turns: Floats) ->
 def _of_joint(
     rig: StereoRig, joint: TargetJoint, targets: Mapping[str, BodyTarget], places: Floats, turns: Floats
 ) -> Curve:
-    """Figures 6.3 and 6.4: angles of a joint, each body posed alone as the seed does, and both held by the joint."""
+    """Figures 6.3 and 6.4: angles of a joint, each body posed alone, and both held together by the joint."""
     parents = _placed(turns, places, joint.parent_from_joint[:3, 3])
     bent = transform_from(_bends(joint, len(turns)), np.zeros(3))
     children = parents @ joint.parent_from_joint @ bent @ np.linalg.inv(joint.child_from_joint)

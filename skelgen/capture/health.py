@@ -9,17 +9,17 @@ from skelgen.capture.values import Balls, FramePair, StereoPoints
 from skelgen.model.rig import StereoRig
 
 WINDOW = 30
-"""Frames with balls over which it is judged whether both images fit together: half a second."""
+"""Frames with balls that show whether both images fit together: half a second."""
 
 FEWEST_BALLS = 3
-"""Balls in both images that make a frame tell anything."""
+"""Balls in both images without which a frame does not count."""
 
 LEAST_MATCHED = 0.3
-"""Part of the balls that has a partner in the other image: some by chance, nearly all if both images fit."""
+"""Least part of the balls with a partner in the other image: nearly all if both images fit, few by chance."""
 
 
 class RigWatch:
-    """Watches pair after pair, and tells each trouble once, when it begins.
+    """Watches pair after pair, and reports each trouble once, when it begins.
 
     Parameters
     ----------
@@ -29,26 +29,36 @@ class RigWatch:
 
     def __init__(self, rig: StereoRig) -> None:
         self._rig = rig
-        self._told: set[str] = set()
+        self._known: set[str] = set()
         self._matched: deque[float] = deque(maxlen=WINDOW)
         self._swapped: deque[float] = deque(maxlen=WINDOW)
 
     def notices(self, pair: FramePair, left: Balls, right: Balls, points: StereoPoints) -> tuple[str, ...]:
-        """Return what is new."""
+        """Return what went wrong with a pair, each lasting trouble only when it begins.
+
+        Parameters
+        ----------
+        pair : FramePair
+            The images.
+        left, right : Balls
+            What was found in them.
+        points : StereoPoints
+            Points in space.
+        """
         lost = "1 pair was" if pair.dropped == 1 else f"{pair.dropped} pairs were"
-        said = [f"{lost} lost before frame {pair.index}"] if pair.dropped else []
+        notices = [f"{lost} lost before frame {pair.index}"] if pair.dropped else []
         lasting = [
             f"{side} image: {balls.notice}" for side, balls in (("left", left), ("right", right)) if balls.notice
         ]
         mismatch = self._mismatch(left, right, points)
         if mismatch:
             lasting.append(mismatch)
-        new = [sentence for sentence in lasting if sentence not in self._told]
-        self._told = set(lasting)
-        return (*said, *new)
+        new = [sentence for sentence in lasting if sentence not in self._known]
+        self._known = set(lasting)
+        return (*notices, *new)
 
     def _mismatch(self, left: Balls, right: Balls, points: StereoPoints) -> str:
-        """Whether hardly any ball has a partner, and whether exchanged cameras would explain it."""
+        """What is wrong if hardly any ball has a partner: perhaps the cameras are exchanged."""
         fewer = min(len(left), len(right))
         if fewer >= FEWEST_BALLS:
             self._matched.append(matched_share(left, right, points))
@@ -78,11 +88,27 @@ def mismatch(matched: float, exchanged: float) -> str:
 
 
 def matched_share(left: Balls, right: Balls, points: StereoPoints) -> float:
-    """Return the part of the balls of an image that are part of a point; of the image with fewer balls."""
+    """Return the part of the balls that are part of a point, in the image with fewer balls.
+
+    Parameters
+    ----------
+    left, right : Balls
+        Of both images.
+    points : StereoPoints
+        Points in space that they make.
+    """
     partners = min(len(set(points.left.tolist())), len(set(points.right.tolist())))
     return partners / max(min(len(left), len(right)), 1)
 
 
 def exchanged_share(left: Balls, right: Balls, rig: StereoRig) -> float:
-    """Return what `matched_share` would be if the cameras were exchanged."""
+    """Return what `matched_share` would be if the cameras were exchanged.
+
+    Parameters
+    ----------
+    left, right : Balls
+        Of both images.
+    rig : StereoRig
+        The cameras.
+    """
     return matched_share(right, left, match_and_triangulate(right, left, rig))

@@ -62,7 +62,7 @@ _PNG, _PNG_END = b"\x89PNG", b"IEND"
 
 
 def read_image(path: Path) -> Image:
-    """Read a grey image of 8 bits, in the geometry of the sensor; colours are weighed, 16 bits are scaled.
+    """Read a grey image of 8 bits, in the geometry of the sensor; colours become grey, 16 bits are scaled.
 
     Raises
     ------

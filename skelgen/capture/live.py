@@ -1,7 +1,7 @@
 """The whole capture, pair by pair: images to balls, points, bodies and joint angles (Gaschler 2011, figure 2.1).
 
-One thread per image and one per body, where there is more than one core. What was lost on the way is counted, never
-passed over: pairs that the source dropped, numbers that are missing between two pairs.
+Each image and each body has a thread of its own where there is more than one core. Lost pairs are always counted.
+Before cameras run, a trial pair of images loads all kernels.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, StereoRig
 
 @dataclass(frozen=True, eq=False)
 class Captured:
-    """All that one pair of images tells.
+    """All that was found in one pair of images.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Captured:
     angles : dict of str to JointAngle
         The joints of which both bodies were found, by name.
     notices : tuple of str
-        What the user should know; each thing is told once, when it begins.
+        What the user should know; each trouble is reported once, when it begins.
     latency : float, s
         From the pair to the angles.
     """
@@ -77,7 +77,7 @@ class PointFinder:
         self._parameters = DetectionParameters.from_mapping(settings.detection, "detection")
 
     def load(self) -> None:
-        """Load what is compiled, which takes a second: a camera that already runs would lose pairs meanwhile."""
+        """Load the kernels, which takes a second: a camera that already runs would lose pairs meanwhile."""
         self.find(trial_pair(self.rig))
 
     def find(self, pair: FramePair) -> tuple[Balls, Balls, StereoPoints]:
@@ -156,7 +156,7 @@ class MotionCapture:
         self.n_dropped = 0
 
     def __enter__(self) -> Self:
-        """Load what is compiled before cameras run; see `PointFinder.load`."""
+        """Load the kernels before cameras run; see `PointFinder.load`."""
         self._points.load()
         for body in self.settings.bodies:
             self._bodies.find(trial_points(body))
@@ -177,7 +177,7 @@ class MotionCapture:
             self._executor.shutdown()
 
     def run(self, source: FrameSource | Iterable[FramePair]) -> Iterator[Captured]:
-        """Yield what each pair of an open source tells, in order.
+        """Yield what is found in each pair of an open source, in order.
 
         Raises
         ------
@@ -188,7 +188,7 @@ class MotionCapture:
             yield self.see(pair)
 
     def see(self, pair: FramePair) -> Captured:
-        """Return what one pair tells."""
+        """Return what is found in one pair."""
         start = perf_counter()
         left, right, points = self._points.find(pair)
         bodies, angles = self.recognise(points, pair.time)
@@ -199,7 +199,7 @@ class MotionCapture:
         return Captured(pair, left, right, points, bodies, angles, notices, latency)
 
     def recognise(self, points: StereoPoints, time: float) -> tuple[dict[str, FoundBody], dict[str, JointAngle]]:
-        """Return the bodies and joint angles that the points of one frame tell, by name: the second half of `see`.
+        """Return the bodies and joint angles from the points of one frame, by name: the second half of `see`.
 
         Parameters
         ----------

@@ -11,7 +11,7 @@ from skelgen.parameters import StageParameters, declare
 
 @dataclass(frozen=True)
 class DetectionParameters(StageParameters):
-    """How balls are told from the background of an image.
+    """How balls are found in an image.
 
     Attributes
     ----------

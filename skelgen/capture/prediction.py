@@ -1,12 +1,12 @@
-r"""Where a body will be: a Kalman filter per body (the seed's future work, Gaschler 2011, 7).
+r"""Where a body will be: a Kalman filter per body (future work in Gaschler 2011, 7).
 
-The state is pose, velocity and acceleration, with small turns about the world's axes in place of the rotation. Between
-frames the accelerations stay, up to white jerk; a pose that was found corrects all of them, weighed with its
-covariance. What is predicted for the next frame says where to look for the balls, and the corrected poses are smoother
-than the found ones; the price is that they lag behind sudden motion.
+The state is pose, velocity and acceleration; errors of the rotation are small rotations about the world's axes. Between
+frames the accelerations stay, up to white jerk; a pose that was found corrects all of them, weighted with its
+covariance. The prediction for the next frame says where to look for the balls. The corrected poses are smoother than
+the found ones, but lag behind sudden motion.
 
-How large the jerk is, the body tells itself: poses that are farther from the predicted ones than both are uncertain
-raise it, nearer ones lower it, turns and shifts apart. A body at rest is smoothed more than one that is waved about.
+The jerk adapts to the motion, for rotation and shift apart: innovations that are larger than expected raise it, smaller
+ones lower it. So a body at rest is smoothed more than one that is waved about.
 """
 
 from __future__ import annotations
@@ -24,26 +24,25 @@ from skelgen.capture.values import FoundBody
 from skelgen.parameters import StageParameters, declare
 
 FRAME = 1 / 60
-"""s; how long a jerk lasts: a frame of the seed's cameras."""
+"""s; how long a jerk lasts: a frame of the cameras of Gaschler (2011)."""
 
 FASTEST = (3_000.0, 30_000.0, 15.0, 300.0)
 """mm/s, mm/s^2, rad/s and rad/s^2 of a body that has just appeared, as standard deviations: those of a quick arm."""
 
 PACE = 0.1
-"""How fast the jerk follows what the poses say: it doubles or halves within some ten frames."""
+"""How fast the jerk adapts: it doubles or halves within some ten frames."""
 
 SCALES = (0.003, 30.0)
 """Least and largest part of the typical jerk: a body at rest, and one that is hit."""
 
 MAX_INNOVATION = 8.0
-"""Of one pose, in squared deviations per freedom: more says nothing more."""
+"""Largest squared deviation per freedom of one pose that counts."""
 
 _POSE, _VELOCITY, _ACCELERATION = slice(0, 6), slice(6, 12), slice(12, 18)  # each turn, then place
 _ROTATIONS = np.array([True, True, True, False, False, False])
 
 DOUBT = 25.0
-"""Squared Mahalanobis distance per freedom of a found pose from the predicted one above which the filter starts anew:
-the body did what the jerk does not allow."""
+"""Squared Mahalanobis distance per freedom from the predicted pose, above which the filter starts anew."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class BodyFilter:
     Parameters
     ----------
     parameters : PredictionParameters
-        How fast motion may change, and how long it is foretold.
+        How fast motion may change, and how long it is predicted.
     """
 
     def __init__(self, parameters: PredictionParameters) -> None:
@@ -83,14 +82,22 @@ class BodyFilter:
         self._ahead: tuple[float, BodyState] | None = None  # what was predicted last, and for when
 
     def expected(self, time: float) -> ExpectedPose | None:
-        """Return where the body will be at a time [s], or None if nobody knows."""
+        """Return where the body will be at a time [s]; None if it was not seen, or too long ago."""
         if self._time is None or time - self._seen > self._parameters.hold:
             return None
         state = self._predicted(time)
         return ExpectedPose(state.pose, state.covariance[_POSE, _POSE])
 
     def corrected(self, time: float, found: FoundBody) -> FoundBody:
-        """Take in a pose that was found at a time [s]; return the body with the smoothed pose and its covariance."""
+        """Correct the filter by a pose that was found; return the body with the smoothed pose and its covariance.
+
+        Parameters
+        ----------
+        time : float, s
+            When it was found.
+        found : FoundBody
+            With its pose and covariance.
+        """
         if self._time is None or time - self._seen > self._parameters.hold or time < self._time:
             return self._begun(time, found)
         pose, covariance = (np.array(part, np.float64, order="C") for part in (found.world_from_body, found.covariance))
@@ -110,7 +117,7 @@ class BodyFilter:
             self._scales[part] = min(max(scale, SCALES[0]), SCALES[1])
 
     def _begun(self, time: float, found: FoundBody) -> FoundBody:
-        """Start anew: where it was found, with velocities that nobody knows."""
+        """Start anew where the body was found, with unknown velocity."""
         self._ahead = None
         self._scales = np.ones(2)
         self._time = self._seen = time
@@ -140,16 +147,24 @@ class Prediction:
         self._filters = {name: BodyFilter(parameters or PredictionParameters()) for name in names}
 
     def load(self) -> None:
-        """Load what is compiled, before cameras run."""
+        """Load the kernels, before cameras run."""
         trial, body = BodyFilter(PredictionParameters()), FoundBody("trial", np.eye(4), np.eye(6), np.arange(0), 0.0)
         for frame in range(2):
             trial.corrected(frame * FRAME, body)
 
     def expected(self, time: float) -> Mapping[str, ExpectedPose]:
-        """Return where bodies will be at a time [s], those of which nobody knows left out."""
+        """Return where bodies will be at a time [s], by name; without those that were not seen or too long ago."""
         expected = {name: one.expected(time) for name, one in self._filters.items()}
         return {name: pose for name, pose in expected.items() if pose is not None}
 
     def corrected(self, time: float, found: Iterable[FoundBody]) -> list[FoundBody]:
-        """Take in the bodies that were found at a time [s], and return them smoothed."""
+        """Correct the filters by the bodies that were found, and return these smoothed.
+
+        Parameters
+        ----------
+        time : float, s
+            When they were found.
+        found : iterable of FoundBody
+            With their poses and covariances.
+        """
         return [self._filters[body.name].corrected(time, body) for body in found]

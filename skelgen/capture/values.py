@@ -171,7 +171,7 @@ class FrameSource(Protocol):
 
     @property
     def rate(self) -> float | None:
-        """Pairs a second [Hz]; None if nobody knows."""
+        """Pairs a second [Hz]; None if unknown."""
 
     @property
     def n_frames(self) -> int | None:

@@ -1,7 +1,7 @@
 """Two thresholds from an image's histogram, and the weight that each grey level has between them.
 
 The brightest ten-thousandth of an image lies inside the balls, and at most a fiftieth of it is balls at all (Gaschler
-2011, chapter 3.1.2). Few or many balls are not like that: then the brightest pixels, or the median, stand in.
+2011, chapter 3.1.2). With very few or very many balls this is wrong: then the brightest pixels or the median are used.
 """
 
 from __future__ import annotations
@@ -56,12 +56,20 @@ def find_thresholds(counts: NDArray[np.int64], parameters: DetectionParameters) 
     dark, bright = _levels(counts, parameters)
     margin = parameters.mix * (bright - dark)
     low, high = dark + margin, bright - margin
-    notice = _complaint(counts, dark, bright, parameters.min_contrast)
+    notice = _why_no_balls(counts, dark, bright, parameters.min_contrast)
     return Thresholds(level_of(counts, 0.5), low, high, _weights(low, max(high, low + 1.0)), notice)
 
 
 def level_of(counts: NDArray[np.int64], quantile: float) -> float:
-    """Return the darkest grey level that at least a part `quantile` of the pixels does not exceed."""
+    """Return a quantile of the grey levels: the darkest one that enough pixels do not exceed.
+
+    Parameters
+    ----------
+    counts : ndarray of int64, shape (256,)
+        Histogram.
+    quantile : float
+        Part of the pixels, 0 .. 1.
+    """
     total = counts.cumsum()
     return float(np.searchsorted(total, quantile * total[-1]))
 
@@ -97,7 +105,7 @@ def _weights(low: float, high: float) -> NDArray[np.int64]:
     return np.where(part > 0.0, np.maximum(weights, 1), 0)
 
 
-def _complaint(counts: NDArray[np.int64], dark: float, bright: float, min_contrast: float) -> str:
+def _why_no_balls(counts: NDArray[np.int64], dark: float, bright: float, min_contrast: float) -> str:
     middle = level_of(counts, 0.5)
     if middle >= _WHITE:
         return (

@@ -35,7 +35,15 @@ def project(camera: Camera, points: Floats) -> Floats:
 
 
 def projection_jacobian(camera: Camera, points: Floats) -> Floats:
-    """Return d pixel / d point, shape (..., 2, 3), px/mm; arguments and NaN as of `project`."""
+    """Return d pixel / d point, shape (..., 2, 3), px/mm; NaN as of `project`.
+
+    Parameters
+    ----------
+    camera : Camera
+        With its place in the world.
+    points : ndarray, shape (..., 3), mm
+        In the world.
+    """
     inside = _in_camera(camera, points)
     flat = _normalised(inside)
     by_normalised = camera.matrix[:2, :2] @ distortion_jacobian(camera, flat)
@@ -87,22 +95,54 @@ def distort(camera: Camera, rays: Floats) -> Floats:
 
 
 def distortion_jacobian(camera: Camera, rays: Floats) -> Floats:
-    """Return d distorted / d ray, shape (..., 2, 2); arguments as of `distort`."""
+    """Return d distorted / d ray, shape (..., 2, 2).
+
+    Parameters
+    ----------
+    camera : Camera
+        Its place does not matter.
+    rays : ndarray, shape (..., 2)
+        Normalised coordinates x / z, y / z.
+    """
     return _through_lens(camera, rays)[1]
 
 
 def pixels_from_normalised(camera: Camera, normalised: Floats) -> Floats:
-    """Return the pixels, shape (..., 2), of normalised coordinates behind the lens, shape (..., 2)."""
+    """Return the pixels of normalised coordinates behind the lens, shape (..., 2), px.
+
+    Parameters
+    ----------
+    camera : Camera
+        Its place does not matter.
+    normalised : ndarray, shape (..., 2)
+        Where the lens put the rays.
+    """
     return np.asarray(normalised @ camera.matrix[:2, :2].T + camera.matrix[:2, 2])
 
 
 def normalised_from_pixels(camera: Camera, pixels: Floats) -> Floats:
-    """Return the normalised coordinates behind the lens, shape (..., 2), of pixels, shape (..., 2)."""
+    """Return the normalised coordinates behind the lens of pixels, shape (..., 2).
+
+    Parameters
+    ----------
+    camera : Camera
+        Its place does not matter.
+    pixels : ndarray, shape (..., 2), px
+        As the camera sees them.
+    """
     return np.asarray((pixels - camera.matrix[:2, 2]) @ np.linalg.inv(camera.matrix[:2, :2]).T)
 
 
 def in_image(camera: Camera, pixels: Floats) -> Bools:
-    """Return whether pixels, shape (..., 2), lie in the camera's image: within the outer edges of its border pixels."""
+    """Return whether pixels lie in the camera's image, within the outer edges of its border pixels.
+
+    Parameters
+    ----------
+    camera : Camera
+        With the size of its image.
+    pixels : ndarray, shape (..., 2), px
+        NaN lies outside.
+    """
     x, y = pixels[..., 0], pixels[..., 1]
     with np.errstate(invalid="ignore"):
         return np.asarray((x >= -0.5) & (y >= -0.5) & (x <= camera.width - 0.5) & (y <= camera.height - 0.5))

@@ -128,7 +128,7 @@ class SimulatedBoard:
         index : int
             Which, from 0.
         dropped : int
-            What the pair says about pairs lost before it.
+            Number of pairs lost before it.
         """
         pose = self._pose(index / self.rate)
         corners = self.board.points @ pose[:3, :3].T + pose[:3, 3]

@@ -116,7 +116,7 @@ class SimulatedRig:
         index : int
             Which, from 0.
         dropped : int
-            What the pair says about pairs lost before it.
+            Number of pairs lost before it.
 
         Raises
         ------

@@ -95,7 +95,14 @@ def grey(values: NDArray[np.uint8] | NDArray[np.uint16], pixel_format: str, came
 
 
 def common_rate(rates: tuple[float | None, float | None], names: tuple[str, str]) -> float | None:
-    """Return the rate [Hz] of both cameras; None if nobody knows it.
+    """Return the rate of both cameras; None if it is unknown.
+
+    Parameters
+    ----------
+    rates : tuple of float or None, Hz
+        Of the left and of the right camera.
+    names : tuple of str
+        What the cameras are called in messages.
 
     Raises
     ------
@@ -111,7 +118,7 @@ def common_rate(rates: tuple[float | None, float | None], names: tuple[str, str]
 
 
 def first_size(camera: SizelessCamera, options: GenicamOptions) -> tuple[int, int]:
-    """Let the clocks settle and return the images' size [px]; behind a trigger the first image may take its time.
+    """Wait until the clock's offset is known, and return the images' size [px]; a trigger may delay the first image.
 
     Parameters
     ----------

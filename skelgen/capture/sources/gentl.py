@@ -64,7 +64,7 @@ class GentlCamera:
     options : GenicamOptions
         How it is to run.
     stack : ExitStack
-        Told how the camera is closed.
+        Closes the camera.
     """
 
     capacity: int | None = _BUFFERS
@@ -72,7 +72,7 @@ class GentlCamera:
     def __init__(self, harvester: Any, device: Any, options: GenicamOptions, stack: ExitStack) -> None:
         self.name = f"camera {device.id_} ({device.vendor} {device.model})"
         self._clock, self._number = SharedClock(), FrameNumber()
-        with _told(self.name):
+        with _errors_in_words(self.name):
             self._camera = harvester.create({"id_": device.id_})
             stack.callback(_quietly, self._camera.destroy)
             self._camera.num_buffers = max(_BUFFERS, self._camera.min_num_buffers)
@@ -90,7 +90,7 @@ class GentlCamera:
         CaptureError
             If the producer fails, or sends no grey images.
         """
-        with _told(self.name):
+        with _errors_in_words(self.name):
             buffer = self._camera.try_fetch(timeout=max(timeout, _LEAST_WAIT))
             if buffer is None:
                 return None
@@ -108,7 +108,7 @@ class GentlCamera:
 
 
 def _open_pair(stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions) -> OpenPair:
-    with _told(str(producer)):
+    with _errors_in_words(str(producer)):
         harvester = _harvesters().Harvester()
         stack.callback(_quietly, harvester.reset)
         harvester.add_file(str(producer))
@@ -202,7 +202,7 @@ def _quietly(act: Any) -> None:
 
 
 @contextlib.contextmanager
-def _told(who: str) -> Iterator[None]:
+def _errors_in_words(who: str) -> Iterator[None]:
     errors: tuple[type[Exception], ...] = (*_genicam_error(), OSError, ValueError)
     try:
         yield

@@ -51,7 +51,7 @@ class GigeCamera:
     options : GenicamOptions
         How it is to run.
     stack : ExitStack
-        Told how the camera is closed.
+        Closes the camera.
     """
 
     capacity: int | None = None  # the library keeps the newest images
@@ -60,7 +60,7 @@ class GigeCamera:
         self._viva = _viva()
         self.name = f"camera {device.ip} ({device.manufacturer} {device.model})"
         self._clock, self._number = SharedClock(), FrameNumber()
-        with _told(self.name):
+        with _errors_in_words(self.name):
             self._camera = self._viva.connect_gige(device)
             stack.callback(_quietly, self._camera.close)
             self.rate = _set_up(self._camera, options)
@@ -101,7 +101,7 @@ class GigeCamera:
 
 
 def _open_pair(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> OpenPair:
-    with _told("the network"):
+    with _errors_in_words("the network"):
         found = sorted(_viva().discover(timeout_ms=_DISCOVERY_MS, all=True), key=lambda device: _ip_order(device.ip))
     chosen = _named(found, addresses) if addresses else _only_two(found)
     left, right = (GigeCamera(device, options, stack) for device in chosen)
@@ -164,7 +164,7 @@ def _quietly(act: Any, *arguments: Any) -> None:
 
 
 @contextlib.contextmanager
-def _told(who: str) -> Iterator[None]:
+def _errors_in_words(who: str) -> Iterator[None]:
     try:
         yield
     except _viva().GenicamError as error:

@@ -89,6 +89,13 @@ class PairCounter:
 def check_same_size(left: tuple[int, int], right: tuple[int, int], names: tuple[str, str]) -> tuple[int, int]:
     """Return the size [px] that both images share.
 
+    Parameters
+    ----------
+    left, right : tuple of int, px
+        Width and height of the images.
+    names : tuple of str
+        What they are called in messages.
+
     Raises
     ------
     CaptureError
@@ -141,7 +148,7 @@ class OpenPair:
     left, right : LiveCamera
         The cameras.
     rate : float or None, Hz
-        Frames a second; None if nobody knows.
+        Frames a second; None if unknown.
     """
 
     left: LiveCamera
@@ -157,7 +164,7 @@ class LivePairs:
     name : str
         For messages.
     open_pair : callable
-        Opens and starts both cameras, and tells a stack how they are closed.
+        Opens and starts both cameras; the stack closes them.
     options : CameraOptions
         Order, time-out, allowed skew, number of pairs.
     """

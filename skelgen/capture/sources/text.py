@@ -68,10 +68,19 @@ class SourceText:
 def check_two_cameras(kind: str, names: tuple[str, ...], example: str) -> None:
     """Check that a text names two cameras, or none and leaves the choice to what is there.
 
+    Parameters
+    ----------
+    kind : str
+        Of the source, for messages.
+    names : tuple of str
+        The cameras.
+    example : str
+        A right text, for messages.
+
     Raises
     ------
     ParameterError
-        If it names one, three or more, or one twice; `example` shows how it should be.
+        If it names one, three or more, or one twice.
     """
     if len(names) not in (0, 2):
         raise ParameterError(f"{kind}: names {len(names)} cameras where left and right belong, as in {example}")
@@ -94,7 +103,7 @@ def parse_source(text: str) -> SourceText | None:
     return SourceText(parts["kind"], parts["place"].strip(), {name: value for name, _, value in pairs})
 
 
-_LONGEST_TAKE = 1e9  # frames: half a year at 60 Hz
+_MAX_FRAMES = 1e9  # frames: half a year at 60 Hz
 
 
 @dataclass(frozen=True)
@@ -102,8 +111,8 @@ class FileOptions(StageParameters):
     """Image files: in a folder or in a list."""
 
     stage: ClassVar[str] = "images"
-    rate: float = declare(0.0, "pairs a second; 0 counts one a second, as nobody knows", unit="Hz", low=0, high=1e5)
-    frames: int = declare(0, "pairs that are read at most; 0 reads all", low=0, high=_LONGEST_TAKE)
+    rate: float = declare(0.0, "pairs a second; 0 stands for unknown, and counts one", unit="Hz", low=0, high=1e5)
+    frames: int = declare(0, "pairs that are read at most; 0 reads all", low=0, high=_MAX_FRAMES)
     left: str = declare("", "names of the left images in the folder, as in 'cam0_*.png'; empty finds them")
     right: str = declare("", "names of the right images, with a * where the left ones have it")
 
@@ -114,7 +123,7 @@ class VideoOptions(StageParameters):
 
     stage: ClassVar[str] = "video"
     rate: float = declare(0.0, "pairs a second; 0 takes what the files say", unit="Hz", low=0, high=1e5)
-    frames: int = declare(0, "pairs that are read at most; 0 reads all", low=0, high=_LONGEST_TAKE)
+    frames: int = declare(0, "pairs that are read at most; 0 reads all", low=0, high=_MAX_FRAMES)
 
 
 @dataclass(frozen=True)
@@ -123,7 +132,7 @@ class SimulatedOptions(StageParameters):
 
     stage: ClassVar[str] = "simulated"
     rate: float = declare(60.0, "pairs a second", unit="Hz", low=0.1, high=1e4)
-    frames: int = declare(600, "pairs that are rendered", low=1, high=_LONGEST_TAKE)
+    frames: int = declare(600, "pairs that are rendered", low=1, high=_MAX_FRAMES)
     seed: int = declare(0, "of motion and noise", low=0, high=2**31 - 1)
     show: str = declare("", "targets whose balls are seen, with commas between them; empty shows all")
     paced: bool = declare(False, "yes lets pairs come by the clock, as from cameras, and be lost by who is slow")
@@ -135,9 +144,7 @@ class CameraOptions(StageParameters):
 
     stage: ClassVar[str] = "camera"
     rate: float = declare(0.0, "pairs a second; 0 takes 60 or what the cameras can", unit="Hz", low=0, high=1e4)
-    frames: int = declare(
-        0, "pairs after which the source ends; 0 goes on until it is closed", low=0, high=_LONGEST_TAKE
-    )
+    frames: int = declare(0, "pairs after which the source ends; 0 goes on until it is closed", low=0, high=_MAX_FRAMES)
     order: str = declare(
         "newest",
         "newest hands out the newest pair and counts older ones as dropped; every hands out all in turn while the "

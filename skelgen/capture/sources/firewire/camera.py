@@ -115,7 +115,15 @@ class FireWireCamera:
         return self._number("dc1394_video_get_bandwidth_usage")
 
     def transmit(self, on: bool, broadcast: bool = False) -> None:
-        """Start or stop sending images; by `broadcast` all cameras on the bus do so in one cycle."""
+        """Start or stop sending images.
+
+        Parameters
+        ----------
+        on : bool
+            Whether to send.
+        broadcast : bool
+            All cameras on the bus do so in one cycle.
+        """
         if broadcast:
             self._call("dc1394_camera_set_broadcast", dc.ON)
         try:

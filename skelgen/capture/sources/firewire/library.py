@@ -194,11 +194,26 @@ class Library:
             self.call("dc1394_log_register_handler", level, None, None)
 
     def other(self, name: str, *arguments: Any) -> Any:
-        """Call a function that cannot fail with a code."""
+        """Call a function that cannot fail with a code.
+
+        Parameters
+        ----------
+        name : str
+            Of the function.
+        *arguments
+            As libdc1394 declares them.
+        """
         return getattr(self._loaded, name)(*arguments)
 
     def call(self, name: str, *arguments: Any) -> None:
         """Call a function.
+
+        Parameters
+        ----------
+        name : str
+            Of the function.
+        *arguments
+            As libdc1394 declares them.
 
         Raises
         ------
@@ -207,11 +222,21 @@ class Library:
         """
         code = getattr(self._loaded, name)(*arguments)
         if code:
-            said = self.other("dc1394_error_get_string", code) or b"unknown error"
-            raise FireWireError(code, f"{name} failed: {said.decode(errors='replace')} ({code})")
+            words = self.other("dc1394_error_get_string", code) or b"unknown error"
+            raise FireWireError(code, f"{name} failed: {words.decode(errors='replace')} ({code})")
 
     def number(self, name: str, *arguments: Any, kind: Any = c_uint32) -> int:
-        """Call a function that returns one number through its last argument."""
+        """Call a function that returns one number through its last argument.
+
+        Parameters
+        ----------
+        name : str
+            Of the function.
+        *arguments
+            As libdc1394 declares them, without the last.
+        kind : type
+            Type of the number, of ctypes.
+        """
         value = kind()
         self.call(name, *arguments, byref(value))
         return int(value.value)
