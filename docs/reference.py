@@ -1,4 +1,4 @@
-"""Writes the pages of the reference: one for each package, with a section for each module, from the docstrings."""
+"""Writes the pages of the reference: the public face first, then one page for each package, from the docstrings."""
 
 from __future__ import annotations
 
@@ -21,12 +21,15 @@ PACKAGES = (
     "skelgen.evaluation",
     "skelgen_formats",
 )
-_BASICS = ("skelgen.parameters", "skelgen.progress", "skelgen.files", "skelgen.compiling", "skelgen.errors")
-_COMPILED = "compiled"  # modules that hold loops for numba, each with a twin that is easier to read
+_BASICS = ("skelgen.parameters", "skelgen.progress", "skelgen.files", "skelgen.errors")
+_FACE = """Scripts need no more than ``import skelgen``. Lengths are in mm, times in s, angles in rad; frames come first and
+xyz last; unseen is NaN."""
+_NOT_FOR_USERS = """The pages below describe the packages behind :doc:`the public face <skelgen>`, from those that know most
+to those that know least. They are for those who change skelgen: names in them may change with every version."""
 
 
 def write_reference(folder: Path) -> None:
-    """Write an .rst page for every package, and `index.rst` that lists them.
+    """Write an .rst page for the public face and for every package, and `index.rst` that lists them.
 
     Parameters
     ----------
@@ -35,18 +38,28 @@ def write_reference(folder: Path) -> None:
     """
     folder.mkdir(exist_ok=True)
     pages = {package: _page(package, [package, *_modules(package)]) for package in PACKAGES}
-    pages["skelgen.basics"] = _page("skelgen: errors, progress, files, parameters, compiling", _BASICS)
-    for name, text in {**pages, "index": _index(pages)}.items():
+    pages["skelgen.basics"] = _page("skelgen: errors, progress, files, parameters", _BASICS)
+    for name, text in {"skelgen": _face(), **pages, "index": _index(pages)}.items():
         (folder / f"{name}.rst").write_text(text, encoding="utf-8")
 
 
+def _face() -> str:
+    """Functions in full, one after the other; values, errors and jobs in full where they are defined."""
+    homes = {name: _home(name) for name in skelgen._HOMES}
+    functions = [name for name, home in homes.items() if home == f"skelgen.{name}"]
+    others = [f"* :py:obj:`skelgen.{name} <{home}>`" for name, home in homes.items() if name not in functions]
+    listed = [f"* :py:obj:`skelgen.{name} <{homes[name]}>`" for name in functions]
+    described = [f"{_heading(name, '-')}\n.. autofunction:: {homes[name]}\n" for name in functions]
+    parts = [_heading("skelgen: the public face", "="), _FACE, "", *listed, "", "Values and errors:", "", *others, ""]
+    return "\n".join([*parts, *described])
+
+
 def _modules(package: str) -> Iterator[str]:
-    """Yield the modules below a package; whatever is meant for numba's eyes is left out."""
+    """Yield the modules below a package; private ones, and the face, which has its own page, are left out."""
     found = util.find_spec(package)
     places = (found.submodule_search_locations if found else None) or ()
     for entry in pkgutil.walk_packages(list(places), f"{package}."):
-        last = entry.name.rpartition(".")[2]
-        if not last.startswith("_") and _COMPILED not in last:
+        if not entry.name.rpartition(".")[2].startswith("_") and entry.name != "skelgen.app.face":
             yield entry.name
 
 
@@ -59,19 +72,16 @@ def _page(title: str, modules: list[str] | tuple[str, ...]) -> str:
 
 def _index(pages: dict[str, str]) -> str:
     listed = "\n".join(f"   {name}" for name in pages)
-    face = "\n".join(f"* :py:obj:`skelgen.{name} <{_home(name)}>`" for name in skelgen.__all__)
     return (
-        f"{_heading('Reference', '=')}\n"
-        "From the docstrings. Lengths are in mm, times in s, angles in rad; frames come first and xyz last; unseen is\n"
-        "NaN. What other programs build on:\n\n"
-        f"{face}\n\nPackages, from those that know most to those that know least:\n\n"
+        f"{_heading('Reference', '=')}\n{_FACE}\n\n.. toctree::\n   :maxdepth: 2\n\n   skelgen\n\n{_NOT_FOR_USERS}\n\n"
         f".. toctree::\n   :maxdepth: 2\n\n{listed}\n"
     )
 
 
 def _home(name: str) -> str:
-    """Where a public name is described: in the module that defines it."""
-    return f"{getattr(skelgen, name).__module__}.{name}"
+    """Where a public name is described: a function of the face on its page, all else in the module that defines it."""
+    module = getattr(skelgen, name).__module__
+    return f"skelgen.{name}" if module == "skelgen.app.face" else f"{module}.{name}"
 
 
 def _heading(text: str, line: str) -> str:

@@ -164,8 +164,31 @@ def test_corrections_that_mean_nothing_are_refused(kind, names, facts):
         Correction(kind, names, **facts)
 
 
-def test_every_kind_says_what_it_means():
-    for kind, rule in RULES.items():
-        value = ("3" if kind.startswith("n_") else "x") if rule.needs_value else ""
-        names = tuple("abc"[: max(rule.least, 0)])
-        assert Correction(kind, names, value=value).sentence
+SENTENCES = {
+    "merge": "a and b are one marker, a",
+    "split": "a is another marker, x",
+    "rename": "a is called x",
+    "delete": "a is nobody",
+    "swap": "a and b change places",
+    "n_markers": "there are 3 markers",
+    "together": "a and b share a limb",
+    "apart": "no two of a and b share a limb",
+    "move": "a is on the limb of b",
+    "n_limbs": "there are 3 limbs",
+    "join": "the limbs of a and b are joined",
+    "part": "the limbs of a and b are not joined",
+    "root": "the limb of a is the root",
+    "kind": "the joint between the limbs of a and b is of the kind x",
+}
+
+
+@pytest.mark.parametrize("kind", RULES)
+def test_every_kind_says_what_it_means(kind):
+    rule = RULES[kind]
+    value = ("3" if kind.startswith("n_") else "x") if rule.needs_value else ""
+    assert Correction(kind, tuple("abc"[: rule.least]), value=value).sentence == SENTENCES[kind]
+
+
+def test_frames_are_said_too():
+    correction = Correction("swap", ("a", "b"), 3, None)
+    assert correction.sentence == "a and b change places, from frame 3 to the end"
