@@ -12,15 +12,15 @@ aligned poses, the root mean square distance between the sets that both frames s
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from skelgen.geometry.orientation import rotation_by_svd
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.tracking.tracklets import TrackletPoints, poses_at
 
 # A rotation needs three points off a line; of the shared points' scatter the second axis must have this share.
 _LEAST_SHARED = 3
@@ -33,6 +33,25 @@ _REFINED_NEIGHBOURS = 4
 _POINTS_PER_BATCH = 400_000
 # The refinement looks at this many frames on the way from one sample before the best to one behind it.
 _REFINED_FRAMES = 9
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How poses are aligned before Marker Sets are compared.
+
+    Attributes
+    ----------
+    n_neighbours : int or None
+        Sets that are aligned at most, those nearest to the compared one; None aligns all.
+    misfit_weight : float
+        How much the misfit of the aligned poses counts.
+    sampling : int, frames
+        Interval of the frames that are compared.
+    """
+
+    n_neighbours: int | None
+    misfit_weight: float
+    sampling: int
 
 
 class _Best(NamedTuple):
@@ -52,13 +71,6 @@ class _Pairs(NamedTuple):
     frame_b: Ints
 
 
-class _Alignment(NamedTuple):
-    """How poses are aligned: by how many points at most, and how much their misfit counts."""
-
-    n_neighbours: int
-    misfit_weight: float
-
-
 class _Motions(NamedTuple):
     """Rigid motions: rotations (n, 3, 3), shifts (n, 3) [mm], weighted squared misfits (n,) [mm^2]."""
 
@@ -72,7 +84,7 @@ class _Motions(NamedTuple):
 
 
 def find_distances(
-    points: Floats, sets: TrackletPoints, overlaps: Bools, parameters: LabelParameters, monitor: Monitor = SILENT
+    points: Floats, sets: TrackletPoints, overlaps: Bools, alignment: Alignment, monitor: Monitor = SILENT
 ) -> Floats:
     """Find the distance between each two Marker Sets.
 
@@ -84,8 +96,8 @@ def find_distances(
         What to compare.
     overlaps : ndarray of bool, shape (n_sets, n_sets)
         Sets that cannot be the same marker, and need not be compared.
-    parameters : LabelParameters
-        `alignment`, `n_neighbours`, `misfit_weight`, `sampling`.
+    alignment : Alignment
+        How poses are aligned.
     monitor : Monitor
         Receives progress and may cancel.
 
@@ -98,15 +110,13 @@ def find_distances(
     n_sets = len(sets)
     frame_a, frame_b = (np.zeros((n_sets, n_sets), dtype=np.intp) for _ in range(2))
     best = _Best(np.full((n_sets, n_sets), np.inf), frame_a, frame_b)
-    n_neighbours = parameters.n_neighbours if parameters.alignment == "local" else n_sets
-    alignment = _Alignment(n_neighbours, parameters.misfit_weight)
     if not overlaps.all():
-        frames = _sample_frames(sets, parameters.sampling)
-        poses = poses_at(points, sets, frames)
+        frames = _sample_frames(sets, alignment.sampling)
+        poses = sets.positions_at(points, frames)
         for a in range(len(frames)):
             _compare_with_all(poses, frames, a, ~overlaps, alignment, best)
             monitor.advance(a + 1, len(frames))
-        _refine(points, sets, parameters.sampling, alignment, best)
+        _refine(points, sets, alignment, best)
     distance = np.minimum(best.distance, best.distance.T)
     np.fill_diagonal(distance, 0.0)
     return distance
@@ -121,7 +131,7 @@ def _sample_frames(sets: TrackletPoints, sampling: int) -> Ints:
     return np.unique(np.concatenate([regular, middles[~found]]))
 
 
-def _compare_with_all(poses: Floats, frames: Ints, a: int, allowed: Bools, alignment: _Alignment, best: _Best) -> None:
+def _compare_with_all(poses: Floats, frames: Ints, a: int, allowed: Bools, alignment: Alignment, best: _Best) -> None:
     """Compare the sets seen in sample a with those seen in any other sample."""
     seen = ~np.isnan(poses[..., 0])
     present = np.flatnonzero(seen[a])
@@ -136,14 +146,14 @@ def _compare_with_all(poses: Floats, frames: Ints, a: int, allowed: Bools, align
         _improve(best, _Pairs(some_i[row], j, np.full(len(j), frames[a]), frames[some_b[row]]), distance)
 
 
-def _refine(points: Floats, sets: TrackletPoints, sampling: int, alignment: _Alignment, best: _Best) -> None:
+def _refine(points: Floats, sets: TrackletPoints, alignment: Alignment, best: _Best) -> None:
     """Look around the best samples of the nearest sets: first at the frames next to a, then at those next to b."""
     nearest = np.argsort(best.distance, axis=1, kind="stable")[:, :_REFINED_NEIGHBOURS]
     i = np.repeat(np.arange(len(sets)), nearest.shape[1])
     j = nearest.ravel()
     known = np.isfinite(best.distance[i, j])
     i, j = i[known], j[known]
-    offsets = np.unique(np.linspace(-sampling, sampling, _REFINED_FRAMES).astype(np.intp))
+    offsets = np.unique(np.linspace(-alignment.sampling, alignment.sampling, _REFINED_FRAMES).astype(np.intp))
     many_i, many_j = np.repeat(i, len(offsets)), np.repeat(j, len(offsets))
     move = np.tile(offsets, len(i))
     for move_a, move_b in ((move, 0), (0, move)):
@@ -156,10 +166,10 @@ def _refine(points: Floats, sets: TrackletPoints, sampling: int, alignment: _Ali
             _improve(best, pairs, _compare_at(points, sets, pairs, alignment))
 
 
-def _compare_at(points: Floats, sets: TrackletPoints, pairs: _Pairs, alignment: _Alignment) -> Floats:
+def _compare_at(points: Floats, sets: TrackletPoints, pairs: _Pairs, alignment: Alignment) -> Floats:
     """Distance of set i in frame a to set j in frame b, pair by pair; NaN where it is unknown."""
     frames, where = np.unique(np.concatenate([pairs.frame_a, pairs.frame_b]), return_inverse=True)
-    poses = poses_at(points, sets, frames)
+    poses = sets.positions_at(points, frames)
     a, b = np.split(where.ravel(), 2)
     present = np.flatnonzero(~np.isnan(poses[np.unique(a), :, 0]).all(axis=0))
     source, target = poses[b[:, np.newaxis], present], poses[a[:, np.newaxis], present]
@@ -176,7 +186,7 @@ def _improve(best: _Best, pairs: _Pairs, distance: Floats) -> None:
     best.frame_b[i, j] = pairs.frame_b[better]
 
 
-def _align(source: Floats, target: Floats, centre: Floats, alignment: _Alignment) -> _Motions:
+def _align(source: Floats, target: Floats, centre: Floats, alignment: Alignment) -> _Motions:
     """Find the motions that bring `source` onto `target` by the points next to `centre` that both have.
 
     `source` has shape (n, k, 3), `target` (n or 1, k, 3), with NaN where a set is unseen, and `centre` (n, 3), all in
@@ -184,7 +194,7 @@ def _align(source: Floats, target: Floats, centre: Floats, alignment: _Alignment
     """
     away = np.linalg.norm(target - centre[:, np.newaxis], axis=2)
     away[np.isnan(away) | np.isnan(source[..., 0])] = np.inf
-    count = min(alignment.n_neighbours, away.shape[1])
+    count = min(alignment.n_neighbours or away.shape[1], away.shape[1])
     nearest = np.argpartition(away, count - 1, axis=1)[:, :count]
     shared = np.isfinite(np.take_along_axis(away, nearest, axis=1))
     n_shared = shared.sum(axis=1)

@@ -10,15 +10,16 @@ it is the number of those seen at once.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
+from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.classic.aligned_distances import find_distances
-from skelgen.stages.labels.parameters import LabelTask
-from skelgen.stages.labels.tracking.tracklets import TrackletPoints, count_markers, least_length, stand_alone_frames
+from skelgen.stages.classic.aligned_distances import Alignment, find_distances
 
 MOST_SETS = 3000
 """Bounds time and memory, which grow with the square of the number of sets."""
@@ -41,16 +42,49 @@ RESTARTS = 10
 """Starts of k-means."""
 
 
-def markers_by_sets(task: LabelTask, sets: TrackletPoints, monitor: Monitor = SILENT) -> tuple[Ints, int]:
+@dataclass(frozen=True)
+class SetMethod:
+    """How Marker Sets become markers.
+
+    Attributes
+    ----------
+    alignment : Alignment
+        How poses are aligned before sets are compared.
+    clustering : str
+        ``average`` or ``complete`` linkage, or ``spectral``.
+    limit : float, mm
+        Sets farther apart are not joined.
+    least_length : int, frames
+        Length of the shortest set.
+    stand_alone : float, frames
+        Sets at least this long need no partner to be trusted.
+    seed : int
+        Random seed of spectral clustering.
+    """
+
+    alignment: Alignment
+    clustering: str
+    limit: float
+    least_length: int
+    stand_alone: float
+    seed: int
+
+
+def markers_by_sets(
+    cloud: PointCloud, sets: TrackletPoints, n_markers: int | None, method: SetMethod, monitor: Monitor = SILENT
+) -> tuple[Ints, int]:
     """Find the marker of each point by joining Marker Sets over aligned poses.
 
     Parameters
     ----------
-    task : LabelTask
-        The take, and how to compare and group sets. Without a number of markers, the largest number of sets seen at
-        once is taken.
+    cloud : PointCloud
+        The take.
     sets : TrackletPoints
         Its Marker Sets.
+    n_markers : int or None
+        Number of markers; None takes the largest number of sets seen at once.
+    method : SetMethod
+        How sets are compared and grouped.
     monitor : Monitor
         Receives progress and may cancel.
 
@@ -61,36 +95,34 @@ def markers_by_sets(task: LabelTask, sets: TrackletPoints, monitor: Monitor = SI
     n_removed : int
         Number of Marker Sets that found no marker.
     """
-    cloud, parameters = task.cloud, task.parameters
     n_too_many = max(0, len(sets) - MOST_SETS)
     longest = np.zeros(len(sets), dtype=np.bool_)
     longest[np.argsort(-sets.lengths, kind="stable")[:MOST_SETS]] = True
     sets = sets.chosen(longest)
-    wanted = task.n_markers or count_markers(sets, least_length(cloud.n_frames, task.rate, parameters))
-    limit = parameters.remove_distance or task.spacing
-    group, nearest = group_sets(task, sets, wanted, limit, monitor)
+    wanted = n_markers or sets.most_at_once(method.least_length)
+    group, nearest = group_sets(cloud.points, sets, wanted, method, monitor)
     markers = sets.merged(group)
-    trusted = (markers.lengths >= stand_alone_frames(cloud.n_frames, task.rate, parameters)) | (nearest <= limit)
+    trusted = (markers.lengths >= method.stand_alone) | (nearest <= method.limit)
     kept = np.zeros(len(markers), dtype=np.bool_)
     kept[np.lexsort((-markers.lengths, ~trusted))[:wanted]] = True  # those seen longest, after all trusted ones
     return markers.chosen(kept).tracklet_of_all_points(cloud.n_points), n_too_many + int((~kept)[group].sum())
 
 
 def group_sets(
-    task: LabelTask, sets: TrackletPoints, n_groups: int, limit: float, monitor: Monitor = SILENT
+    points: Floats, sets: TrackletPoints, n_groups: int, method: SetMethod, monitor: Monitor = SILENT
 ) -> tuple[Ints, Floats]:
     """Group Marker Sets into markers.
 
     Parameters
     ----------
-    task : LabelTask
-        The take, and how to compare and group sets.
+    points : ndarray, shape (n_points, 3), mm
+        The cloud's points.
     sets : TrackletPoints
         Its Marker Sets.
     n_groups : int
         Wanted number of groups.
-    limit : float, mm
-        Sets farther apart are not joined.
+    method : SetMethod
+        How sets are compared and grouped.
     monitor : Monitor
         Receives progress and may cancel.
 
@@ -101,18 +133,17 @@ def group_sets(
     nearest : ndarray, shape (n_found,), mm
         Distance of each group to the nearest one that it could still be joined with; infinite where there is none.
     """
-    parameters = task.parameters
     group, overlaps = np.arange(len(sets)), sets.overlaps
-    spectral = parameters.clustering == "spectral"
+    spectral = method.clustering == "spectral"
     distance, n_compared = np.zeros((0, 0)), -1
     for share in ROUNDS[-1:] if spectral else ROUNDS:
         if n_compared != len(sets):
             monitor.begin("comparing Marker Sets")
-            distance, n_compared = find_distances(task.cloud.points, sets, overlaps, parameters, monitor), len(sets)
+            distance, n_compared = find_distances(points, sets, overlaps, method.alignment, monitor), len(sets)
         if spectral:
-            joined = cut_spectrally(distance, overlaps, n_groups, limit, task.seed)
+            joined = cut_spectrally(distance, overlaps, n_groups, method.limit, method.seed)
         else:
-            joined = join_nearest(distance, overlaps, n_groups, share * limit, parameters.clustering)
+            joined = join_nearest(distance, overlaps, n_groups, share * method.limit, method.clustering)
         group = joined[group]
         sets = sets.merged(joined)
         distance, overlaps = _merged(distance, joined, np.minimum), _merged(overlaps, joined, np.logical_or)

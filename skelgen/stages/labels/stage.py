@@ -14,6 +14,7 @@ from skelgen.errors import InputError
 from skelgen.model import Labelling, PointCloud, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.model.corrections import Identities
+from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.confidence.label_quality import (
     PointLabels,
@@ -35,8 +36,6 @@ from skelgen.stages.labels.point_labels import (
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
 from skelgen.stages.labels.tracking.tracklets import (
-    TrackletPoints,
-    count_markers,
     find_tracklets,
     least_length,
     stand_alone_frames,
@@ -153,7 +152,7 @@ def _labelled(
     if identities and constraints is not None:
         found, names = apply_constraints(cloud, found, constraints, n_markers=n_markers)
         notices += (f"{len(identities.entries)} identities stated by hand are obeyed",)
-    at_once = count_markers(tracklets, least_length(cloud.n_frames, rate, parameters))
+    at_once = tracklets.most_at_once(least_length(cloud.n_frames, rate, parameters))
     positions = all_positions(cloud, found, len(names))
     notices += _losses(found, len(names), n_removed, n_markers) + too_few_wanted(n_markers, at_once)
     notices += guessed_identities(positions, task.spacing)
@@ -177,9 +176,21 @@ def _tracklets(task: LabelTask, tracks: Ints) -> TrackletPoints:
 
 
 def _classic_markers(task: LabelTask, tracklets: TrackletPoints, monitor: Monitor) -> tuple[Ints, int]:
-    from skelgen.stages.classic.marker_sets import markers_by_sets  # noqa: PLC0415 - runs only where it is asked for
+    """Marker of each point by the method of the thesis, and the number of tracklets that found no marker."""
+    from skelgen.stages.classic.aligned_distances import Alignment  # noqa: PLC0415 - runs only where it is asked for
+    from skelgen.stages.classic.marker_sets import SetMethod, markers_by_sets  # noqa: PLC0415
 
-    return markers_by_sets(task, tracklets, monitor)
+    how, n_frames = task.parameters, task.cloud.n_frames
+    n_neighbours = how.n_neighbours if how.alignment == "local" else None
+    method = SetMethod(
+        Alignment(n_neighbours, how.misfit_weight, how.sampling),
+        how.clustering,
+        limit=how.remove_distance or task.spacing,
+        least_length=least_length(n_frames, task.rate, how),
+        stand_alone=stand_alone_frames(n_frames, task.rate, how),
+        seed=task.seed,
+    )
+    return markers_by_sets(task.cloud, tracklets, task.n_markers, method, monitor)
 
 
 def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: Monitor) -> Ints:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
-from skelgen.stages.classic.aligned_distances import find_distances
+from skelgen.stages.classic.aligned_distances import Alignment, find_distances
 from skelgen.stages.classic.marker_sets import cut_spectrally, join_nearest
 from skelgen.stages.labels import LabelParameters
-from skelgen.stages.labels.tracking.tracklets import count_markers, find_tracklets
+from skelgen.stages.labels.tracking.tracklets import find_tracklets
 
 RATE = 100.0
 # Distances of rigid bodies are 0 up to the rounding of coordinates of some 1000 mm.
@@ -44,11 +44,10 @@ def broken(rigid):
     return both
 
 
-def distances_of(positions, **options):
+def distances_of(positions, trim_range=2, n_neighbours=5, misfit_weight=1.0, sampling=10):
     cloud, track_of_point = cloud_of(positions)
-    parameters = LabelParameters(**options)
-    sets = find_tracklets(cloud, track_of_point, RATE, parameters)
-    return find_distances(cloud.points, sets, sets.overlaps, parameters)
+    sets = find_tracklets(cloud, track_of_point, RATE, LabelParameters(trim_range=trim_range))
+    return find_distances(cloud.points, sets, sets.overlaps, Alignment(n_neighbours, misfit_weight, sampling))
 
 
 def test_short_sets_are_removed_and_the_rest_trimmed_inside_the_take(rigid):
@@ -65,12 +64,12 @@ def test_short_sets_are_removed_and_the_rest_trimmed_inside_the_take(rigid):
 def test_markers_are_counted_where_most_are_seen_at_once(broken):
     cloud, track_of_point = cloud_of(broken)
     sets = find_tracklets(cloud, track_of_point, RATE, LabelParameters())
-    assert count_markers(sets, 50) == 6
+    assert sets.most_at_once(50) == 6
 
 
-@pytest.mark.parametrize("alignment", ["whole", "local"])
-def test_sets_of_one_rigid_marker_meet_exactly(broken, alignment):
-    distance = distances_of(broken, alignment=alignment)
+@pytest.mark.parametrize("n_neighbours", [None, 5])
+def test_sets_of_one_rigid_marker_meet_exactly(broken, n_neighbours):
+    distance = distances_of(broken, n_neighbours=n_neighbours)
     assert distance[0, 6] < ROUNDING
     assert distance[1, 7] < ROUNDING
 
@@ -117,8 +116,8 @@ def test_refinement_finds_the_pose_between_the_samples():
 def test_misfit_of_the_poses_counts(broken):
     bent = broken.copy()
     bent[100:, 2] += 30.0  # the pose after the gap is another one
-    seed_distance = distances_of(bent, misfit_weight=0.0, alignment="whole")[0, 6]
-    assert distances_of(bent, alignment="whole")[0, 6] > seed_distance
+    without = distances_of(bent, misfit_weight=0.0, n_neighbours=None)[0, 6]
+    assert distances_of(bent, n_neighbours=None)[0, 6] > without
 
 
 def test_joining_never_joins_sets_that_overlap():

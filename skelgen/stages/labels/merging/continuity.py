@@ -17,7 +17,7 @@ import numpy as np
 
 from skelgen.geometry.orientation import fit_transform
 from skelgen.model.arrays import Floats, Ints
-from skelgen.stages.labels.tracking.tracklets import TrackletPoints, poses_at
+from skelgen.model.tracklets import TrackletPoints
 
 LONGEST = 0.5
 """s; over longer gaps the neighbours do not predict a marker."""
@@ -87,7 +87,7 @@ def continuity_evidence(
 def _missed(points: Floats, tracklets: TrackletPoints, which: tuple[Ints, Ints], frames: tuple[Ints, Ints]) -> Floats:
     """Distance [mm] of tracklets j from where neighbours carry tracklets i; NaN where neighbours are too few."""
     used = np.unique(np.concatenate(frames))
-    poses = poses_at(points, tracklets, used)
+    poses = tracklets.positions_at(points, used)
     source, target = (poses[np.searchsorted(used, frame)] for frame in frames)
     row = np.arange(len(which[0]))
     begin, end = source[row, which[0]].copy(), target[row, which[1]].copy()

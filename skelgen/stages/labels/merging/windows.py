@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.merging.continuity import continuity_evidence
 from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_sums, merge_likely, sample_frames
-from skelgen.stages.labels.tracking.tracklets import TrackletPoints, poses_at
 
 MOST_KEPT = 4
 """This many times the number of markers seen at once are kept for the next window; others never merge with any."""
@@ -123,7 +123,7 @@ class _Groups:
         used, place = np.unique(row, return_inverse=True)
         tables = [_padded(table, len(names)) for table in self._tables]
         block = np.ix_(used, used)
-        poses = poses_at(self._points, tracklets.merged(place.ravel()), sample_frames(self._rate, *span))
+        poses = tracklets.merged(place.ravel()).positions_at(self._points, sample_frames(self._rate, *span))
         for table, more in zip(tables, distance_sums(poses), strict=True):
             table[block] += more
         apart = _padded(self._apart, len(names)).astype(np.bool_)
