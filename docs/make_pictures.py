@@ -123,13 +123,13 @@ def take_target_pictures(app: QApplication, window: Window, page: CapturePage) -
         page.target.add.click()
         wait(app, lambda: not window.jobs.is_busy)
     page.tabs.setCurrentWidget(page.joints)
-    wishes = page.joints.wishes
-    wait(app, lambda: wishes.parent_box.count() == 3)
+    requests = page.joints.requests
+    wait(app, lambda: requests.parent_box.count() == 3)
     for name, parent, child in (("shoulder", "torso", "upper arm"), ("elbow", "upper arm", "lower arm")):
-        wishes.name.setText(name)
-        wishes.parent_box.setCurrentText(parent)
-        wishes.child_box.setCurrentText(child)
-        wishes.more.click()
+        requests.name.setText(name)
+        requests.parent_box.setCurrentText(parent)
+        requests.child_box.setCurrentText(child)
+        requests.more.click()
     page.joints.form.take_source("simulated:arm?rate=20&frames=300")
     wait(app, lambda: page.joints.found is not None and not window.jobs.is_busy)
     save(app, window, "joint-calibration")

@@ -108,7 +108,7 @@ class PageStack(QWidget):
             is_step = bool(entry.stage)
             is_done = is_step and project is not None and project.has(entry.stage)
             item = self.list.item(row)
-            item.setIcon(step_icon(is_step=is_step, is_done=is_done, palette=self.palette()))
+            item.setIcon(_step_icon(is_step=is_step, is_done=is_done, palette=self.palette()))
             words = self.tr("{0}: done") if is_done else self.tr("{0}: not done yet") if is_step else "{0}"
             item.setData(Qt.ItemDataRole.AccessibleTextRole, words.format(item.text()))
 
@@ -135,7 +135,7 @@ _THIN, _THICK = 1.2, 1.8
 _Role = QPalette.ColorRole
 
 
-def step_icon(*, is_step: bool, is_done: bool, palette: QPalette) -> QIcon:
+def _step_icon(*, is_step: bool, is_done: bool, palette: QPalette) -> QIcon:
     """Return the sign of a page; nothing but room for pages that no step belongs to.
 
     Parameters

@@ -121,7 +121,7 @@ class SourceField(QComboBox):
             edit.setPlaceholderText(text)
 
 
-class SettingsField(FileField):
+class _SettingsField(FileField):
     """The settings file of the capture.
 
     Parameters
@@ -141,7 +141,7 @@ class SettingsField(FileField):
         )
 
 
-class FolderButton(QPushButton):
+class _FolderButton(QPushButton):
     """Asks for a folder with images, as a source.
 
     Signals
@@ -188,7 +188,7 @@ class LiveChoice(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.settings = SettingsField(self)
+        self.settings = _SettingsField(self)
         self.source = SourceField(self)
         self.source.show_hint(self.tr("that of the settings"))
         self.simulated = QPushButton(self.tr("Simulated rig"), self)
@@ -246,8 +246,8 @@ class SourceForm(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.settings, self.source = SettingsField(self), SourceField(self)
-        self.folder, self.simulated = FolderButton(self), QPushButton(self)
+        self.settings, self.source = _SettingsField(self), SourceField(self)
+        self.folder, self.simulated = _FolderButton(self), QPushButton(self)
         self.source.show_hint(self.tr("that of the settings"))
         self.rows = QFormLayout(self)
         self.rows.setContentsMargins(0, 0, 0, 0)
@@ -353,7 +353,7 @@ class BoardForm(QWidget):
         super().__init__(parent)
         self.columns, self.rows, self.square = QSpinBox(self), QSpinBox(self), QDoubleSpinBox(self)
         self.source = SourceField(self)
-        self.folder, self.simulated = FolderButton(self), QPushButton(self)
+        self.folder, self.simulated = _FolderButton(self), QPushButton(self)
         self._describe()
         self._lay_out()
         for box in (self.columns, self.rows):

@@ -132,7 +132,7 @@ def _targets_in(path: str) -> tuple[str, ...]:
         return ()  # the user sees the reason when the settings are used
 
 
-class RequestTable(RowTable):
+class _RequestTable(RowTable):
     """The joints that were named; Delete takes the chosen ones away.
 
     Signals
@@ -177,7 +177,11 @@ class RequestList(QWidget):
         super().__init__(parent)
         self.requests: tuple[JointRequest, ...] = ()
         self.name, self.parent_box, self.child_box = QLineEdit(self), QComboBox(self), QComboBox(self)
-        self.kind, self.more, self.table = QComboBox(self), QPushButton(self.tr("Name joint"), self), RequestTable(self)
+        self.kind, self.more, self.table = (
+            QComboBox(self),
+            QPushButton(self.tr("Name joint"), self),
+            _RequestTable(self),
+        )
         self.less = QPushButton(self.tr("Remove joint"), self)
         self._kinds = {self.tr("kind is found"): "", self.tr("ball"): "ball", self.tr("hinge"): "hinge"}
         self._describe()

@@ -52,7 +52,7 @@ class LivePanel(QWidget):
         self._control: CaptureControl | None = None
         self.feed: Feed[LiveShot] = Feed(self._arrived.emit)
         self.choice, self.go = LiveChoice(self), QPushButton(self)
-        self.recorder = RecordRow(self)
+        self.recorder = _RecordRow(self)
         self.numbers, self.angles, self.bodies = Numbers(self), AngleTable(self), BodyTable(self)
         self.notices = Notices(self)
         self._lay_out()
@@ -172,7 +172,7 @@ _NUMBERED = re.compile(r"(.*)-(\d+)")
 _SUFFIX = ".mfml"
 
 
-class RecordRow(QWidget):
+class _RecordRow(QWidget):
     """The file that is recorded, and the button that begins and ends recording.
 
     Signals

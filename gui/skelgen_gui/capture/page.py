@@ -30,7 +30,7 @@ class CapturePage(QWidget):
 
     Attributes
     ----------
-    view : CaptureView
+    view : _CaptureView
         What takes the middle of the window while this page is shown.
 
     Parameters
@@ -43,7 +43,7 @@ class CapturePage(QWidget):
         super().__init__()
         self.setObjectName("page-capture")
         self._cameras = context.cameras
-        self.view = CaptureView()
+        self.view = _CaptureView()
         self.live = LivePanel(context.jobs, context.report_error, self)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
@@ -104,7 +104,7 @@ class CapturePage(QWidget):
                 other.show_path(field.path)
 
 
-class CaptureView(QSplitter):
+class _CaptureView(QSplitter):
     """Pictures above, space below.
 
     Parameters

@@ -112,7 +112,7 @@ class PicturePair(QWidget):
         return QRectF(left, (self.height() - scale * height) / 2, scale * width, scale * height), scale
 
 
-def grey_image(image: Image) -> QImage:
+def _grey_image(image: Image) -> QImage:
     """Return a picture that shares the memory of an array of shape (height, width), which must outlive it."""
     image = np.ascontiguousarray(image)
     height, width = image.shape
@@ -122,7 +122,7 @@ def grey_image(image: Image) -> QImage:
 def _paint_image(painter: QPainter, seen: CameraImage, box: QRectF, scale: float) -> None:
     image = np.ascontiguousarray(seen.image)  # kept in a name: the picture shares its memory
     painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-    painter.drawImage(box, grey_image(image))
+    painter.drawImage(box, _grey_image(image))
     painter.setPen(_FRAME)
     painter.drawRect(box.adjusted(0, 0, -1, -1))
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)

@@ -130,7 +130,7 @@ class ValueTable(QTableWidget):
             self.show_row(row, texts)
 
 
-class ShotTable(ValueTable):
+class _ShotTable(ValueTable):
     """Numbers of each pair of images; the rows follow from the settings."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -154,7 +154,7 @@ class ShotTable(ValueTable):
         raise NotImplementedError
 
 
-class AngleTable(ShotTable):
+class AngleTable(_ShotTable):
     """Angles of joints, in degrees."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -182,7 +182,7 @@ class AngleTable(ShotTable):
                 yield f"{turn:.2f}", f"{std:.2f}", f"{angle.residual:.2f}" if part == 0 else ""
 
 
-class BodyTable(ShotTable):
+class BodyTable(_ShotTable):
     """Bodies and where they are."""
 
     def __init__(self, parent: QWidget | None = None) -> None:

@@ -119,7 +119,7 @@ def _of_limbs(project: Project, selection: Selection, names: tuple[str, ...]) ->
         left = (project.trajectories.names[mates[0]],) if mates else ()
         for limb in range(project.limbs.n_limbs):
             if limb != own:
-                found.append(Offer("move", (*names, name_of_limb(project, limb), *left)))
+                found.append(Offer("move", (*names, _name_of_limb(project, limb), *left)))
     return found
 
 
@@ -131,14 +131,14 @@ def _of_joints(project: Project, selection: Selection, names: tuple[str, ...]) -
         found += [Offer("join", names), Offer("part", names)]
     if selection.joint is not None and project.has("skeleton"):
         joint = project.skeleton.joints[selection.joint]
-        ends = (name_of_limb(project, joint.parent), name_of_limb(project, joint.child))
+        ends = (_name_of_limb(project, joint.parent), _name_of_limb(project, joint.child))
         found += [Offer("part", ends), *(Offer("kind", ends, kind) for kind in KNOWN_KINDS)]
     if selection.limb is not None:
-        found.append(Offer("root", (name_of_limb(project, selection.limb),)))
+        found.append(Offer("root", (_name_of_limb(project, selection.limb),)))
     return found
 
 
-def name_of_limb(project: Project, limb: int) -> str:
+def _name_of_limb(project: Project, limb: int) -> str:
     """Return the marker by which a limb is named: its first.
 
     Parameters

@@ -69,7 +69,7 @@ class ExportPage(QWidget):
         self.form = ParameterForm((), self)
         self.options_box = QGroupBox(self.tr("Options"), self)
         self._options = QVBoxLayout(self.options_box)
-        self.target = ExportTarget(self)
+        self.target = _ExportTarget(self)
         self.export, self.cancel = QPushButton(self.tr("Export"), self), QPushButton(self.tr("Cancel"), self)
         self.progress = QProgressBar(self)
         self.show_folder = QPushButton(self.tr("Show folder"), self)
@@ -244,7 +244,7 @@ class ExportPage(QWidget):
             QDesktopServices.openUrl(QUrl.fromLocalFile(str(self._written)))
 
 
-class ExportTarget(QWidget):
+class _ExportTarget(QWidget):
     """A folder and a name.
 
     Signals

@@ -114,7 +114,7 @@ class CorrectionActions(QObject):
         session = self._document.session
         if offer.kind in {"swap", "split", "delete"}:
             proposed = (session.frame, session.n_frames - 1) if offer.kind != "delete" else (0, session.n_frames - 1)
-            frames = ask_frames(self._window, _text(offer), proposed, session.n_frames)
+            frames = _ask_frames(self._window, _text(offer), proposed, session.n_frames)
             if frames is None:
                 return None
             value = self._asked_name(offer) if offer.kind == "split" else ""
@@ -204,7 +204,7 @@ class FramesDialog(QDialog):
         return box
 
 
-def ask_frames(
+def _ask_frames(
     parent: QWidget, title: str, proposed: tuple[int, int], n_frames: int
 ) -> tuple[int | None, int | None] | None:
     """Ask for first and last frame; None if the user cancels, and None for an end of the take.

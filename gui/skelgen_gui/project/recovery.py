@@ -56,7 +56,7 @@ class RecoveryEntry:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def recovery_folder() -> Path:
+def _recovery_folder() -> Path:
     """Return the folder in which windows keep their projects."""
     base = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.AppLocalDataLocation)
     return Path(base) / "recovery"
@@ -64,7 +64,7 @@ def recovery_folder() -> Path:
 
 def find_recovery_entries(folder: Path | None = None) -> tuple[RecoveryEntry, ...]:
     """Return the unsaved work of windows whose process ended, the newest first."""
-    folder = folder or recovery_folder()
+    folder = folder or _recovery_folder()
     found = []
     for each in sorted(folder.glob("*/")) if folder.is_dir() else ():
         try:
@@ -111,7 +111,7 @@ class Autosave(QObject):
     ) -> None:
         super().__init__(parent)
         self._session = session
-        self._folder = (folder or recovery_folder()) / f"{os.getpid()}-{id(self):x}"
+        self._folder = (folder or _recovery_folder()) / f"{os.getpid()}-{id(self):x}"
         self._kept: Project | None = None
         self._inherited: list[RecoveryEntry] = []
         self._problem = ""

@@ -24,7 +24,7 @@ _SHADE = 35  # percent by which a further curve of the same limb stands out more
 _Role = QPalette.ColorRole
 
 
-def colour_of(curve: Curve, palette: QPalette) -> QColor:
+def _colour_of(curve: Curve, palette: QPalette) -> QColor:
     """Return the colour of a curve.
 
     Parameters
@@ -73,7 +73,7 @@ def paint_plot(painter: QPainter, panel: Panel, span: VisibleSpan, place: QRectF
 
     xs = np.arange(n_columns, dtype=np.float64) + (place.left() + 0.5)
     for curve, found in zip(panel.curves, columns, strict=True):
-        colour = colour_of(curve, palette)
+        colour = _colour_of(curve, palette)
         if found.band is not None:
             _paint_band(painter, colour, _upright(xs, *map(heights, found.band)))
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -117,7 +117,7 @@ def paint_legend(painter: QPainter, panel: Panel, frame: int, place: QRectF, pal
         values = curve.line.low
         value = digits(float(values[frame])) if frame < len(values) else ""
         chip = QRectF(row.left(), row.center().y() - 1.5, _CHIP, 3.0)
-        painter.fillRect(chip, colour_of(curve, palette))
+        painter.fillRect(chip, _colour_of(curve, palette))
         name_room = room - _CHIP - 6 - metrics.horizontalAdvance(value) - 4
         name = metrics.elidedText(curve.name, Qt.TextElideMode.ElideMiddle, name_room)
         painter.drawText(row.adjusted(_CHIP + 5, 0, 0, 0), Qt.AlignmentFlag.AlignLeft, name)

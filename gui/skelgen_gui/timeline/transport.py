@@ -96,7 +96,7 @@ class Transport(QWidget):
     def _draw_icons(self) -> None:
         for name in (*_MOVES, *_RANGES, "loop"):
             sign = "pause" if name == "play" and self._player.is_playing else name
-            self._actions[name].setIcon(transport_icon(sign, self.palette()))
+            self._actions[name].setIcon(_transport_icon(sign, self.palette()))
 
     def _follow(self) -> None:
         """Show the session's frame and time."""
@@ -144,7 +144,7 @@ _POLYGONS: dict[str, tuple[Shape, ...]] = {
 }
 
 
-def transport_icon(name: str, palette: QPalette) -> QIcon:
+def _transport_icon(name: str, palette: QPalette) -> QIcon:
     """Return the icon of a transport button: ``pause``, or a command of the menu Play.
 
     Parameters

@@ -33,7 +33,7 @@ _FINENESS = 1  # a step changes the second digit of a number: 0.8 -> 0.81, 100 -
 _STEP_FROM_ZERO = 0.1
 
 
-class NumberBox(QAbstractSpinBox):
+class _NumberBox(QAbstractSpinBox):
     """A number with arrows; unlike Qt's own it shows 1e-12 as such and lets a value out of bounds stand."""
 
     edited = Signal()
@@ -90,7 +90,7 @@ class ChoiceBox(QComboBox):
         self.setCurrentText(str(value))
 
 
-class SwitchBox(QCheckBox):
+class _SwitchBox(QCheckBox):
     """Yes or no."""
 
     edited = Signal()
@@ -108,7 +108,7 @@ class SwitchBox(QCheckBox):
         self.setChecked(bool(value))
 
 
-class TextLine(QLineEdit):
+class _TextLine(QLineEdit):
     """A free text."""
 
     edited = Signal()
@@ -126,7 +126,7 @@ class TextLine(QLineEdit):
         self.setText(str(value))
 
 
-Editor = NumberBox | ChoiceBox | SwitchBox | TextLine
+Editor = _NumberBox | ChoiceBox | _SwitchBox | _TextLine
 
 
 def editor_for(declaration: Declaration, parent: QWidget) -> Editor:
@@ -139,8 +139,8 @@ def editor_for(declaration: Declaration, parent: QWidget) -> Editor:
     parent : QWidget
         The form.
     """
-    kinds: dict[type, type[Editor]] = {bool: SwitchBox, str: TextLine}
-    kind = ChoiceBox if declaration.choices else kinds.get(declaration.kind, NumberBox)
+    kinds: dict[type, type[Editor]] = {bool: _SwitchBox, str: _TextLine}
+    kind = ChoiceBox if declaration.choices else kinds.get(declaration.kind, _NumberBox)
     editor = kind(declaration, parent)
     editor.show_value(declaration.default)
     editor.setFocusPolicy(Qt.FocusPolicy.StrongFocus)

@@ -25,7 +25,7 @@ CHANGED_MARK = "• "
 """Stands before the name of a value that is not the default."""
 
 
-def title_of(declaration: Declaration) -> str:
+def _title_of(declaration: Declaration) -> str:
     """Return the name as a person reads it."""
     return QCoreApplication.translate("Parameters", declaration.name.replace("_", " ").capitalize())
 
@@ -60,7 +60,7 @@ class FormRow(QObject):
     def __init__(self, declaration: Declaration, check: Check, grid: QGridLayout, line: int, parent: QWidget) -> None:
         super().__init__(parent)
         self.declaration = declaration
-        self._title = title_of(declaration)
+        self._title = _title_of(declaration)
         self._check = check
         self._is_changed = False
         self.editor = editor_for(declaration, parent)
@@ -258,7 +258,7 @@ class ParameterForm(QWidget):
     def _measure(self, declarations: Iterable[Declaration]) -> None:
         """Find the widths that names and units have in both parts of the form."""
         wide = self.fontMetrics().horizontalAdvance
-        self._name_width = max((wide(CHANGED_MARK + title_of(entry)) for entry in declarations), default=0)
+        self._name_width = max((wide(CHANGED_MARK + _title_of(entry)) for entry in declarations), default=0)
         self._unit_width = max((wide(entry.unit) for entry in declarations), default=0)
 
     def _filled(self, widget: QWidget, declarations: Iterable[Declaration], check: Check) -> list[FormRow]:
