@@ -22,10 +22,10 @@ PACKAGES = (
     "skelgen_formats",
 )
 _BASICS = ("skelgen.parameters", "skelgen.progress", "skelgen.files", "skelgen.errors")
-_FACE = """Scripts need no more than ``import skelgen``. Lengths are in mm, times in s, angles in rad; frames come first and
-xyz last; unseen is NaN."""
-_NOT_FOR_USERS = """The pages below describe the packages behind :doc:`the public face <skelgen>`, from those that know most
-to those that know least. They are for those who change skelgen: names in them may change with every version."""
+_FACE = """Scripts need no more than ``import skelgen``. Lengths are in mm, times in s, angles in rad; frames come
+first and xyz last; unseen is NaN."""
+_NOT_FOR_USERS = """The pages below describe the packages behind :doc:`the public face <skelgen>`. They are for those
+who change skelgen: names in them may change with every version."""
 
 
 def write_reference(folder: Path) -> None:
