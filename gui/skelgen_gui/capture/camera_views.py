@@ -45,7 +45,7 @@ class CoverageView(QWidget):
         self._size = (640, 480)
         self._corners = self._marked = sides(())
         self.setAccessibleName(self.tr("Where the board has been in both images"))
-        self.setToolTip(self.tr("Dots are corners of the board; coloured parts are covered, the others wait for it"))
+        self.setToolTip(self.tr("Dots are corners of the board; coloured parts are covered, the others are empty"))
         policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         policy.setHeightForWidth(True)
         self.setSizePolicy(policy)
@@ -221,7 +221,7 @@ class CameraTable(ValueTable):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        tip = self.tr("What was measured, with standard deviations; what has none was held")
+        tip = self.tr("What was measured, with standard deviations; values without one were held fixed")
         self.describe(self.tr("Numbers of both cameras"), tip, ("", self.tr("left"), self.tr("right")))
         self.setFixedHeight(_TABLE_HEIGHT)
         self.hide()

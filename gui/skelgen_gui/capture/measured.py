@@ -44,7 +44,7 @@ class BallTable(RowTable):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        tip = self.tr("Where its balls are in the target, with standard deviations; what has none is so by definition")
+        tip = self.tr("Where its balls are in the target, with standard deviations; values without one are defined so")
         titles = self.tr("Ball"), self.tr("x [mm]"), self.tr("y [mm]"), self.tr("z [mm]")
         self.describe(self.tr("Balls of the target"), tip, titles)
 

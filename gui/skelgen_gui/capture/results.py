@@ -43,8 +43,8 @@ class Numbers(QLabel):
         self.setAccessibleName(self.tr("Speed and losses of the capture"))
         self.setToolTip(
             self.tr(
-                "Pairs a second, pairs that were lost because nobody took them in time, and the time from a pair "
-                "of images to the joint angles"
+                "Pairs per second, pairs that were lost because they were not processed in time, and the time from a "
+                "pair of images to the joint angles"
             )
         )
 

@@ -10,7 +10,7 @@ from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelE
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from skelgen.app.drawing.graph import CostGraph, JointCost, find_cost_graph
-from skelgen.app.drawing.wording import counted, shortened
+from skelgen.app.drawing.wording import shortened
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.diagrams.graph_painting import NODE, GraphPainting
@@ -109,8 +109,9 @@ class GraphView(QWidget):
         project = self._graph_of
         if limb is not None and project is not None:
             markers = project.limbs.markers_of(limb).tolist()
+            count = self.tr("limb {0}: {1} markers") if len(markers) != 1 else self.tr("limb {0}: 1 marker")
             names = shortened([project.trajectories.names[marker] for marker in markers], _NAMES_ROOM)
-            return f"limb {limb}: {counted(len(markers), 'marker')}\n{names}"
+            return count.format(limb, len(markers)) + f"\n{names}"
         if joint is not None and self._graph is not None:
             return joint_sentences(self._graph.joints[joint])
         if pair is not None and self._graph is not None:

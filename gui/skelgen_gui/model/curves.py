@@ -191,7 +191,7 @@ def residual_panel(project: Project, mean: Curve, markers: Iterable[int]) -> Pan
     more = len(markers) - MOST_CURVES
     note = translate("Curves", "{0} more are not drawn").format(more) if more > 0 else ""
     about = translate(
-        "Curves", "How far markers were measured from where the skeleton has them: the mean, and selected markers."
+        "Curves", "How far markers were measured from their places on the skeleton: the mean, and selected markers."
     )
     return Panel(translate("Curves", "Residual"), "mm", (mean, *shown), note, about)
 

@@ -12,6 +12,7 @@ from skelgen.app.drawing.wording import percent
 from skelgen.model import PointCloud, Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Doubt
+from skelgen_gui.model.translation import translate
 
 
 def doubt_at(project: Project, marker: int, frame: int) -> Doubt | None:
@@ -65,15 +66,6 @@ def point_counts(project: Project) -> Ints | None:
     return project.take.points_per_frame
 
 
-_WORDS = {
-    State.SEEN: "seen",
-    State.FILLED: "unseen; the skeleton says where it is",
-    State.DOUBTFUL: "seen, but doubtful",
-    State.LEFT_OUT: "seen, but on no limb",
-    State.UNSEEN: "unseen",
-}
-
-
 def lane_sentence(project: Project, lanes: Lanes, lane: int, frame: int | None) -> str:
     """Describe a lane, and a frame of it.
 
@@ -89,21 +81,37 @@ def lane_sentence(project: Project, lanes: Lanes, lane: int, frame: int | None) 
         Which frame; without one only the marker is named.
     """
     marker, limb = int(lanes.markers[lane]), int(lanes.limbs[lane])
-    name = project.trajectories.names[marker] + (f" · limb {limb}" if limb >= 0 else "")
+    name = project.trajectories.names[marker]
+    name += " · " + _tr("limb {0}").format(limb) if limb >= 0 else ""
     if frame is None:
         return name
-    lines = [name, f"frame {frame}: {_WORDS[lanes.state(lane, frame)]}{_confidence(project, marker, frame)}"]
+    known = _state_words(lanes.state(lane, frame)) + _confidence(project, marker, frame)
+    lines = [name, _tr("frame {0}: {1}").format(frame, known)]
     doubt = doubt_at(project, marker, frame)
     if doubt is not None:
-        lines.append(f"frames {doubt.first_frame} – {doubt.last_frame}: {doubt.reason}")
+        lines.append(_tr("frames {0} – {1}: {2}").format(doubt.first_frame, doubt.last_frame, doubt.reason))
     return "\n".join(lines)
+
+
+def _state_words(state: State) -> str:
+    return {
+        State.SEEN: _tr("seen"),
+        State.FILLED: _tr("unseen; placed by the skeleton"),
+        State.DOUBTFUL: _tr("seen, but doubtful"),
+        State.LEFT_OUT: _tr("seen, but on no limb"),
+        State.UNSEEN: _tr("unseen"),
+    }[state]
 
 
 def _confidence(project: Project, marker: int, frame: int) -> str:
     if not project.has_labelling:
         return ""
     confidence = float(project.labelling.confidence[frame, marker])
-    return "" if math.isnan(confidence) else f", {percent(confidence)} sure"
+    return "" if math.isnan(confidence) else ", " + _tr("{0} sure").format(percent(confidence))
+
+
+def _tr(text: str) -> str:
+    return translate("Lanes", text)
 
 
 _BAR = (0.16, 0.84)  # of a lane's height

@@ -99,7 +99,7 @@ class ExportPage(QWidget):
         self.preview.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.status.setTextFormat(Qt.TextFormat.PlainText)
         self.export.setToolTip(self.tr("Write the files"))
-        self.cancel.setToolTip(self.tr("Stop; what was there stays as it was"))
+        self.cancel.setToolTip(self.tr("Stop; files that were there stay as they were"))
         self.show_folder.setToolTip(self.tr("Open the folder with the written files"))
         self.progress.setRange(0, _PER_MILLE)
         describe(self.progress, self.tr("Progress of the export"), self.tr("How much of the export is written"))

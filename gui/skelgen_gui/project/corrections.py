@@ -250,7 +250,7 @@ class CorrectionList(QWidget):
         self.hint = QLabel(self)
         self.hint.setWordWrap(True)
         self.hint.setText(self.tr("Select markers, a joint or a limb, then right click or choose Edit, Correct."))
-        describe(self.entries, self.tr("Corrections by hand"), self.tr("What later runs obey"))
+        describe(self.entries, self.tr("Corrections by hand"), self.tr("Corrections that later runs apply"))
         self.take_back = QPushButton(self.tr("Take back"), self)
         describe(self.take_back, self.tr("Take the chosen correction back"))
         self.at_once = QCheckBox(self.tr("Compute again at once"), self)

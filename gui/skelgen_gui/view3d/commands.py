@@ -87,7 +87,7 @@ class Commands(QObject):
             "markers": (tr("Markers"), tr("Measured markers; doubtful ones have a ring")),
             "filled": (tr("Filled markers"), tr("Unseen markers, hollow, where the skeleton places them")),
             "names": (tr("Names"), tr("Names of markers beside them")),
-            "trails": (tr("Trails"), tr("The ways that markers came")),
+            "trails": (tr("Trails"), tr("Paths of the markers until this frame")),
             "bones": (tr("Bones"), tr("Lines between joints, and to the markers of end limbs")),
             "joints": (tr("Joints"), tr("Joints of the skeleton")),
             "uncertainty": (tr("Uncertainty of joints"), tr("Ellipsoids of standard deviations, magnified")),
@@ -103,7 +103,7 @@ class Commands(QObject):
         seconds: list[Choice] = [(self.tr("{value:g} s").format(value=value), value) for value in TRAIL_SECONDS]
         times: list[Choice] = [(self.tr("As large as fits"), None)]
         times += [(self.tr("{value} × standard deviation").format(value=value), value) for value in MAGNIFICATIONS]
-        ups: list[Choice] = [(self.tr("As the data tell"), None)]
+        ups: list[Choice] = [(self.tr("As found from the data"), None)]
         ups += [(self.tr("X up"), 0), (self.tr("Y up"), 1), (self.tr("Z up"), 2)]
         ups += [(self.tr("X down"), DOWN), (self.tr("Y down"), DOWN + 1), (self.tr("Z down"), DOWN + 2)]
         return {"trail_seconds": seconds, "magnification": times, "up": ups}

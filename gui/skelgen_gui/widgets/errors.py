@@ -127,7 +127,7 @@ class ErrorDialog(QDialog):
         self.details.setMinimumHeight(_DETAILS_HEIGHT)
         self.details.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         self.details.setAccessibleName(self.tr("Details of the error"))
-        self.details.setToolTip(self.tr("Where it happened, and the versions of all that took part"))
+        self.details.setToolTip(self.tr("Where it happened, and the versions of the program and its parts"))
         self.toggle.setCheckable(True)
         self.toggle.setToolTip(self.tr("Show where it happened"))
         self.copy.setToolTip(self.tr("Copy the sentence and the details, to report them"))

@@ -262,7 +262,7 @@ class FoundOrGiven(QWidget):
 
     def _describe(self, what: str) -> None:
         describe(self._found, self.tr("{0}: found").format(what), self.tr("The number is found from the recording"))
-        describe(self._given, self.tr("{0}: given").format(what), self.tr("You know the number: the stage obeys it"))
+        describe(self._given, self.tr("{0}: given").format(what), self.tr("You know the number, and the stage uses it"))
         describe(self._number, what, self.tr("The number that you know"))
 
     def _follow(self) -> None:

@@ -40,7 +40,7 @@ class PreferenceValues(StageParameters):
     )
     up_axis: str = declare(
         FOUND,
-        "Axis of recordings that points up in the 3-D view: as the recording tells, or always the same.",
+        "Axis of recordings that points up in the 3-D view: as found from the recording, or always the same.",
         choices=(FOUND, *AXES),
         basic=True,
     )
