@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen.errors import FormatError, MissingResultError, WriteError
 from skelgen.files import replacing
-from skelgen.model import PointCloud, Poses, Project, Trajectories
+from skelgen.model import PointCloud, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.filled import Filled, Source
 from skelgen.progress import SILENT, Monitor
@@ -148,20 +148,25 @@ def cloud_from_markers(positions: Floats, rate: float, name: str, notices: Seque
 
 
 def trajectories_of(value: Writable, title: str) -> Trajectories:
-    """Return the labelled markers of a project or take, or raise `WriteError` that says what would work."""
+    """Return the measured markers of a value, or raise `WriteError` that says what would work.
+
+    Parameters
+    ----------
+    value : Project, Trajectories or Filled
+        With labelled markers.
+    title : str
+        Of the format, for the error.
+    """
+    if isinstance(value, Filled):
+        return value.measured
+    if isinstance(value, Project):
+        value = value.trajectories if value.has("labels") else value.take
     if isinstance(value, Trajectories):
         return value
-    if isinstance(value, Project):
-        if value.has("labels"):
-            return value.trajectories
-        if isinstance(value.take, Trajectories):
-            return value.take
-        value = value.take
-    kind = "bodies with orientation" if isinstance(value, Poses) else "points without labels"
-    help_ = (
-        "poses can be written as poses-csv" if isinstance(value, Poses) else "run the stage 'labels' first, or use mfml"
-    )
-    raise WriteError(f"{title} holds labelled markers and this value has {kind}: {help_}")
+    has = "bodies with orientation: poses can be written as poses-csv"
+    if isinstance(value, PointCloud):
+        has = "points without labels: run the stage 'labels' first, or use mfml"
+    raise WriteError(f"{title} holds labelled markers and this value has {has}")
 
 
 def check_frames(path: Path, place: str | int, announced: int, found: int, notices: list[str]) -> None:
@@ -211,10 +216,8 @@ TABLE_SUFFIX = ".filled.csv"
 
 
 def check_markers(value: Writable, title: str, filled: bool) -> None:
-    """Raise if a writer of markers cannot take a value; see `markers_to_write`."""
-    if isinstance(value, Filled):
-        return
-    if not filled:
+    """Raise if a writer of markers cannot take a value; parameters and errors as `markers_to_write`."""
+    if not filled or isinstance(value, Filled):
         trajectories_of(value, title)
     elif not isinstance(value, Project):
         raise WriteError(
@@ -246,8 +249,8 @@ def markers_to_write(value: Writable, title: str, filled: bool, monitor: Monitor
         If filling is wanted and the project has no skeleton yet.
     """
     check_markers(value, title, filled)
-    if isinstance(value, Filled):
-        return value if filled else value.measured
+    if filled and isinstance(value, Filled):
+        return value
     if filled and isinstance(value, Project):
         from skelgen.kinematics.gap_filling.filling import fill_gaps  # noqa: PLC0415 - numeric code that only filling needs
 

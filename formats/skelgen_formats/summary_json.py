@@ -18,8 +18,8 @@ import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.files import replacing
-from skelgen.model import Limbs, PointCloud, Project, Skeleton, Take
-from skelgen.model.arrays import Floats
+from skelgen.model import PointCloud, Project, Skeleton, Take
+from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.bones import joint_names
 from skelgen_formats.options import Writable
@@ -109,12 +109,9 @@ def _labels(project: Project) -> dict[str, Any]:
         "doubtful_spans": [
             {
                 "marker": names[doubt.marker],
-                "first_frame": doubt.first_frame,
-                "last_frame": doubt.last_frame,
-                "kind": doubt.kind,
+                **_fields(doubt, "first_frame", "last_frame", "kind"),
                 "rival": names[doubt.rival] if doubt.rival >= 0 else None,
-                "confidence": doubt.confidence,
-                "reason": doubt.reason,
+                **_fields(doubt, "confidence", "reason"),
             }
             for doubt in labelling.doubts
         ],
@@ -133,33 +130,24 @@ def _limbs(project: Project) -> list[dict[str, Any]]:
         {
             "index": limb,
             "name": f"limb{limb}",
-            "residual_mean": _limb_residual(project, limbs, limb),
+            "residual_mean": _residual(project, limbs.markers_of(limb)),
             "markers": [_marker(project, int(marker)) for marker in limbs.markers_of(limb)],
         }
         for limb in range(limbs.n_limbs)
     ]
 
 
-def _limb_residual(project: Project, limbs: Limbs, limb: int) -> float | None:
-    return _mean(project.motion.residuals[:, limbs.markers_of(limb)]) if project.has("skeleton") else None
-
-
 def _marker(project: Project, marker: int) -> dict[str, Any]:
     skeleton = project.skeleton if project.has("skeleton") else None
+    estimated = {"offset": "marker_offsets", "offset_std": "offset_std", "noise": "marker_noise"}
+    values = {key: getattr(skeleton, name, None) for key, name in estimated.items()}
     return {
         "index": marker,
         "name": project.trajectories.names[marker],
         "seen": float(project.trajectories.seen[:, marker].mean()) if project.trajectories.n_frames else None,
-        "residual_mean": _mean(project.motion.residuals[:, marker]) if skeleton is not None else None,
-        "offset": skeleton.marker_offsets[marker] if skeleton is not None else None,
-        "offset_std": _of_marker(skeleton, "offset_std", marker),
-        "noise": _of_marker(skeleton, "marker_noise", marker),
+        "residual_mean": _residual(project, [marker]),
+        **{key: None if of_markers is None else of_markers[marker] for key, of_markers in values.items()},
     }
-
-
-def _of_marker(skeleton: Skeleton | None, name: str, marker: int) -> Any:
-    values = getattr(skeleton, name, None)
-    return None if values is None else values[marker]
 
 
 def _names(project: Project, markers: Any) -> list[str]:
@@ -168,13 +156,8 @@ def _names(project: Project, markers: Any) -> list[str]:
 
 def _tree(project: Project) -> dict[str, Any]:
     topology = project.topology
-    return {
-        "parents": topology.parents,
-        "roots": topology.roots,
-        "edges": topology.edges,
-        "joint_costs": topology.values,
-        "n_iterations": topology.n_iterations,
-    }
+    facts = _fields(topology, "parents", "roots", "edges")
+    return {**facts, "joint_costs": topology.values, "n_iterations": topology.n_iterations}
 
 
 def _joints(project: Project) -> list[dict[str, Any]]:
@@ -187,17 +170,8 @@ def _joints(project: Project) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
-            "parent": joint.parent,
-            "child": joint.child,
-            "kind": joint.kind,
-            "axis": joint.axis,
-            "second_axis": joint.second_axis,
-            "std": joint.std,
-            "std_in_child": joint.std_in_child,
-            "axis_std": joint.axis_std,
-            "second_axis_std": joint.second_axis_std,
-            "position_in_parent": joint.position_in_parent,
-            "position_in_child": joint.position_in_child,
+            **_fields(joint, "parent", "child", "kind", "axis", "second_axis", "std", "std_in_child"),
+            **_fields(joint, "axis_std", "second_axis_std", "position_in_parent", "position_in_child"),
             "position_mean": motion.joint_positions[:, index].mean(axis=0) if motion.n_frames else None,
             "angles": [dataclasses.asdict(angle) for angle in ranges[index]],
             "range_of_motion": _turns(observed[index].motion),
@@ -211,10 +185,7 @@ def _loops(skeleton: Skeleton) -> list[dict[str, Any]]:
     return [
         {
             "name": f"limb{joint.parent}-limb{joint.child}",
-            "position_in_parent": joint.position_in_parent,
-            "position_in_child": joint.position_in_child,
-            "std": joint.std,
-            "std_in_child": joint.std_in_child,
+            **_fields(joint, "position_in_parent", "position_in_child", "std", "std_in_child"),
         }
         for joint in skeleton.loops
     ]
@@ -243,6 +214,14 @@ def _lengths(skeleton: Skeleton) -> list[dict[str, Any]]:
 def _mean(values: Floats) -> float | None:
     measured = values[~np.isnan(values)]
     return float(measured.mean()) if len(measured) else None
+
+
+def _residual(project: Project, markers: Ints | list[int]) -> float | None:
+    return _mean(project.motion.residuals[:, markers]) if project.has("skeleton") else None
+
+
+def _fields(value: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(value, name) for name in names}
 
 
 def _plain(value: Any) -> Any:
