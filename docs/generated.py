@@ -1,14 +1,19 @@
-"""Writes the pages that are generated: ``python docs/generated.py`` writes docs/parameters.md and docs/licences.md."""
+"""Writes generated pages: ``python docs/generated.py`` writes docs/parameters.md, docs/formats.md and docs/licences.md."""
 
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from skelgen_formats.options import Option
+from skelgen_formats.parts import PARTS
+from skelgen_formats.registry import COLUMNS as FORMAT_COLUMNS
+from skelgen_formats.registry import formats_table, known_formats
 
 from skelgen.app.configuration import all_parameter_classes
 from skelgen.capture.detection import DetectionParameters
@@ -58,10 +63,39 @@ asked for.
 """
 
 
+FORMATS = """# File formats
+
+Generated from the formats' declarations by `python docs/generated.py`; do not edit by hand.
+
+A file is recognised by its content first and by its suffix second; `--format NAME` skips that. Inside skelgen
+everything is in mm, s and rad; a reader converts from the unit that the file names. Unseen markers are NaN inside.
+Beside these formats `skelgen` reads its own [project file](project-file.md), and settings of a stereo capture, whose
+images become points ([from images to a skeleton](capture/pipeline.md)).
+What is read "as motion" holds bones without markers: `skelgen simulate --motion` [puts markers on
+them](how-to/motions.md).
+"""
+KEPT = """## What a written file keeps
+
+All else that a project holds is lost; the project file `.skelgen` keeps everything.
+"""
+
+
 def parameters_markdown() -> str:
     """Return the text of docs/parameters.md."""
     sections = [_section(declared) for declared in all_parameter_classes()]
     return "\n".join([PARAMETERS, *sections, _section(DetectionParameters, CAPTURE)])
+
+
+def formats_markdown() -> str:
+    """Return the text of docs/formats.md."""
+    rows = [FORMAT_COLUMNS, ("---",) * len(FORMAT_COLUMNS), *formats_table()]
+    options = "\n".join(
+        f"- **{entry.name}** {_option(option)}" for entry in known_formats() for option in entry.options
+    )
+    written = [entry for entry in known_formats() if entry.write is not None]
+    kept = [("", *(entry.name for entry in written)), ("---",) * (len(written) + 1)]
+    kept += [(part.title, *("yes" if part.name in entry.keeps else "" for entry in written)) for part in PARTS]
+    return f"{FORMATS}\n{_table(rows)}\n\n## Options\n\n{options}\n\n{KEPT}\n{_table(kept)}\n"
 
 
 def licences_markdown() -> str:
@@ -140,8 +174,16 @@ def _section(declared: type[StageParameters], set_by: str = "") -> str:
     if set_by:
         summary, place = f"{summary}\n{set_by}", COLUMNS.index("in config.xml")
         rows = [row[:place] + row[place + 1 :] for row in rows]
-    table = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
-    return f"## {declared.stage}\n\n{summary}\n\n{table}\n"
+    return f"## {declared.stage}\n\n{summary}\n\n{_table(rows)}\n"
+
+
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
+
+
+def _option(option: Option) -> str:
+    choices = f" ({' | '.join(option.choices)})" if option.choices else ""
+    return f"`{option.name}`, default `{option.default}`{choices}: {option.help}"
 
 
 def _row(entry: Declaration, declared: type[StageParameters]) -> tuple[str, ...]:
@@ -160,4 +202,5 @@ def _text(value: Any) -> str:
 if __name__ == "__main__":
     folder = Path(__file__).parent
     (folder / "parameters.md").write_text(parameters_markdown(), encoding="utf-8")
+    (folder / "formats.md").write_text(formats_markdown(), encoding="utf-8")
     (folder / "licences.md").write_text(licences_markdown(), encoding="utf-8")
