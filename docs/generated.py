@@ -1,4 +1,4 @@
-"""Writes generated pages: ``python docs/generated.py`` writes docs/parameters.md, docs/formats.md and docs/licences.md."""
+"""Pages that are generated: ``python docs/generated.py`` writes docs/parameters.md, formats.md and licences.md."""
 
 from __future__ import annotations
 

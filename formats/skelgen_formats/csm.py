@@ -26,8 +26,6 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from skelgen.errors import FormatError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Trajectories
@@ -48,7 +46,7 @@ from skelgen_formats.markers import (
 )
 from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Option, Options, Writable, per_mm
 from skelgen_formats.registry import Format
-from skelgen_formats.text import count_in, decoded_head, number_in, rate_in, read_lines
+from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines
 
 _TITLE = "CSM"
 _DROPOUT = "DROPOUT"
@@ -162,7 +160,7 @@ def _section(path: Path, sections: _Sections, keyword: str) -> tuple[int, list[s
 
 def _frames(path: Path, lines: Sequence[str], first: int, n_markers: int) -> tuple[Floats, list[int]]:
     """Return positions, shape (n_frames, 3 n_markers), and the frame numbers."""
-    rows: list[Floats] = []
+    full = list(lines)
     numbers: list[int] = []
     for index in range(first, len(lines)):
         words = lines[index].split()
@@ -170,20 +168,11 @@ def _frames(path: Path, lines: Sequence[str], first: int, n_markers: int) -> tup
             continue
         if len(words) != 3 * n_markers + 1 or _DROPOUT in lines[index].upper():
             words = _without_dropouts(path, words, index + 1, n_markers)
-        rows.append(_numbers(path, words, index + 1))
+        full[index] = " ".join(words)
         numbers.append(count_in(path, index + 1, words[0], "the frame number"))
         if len(numbers) > 1 and numbers[-1] != numbers[-2] + 1:
             raise FormatError(path, index + 1, f"frame {numbers[-1]} follows frame {numbers[-2]}; a line is missing")
-    return np.array(rows).reshape(len(rows), 3 * n_markers), numbers
-
-
-def _numbers(path: Path, words: Sequence[str], line: int) -> Floats:
-    try:
-        return np.array([float(word) for word in words[1:]])
-    except ValueError:
-        return np.array(
-            [math.nan if word == "nan" else number_in(path, line, word, "a position") for word in words[1:]]
-        )
+    return parse_rows(path, full, first, 3 * n_markers + 1, " ")[:, 1:], numbers
 
 
 def _without_dropouts(path: Path, words: list[str], line: int, n_markers: int) -> list[str]:

@@ -1,6 +1,6 @@
 """Every file format that skelgen knows, declared once.
 
-Each format module declares one `Format`; the command line's help, the docs table and (later) the file dialogs are
+Each format module declares one `Format`; the command line's help, the table of the docs and the file dialogs are
 generated from `FORMATS`. A file is recognised by its content first and by its suffix second.
 """
 

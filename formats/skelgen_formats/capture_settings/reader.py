@@ -1,9 +1,10 @@
-"""Read settings: first every name against the layout, then the values, each error with its line."""
+"""Read settings: first every name against a table of what a file may hold, then the values; errors name the line."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,20 +14,74 @@ from skelgen.errors import FormatError, InputError, ParameterError
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, ParameterValue, StereoRig, TargetJoint
 from skelgen.parameters import Declaration, StageParameters
-from skelgen_formats.capture_settings.layout import (
-    ANY,
-    FILE_NAME,
-    LARGEST_FILE,
-    LAYOUT,
-    LEFT,
-    ONE,
-    RIGHT,
-    ROOT,
-    UNIT,
-    VERSION,
-    Element,
-)
 from skelgen_formats.xml_files import closest_first, read_root
+
+ROOT = "capture"
+VERSION = "1"
+UNIT = "mm"
+FILE_NAME = "settings.xml"
+LARGEST_FILE = 1 << 22
+"""Bytes; a hundred bodies of ten points take 100 kB."""
+
+LEFT, RIGHT = "left", "right"
+
+ONE = "exactly one"
+AT_MOST_ONE = "at most one"
+ANY = "any number"
+
+
+@dataclass(frozen=True)
+class Element:
+    """What an element may hold.
+
+    Attributes
+    ----------
+    required, optional : tuple of str
+        Names of attributes.
+    children : mapping of str to str
+        Names of elements, and how many of them: `ONE`, `AT_MOST_ONE` or `ANY`.
+    numbers : int
+        Numbers that its text holds; 0 for elements whose text is not of numbers.
+    """
+
+    required: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    children: Mapping[str, str] = field(default_factory=dict)
+    numbers: int = 0
+
+
+_CAMERA = Element(
+    required=("width", "height"),
+    optional=("name",),
+    children={"matrix": ONE, "distortion": ONE, "camera_from_world": ONE},
+)
+_POSE = Element(numbers=16)
+_PLACED = Element(optional=("std", "axis_std"), numbers=16)
+
+LAYOUT: Mapping[str, Element] = {
+    ROOT: Element(
+        required=("version", "unit"),
+        children={"source": AT_MOST_ONE, "rig": ONE, "detection": AT_MOST_ONE, "body": ANY, "joint": ANY},
+    ),
+    "source": Element(),
+    "rig": Element(required=("noise",), children={LEFT: ONE, RIGHT: ONE}),
+    LEFT: _CAMERA,
+    RIGHT: _CAMERA,
+    "matrix": Element(numbers=9),
+    "distortion": Element(numbers=5),
+    "camera_from_world": _POSE,
+    "detection": Element(children={"parameter": ANY}),
+    "parameter": Element(required=("name", "value")),
+    "body": Element(required=("name",), children={"point": ANY}),
+    "point": Element(optional=("std",), numbers=3),
+    "joint": Element(
+        required=("name", "kind", "parent", "child"), children={"parent_from_joint": ONE, "child_from_joint": ONE}
+    ),
+    "parent_from_joint": _PLACED,
+    "child_from_joint": _PLACED,
+}
+"""Every element by its name."""
+
 
 _Value = TypeVar("_Value")
 

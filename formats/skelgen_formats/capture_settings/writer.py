@@ -10,7 +10,7 @@ import numpy as np
 
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, ParameterValue, TargetJoint
-from skelgen_formats.capture_settings.layout import LEFT, RIGHT, ROOT, UNIT, VERSION
+from skelgen_formats.capture_settings.reader import LEFT, RIGHT, ROOT, UNIT, VERSION
 from skelgen_formats.xml_files import write_lines
 
 _COMMENT = (
