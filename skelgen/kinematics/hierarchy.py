@@ -1,4 +1,4 @@
-r"""Bodies with poses as an articulated hierarchy: which hang together, where their joints are, how they play back.
+"""Bodies with poses as an articulated hierarchy: which are joined, where their joints are, and how they play back.
 
 A joint is tried between every two bodies; how far its two images are apart is the weight of the pair, and the minimum
 spanning tree of the weights is the hierarchy, unless it is given (O'Brien, Bodenheimer, Brostow and Hodgins 2000).
@@ -22,13 +22,13 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order, parents_from_names, spanning_forest
 
 LOOP_GAP = 3.0
-"""Joints outside the tree are looked at if their gap is below this many times the median gap of the tree's joints."""
+"""Joints outside the tree are candidates if their gap is below this many times the median gap of the tree's joints."""
 
 LOOP_NOISE = 1.15
-"""They close a loop if their residuals, weighted, are below this many times the median of the tree's."""
+"""They close a loop if their weighted residuals are below this many times the median of the tree's."""
 
 ACROSS = 0.1
-"""Cosine between a length and a hinge's axis below which the free place along the axis hardly changes the length."""
+"""Cosine between a length and a hinge's axis below which a shift along the axis hardly changes the length."""
 
 _EXACT_GAP = 1e-3
 """mm; gaps below count alike: the ridge of the closed form leaves as much."""
@@ -47,7 +47,7 @@ class Length:
     length, std : float, mm
         Distance and its standard deviation.
     is_determined : bool
-        False where a hinge leaves its joint free along the axis: then the length is one of many.
+        False where a hinge is free along its axis: then the length is one of many.
     """
 
     body: str
@@ -74,7 +74,7 @@ class Hierarchy:
     joints : dict of int to KindChoice
         The joint above each body that is no root.
     loops : tuple of pairs of int
-        Bodies that seem joined, or are stated to be, although the tree does not join them.
+        Bodies that are joined beyond the tree, as found or as stated.
     loop_joints : tuple of KindChoice
         Their joints, in this order: the first body is the parent.
     """
@@ -114,9 +114,9 @@ class Hierarchy:
         length = float(np.linalg.norm(vector))
         unit = vector / length if length > 0 else vector
         variance = float(unit @ (first.covariance + second.covariance) @ unit)
-        is_told = first.is_told_along(unit) and second.is_told_along(unit)
+        is_determined = first.is_determined_along(unit) and second.is_determined_along(unit)
         names = (self.names[body], self.names[first.other], self.names[second.other])
-        return Length(*names, length, float(np.sqrt(max(variance, 0.0))), is_told)
+        return Length(*names, length, float(np.sqrt(max(variance, 0.0))), is_determined)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +129,8 @@ class _Place:
     covariance: Floats
     axis: Floats | None
 
-    def is_told_along(self, unit: Floats) -> bool:
-        """Whether the place is known along a direction."""
+    def is_determined_along(self, unit: Floats) -> bool:
+        """Whether the position is determined along a direction."""
         free = self.kind == "hinge" and self.axis is not None and abs(float(self.axis @ unit)) >= ACROSS
         return self.kind != "rigid" and not free
 
@@ -159,9 +159,9 @@ def find_hierarchy(
     covariances, size
         As for `fit_ball`.
     kinds : mapping of str to str, optional
-        Kinds of joints that are known, by the child's name.
+        Types of joints that are stated, by the child's name.
     limits : KindLimits, optional
-        Where one kind ends and the next begins.
+        Limits between the types.
     loops : sequence of pairs of str, optional
         Bodies that are joined beyond the tree, such as clasped hands; found if left out.
 

@@ -121,17 +121,19 @@ class _Turn:
     rotations: Floats
     angles: Floats
     axes: Floats
-    turning: HingeRotation | UniversalRotation | None = None
+    rotation: HingeRotation | UniversalRotation | None = None
 
     def at_rate(self, recorded: float, rate: float) -> _Turn:
         """Turn evenly between frames: about the axes where there are some, else by the shortest way."""
         if rate == recorded:
             return self
-        if self.turning is None:
+        if self.rotation is None:
             poses = transforms_at_rate(transform_from(self.rotations, np.zeros(3)), recorded, rate)
             return _ball(poses[..., :3, :3], self.kind)
-        turning = replace(self.turning, angles=vectors_at_rate(np.unwrap(self.turning.angles, axis=0), recorded, rate))
-        return _about_axes(turning)
+        rotation = replace(
+            self.rotation, angles=vectors_at_rate(np.unwrap(self.rotation.angles, axis=0), recorded, rate)
+        )
+        return _about_axes(rotation)
 
 
 def _turn(tree: BoneTree, limb: int) -> _Turn:
@@ -145,33 +147,33 @@ def _turn(tree: BoneTree, limb: int) -> _Turn:
     return _ball(rotations, "ball")
 
 
-def _missing(turning: HingeRotation | UniversalRotation, rotations: Floats) -> Floats:
+def _missing(rotation: HingeRotation | UniversalRotation, rotations: Floats) -> Floats:
     """Turns [rad] in the parent's axes that lead from a joint's rotations to the given ones, shape (n_frames, 3)."""
-    return vector_from_matrix(rotations @ turning.rotations().swapaxes(-1, -2))
+    return vector_from_matrix(rotations @ rotation.rotations().swapaxes(-1, -2))
 
 
-def _refined(turning: UniversalRotation, rotations: Floats) -> UniversalRotation:
+def _refined(rotation: UniversalRotation, rotations: Floats) -> UniversalRotation:
     """Gauss-Newton steps on axes and angles: the closed form ends before the tenth of a millimetre that is asked."""
     for _ in range(_REFINEMENTS):
-        missing, (of_constants, of_angles) = _missing(turning, rotations)[..., np.newaxis], turning.slopes()
+        missing, (of_constants, of_angles) = _missing(rotation, rotations)[..., np.newaxis], rotation.slopes()
         back = np.linalg.pinv(of_angles)
         beside = np.eye(3) - of_angles @ back  # what the angles of a frame cannot do
-        left, right = (beside @ of_constants).reshape(-1, turning.n_constants), (beside @ missing).reshape(-1)
+        left, right = (beside @ of_constants).reshape(-1, rotation.n_constants), (beside @ missing).reshape(-1)
         constants = np.asarray(np.linalg.lstsq(left, right, rcond=None)[0], dtype=np.float64)
         angles = back @ (missing - (of_constants @ constants)[..., np.newaxis])
-        turning = turning.stepped(constants, angles[..., 0])
-    return turning
+        rotation = rotation.stepped(constants, angles[..., 0])
+    return rotation
 
 
 def _ball(rotations: Floats, kind: str) -> _Turn:
     return _Turn(kind, rotations, vector_from_matrix(rotations), np.eye(3))
 
 
-def _about_axes(turning: HingeRotation | UniversalRotation) -> _Turn:
-    in_parent, in_child = turning.axes()
-    axes = np.array([in_parent, in_child][: turning.n_angles])
-    angles = np.unwrap(turning.angles, axis=0).reshape(len(turning.angles), turning.n_angles)
-    return _Turn(turning.kind, turning.rotations(), angles, axes, turning)
+def _about_axes(rotation: HingeRotation | UniversalRotation) -> _Turn:
+    in_parent, in_child = rotation.axes()
+    axes = np.array([in_parent, in_child][: rotation.n_angles])
+    angles = np.unwrap(rotation.angles, axis=0).reshape(len(rotation.angles), rotation.n_angles)
+    return _Turn(rotation.kind, rotation.rotations(), angles, axes, rotation)
 
 
 def _limb(tree: BoneTree, limb: int, turn: _Turn, n_markers: int) -> LimbModel:

@@ -1,4 +1,4 @@
-r"""What two bodies say of the joint between them: their relative poses, with the covariance of each.
+r"""Relative poses of two bodies, with the covariance of each: what a joint between them is fitted to.
 
 The world's motion of the pair cancels. With small errors (shift, turn) of both bodies in their own frames, the relative
 pose parent from child errs by (shift, turn) in the parent's frame
@@ -8,8 +8,8 @@ pose parent from child errs by (shift, turn) in the parent's frame
         + \begin{pmatrix} R & 0 \\ 0 & R \end{pmatrix} e_c .
 
 Fitting a joint to these six numbers per frame, weighted with their covariance, is the maximum likelihood fit of both
-bodies' poses. Where nothing is known of the poses' errors, each body counts as the tips of its axes, on both sides of
-its origin: then it is the symmetric reprojection error (Gaschler 2011, eq. 5.5).
+bodies' poses. Where nothing is known of the poses' errors, each body is represented by the tips of its axes, on both
+sides of its origin: then the fit minimises the symmetric reprojection error (Gaschler 2011, eq. 5.5).
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints, check_floats
 
 BODY_SIZE = 100.0
-"""mm from a body's origin to the points that stand for it, where frames do not tell: the size of marker targets."""
+"""mm from a body's origin to the points that represent it, where frames do not show it: the size of marker targets."""
 
 SIZES = (20.0, 2000.0)
 """mm; no tracker's errors of position and rotation have another ratio."""
 
 FEWEST_DIFFERENCES = 20
-"""Third differences on which the ratio rests at least."""
+"""Third differences from which the ratio is computed at least."""
 
 MIN_FRAMES = 3
 """Fewer common frames than this determine no joint."""
@@ -49,9 +49,9 @@ class RelativePoses:
     transforms : ndarray, shape (n, 4, 4)
         parent_from_child, translations in mm.
     covariances : ndarray, shape (n, 6, 6)
-        Of shift [mm] and turn [rad], in the parent's axes.
+        Of translation [mm] and rotation [rad], in the parent's axes.
     frames : ndarray of intp, shape (n,)
-        Which frames of the take they are.
+        Their frames in the take.
     n_frames : int
         Frames of the take.
     is_scaled : bool
@@ -71,11 +71,19 @@ class RelativePoses:
 
     @property
     def shifts(self) -> Floats:
-        """Places of the child's origin in the parent [mm], shape (n, 3)."""
+        """Positions of the child's origin in the parent [mm], shape (n, 3)."""
         return np.asarray(self.transforms[:, :3, 3])
 
     def errors(self, rotations: Floats, shifts: Floats) -> Floats:
-        """Shift [mm] and turn [rad] from modelled to measured relative poses, shape (n, 6)."""
+        """Return translation [mm] and rotation [rad] from modelled to measured relative poses, shape (n, 6).
+
+        Parameters
+        ----------
+        rotations : ndarray, shape (n, 3, 3)
+            Modelled, parent from child.
+        shifts : ndarray, shape (n, 3), mm
+            Modelled positions of the child's origin in the parent.
+        """
         turns = vector_from_matrix(self.rotations @ rotations.swapaxes(1, 2))
         return np.concatenate([self.shifts - shifts, turns], axis=1)
 
@@ -92,9 +100,9 @@ def relative_poses(
     parent, child : int or str
         Two of them, by index or name.
     covariances : ndarray, shape (n_bodies, 6, 6) or (n_frames, n_bodies, 6, 6), optional
-        Of shift [mm] and turn [rad] of every body in its own frame, e.g. from `pose_covariance`.
+        Of translation [mm] and rotation [rad] of every body in its own frame, e.g. from `pose_covariance`.
     size : float, mm, optional
-        Without covariances: distance of the points that stand for a body, which says how an error of its rotation
+        Without covariances: distance of the points that represent a body, which says how an error of its rotation
         weighs beside one of its position; by default from `noise_size`.
 
     Raises
@@ -133,7 +141,7 @@ def pose_covariance(points: Floats, noise: float) -> Floats:
     Returns
     -------
     ndarray, shape (6, 6)
-        Of shift [mm] and turn [rad] in the body's frame.
+        Of translation [mm] and rotation [rad] in the body's frame.
     """
     points = check_floats(points, (None, 3), "points", finite=True)
     slopes = np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), -cross_matrix(points)], axis=2).reshape(-1, 6)
@@ -151,8 +159,8 @@ def default_covariance(size: float = BODY_SIZE) -> Floats:
 def noise_size(poses: Poses) -> float:
     """Return the distance [mm] at which the bodies' errors of rotation weigh as much as those of position.
 
-    Errors are told from motion by third differences over time, to which smooth motion hardly adds; medians over frames
-    and bodies keep out the rest.
+    Third differences over time separate errors from motion, as smooth motion hardly adds to them. Medians over frames
+    and bodies are robust against the rest.
     """
     steps: list[Floats] = []
     turns: list[Floats] = []
@@ -206,7 +214,20 @@ def whitener(covariances: Floats) -> Floats:
 
 
 def body_index(poses: Poses, body: int | str) -> int:
-    """Return the index of a body that is given by index or name, or raise `InputError`."""
+    """Return the index of a body.
+
+    Parameters
+    ----------
+    poses : Poses
+        Bodies with orientation.
+    body : int or str
+        Index or name.
+
+    Raises
+    ------
+    InputError
+        If there is no such body.
+    """
     names = ", ".join(poses.names)
     if isinstance(body, str):
         if body not in poses.names:

@@ -1,7 +1,7 @@
 r"""Rigid bodies calibrated from many frames: their points in one normal form, with covariance (Gaschler 2011, 4.2).
 
-The points and the poses of all frames minimise :math:`\sum_f \|P_f - T_f M\|^2`; `fit_shape` finds both. A body may be
-turned and moved as one likes: its normal form has the first point at the origin, the second on the x axis and the third
+The points and the poses of all frames minimise :math:`\sum_f \|P_f - T_f M\|^2`; `fit_shape` finds both. The frame of a
+body is a choice: its normal form has the first point at the origin, the second on the x axis and the third
 in the xy plane, from a QR decomposition. The other 3 n - 6 numbers have a covariance of full rank.
 """
 
@@ -76,7 +76,7 @@ def calibrate_rigid_body(positions: Floats) -> RigidBody:
 
 
 def limb_bodies(trajectories: Trajectories, limbs: Limbs) -> dict[int, RigidBody]:
-    """Calibrate each limb as a rigid body: its markers in the normal form, with covariance, whatever its joints say.
+    """Calibrate each limb as a rigid body from its markers alone, in the normal form, with covariance.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """The rigid shape of a limb and its pose in every frame, from markers with gaps.
 
-Every frame is lined up with a common reference and averaged, again and again until the shape stays (generalised
-Procrustes analysis; the seed's 3.8.1 is its first round with the reference taken from one frame).
+Every frame is aligned with a common reference and averaged, until the shape stays (generalised Procrustes analysis).
+Its first round, with one frame as the reference, is (Schönauer 2007, 3.8.1).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ SHAPE_TOLERANCE = 1e-9
 """mm; rounds stop when no point moves more."""
 
 MOST_COUNTED = 16
-"""Points whose sets are counted by number; a table of them stays small."""
+"""Most points whose visible sets are counted in a table of all sets."""
 
 FLATNESS = 0.02
-"""Points whose second extent is below this part of the first are on one line: their roll is not determined."""
+"""Points whose second extent is below this part of the first are on one line, about which no rotation is determined."""
 
 _ROUNDING = float(np.finfo(np.float64).eps)
 
@@ -66,7 +66,7 @@ def fit_shape(
     rotator : callable
         Closed form of absolute orientation.
     flatness : float
-        Points whose second extent is below this part of the first fix no pose.
+        Points whose second extent is below this part of the first are on one line and fix no pose.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def fit_shape(
 
 
 def determines_pose(points: Floats, seen: Bools, flatness: float = FLATNESS) -> Bools:
-    """Tell in which frames the seen points of a limb fix its pose: three that are not on one line.
+    """Return in which frames the seen points of a limb fix its pose: three that are not on one line.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def determines_pose(points: Floats, seen: Bools, flatness: float = FLATNESS) -> 
 def distinct_rows(seen: Bools) -> tuple[Bools, Ints]:
     """Return the distinct rows of a table of booleans, rising, and which of them each row is.
 
-    Rows are compared as numbers, not column by column: most limbs show few sets of points.
+    Rows are compared as whole numbers, as most limbs show few sets of points.
     """
     n_columns = seen.shape[1]
     if n_columns > MOST_COUNTED:

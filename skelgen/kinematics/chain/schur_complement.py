@@ -1,7 +1,7 @@
-"""Least squares with a few constants and a few unknowns per frame, whose normal matrix is an arrow.
+"""Bordered least squares: a few constants and a few unknowns in each frame, solved by the Schur complement.
 
-The frames' own unknowns are projected out of every frame (the Schur complement); directions of the constants that the
-frames do not determine stay where they are.
+The frames' own unknowns are eliminated from every frame. Directions of the constants that the frames do not determine
+stay where they are. `effective_frames` is the number of independent frames that correlated residuals are worth.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ FEW_LAGS = 32
 
 @dataclass(frozen=True, eq=False)
 class LinearisedProblem:
-    """A least squares problem made linear: residuals and their slopes, whitened.
+    """A linearised least squares problem: residuals and derivatives, in standard deviations.
 
     Attributes
     ----------
     residuals : ndarray, shape (n_frames, n_rows)
         Measured minus modelled, in standard deviations.
     constants : ndarray, shape (n_frames, n_rows, n_constants)
-        How the model follows the constants.
+        Derivatives of the model by the constants.
     angles : ndarray, shape (n_frames, n_rows, n_angles)
-        How it follows the frame's own unknowns.
+        Derivatives by the frame's own unknowns.
     """
 
     residuals: Floats
@@ -53,7 +53,7 @@ class LinearisedProblem:
 
 @dataclass(frozen=True, eq=False)
 class BorderedSolution:
-    """A step, and what is known of it.
+    """A Gauss-Newton step with covariances.
 
     Attributes
     ----------
@@ -70,9 +70,9 @@ class BorderedSolution:
     own_inverse : ndarray, shape (n_frames, n_angles, n_angles)
         Covariance of the frames' unknowns if the constants are known.
     follow : ndarray, shape (n_frames, n_angles, n_constants)
-        How the frames' unknowns follow the constants.
+        Derivatives of the frames' unknowns by the constants.
     reduced : ndarray, shape (n_frames, n_rows, n_constants)
-        Slopes of the constants that the frames' unknowns leave.
+        Derivatives by the constants, with the frames' unknowns eliminated.
     """
 
     constants: Floats
@@ -96,16 +96,16 @@ class BorderedSolution:
 
     @property
     def scores(self) -> Floats:
-        """How each frame's residuals pull at the constants, in balance at the solution, (n_frames, n_constants)."""
+        """Gradient of each frame by the constants; their sum is 0 at the solution; shape (n_frames, n_constants)."""
         return np.asarray(np.einsum("frc,fr->fc", self.reduced, self.residuals))
 
 
 def solve_bordered(linear: LinearisedProblem) -> BorderedSolution:
     """Solve a linear problem by eliminating the frames' own unknowns."""
     given = contiguous(linear.residuals, linear.constants, linear.angles)
-    inverse, follow, alone, reduced, left, normal, pull = eliminate(*given)
+    inverse, follow, alone, reduced, left, normal, gradient = eliminate(*given)
     covariance, unknown = pseudo_inverse(normal)
-    step = covariance @ pull
+    step = covariance @ gradient
     return BorderedSolution(
         constants=step,
         angles=alone - follow @ step,
@@ -119,12 +119,12 @@ def solve_bordered(linear: LinearisedProblem) -> BorderedSolution:
 
 
 def gain_of_frames(slopes: Floats) -> tuple[Floats, Floats]:
-    """Return the inverse normal matrix of each frame's own unknowns, and how they follow its residuals.
+    """Return the inverse normal matrix of each frame's own unknowns, and their derivatives by its residuals.
 
     Parameters
     ----------
     slopes : ndarray, shape (n_frames, n_rows, n_angles)
-        How the model follows them.
+        Derivatives of the model by them.
     """
     own = np.swapaxes(slopes, 1, 2)
     normal = own @ slopes
@@ -174,7 +174,7 @@ def gauss_newton(
 
 @dataclass(frozen=True, eq=False)
 class Minimum(Generic[State]):
-    """Where a descent ended: the state, its sum of squares, and the covariance there."""
+    """The state that was found, its sum of squares, and the solution there with its covariance."""
 
     state: State
     squares: float
@@ -194,7 +194,7 @@ def pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
 
 
 def effective_frames(residuals: Floats, *, of_squares: bool = False) -> float:
-    """Return the number of independent frames that would tell as much.
+    """Return the number of independent frames that correlated residuals are worth.
 
     The correlation times are summed over lags as long as two neighbouring ones add up to more than nothing (Geyer
     1992, *Practical Markov chain Monte Carlo*, 3.3), so that independent residuals count in full.
@@ -204,19 +204,19 @@ def effective_frames(residuals: Floats, *, of_squares: bool = False) -> float:
     residuals : ndarray, shape (n_frames, n_rows)
         In the order of time; of any unit.
     of_squares : bool
-        Count what their variance rests on, not their mean: the squares of normal numbers forget twice as fast.
+        Count frames for the variance instead of the mean: the squares of normal numbers decorrelate twice as fast.
     """
     return _effective(_correlation(residuals), len(residuals), of_squares)
 
 
 def effective_frames_of_both(residuals: Floats) -> tuple[float, float]:
-    """Return the number of independent frames that would tell as much of the mean, and as much of the variance."""
+    """Return the number of independent frames for the mean and for the variance; residuals as `effective_frames`."""
     correlation = _correlation(residuals)
     return _effective(correlation, len(residuals), False), _effective(correlation, len(residuals), True)
 
 
 def _correlation(residuals: Floats) -> Floats:
-    """How alike residuals are that are 0, 1, ... frames apart, 1 for themselves, until two lags are none in sum.
+    """Autocorrelation of the residuals at lags 0, 1, ..., until two neighbouring lags have no positive sum.
 
     Few lags are summed one by one, at the cost of a product each; if the residuals last, all are found at once.
     """

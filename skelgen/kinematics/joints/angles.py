@@ -1,10 +1,10 @@
-r"""Angles of joints, as their kinds allow, with standard deviations.
+r"""Angles of joints by their types, with standard deviations.
 
 A hinge has the angle about its axis, a universal joint that about the axis in the parent and then that about the axis
 in the child, a ball the rotation vector of the child against the parent (Rodrigues), in the parent's axes. All are 0 in
 the reference pose.
 
-Small turns :math:`\omega` of the child in the parent's axes move a rotation vector v by :math:`J^{-1} \omega` with
+Small rotations :math:`\omega` of the child in the parent's axes move a rotation vector v by :math:`J^{-1} \omega` with
 
 .. math::
     J^{-1} = I - \tfrac12 [v]_\times + \left( 1 - \tfrac{|v|}2 \cot \tfrac{|v|}2 \right) \frac{[v]_\times^2}{|v|^2} .
@@ -44,7 +44,7 @@ def joint_angles(joint: Joint, relative: Floats) -> Floats:
     Parameters
     ----------
     joint : Joint
-        Its kind and axes.
+        Its type and axes.
     relative : ndarray, shape (n_frames, 3, 3)
         Rotations child against parent.
     """
@@ -69,7 +69,7 @@ def angle_deviations(joint: Joint, relative: Floats, covariance: Floats) -> Floa
     joint, relative
         As for `joint_angles`.
     covariance : ndarray, shape (n_frames, 3, 3), rad^2
-        Of small turns of the child in the parent's axes.
+        Of small rotations of the child in the parent's axes.
     """
     if joint.kind == "rigid":
         return np.zeros((len(relative), 0))
@@ -78,7 +78,7 @@ def angle_deviations(joint: Joint, relative: Floats, covariance: Floats) -> Floa
 
 
 def _slopes(joint: Joint, relative: Floats) -> Floats:
-    """How the angles follow small turns in the parent's axes, shape (n_frames, n_angles, 3)."""
+    """Derivatives of the angles by small rotations in the parent's axes, shape (n_frames, n_angles, 3)."""
     if joint.kind == "hinge" and joint.axis is not None:
         return np.broadcast_to(joint.axis, (len(relative), 1, 3))
     if joint.axis is not None and joint.second_axis is not None and _has_two_axes(joint):
@@ -98,7 +98,7 @@ def _has_two_axes(joint: Joint) -> bool:
 
 
 def _about(axis: Floats, relative: Floats) -> Floats:
-    """Angle of the turn about an axis that comes nearest."""
+    """Angle of the nearest rotation about an axis."""
     sine = np.stack([relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0]], axis=1)
     sine = np.concatenate([sine, (relative[:, 1, 0] - relative[:, 0, 1])[:, np.newaxis]], axis=1)
     along = np.einsum("i,fij,j->f", axis, relative, axis)

@@ -1,13 +1,27 @@
-r"""Ball joints between bodies whose poses are known, in closed form.
+r"""Joints in closed form: centres of rotation, axes of hinges, and the two axes of universal joints.
 
-A joint is a point fixed in both bodies: :math:`R_a p_a + t_a = R_b p_b + t_b` in every frame. The stacked linear
-system (O'Brien 2000, eq. 8-13) has the 6 x 6 normal matrix
+**Centre.** A joint is a point fixed in both bodies: :math:`R_a p_a + t_a = R_b p_b + t_b` in every frame. The stacked
+linear system (O'Brien 2000, eq. 8-13) has the 6 x 6 normal matrix
 
 .. math::
     \begin{pmatrix} I & -C \\ -C^T & I \end{pmatrix}, \qquad C = \langle R_a^T R_b \rangle,
 
-so that the mean relative rotation C and two mean vectors hold all that the frames say. Directions in which the relative
-rotation never turns (the axis of a hinge) are not determined; there the point nearest to both bodies is taken.
+so the mean relative rotation C and two mean vectors contain all that the frames determine. Along the axis of a hinge
+the point is not determined; there the one nearest to both bodies is taken.
+
+**Sphere.** If the other limb has no pose, its points stay on spheres around the joint, seen from the body. They share
+the centre p: :math:`|m|^2 - 2 m \cdot p + (p^2 - r^2) = 0` is linear in p and one constant per point. Gauss-Newton
+steps on the distances themselves then remove the bias of the linear form.
+
+**Hinge.** The equations :math:`p_p - R_f p_c = t_f` leave one direction open when all rotations are about one axis:
+their sixth singular vector is that axis in both bodies, and the solution of rank 5 is the point of the axis that is
+nearest to both (O'Brien 2000, 3.2; Gaschler 2011, 5.2.3).
+
+**Universal joint.** With the axis u fixed in the parent and v fixed in the child, :math:`u^T R_f v` is constant. Its
+variance is a quadratic form in each of both, built from the second moments of the rotations alone. Divided by
+:math:`1 - (u^T \bar R v)^2` it is the variance of the angle between the axes. That ratio is minimised over one axis at
+a time, as a generalised eigenvalue problem of size 3, from directions all over the sphere. No source covers this type;
+both axes are taken to meet in one point.
 """
 
 from __future__ import annotations
@@ -26,19 +40,22 @@ MIN_FRAMES = 3
 """Fewer common frames than this determine no joint."""
 
 RELATIVE_RIDGE = 1e-7
-"""Weight of nearness beside one frame's equations: its bias is below 1e-3 mm for joints that turn by 10 degrees."""
-
+"""Weight of nearness beside one frame's equations: its bias is below 1e-3 mm for joints that rotate by 10 degrees."""
 
 FEWEST_ON_SPHERE = 5
 MAX_STEPS = 20
 STEP_TOLERANCE = 1e-9
 """mm."""
+
 RIDGE = 1e-9
-"""Weight of nearness in the linear form, relative to the points' spread: it decides only what nothing else does."""
+"""Weight of nearness in the linear form, relative to the points' spread: it counts only where nothing else does."""
+
 N_STARTS = 48
 """Directions all over the half sphere, some 20 degrees apart: minima are wider."""
+
 N_ROUNDS = 4
 """Rounds of alternation from each; the refinement does the rest."""
+
 _GOLDEN = (1 + 5**0.5) / 2
 
 
@@ -52,8 +69,8 @@ class FixedPoint:
         The point in both bodies' frames.
     gap : float, mm^2
         Mean square over frames of the distance between the two images of the point.
-    turning : ndarray, shape (3,)
-        How well each direction is determined, rising: eigenvalues of I - C C^T between 0 (never turned) and 1.
+    determinacy : ndarray, shape (3,)
+        How well each direction is determined, rising: eigenvalues of I - C C^T, 0 where nothing rotates, at most 1.
     axis_in_first, axis_in_second : ndarray, shape (3,)
         Direction in both bodies that is determined worst: the axis, if the joint is a hinge.
     n_frames : int
@@ -63,7 +80,7 @@ class FixedPoint:
     in_first: Floats
     in_second: Floats
     gap: float
-    turning: Floats
+    determinacy: Floats
     axis_in_first: Floats
     axis_in_second: Floats
     n_frames: int
@@ -79,7 +96,7 @@ def fit_fixed_point(
     first, second : ndarray, shape (n_frames, 4, 4)
         world_from_body of both; NaN where unknown.
     near_first, near_second : ndarray, shape (3,), mm
-        Where the bodies are in their own frames (centroids of their markers): undetermined directions lean there.
+        Points of the bodies in their own frames (centroids of their markers), to which undetermined directions lean.
     weights : ndarray, shape (n_frames,), optional
         Of the frames, not negative; all count alike if left out.
 
@@ -104,7 +121,7 @@ def fit_fixed_point(
         in_first=point[:3],
         in_second=point[3:],
         gap=max(float(gap), 0.0),
-        turning=np.asarray(1 - np.minimum(singular, 1.0) ** 2),
+        determinacy=np.asarray(1 - np.minimum(singular, 1.0) ** 2),
         axis_in_first=u[:, 0],
         axis_in_second=vt[0],
         n_frames=n_frames,
@@ -140,7 +157,7 @@ def fit_sphere(body: Floats, points: Floats, near: Floats) -> SphereFit | None:
     points : ndarray, shape (n_frames, n_points, 3), mm
         World positions; NaN where unseen.
     near : ndarray, shape (3,), mm
-        Where the body is in its own frame: undetermined directions lean there.
+        A point of the body in its own frame (the centroid of its markers), to which undetermined directions lean.
 
     Returns
     -------
@@ -209,7 +226,15 @@ def nearest_hinge(rotations: Floats) -> HingeRotation:
 
 
 def hinge_angles(rotations: Floats, in_parent: Floats, in_child: Floats) -> Floats:
-    """Return the angles [rad] that best turn one plane onto the other, by two-dimensional least squares (eq. 5.16)."""
+    """Return the angles [rad] that best rotate one plane onto the other (Gaschler 2011, eq. 5.16), shape (n,).
+
+    Parameters
+    ----------
+    rotations : ndarray, shape (n, 3, 3)
+        Parent from child.
+    in_parent, in_child : ndarray, shape (3, 3)
+        Frames of the axis in both limbs; the axis is their last column.
+    """
     between = in_parent.T @ rotations @ in_child
     sine = between[:, 1, 0] - between[:, 0, 1]
     cosine = between[:, 0, 0] + between[:, 1, 1]
@@ -231,7 +256,7 @@ def nearest_universal(rotations: Floats) -> UniversalRotation:
     best = int(np.argmin(variances))
     first, _ = best_partners(moments, mean, second[best : best + 1])
     second, _ = best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)
-    return _turning(rotations, first[0], second[0])
+    return _universal_about(rotations, first[0], second[0])
 
 
 def best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats, Floats]:
@@ -255,7 +280,7 @@ def best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats,
     return axis / np.linalg.norm(axis, axis=1, keepdims=True), values[:, 0]
 
 
-def _turning(rotations: Floats, first: Floats, second: Floats) -> UniversalRotation:
+def _universal_about(rotations: Floats, first: Floats, second: Floats) -> UniversalRotation:
     """The joint with two given axes; its angles are those of the Euler sequence z x z."""
     in_parent, in_child = frame_along(first), frame_along(second)
     between = in_parent.T @ rotations @ in_child

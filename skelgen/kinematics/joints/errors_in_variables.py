@@ -1,14 +1,14 @@
-r"""How much of what frames seem to tell is their own noise.
+r"""Errors in variables: the part of a joint's information that is only noise of its angles.
 
-The slopes of the constants are taken at angles that are wrong by a little, and wrong angles look like motion: a hinge
-whose noise wobbles it seems to know its place along its axis. Of the information H the part
+The slopes of the constants are taken at angles that are slightly wrong, and wrong angles look like motion: a hinge that
+wobbles by noise seems to determine its position along its axis. Of the information H the part
 
 .. math::
     N = \sum_f \sum_{kl} \Sigma_{f,kl}\, \frac{\partial J_f}{\partial \varphi_k}^T P_f\,
         \frac{\partial J_f}{\partial \varphi_l}
 
 is of that kind, with the covariance of the frame's angles and the projector that takes the angles' own slopes out. The
-pull of the residuals has the variance H, what holds against it is H - N: the covariance is
+gradient of the residuals has the variance H, and the true information is H - N. So the covariance of the constants is
 :math:`(H - N)^{-1} H (H - N)^{-1}`.
 """
 
@@ -25,29 +25,31 @@ STEP = 1e-5
 """rad; of numerical slopes: the error of central differences is its square."""
 
 LEAST_SHARE = 0.05
-"""Of information that is left at least: with less, a direction is as good as unknown, and so it is stated."""
+"""Of the information: what is left at least; a direction with less is as good as unknown, and stated so."""
 
 
 def covariance_of_constants(
     joint: JointModel, measured: RelativePoses, weight: Floats, solution: BorderedSolution, scale: float
 ) -> tuple[Floats, Floats]:
-    """Return the covariance of the constants for residuals of variance 1, noise of the angles heeded.
+    """Return the covariance of the constants for residuals of variance 1, with the noise of the angles.
 
     Parameters
     ----------
     joint : JointModel
         The fitted joint.
-    measured, weight
-        Relative poses, and their whitening.
+    measured : RelativePoses
+        Relative poses of the bodies.
+    weight : ndarray, shape (n_frames, 6, 6)
+        From `whitener`.
     solution : BorderedSolution
-        Of the problem at the joint.
+        Of the linearised problem at the joint.
     scale : float
         Variance of the residuals, in units of the stated one.
 
     Returns
     -------
     tuple of ndarray, shape (n_constants, n_constants)
-        The covariance, and how the constants follow a pull: the inverse of what holds against it.
+        The covariance, and :math:`(H - N)^{-1}`, by which the constants follow a gradient.
     """
     values, vectors = np.linalg.eigh(solution.covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))

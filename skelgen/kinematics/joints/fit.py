@@ -1,4 +1,7 @@
-"""Joints of a given kind, fitted to the poses of two bodies: closed form, maximum likelihood, covariance."""
+"""Joints between two bodies with poses, fitted: of a given type, or of the simplest type that explains the motion.
+
+A closed form gives the first estimate, maximum likelihood refines it, and every estimate has a covariance.
+"""
 
 from __future__ import annotations
 
@@ -26,20 +29,20 @@ from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
 
 UNKNOWN = 1000.0
-"""mm; stated deviation of a place along directions that no frame tells: farther than any limb is long."""
+"""mm; standard deviation of a position along directions that no frame determines: longer than any limb."""
 
 KINDS = ("ball", "hinge", "universal", "rigid")
 
 
 FREEDOMS_OF_GAP = 3.0
-"""Per frame: what poses alone tell of their noise is how far a ball joint's two images are apart."""
+"""Per frame: poses alone show their noise only by the gap between a ball joint's two images."""
 VARIANCE_OF_THIRD = 20.0
-"""Of third differences of independent numbers of variance 1: 1 + 9 + 9 + 1."""
+"""Variance of third differences of independent numbers of variance 1: 1 + 9 + 9 + 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """A joint of one kind between two bodies.
+    """A joint of one type between two bodies.
 
     Attributes
     ----------
@@ -47,22 +50,22 @@ class JointFit:
         ``ball``, ``hinge``, ``universal`` or ``rigid``.
     parent_from_joint, child_from_joint : ndarray, shape (4, 4)
         Frames of the joint in both bodies, translations in mm. Their z is the axis of a hinge, or the axis of a
-        universal joint that is fixed in that body; their x points from the body's origin to the axis. Other kinds keep
-        the bodies' directions.
+        universal joint that is fixed in that body; their x points from the body's origin to the axis. Other types
+        keep the bodies' directions.
     angles : ndarray, shape (n_frames, n_angles), rad
-        Turn of the child's joint frame in the parent's: about z of a hinge; about the parent's and the child's axis of
-        a universal joint; the rotation vector (Rodrigues) of a ball; NaN where a body is unseen.
+        Rotation of the child's joint frame in the parent's: about z of a hinge; about the parent's and the child's axis
+        of a universal joint; the rotation vector (Rodrigues) of a ball; NaN where a body is unseen.
     angle_std : ndarray, shape (n_frames, n_angles), rad
-        Their standard deviations; for a ball those of small turns about the parent's axes.
+        Their standard deviations; for a ball those of small rotations about the parent's axes.
     between : float, rad
-        Angle between the axes of a universal joint; 0 for other kinds.
+        Angle between the axes of a universal joint; 0 for other types.
     covariance : ndarray, shape (6, 6), mm^2
-        Of the joint's place in the parent, then in the child. Along the axis of a hinge the place is a choice (nearest
-        to both bodies' origins) without variance, and so is the place of a rigid joint in the child.
+        Of the joint's position in the parent, then in the child. Along the axis of a hinge the position is a choice
+        (nearest to both bodies' origins) without variance, and so is the position of a rigid joint in the child.
     axis_covariance : ndarray, shape (6, 6)
-        Of the axis in the parent, then of that in the child, unit vectors; zero for kinds without.
+        Of the axis in the parent, then of that in the child, unit vectors; 0 for types without axes.
     singular_values : ndarray, shape (6,)
-        Of the stacked equations of the place, falling, per root of the number of frames: near 0 where nothing turned.
+        Of the stacked equations of the position, falling, per root of the number of frames; near 0 without rotation.
     noise : float
         Root mean square of the residuals in units of the given covariances, or in mm without any; freedoms taken off.
     gap : float, mm
@@ -70,7 +73,7 @@ class JointFit:
     frames : ndarray of intp, shape (n,)
         Frames that show both bodies.
     n_effective : float
-        Independent frames that the residuals are worth; the covariances rest on these.
+        Number of independent frames, by which the covariances count.
     """
 
     kind: str
@@ -99,7 +102,7 @@ class JointFit:
 
     @property
     def axis_in_parent(self) -> Floats | None:
-        """Axis that is fixed in the parent, shape (3,); None for kinds without."""
+        """Axis that is fixed in the parent, shape (3,); None for types without axes."""
         return self.parent_from_joint[:3, 2] if self.kind in {"hinge", "universal"} else None
 
     @property
@@ -130,8 +133,8 @@ def fit_ball(
     covariances : ndarray, shape (n_bodies, 6, 6) or (n_frames, n_bodies, 6, 6), optional
         Of shift [mm] and turn [rad] of every body in its own frame, e.g. from `pose_covariance`.
     size : float, mm, optional
-        Without covariances: distance of the points that stand for a body, which says how an error of its rotation
-        weighs beside one of its position; by default from what changes between neighbouring frames.
+        Without covariances: distance of the points that represent a body, which says how an error of its rotation
+        weighs beside one of its position; by default from the changes between neighbouring frames.
 
     Raises
     ------
@@ -144,7 +147,7 @@ def fit_ball(
 def fit_hinge(
     poses: Poses, parent: int | str, child: int | str, covariances: Floats | None = None, size: float | None = None
 ) -> JointFit:
-    """Fit a hinge: axis, place and angles; solution of rank 5 and null vector first. Parameters as `fit_ball`."""
+    """Fit a hinge: axis, position and angles; solution of rank 5 and null vector first. Parameters as `fit_ball`."""
     return fit_kind("hinge", relative_poses(poses, parent, child, covariances, size))
 
 
@@ -163,7 +166,7 @@ def fit_rigid(
 
 
 def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
-    """Fit a joint of one kind to relative poses.
+    """Fit a joint of one type to relative poses.
 
     Parameters
     ----------
@@ -176,7 +179,7 @@ def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
     found = fit_joint_model(_start(kind, measured, place), measured)
     joint = conventional(found.state)
     solution = solve_bordered(linearised(joint, measured, whitener(measured.covariances)))
-    freedoms = 6 * len(measured.frames) - solution.rank - joint.turning.n_angles * len(measured.frames)
+    freedoms = 6 * len(measured.frames) - solution.rank - joint.rotation.n_angles * len(measured.frames)
     variance = found.squares / max(freedoms, 1)
     n_effective = effective_frames(solution.residuals)
     scale = max(variance, 1.0) if measured.is_scaled else variance
@@ -190,9 +193,9 @@ def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
         child_from_joint=_frame(joint, "in_child"),
         angles=angles,
         angle_std=angle_std,
-        between=joint.turning.between if isinstance(joint.turning, UniversalRotation) else 0.0,
+        between=joint.rotation.between if isinstance(joint.rotation, UniversalRotation) else 0.0,
         covariance=free @ constants[:n_places, :n_places] @ free.T,
-        axis_covariance=axis_covariance(joint.turning, constants[n_places:, n_places:]),
+        axis_covariance=axis_covariance(joint.rotation, constants[n_places:, n_places:]),
         singular_values=singular,
         noise=float(np.sqrt(variance)),
         gap=_gap(joint, measured),
@@ -202,20 +205,20 @@ def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
 
 
 def linear_place(measured: RelativePoses, rank: int = 6) -> tuple[Floats, Floats]:
-    """Solve the stacked equations of the place by singular value decomposition (O'Brien 2000, eq. 13).
+    """Solve the stacked equations of the position by singular value decomposition (O'Brien 2000, eq. 13).
 
     Parameters
     ----------
     measured : RelativePoses
         Relative poses.
     rank : int
-        Largest rank: 5 for a hinge. Directions that never turned are left out in any case, so that the place stays
+        Largest rank: 5 for a hinge. Directions that never rotated are left out in any case, so that the position stays
         near the origins of both bodies.
 
     Returns
     -------
     tuple of ndarray, shape (6,)
-        Singular values per root of the number of frames, and the place in parent and child [mm].
+        Singular values per root of the number of frames, and the position in parent and child [mm].
     """
     n_frames = len(measured.frames)
     rows = np.concatenate([np.tile(np.eye(3), (n_frames, 1, 1)), -measured.rotations], axis=2).reshape(-1, 6)
@@ -229,9 +232,9 @@ def linear_place(measured: RelativePoses, rank: int = 6) -> tuple[Floats, Floats
 def _covariance_of_constants(
     joint: JointModel, measured: RelativePoses, solution: BorderedSolution, scale: float, n_effective: float
 ) -> Floats:
-    """That of the model where the poses' covariances are known; else what the frames' own pulls say (White 1980).
+    """Covariance of the model's constants; without covariances of the poses, by the frames' gradients (White 1980).
 
-    Errors that last count as fewer frames; what no frame tells is stated as unknown.
+    Errors that last count as fewer frames; directions that no frame determines are stated as unknown.
     """
     n_frames = len(measured.frames)
     covariance, yielding = covariance_of_constants(joint, measured, whitener(measured.covariances), solution, scale)
@@ -251,26 +254,26 @@ def _start(kind: str, measured: RelativePoses, place: Floats) -> JointModel:
         return JointModel(RigidRotation(turn, len(rotations)), half, -turn.T @ half)
     if kind == "ball":
         return JointModel(BallRotation(rotations), place[:3], place[3:])
-    turning = nearest_hinge(rotations) if kind == "hinge" else nearest_universal(rotations)
-    return JointModel(turning, place[:3], place[3:])
+    rotation = nearest_hinge(rotations) if kind == "hinge" else nearest_universal(rotations)
+    return JointModel(rotation, place[:3], place[3:])
 
 
 def _spread_over_take(joint: JointModel, covariance: Floats, measured: RelativePoses) -> tuple[Floats, Floats]:
     """Angles and their deviations in all frames of the take, NaN where not known."""
-    turning = joint.turning
-    angles = np.full((measured.n_frames, turning.n_angles), np.nan)
+    rotation = joint.rotation
+    angles = np.full((measured.n_frames, rotation.n_angles), np.nan)
     std = angles.copy()
-    if isinstance(turning, BallRotation):
-        angles[measured.frames] = vector_from_matrix(turning.free)
-    elif isinstance(turning, HingeRotation | UniversalRotation):
-        angles[measured.frames] = turning.angles.reshape(len(measured.frames), -1)
+    if isinstance(rotation, BallRotation):
+        angles[measured.frames] = vector_from_matrix(rotation.free)
+    elif isinstance(rotation, HingeRotation | UniversalRotation):
+        angles[measured.frames] = rotation.angles.reshape(len(measured.frames), -1)
     std[measured.frames] = np.sqrt(np.einsum("fii->fi", covariance))
     return angles, std
 
 
 def _frame(joint: JointModel, where: str) -> Floats:
-    turning = joint.turning
-    turn = getattr(turning, where) if isinstance(turning, HingeRotation | UniversalRotation) else np.eye(3)
+    rotation = joint.rotation
+    turn = getattr(rotation, where) if isinstance(rotation, HingeRotation | UniversalRotation) else np.eye(3)
     return transform_from(turn, getattr(joint, where))
 
 
@@ -282,16 +285,16 @@ def _gap(joint: JointModel, measured: RelativePoses) -> float:
 
 @dataclass(frozen=True, eq=False)
 class KindChoice:
-    """The kind of a joint and what speaks for it.
+    """The type of a joint, and the evidence for it.
 
     Attributes
     ----------
     kind : str
         ``ball``, ``hinge``, ``universal``, ``rigid``, or ``undetermined``.
     fit : JointFit
-        Fit of that kind; of an undetermined joint, of the simplest kind that explains what is seen.
+        Fit of that type; of an undetermined joint, of the simplest type that explains what is seen.
     evidence : JointKind
-        What each kind that was tried leaves unexplained; its singular values are those of the mean rotation.
+        How well each type that was tried explains the rotations.
     """
 
     kind: str
@@ -324,16 +327,16 @@ def choose_kind(
     wanted: str | None = None,
     limits: KindLimits | None = None,
 ) -> KindChoice:
-    """Find the kind of the joint between two bodies, and fit it.
+    """Find the type of the joint between two bodies, and fit it.
 
     Parameters
     ----------
     poses, parent, child, covariances, size
         As for `fit_ball`.
     wanted : str, optional
-        A kind that the user knows; it is fitted without question.
+        A type that is stated; it is fitted without question.
     limits : KindLimits, optional
-        Where one kind ends and the next begins.
+        Limits between the types.
 
     Raises
     ------
@@ -354,33 +357,41 @@ def choose_kind(
 
 
 def choose(measured: RelativePoses, wanted: str | None = None, limits: KindLimits | None = None) -> KindChoice:
-    """Find the kind of the joint behind relative poses, and fit it; see `choose_kind`."""
-    rotations, covariances = _settled_rotations(measured)
+    """Find the type of the joint behind relative poses, and fit it.
+
+    Parameters
+    ----------
+    measured : RelativePoses
+        From `relative_poses`.
+    wanted, limits
+        As for `choose_kind`.
+    """
+    rotations, covariances = _refined_rotations(measured)
     evidence = find_kind(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
     simplest = next(reversed(evidence.type_fits)) if evidence.kind == "undetermined" else evidence.kind
     return KindChoice(evidence.kind, fit_kind(simplest, measured), evidence)
 
 
-def _settled_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:
-    """Rotations that also heed the positions, which a joint ties to them, with their covariances."""
+def _refined_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:
+    """Rotations refined by the positions, which a ball joint ties to them, with their covariances."""
     _, place = linear_place(measured)
     ball = fit_joint_model(JointModel(BallRotation(measured.rotations), place[:3], place[3:]), measured)
     solution = solve_bordered(linearised(ball.state, measured, whitener(measured.covariances)))
     n_frames = len(measured.frames)
     variance = ball.squares / max(3 * n_frames - solution.rank, 1)
-    rotations = ball.state.turning.rotations()
+    rotations = ball.state.rotation.rotations()
     if measured.is_scaled:
         return rotations, max(variance, 1.0) * solution.angle_covariance
     covariances = variance * solution.angle_covariance + ROUNDING**2 * np.eye(3)
-    shaking = _shaking(measured) / np.einsum("fii->f", covariances).mean()
-    return rotations, max(float(shaking), 1.0) * covariances
+    ratio = _frame_noise(measured) / np.einsum("fii->f", covariances).mean()
+    return rotations, max(float(ratio), 1.0) * covariances
 
 
-def _shaking(measured: RelativePoses) -> float:
-    """Variance [rad^2] of what changes from each frame to the next, all axes together.
+def _frame_noise(measured: RelativePoses) -> float:
+    """Variance [rad^2] of errors that are independent between frames, all axes together.
 
-    Third differences of smooth motion are next to nothing; those of independent errors have 20 times their variance.
-    Medians keep out what is neither.
+    Third differences of smooth motion are almost 0; those of independent errors have 20 times their variance. Medians
+    are robust against what is neither.
     """
     steps = vector_from_matrix(measured.rotations[:-1].swapaxes(1, 2) @ measured.rotations[1:])
     third = np.diff(steps[np.diff(measured.frames) == 1], n=2, axis=0)

@@ -1,7 +1,8 @@
-"""A joint between two bodies with its place: the model that is fitted to relative poses by maximum likelihood.
+"""A joint between two bodies: its type and position, fitted to relative poses by maximum likelihood.
 
-A kind of joint says how the child may turn in its parent; the place is a point of both bodies that coincides. Together
-they predict the relative pose of every frame, six numbers, of which the frame's own angles explain up to three.
+The type says how the child may rotate in its parent, and the position is a point of both bodies that coincides.
+Together they predict the relative pose of every frame: of its six numbers, the frame's own angles explain up to three.
+Of all frames of a joint that describe the same motion, `conventional` chooses the stated ones (Gaschler 2011, 5.2.2).
 """
 
 from __future__ import annotations
@@ -19,63 +20,81 @@ from skelgen.model.arrays import Floats
 
 @dataclass(frozen=True, eq=False)
 class JointModel:
-    """How the child turns, and where.
+    """Rotations of a child in its parent, and the joint's position in both.
 
     Attributes
     ----------
-    turning : JointRotation
+    rotation : JointRotation
         Rotations parent from child.
     in_parent, in_child : ndarray, shape (3,), mm
         The joint in both bodies.
     """
 
-    turning: JointRotation
+    rotation: JointRotation
     in_parent: Floats
     in_child: Floats
 
     def shifts(self, rotations: Floats) -> Floats:
-        """Places of the child's origin in the parent [mm], shape (n_frames, 3)."""
+        """Return the positions of the child's origin in the parent [mm], shape (n_frames, 3)."""
         return np.asarray(self.in_parent - rotations @ self.in_child)
 
     def free_places(self) -> Floats:
-        """Directions in which the place can be told: columns of (parent, child), shape (6, n).
+        """Return the directions in which the position is determined: columns of (parent, child), shape (6, n).
 
-        Along a hinge's axis both points may move together; of a rigid joint, any point is one.
+        Along a hinge's axis both points may move together. Any point of a rigid joint is its position.
         """
-        if self.turning.kind == "rigid":
+        if self.rotation.kind == "rigid":
             return np.eye(6)[:, :3]
-        axes = self.turning.axes()
-        if self.turning.kind != "hinge" or axes is None:
+        axes = self.rotation.axes()
+        if self.rotation.kind != "hinge" or axes is None:
             return np.eye(6)
         along = np.concatenate(axes) / np.sqrt(2.0)
         return np.asarray(np.linalg.svd(along[np.newaxis])[2][1:].T)
 
     def stepped(self, constants: Floats, angles: Floats) -> JointModel:
-        """Change place, constants of the turning, and angles."""
+        """Return the joint after a step.
+
+        Parameters
+        ----------
+        constants : ndarray, shape (n_constants,)
+            Step of the position along `free_places`, then of the rotation's constants.
+        angles : ndarray, shape (n_frames, n_angles), rad
+            Steps of the angles.
+        """
         free = self.free_places()
         move = free @ constants[: free.shape[1]]
-        turning = self.turning.stepped(constants[free.shape[1] :], angles)
-        return JointModel(turning, self.in_parent + move[:3], self.in_child + move[3:])
+        rotation = self.rotation.stepped(constants[free.shape[1] :], angles)
+        return JointModel(rotation, self.in_parent + move[:3], self.in_child + move[3:])
 
 
 def fit_joint_model(start: JointModel, measured: RelativePoses) -> Minimum[JointModel]:
-    """Refine a joint by maximum likelihood over its place, its axes and the angles of all frames.
+    """Refine a joint by maximum likelihood over its position, its axes and the angles of all frames.
 
     Parameters
     ----------
     start : JointModel
         From a closed form.
     measured : RelativePoses
-        What the bodies say.
+        Relative poses of the bodies.
     """
     weight = whitener(measured.covariances)
     return gauss_newton(start, lambda joint: linearised(joint, measured, weight), JointModel.stepped)
 
 
 def linearised(joint: JointModel, measured: RelativePoses, weight: Floats) -> LinearisedProblem:
-    """Return whitened residuals of the relative poses, and how the model's prediction follows its unknowns."""
-    rotations = joint.turning.rotations()
-    constants, angles = joint.turning.slopes()
+    """Return whitened residuals of the relative poses, and the derivatives of the model's prediction.
+
+    Parameters
+    ----------
+    joint : JointModel
+        Where to linearise.
+    measured : RelativePoses
+        Relative poses of the bodies.
+    weight : ndarray, shape (n_frames, 6, 6)
+        From `whitener`.
+    """
+    rotations = joint.rotation.rotations()
+    constants, angles = joint.rotation.slopes()
     lever = cross_matrix(rotations @ joint.in_child)
     free = joint.free_places()
     place = np.concatenate([free[:3] - rotations @ free[3:], np.zeros((len(rotations), 3, free.shape[1]))], axis=1)
@@ -86,36 +105,36 @@ def linearised(joint: JointModel, measured: RelativePoses, weight: Floats) -> Li
 
 
 def conventional(joint: JointModel) -> JointModel:
-    """Return the same joint in the stated frames.
+    """Return the same joint in conventional frames.
 
-    A hinge's place is the point of its axis that is nearest to both bodies' origins; axes have a sign; x points from
-    the body's origin to the axis.
+    The position of a hinge is the point of its axis that is nearest to both bodies' origins. Axes have a sign. The x
+    axis points from the body's origin to the joint's axis.
     """
-    turning = joint.turning
-    if not isinstance(turning, HingeRotation | UniversalRotation):
+    rotation = joint.rotation
+    if not isinstance(rotation, HingeRotation | UniversalRotation):
         return joint
     in_parent, in_child = joint.in_parent, joint.in_child
-    if isinstance(turning, HingeRotation):
-        first, second = turning.axes()
+    if isinstance(rotation, HingeRotation):
+        first, second = rotation.axes()
         along = (in_parent @ first + in_child @ second) / 2
         in_parent, in_child = in_parent - along * first, in_child - along * second
-    return JointModel(_with_frames(_signed(turning), in_parent, in_child), in_parent, in_child)
+    return JointModel(_with_frames(_signed(rotation), in_parent, in_child), in_parent, in_child)
 
 
-def _signed(turning: HingeRotation | UniversalRotation) -> HingeRotation | UniversalRotation:
+def _signed(rotation: HingeRotation | UniversalRotation) -> HingeRotation | UniversalRotation:
     """Give axes a sign: the largest component is positive, of a universal joint for both axes on their own.
 
     Both frames turn by half a turn about x: the rotations stay when the angles change their sign (a hinge), or when the
     angle between the axes becomes its supplement.
     """
     half = np.diag([1.0, -1.0, -1.0])
-    parent_flips, child_flips = _is_negative(turning.in_parent[:, 2]), _is_negative(turning.in_child[:, 2])
-    if isinstance(turning, HingeRotation):
+    parent_flips, child_flips = _is_negative(rotation.in_parent[:, 2]), _is_negative(rotation.in_child[:, 2])
+    if isinstance(rotation, HingeRotation):
         if not parent_flips:
-            return turning
-        return HingeRotation(turning.in_parent @ half, turning.in_child @ half, -turning.angles)
-    between, angles = turning.between, turning.angles.copy()
-    in_parent, in_child = turning.in_parent, turning.in_child
+            return rotation
+        return HingeRotation(rotation.in_parent @ half, rotation.in_child @ half, -rotation.angles)
+    between, angles = rotation.between, rotation.angles.copy()
+    in_parent, in_child = rotation.in_parent, rotation.in_child
     if parent_flips:
         in_parent, between, angles[:, 0] = in_parent @ half, np.pi + between, -angles[:, 0]
     if child_flips:
@@ -123,13 +142,13 @@ def _signed(turning: HingeRotation | UniversalRotation) -> HingeRotation | Unive
     return _between_zero_and_pi(UniversalRotation(in_parent, in_child, between, angles))
 
 
-def _between_zero_and_pi(turning: UniversalRotation) -> UniversalRotation:
+def _between_zero_and_pi(rotation: UniversalRotation) -> UniversalRotation:
     """Rx(-b) = Rz(pi) Rx(b) Rz(-pi): an angle between axes needs no sign."""
-    between = float(np.angle(np.exp(1j * turning.between)))
-    angles = turning.angles
+    between = float(np.angle(np.exp(1j * rotation.between)))
+    angles = rotation.angles
     if between < 0:
         between, angles = -between, angles + np.array([np.pi, -np.pi])
-    return replace(turning, between=between, angles=angles)
+    return replace(rotation, between=between, angles=angles)
 
 
 def _is_negative(axis: Floats) -> bool:
@@ -137,15 +156,15 @@ def _is_negative(axis: Floats) -> bool:
 
 
 def _with_frames(
-    turning: HingeRotation | UniversalRotation, in_parent: Floats, in_child: Floats
+    rotation: HingeRotation | UniversalRotation, in_parent: Floats, in_child: Floats
 ) -> HingeRotation | UniversalRotation:
     """Turn the joint's frames about their axes to the convention; the angles take up the difference."""
-    parent = conventional_frame(turning.in_parent[:, 2], in_parent)
-    child = conventional_frame(turning.in_child[:, 2], in_child)
-    before, after = turn_between(turning.in_parent, parent), turn_between(turning.in_child, child)
-    if isinstance(turning, HingeRotation):
-        return HingeRotation(parent, child, _wrapped(turning.angles - before + after))
-    return UniversalRotation(parent, child, turning.between, _wrapped(turning.angles + np.array([-before, after])))
+    parent = conventional_frame(rotation.in_parent[:, 2], in_parent)
+    child = conventional_frame(rotation.in_child[:, 2], in_child)
+    before, after = turn_between(rotation.in_parent, parent), turn_between(rotation.in_child, child)
+    if isinstance(rotation, HingeRotation):
+        return HingeRotation(parent, child, _wrapped(rotation.angles - before + after))
+    return UniversalRotation(parent, child, rotation.between, _wrapped(rotation.angles + np.array([-before, after])))
 
 
 def _wrapped(angles: Floats) -> Floats:
@@ -176,6 +195,6 @@ def conventional_frame(axis: Floats, centre: Floats) -> Floats:
 
 
 def turn_between(old: Floats, new: Floats) -> float:
-    """Return the angle [rad] about their common z that turns one frame of an axis into another."""
+    """Return the angle [rad] about their common z that rotates one frame of an axis into another, shape (3, 3) each."""
     between = old.T @ new
     return float(np.arctan2(between[1, 0], between[0, 0]))

@@ -1,11 +1,11 @@
-r"""What kind a joint is: the simplest that explains the rotations between its two limbs.
+r"""The type of a joint: the simplest that explains the rotations between its two limbs.
 
-Rigid, hinge and universal joints are fitted to the relative rotations by maximum likelihood. What a kind leaves over,
-in units of the noise that the markers or poses show, is 1 for the true kind and grows with every turn that the kind
-does not allow. The likelihood ratio of "nothing but noise" against "a turn of unknown size" is a function of that ratio
-alone; both variances are estimates, so its limit is that of Fisher's F, with as many freedoms as independent frames:
-soft tissue makes errors that last. A joint whose noise could hide the turns that would make it another kind is
-undetermined.
+Rigid, hinge and universal joints are fitted to the relative rotations by maximum likelihood. The variance of what is
+left over, in units of the noise of markers or poses, is 1 for the true type and grows with every rotation that the type
+does not allow. The likelihood ratio of "only noise" against "a rotation of unknown size" is a function of that ratio
+alone. Both variances are estimates, so its limit is that of Fisher's F, with as many freedoms as there are independent
+frames: soft tissue makes errors that last. A joint is undetermined if its noise could hide the rotations that would
+make it another type.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from skelgen.kinematics.joints.rotations import (
 from skelgen.model.arrays import Floats
 
 AXIS_WAY = 10.0
-"""mm; a hinge is free along its axis if moving it this far disturbs the markers by less than their noise."""
+"""mm; a hinge is free along its axis if a shift of this length disturbs the markers by less than their noise."""
 
 ROUNDING_TURN = 1e-6
 """rad; rotations in double precision wobble by the square root of their rounding."""
@@ -45,52 +45,52 @@ ROUNDING = 1e-9
 """rad; noise of rotations that are exact in double precision."""
 
 CLEARLY_LESS = 0.5
-"""A kind counts as found if the noise cannot hide a turn of this part of those that it allows."""
+"""A type is determined if the noise cannot hide a rotation of this part of those that it allows."""
 
 RIGID_TURN = np.deg2rad(2.0)
-"""rad; limbs are called rigid if noise cannot hide a turn of this size: less than any joint is ever moved by."""
+"""rad; a joint is called rigid if noise cannot hide a rotation of this size, which is less than any joint moves."""
 
 MAX_ROUNDS = 8
-"""Rounds of each kind's fit: the right kind needs three to five, and a wrong one is wrong by far."""
+"""Rounds of each type's fit: the right type needs three to five, and a wrong one is wrong by far."""
 
 LEAST_GAIN = 1e-4
-"""Part of what is left over that a round must take away for there to be another: kinds differ by far more."""
+"""Part of the sum of squares that a round must gain for there to be another: types differ by far more."""
 
 LEAST_FREEDOMS = 3.0
 """Freedoms of the noise's estimate that are counted at least: one limb with three markers in one frame."""
 
 LEAST_BETWEEN = np.deg2rad(30.0)
-"""rad; axes of universal joints are farther apart. Nearer ones turn against each other and so follow any small turn."""
+"""rad; axes of universal joints are farther apart. Nearer ones together explain any small rotation."""
 
 KNOWN_KINDS = ("rigid", "hinge", "universal", "ball")
-"""From the simplest to the one that allows all turns."""
+"""From the simplest to the one that allows all rotations."""
 
 
 @dataclass(frozen=True, eq=False)
 class TypeFit:
-    """What one kind of joint leaves unexplained.
+    """How well one type of joint explains the rotations.
 
     Attributes
     ----------
-    turning : JointRotation
-        The rotations that the kind allows, fitted.
+    rotation : JointRotation
+        The rotations that the type allows, fitted.
     ratio : float
-        Variance of what is left over, in units of the noise: 1 for the true kind.
+        Variance of the residuals, in units of that of the noise: 1 for the true type.
     limit : float
-        The ratio that noise alone hardly exceeds.
+        Ratio that noise alone exceeds with the probability of `KindLimits.doubt`.
     wobble : float, rad
-        Root mean square turn that is left over, noise included.
+        Root mean square rotation that is left over, noise included.
     true_wobble : float, rad
         The same without what noise explains.
     hidden : float, rad
-        Root mean square turn that the noise could hide.
+        Root mean square rotation that the noise could hide.
     allowed : float, rad
-        Root mean square of the smallest turn that the kind allows; 0 for a rigid joint.
+        Root mean square of the smallest rotation that the type allows; 0 for a rigid joint.
     axis_covariance : ndarray, shape (6, 6)
         Of the axis in the parent, then of that in the child, unit vectors; 0 for a rigid joint.
     """
 
-    turning: JointRotation
+    rotation: JointRotation
     ratio: float
     limit: float
     wobble: float
@@ -102,25 +102,25 @@ class TypeFit:
 
 @dataclass(frozen=True, eq=False)
 class JointKind:
-    """The kind of a joint.
+    """The type of a joint.
 
     Attributes
     ----------
     kind : str
-        ``rigid``, ``hinge``, ``universal``, ``ball``, or ``undetermined`` where the limbs turn too little to tell.
+        ``rigid``, ``hinge``, ``universal``, ``ball``, or ``undetermined`` where the limbs rotate too little.
     axis_in_parent, axis_in_child : ndarray, shape (3,)
         Unit axis of a hinge in both limbs. Of a universal joint: the axis fixed in the parent, and that fixed in the
-        child. Of other kinds: the direction that moves least.
+        child. Of other types: the direction that moves least.
     main_turn : float, rad
-        Root mean square turn about the axis that turns most.
+        Root mean square rotation about the axis with most.
     true_wobble : float, rad
-        Root mean square turn besides those that the kind allows, without what noise explains.
+        Root mean square rotation besides those that the type allows, without what noise explains.
     singular_values : ndarray, shape (3,)
         Of the mean relative rotation, falling: 1 for directions that never move.
     type_fits : mapping of str to TypeFit
-        What the kinds that were tried leave over, the simplest first.
+        Fits of the types that were tried, the simplest first.
     axis_covariance : ndarray, shape (6, 6)
-        Of the axis in the parent, then of that in the child; 0 for kinds without.
+        Of the axis in the parent, then of that in the child; 0 for types without axes.
     """
 
     kind: str
@@ -133,7 +133,7 @@ class JointKind:
     axis_covariance: Floats
 
     def with_frames(self, parent: Floats, child: Floats) -> JointKind:
-        """Return the kind for limbs whose frames were turned: new from old, shape (3, 3)."""
+        """Return the type for limbs whose frames were rotated: `parent` and `child` are new from old, shape (3, 3)."""
         turn = np.zeros((6, 6))
         turn[:3, :3], turn[3:, 3:] = parent, child
         return replace(
@@ -144,11 +144,10 @@ class JointKind:
         )
 
     def freedom_along_axis(self, noise: float) -> float:
-        """How free the joint is to lie anywhere along its axis: 1 for a perfect hinge, 0 where its wobble fixes it.
+        """Return how free the joint is along its axis: 1 for a perfect hinge, 0 where its wobble fixes it.
 
-        A joint that is moved along its axis tears its limbs apart by the wobble times the way. That counts as nothing
-        when it stays within the noise: the many frames that could average the noise do not average the errors of a
-        real hinge.
+        A shift of the joint along its axis tears its limbs apart by the wobble times the shift. That is ignored while
+        it stays within the noise of a single marker: many frames average the noise, but not the errors of a real hinge.
 
         Parameters
         ----------
@@ -163,16 +162,16 @@ class JointKind:
 
 @dataclass(frozen=True)
 class KindLimits:
-    """Where one kind ends and the next begins.
+    """Limits between the types of joints.
 
     Attributes
     ----------
     doubt : float
-        Probability with which noise alone makes a joint seem to turn in more ways than it does.
+        Probability with which noise alone makes a joint seem to have more degrees of freedom than it has.
     wobble_share : float
-        Largest wobble of a hinge or universal joint, noise apart, as a part of the smallest turn that it allows.
+        Largest wobble of a hinge or universal joint, noise apart, as a part of the smallest rotation that it allows.
     least_turn : float, rad
-        Turns below this count as none, however exact the take.
+        Smaller rotations count as none, however exact the take.
     """
 
     doubt: float = 0.001
@@ -190,13 +189,13 @@ def find_kind(
     rotations : ndarray, shape (n_frames, 3, 3)
         Rotations parent from child, in the order of time.
     covariances : ndarray, shape (n_frames, 3, 3), rad^2
-        Of small turns of each, in the parent's axes.
+        Of small rotations of each, in the parent's axes.
     freedoms : float
-        Freedoms per frame on which the scale of the covariances rests.
+        Freedoms per frame from which the scale of the covariances was estimated.
     limits : KindLimits, optional
-        Where one kind ends and the next begins.
+        Limits between the types.
     wanted : str, optional
-        A kind that the user knows: it is fitted and returned without question.
+        A type that the user states: it is fitted and returned without question.
     """
     limits = limits or KindLimits()
     u, singular, vt = np.linalg.svd(rotations.mean(axis=0))
@@ -205,11 +204,11 @@ def find_kind(
     for name in KNOWN_KINDS[:-1] if wanted is None else (wanted,):
         if name == "ball":
             break
-        left = type_fits[name] = _leftover(name, rotations, weight, singular, freedoms, limits)
+        left = type_fits[name] = _type_fit(name, rotations, weight, singular, freedoms, limits)
         if wanted is not None or _explains(left, limits):
-            kind = name if wanted is not None or _is_told(left) else "undetermined"
+            kind = name if wanted is not None or _is_determined(left) else "undetermined"
             break
-    axes = (type_fits[kind].turning.axes() if kind in type_fits else None) or (u[:, 0], vt[0])
+    axes = (type_fits[kind].rotation.axes() if kind in type_fits else None) or (u[:, 0], vt[0])
     last = next(reversed(type_fits.values()), None)
     return JointKind(
         kind=kind,
@@ -223,51 +222,51 @@ def find_kind(
     )
 
 
-def _leftover(
+def _type_fit(
     name: str, rotations: Floats, weight: Floats, singular: Floats, freedoms: float, limits: KindLimits
 ) -> TypeFit:
-    """Fit one kind, and weigh what it leaves over."""
+    """Fit one type, and compare its residuals with the noise."""
     start = _start(name, rotations)
     rotations, weight = contiguous(rotations, weight)
-    turning = constrained_rotation(*descended(*_held(start), rotations, weight, MAX_ROUNDS, LEAST_GAIN))
-    linear = _linearised(turning, rotations, weight)
+    rotation = constrained_rotation(*descended(*_held(start), rotations, weight, MAX_ROUNDS, LEAST_GAIN))
+    linear = _linearised(rotation, rotations, weight)
     solution = solve_bordered(linear)
     n_frames, n_rows = len(rotations), 3 - start.n_angles
     ratio = linear.squares / max(n_rows * n_frames - start.n_constants, 1)
     for_means, independent = effective_frames_of_both(solution.residuals)
     limit = float(fdtri(n_rows * independent, max(freedoms * independent, LEAST_FREEDOMS), 1 - limits.doubt))
     unweighted = np.broadcast_to(np.eye(3), rotations.shape)
-    wobble = float(np.sqrt(_linearised(turning, rotations, unweighted).squares / n_frames))
+    wobble = float(np.sqrt(_linearised(rotation, rotations, unweighted).squares / n_frames))
     noise = wobble / np.sqrt(ratio) if ratio > 0 else 0.0
     true_wobble = float(np.sqrt(max(wobble**2 - limit * noise**2, 0.0)))
     return TypeFit(
-        turning=turning,
+        rotation=rotation,
         ratio=ratio,
         limit=limit,
         wobble=wobble,
         true_wobble=true_wobble if wobble > ROUNDING_TURN else 0.0,
         hidden=float(noise * np.sqrt(max(limit - 1, 0.0))),
         allowed=_allowed(name, singular),
-        axis_covariance=ratio * n_frames / for_means * axis_covariance(turning, solution.covariance),
+        axis_covariance=ratio * n_frames / for_means * axis_covariance(rotation, solution.covariance),
     )
 
 
 def _explains(left: TypeFit, limits: KindLimits) -> bool:
-    """Whether nothing but noise is left over, or so little that the joint is as good as its kind."""
+    """Whether only noise is left over, or so little that it makes no difference."""
     return left.ratio <= left.limit or left.true_wobble <= max(limits.wobble_share * left.allowed, limits.least_turn)
 
 
-def _is_told(left: TypeFit) -> bool:
-    """Whether a turn that the kind does not allow would have been seen."""
-    if isinstance(left.turning, UniversalRotation) and np.sin(left.turning.between) < np.sin(LEAST_BETWEEN):
+def _is_determined(left: TypeFit) -> bool:
+    """Whether a rotation that the type does not allow would have been seen."""
+    if isinstance(left.rotation, UniversalRotation) and np.sin(left.rotation.between) < np.sin(LEAST_BETWEEN):
         return False
-    return left.hidden <= (CLEARLY_LESS * left.allowed if left.turning.n_angles else RIGID_TURN)
+    return left.hidden <= (CLEARLY_LESS * left.allowed if left.rotation.n_angles else RIGID_TURN)
 
 
 def _allowed(name: str, singular: Floats) -> float:
-    """Root mean square [rad] of the smallest turn that a kind allows, of those that are there.
+    """Root mean square [rad] of the smallest rotation that a type allows, of those that are there.
 
-    Turns of variance a, b and c about three axes leave singular values 1 - (b + c) / 2, 1 - (a + c) / 2 and
+    Rotations of variance a, b and c about three axes give the singular values 1 - (b + c) / 2, 1 - (a + c) / 2 and
     1 - (a + b) / 2 of the mean rotation.
     """
     lost = 2 * (1 - singular)
@@ -281,12 +280,12 @@ def _start(name: str, rotations: Floats) -> ConstrainedRotation:
     return nearest_hinge(rotations) if name == "hinge" else nearest_universal(rotations)
 
 
-def _linearised(turning: ConstrainedRotation, rotations: Floats, weight: Floats) -> LinearisedProblem:
-    return LinearisedProblem(*linearised(*_held(turning), *contiguous(rotations, weight)))
+def _linearised(rotation: ConstrainedRotation, rotations: Floats, weight: Floats) -> LinearisedProblem:
+    return LinearisedProblem(*linearised(*_held(rotation), *contiguous(rotations, weight)))
 
 
-def _held(turning: ConstrainedRotation) -> Parts:
+def _held(rotation: ConstrainedRotation) -> Parts:
     """Parts of a joint as kernels want them."""
-    in_parent, in_child, between, angles = turning.parts()
+    in_parent, in_child, between, angles = rotation.parts()
     in_parent, in_child, angles = contiguous(in_parent, in_child, angles)
     return in_parent, in_child, between, angles

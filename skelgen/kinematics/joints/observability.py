@@ -1,4 +1,4 @@
-"""What the motion of a joint tells of its place, in plain sentences."""
+"""What the motion of a joint does not determine of its position, in plain sentences."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Floats
 
 DETERMINED_PART = 0.1
-"""Of a limb's size: places known less well than this are called not determined."""
+"""Of a limb's size: a position with a larger standard deviation is called not determined."""
 
 STILL = np.deg2rad(2.0)
-"""rad; limbs that turn less than this against each other do not turn."""
+"""rad; a joint with a smaller range does not turn."""
 
 ALL_OF_IT = 0.99
-"""Of the limb's size: places that are less sure than this are not determined at all."""
+"""Of the limb's size: a position with a larger standard deviation is not determined at all."""
 
 MOST_FRAMES = 20_000
-"""Frames from which the range is told, evenly spread: neighbouring ones differ little."""
+"""Frames from which the range is computed, evenly spread: neighbouring ones differ little."""
 
 
 @dataclass(frozen=True, eq=False)
 class RangeOfMotion:
-    """How far a joint turns, by direction.
+    """Range of motion of a joint, by direction.
 
     Attributes
     ----------
     directions : ndarray, shape (3, 3)
-        Unit axes in the parent as rows, that about which it turns most first.
+        Unit axes in the parent as rows, that with the largest range first.
     ranges : ndarray, shape (3,), rad
-        From one end to the other, of the turn about each.
+        From the smallest to the largest rotation about each.
     """
 
     directions: Floats
@@ -42,7 +42,7 @@ class RangeOfMotion:
 
 
 def range_of_motion(relative: Floats) -> RangeOfMotion:
-    """Return how far a joint turns about its three principal directions.
+    """Return the range of motion of a joint about its three principal directions.
 
     Parameters
     ----------
@@ -63,16 +63,16 @@ def range_of_motion(relative: Floats) -> RangeOfMotion:
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What the motion of a joint tells.
+    """What the motion of a joint determines.
 
     Attributes
     ----------
     motion : RangeOfMotion
-        How far it turns.
+        Its range of motion.
     open_direction : ndarray, shape (3,)
-        Unit vector in the parent along which its place is known least.
+        Unit vector in the parent along which its position is known least.
     open_std : float, mm
-        Standard deviation of the place along it.
+        Standard deviation of the position along it.
     sentence : str
         What is not determined, in words; empty if all is.
     """
@@ -84,12 +84,12 @@ class Observed:
 
 
 def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
-    """Return what the motion tells of every joint, from the frames that show both of its limbs.
+    """Return what the motion determines of every joint, from the frames that show both of its limbs.
 
     Parameters
     ----------
     skeleton : Skeleton
-        Its joints' covariances, if it has any, say what is determined.
+        With the covariances of its joints, where they were estimated.
     motion : Motion
         How it moves.
     """
@@ -112,7 +112,15 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
 
 
 def limb_size(skeleton: Skeleton, limb: int) -> float:
-    """Root mean square distance [mm] of a limb's markers from its joint; of all limbs' where it has none."""
+    """Return the root mean square distance [mm] of a limb's markers from its joint; of all markers where it has none.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The skeleton.
+    limb : int
+        The limb.
+    """
     own = skeleton.markers_of(limb)
     offsets = skeleton.marker_offsets[own if len(own) else skeleton.limb_of_marker >= 0]
     return float(np.sqrt((offsets**2).sum(axis=1).mean())) if len(offsets) else 0.0
@@ -121,7 +129,7 @@ def limb_size(skeleton: Skeleton, limb: int) -> float:
 def _undetermined(
     limbs: tuple[int, int], kind: str, motion: RangeOfMotion, direction: Floats, std: float, size: float
 ) -> str:
-    """Say in a sentence that a joint's place is known least along a direction; empty if it is known well enough."""
+    """Say in a sentence which direction of a joint's position is not determined; empty if all are."""
     if std <= DETERMINED_PART * size:
         return ""
     joint = f"the joint between limb {limbs[0]} and {limbs[1]}"

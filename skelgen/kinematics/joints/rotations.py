@@ -1,13 +1,13 @@
-r"""How a child turns in its parent, by kind of joint: rotations, their slopes, their steps.
+r"""Rotations of a child in its parent, by type of joint, with their derivatives.
 
-All kinds are one product of the axes in both limbs and two angles about them,
+All types are one product of the axes in both limbs and two angles about them,
 
 .. math::
     R = C_p\, R_z(\varphi_1)\, R_x(\beta)\, R_z(\varphi_2)\, C_c^T .
 
-A hinge keeps :math:`\beta = \varphi_2 = 0`, a universal joint keeps :math:`\beta`, the angle between its axes; a ball
-is free in every frame, and a rigid joint has one rotation for all. Small turns act on the left,
-:math:`R' = \exp([\delta]_\times) R`, so that :math:`\delta` is in the parent's axes.
+A hinge has :math:`\beta = \varphi_2 = 0`. A universal joint has a constant :math:`\beta`, the angle between its axes. A
+ball is free in every frame, and a rigid joint has one rotation for all frames. Small rotations act on the left,
+:math:`R' = \exp([\delta]_\times) R`, so :math:`\delta` is in the parent's axes.
 """
 
 from __future__ import annotations
@@ -25,23 +25,39 @@ X = np.eye(3)[0]
 
 
 class JointRotation(Protocol):
-    """Rotations parent from child of all frames, as one kind of joint allows them."""
+    """Rotations parent from child of all frames, as one type of joint allows them."""
 
     kind: ClassVar[str]
     n_constants: ClassVar[int]
     n_angles: ClassVar[int]
 
     def rotations(self) -> Floats:
-        """Rotations parent from child, shape (n_frames, 3, 3)."""
+        """Return the rotations parent from child, shape (n_frames, 3, 3)."""
 
     def axes(self) -> tuple[Floats, Floats] | None:
-        """Unit axis fixed in the parent and that fixed in the child, None for kinds without."""
+        """Return the unit axis fixed in the parent and that fixed in the child; None for types without axes."""
 
     def slopes(self) -> tuple[Floats, Floats]:
-        """Turns [rad] per unit of the constants, shape (n_frames, 3, n_constants), and of the frame's angles."""
+        """Return the derivatives of small rotations [rad].
+
+        Returns
+        -------
+        ndarray, shape (n_frames, 3, n_constants)
+            By the constants.
+        ndarray, shape (n_frames, 3, n_angles)
+            By the angles of the frame.
+        """
 
     def stepped(self, constants: Floats, angles: Floats) -> Self:
-        """Change the constants, shape (n_constants,), and angles, shape (n_frames, n_angles)."""
+        """Return the rotations after a step.
+
+        Parameters
+        ----------
+        constants : ndarray, shape (n_constants,)
+            Step of the constants.
+        angles : ndarray, shape (n_frames, n_angles), rad
+            Steps of the angles.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +77,12 @@ class BallRotation:
         """Return None: there are no axes."""
 
     def slopes(self) -> tuple[Floats, Floats]:
-        """Return no constants, and three free turns (Rodrigues)."""
+        """Return no constants, and three free rotations (Rodrigues)."""
         n_frames = len(self.free)
         return np.zeros((n_frames, 3, 0)), np.tile(np.eye(3), (n_frames, 1, 1))
 
     def stepped(self, constants: Floats, angles: Floats) -> BallRotation:
-        """Turn every frame on its own."""
+        """Rotate every frame on its own."""
         return BallRotation(matrix_from_vector(angles) @ self.free)
 
 
@@ -88,15 +104,15 @@ class RigidRotation:
         """Return None: there are no axes."""
 
     def parts(self) -> Parts:
-        """Return what the rotations are made of."""
+        """Return the parts of the rotations."""
         return self.rotation, np.eye(3), 0.0, np.zeros((self.n_frames, 0))
 
     def slopes(self) -> tuple[Floats, Floats]:
-        """Return three constant turns, and no angles."""
+        """Return three constant rotations, and no angles."""
         return np.tile(np.eye(3), (self.n_frames, 1, 1)), np.zeros((self.n_frames, 3, 0))
 
     def stepped(self, constants: Floats, angles: Floats) -> RigidRotation:
-        """Turn all frames together."""
+        """Rotate all frames together."""
         return RigidRotation(matrix_from_vector(constants) @ self.rotation, self.n_frames)
 
 
@@ -109,7 +125,7 @@ class HingeRotation:
     in_parent, in_child : ndarray, shape (3, 3)
         Rotations limb from joint: their last column is the axis.
     angles : ndarray, shape (n_frames,), rad
-        Turn about the axis.
+        Angle about the axis.
     """
 
     kind: ClassVar[str] = "hinge"
@@ -128,18 +144,18 @@ class HingeRotation:
         return self.in_parent[:, 2], self.in_child[:, 2]
 
     def parts(self) -> Parts:
-        """Return what the rotations are made of."""
+        """Return the parts of the rotations."""
         return self.in_parent, self.in_child, 0.0, self.angles[:, np.newaxis]
 
     def slopes(self) -> tuple[Floats, Floats]:
-        """Return tilts of the axis in the parent and in the child (two each), and the turn about it."""
+        """Return tilts of the axis in the parent and in the child (two each), and the rotation about it."""
         n_frames = len(self.angles)
         tilts = np.tile(self.in_parent[:, :2], (n_frames, 1, 1))
         turned = -(self.in_parent @ about_z(self.angles))[:, :, :2]
         return np.concatenate([tilts, turned], axis=2), np.tile(self.in_parent[:, 2:], (n_frames, 1, 1))
 
     def stepped(self, constants: Floats, angles: Floats) -> HingeRotation:
-        """Tilt the axis and turn about it."""
+        """Tilt the axis and rotate about it."""
         return HingeRotation(
             _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:]), self.angles + angles[:, 0]
         )
@@ -156,7 +172,7 @@ class UniversalRotation:
     between : float, rad
         Angle between the two axes.
     angles : ndarray, shape (n_frames, 2), rad
-        Turns about both.
+        Angles about both.
     """
 
     kind: ClassVar[str] = "universal"
@@ -179,11 +195,11 @@ class UniversalRotation:
         return self.in_parent[:, 2], self.in_child[:, 2]
 
     def parts(self) -> Parts:
-        """Return what the rotations are made of."""
+        """Return the parts of the rotations."""
         return self.in_parent, self.in_child, self.between, self.angles
 
     def slopes(self) -> tuple[Floats, Floats]:
-        """Return tilts of both axes (two each) and the angle between them, and the turns about them."""
+        """Return tilts of both axes (two each) and the angle between them, and the rotations about them."""
         first = self.in_parent @ about_z(self.angles[:, 0])
         both = first @ matrix_from_vector(self.between * X) @ about_z(self.angles[:, 1])
         tilts = np.tile(self.in_parent[:, :2], (len(self.angles), 1, 1))
@@ -192,7 +208,7 @@ class UniversalRotation:
         return constants, np.concatenate([own, both[:, :, 2:]], axis=2)
 
     def stepped(self, constants: Floats, angles: Floats) -> UniversalRotation:
-        """Tilt the axes and turn about them."""
+        """Tilt the axes and rotate about them."""
         return UniversalRotation(
             _tilted(self.in_parent, constants[:2]),
             _tilted(self.in_child, constants[2:4]),
@@ -202,11 +218,21 @@ class UniversalRotation:
 
 
 ConstrainedRotation = RigidRotation | HingeRotation | UniversalRotation
-"""A joint that does not turn freely."""
+"""Rotations of a joint that is not free."""
 
 
 def constrained_rotation(in_parent: Floats, in_child: Floats, between: float, angles: Floats) -> ConstrainedRotation:
-    """Return the joint that is made of some parts: its kind is told by how many angles a frame has."""
+    """Return the rotations that have given parts: the number of angles in a frame says which type they are.
+
+    Parameters
+    ----------
+    in_parent, in_child : ndarray, shape (3, 3)
+        Rotations limb from joint.
+    between : float, rad
+        Angle between the axes of a universal joint.
+    angles : ndarray, shape (n_frames, n_angles), rad
+        Angles about the axes.
+    """
     if angles.shape[1] == 0:
         return RigidRotation(in_parent, len(angles))
     if angles.shape[1] == 1:
@@ -215,7 +241,7 @@ def constrained_rotation(in_parent: Floats, in_child: Floats, between: float, an
 
 
 def about_z(angles: Floats) -> Floats:
-    """Return rotations about z, shape (n_frames, 3, 3)."""
+    """Return rotations about z by angles [rad], shape (..., 3, 3) from (...)."""
     turns = np.zeros((*np.shape(angles), 3, 3))
     turns[..., 0, 0] = turns[..., 1, 1] = np.cos(angles)
     turns[..., 1, 0] = np.sin(angles)
@@ -224,15 +250,24 @@ def about_z(angles: Floats) -> Floats:
     return turns
 
 
-def axis_covariance(turning: JointRotation, covariance: Floats) -> Floats:
-    """Return the covariance of both axes, shape (6, 6), from that of the constants; 0 for kinds without axes.
+def axis_covariance(rotation: JointRotation, covariance: Floats) -> Floats:
+    """Return the covariance of both axes, shape (6, 6), from that of the constants; 0 for types without axes.
 
+    Parameters
+    ----------
+    rotation : JointRotation
+        The rotations.
+    covariance : ndarray, shape (n_constants, n_constants)
+        Of their constants.
+
+    Notes
+    -----
     A tilt by (a, b) about x and y of an axis' frame moves its z by (b, -a).
     """
-    if not isinstance(turning, HingeRotation | UniversalRotation):
+    if not isinstance(rotation, HingeRotation | UniversalRotation):
         return np.zeros((6, 6))
     moves = np.zeros((6, 4))
-    for row, frame in ((0, turning.in_parent), (1, turning.in_child)):
+    for row, frame in ((0, rotation.in_parent), (1, rotation.in_child)):
         moves[3 * row : 3 * row + 3, 2 * row] = -frame[:, 1]
         moves[3 * row : 3 * row + 3, 2 * row + 1] = frame[:, 0]
     return np.asarray(moves @ covariance[:4, :4] @ moves.T)

@@ -161,8 +161,8 @@ def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess |
         positions,
         freedom * fit.gap / 3,
         float(np.nansum(weights * _expected_gaps(first, second, fit, typical)) / weights.sum()),
-        turn=float(np.sqrt(max(fit.turning.sum() / 6 - shaking, 0.0))),
-        wobble=float(fit.turning[0] / max(across, LEAST_TURN_NOISE)),
+        turn=float(np.sqrt(max(fit.determinacy.sum() / 6 - shaking, 0.0))),
+        wobble=float(fit.determinacy[0] / max(across, LEAST_TURN_NOISE)),
         n_frames=n_frames,
     )
 

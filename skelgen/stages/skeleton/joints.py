@@ -89,8 +89,8 @@ def articulation_of(kinds: list[JointKind], known: set[int]) -> Articulation:
         holds = left is not None and (limb in known or left.ratio <= left.limit)
         held.append(kind.kind if holds else "ball")
         in_parent[limb], in_child[limb] = kind.axis_in_parent, kind.axis_in_child
-        if left is not None and isinstance(left.turning, UniversalRotation):
-            between[limb] = left.turning.between
+        if left is not None and isinstance(left.rotation, UniversalRotation):
+            between[limb] = left.rotation.between
     return Articulation(tuple(held), in_parent, in_child, between)
 
 

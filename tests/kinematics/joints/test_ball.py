@@ -24,8 +24,8 @@ def test_shared_point_of_exact_bodies_is_found(joined_bodies, turns):
     np.testing.assert_allclose(fit.in_first, AT_FIRST, atol=RIDGE_BIAS)
     np.testing.assert_allclose(fit.in_second, AT_SECOND, atol=RIDGE_BIAS)
     assert fit.gap < RIDGE_BIAS
-    assert (fit.turning > 0.05).all()
-    assert (np.diff(fit.turning) >= 0).all()
+    assert (fit.determinacy > 0.05).all()
+    assert (np.diff(fit.determinacy) >= 0).all()
 
 
 def test_direction_of_a_hinge_is_found_in_both_bodies(joined_bodies):
@@ -33,8 +33,8 @@ def test_direction_of_a_hinge_is_found_in_both_bodies(joined_bodies):
     fit = fit_fixed_point(*joined_bodies(turns, AT_FIRST, AT_SECOND), NOWHERE, NOWHERE)
     for axis in (fit.axis_in_first, fit.axis_in_second):
         np.testing.assert_allclose(np.abs(axis @ AXIS), 1, atol=1e-9)
-    assert fit.turning[0] < 1e-9
-    assert fit.turning[1] > 0.1
+    assert fit.determinacy[0] < 1e-9
+    assert fit.determinacy[1] > 0.1
 
 
 def test_hinge_is_exact_across_its_axis(joined_bodies):
