@@ -16,159 +16,75 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from skelgen.app.batch.work import Job
-    from skelgen.app.constraints import RunOptions
-    from skelgen.app.face import (
-        apply_subject,
-        calibrate_together,
-        correct,
-        evaluate,
-        fill,
-        load,
-        read,
-        reconstruct,
-        run_batch,
-        write,
-    )
-    from skelgen.capture.live import MotionCapture
-    from skelgen.capture.simulated_rig import simulated_rig
-    from skelgen.errors import (
-        Cancelled,
-        CaptureError,
-        FormatError,
-        InputError,
-        KernelError,
-        MissingPackageError,
-        MissingResultError,
-        ParameterError,
-        SkelgenError,
-        WriteError,
-    )
-    from skelgen.kinematics import LiveSkeleton
-    from skelgen.model import (
-        Identities,
-        Identity,
-        Joint,
-        Labelling,
-        Limbs,
-        Motion,
-        PointCloud,
-        Poses,
-        Project,
-        Skeleton,
-        StageReport,
-        Topology,
-        Trajectories,
-    )
-    from skelgen.model.filled import Filled
-    from skelgen.model.rig import CaptureSettings
-    from skelgen.progress import Monitor, SilentMonitor
-    from skelgen.simulation import simulate
-    from skelgen.stages.labels import Tracker
+    from skelgen.app.batch.work import Job as Job
+    from skelgen.app.constraints import RunOptions as RunOptions
+    from skelgen.app.face import apply_subject as apply_subject
+    from skelgen.app.face import calibrate_together as calibrate_together
+    from skelgen.app.face import correct as correct
+    from skelgen.app.face import evaluate as evaluate
+    from skelgen.app.face import fill as fill
+    from skelgen.app.face import load as load
+    from skelgen.app.face import read as read
+    from skelgen.app.face import reconstruct as reconstruct
+    from skelgen.app.face import run_batch as run_batch
+    from skelgen.app.face import write as write
+    from skelgen.capture.live import MotionCapture as MotionCapture
+    from skelgen.capture.simulated_rig import simulated_rig as simulated_rig
+    from skelgen.errors import Cancelled as Cancelled
+    from skelgen.errors import CaptureError as CaptureError
+    from skelgen.errors import FormatError as FormatError
+    from skelgen.errors import InputError as InputError
+    from skelgen.errors import KernelError as KernelError
+    from skelgen.errors import MissingPackageError as MissingPackageError
+    from skelgen.errors import MissingResultError as MissingResultError
+    from skelgen.errors import ParameterError as ParameterError
+    from skelgen.errors import SkelgenError as SkelgenError
+    from skelgen.errors import WriteError as WriteError
+    from skelgen.kinematics import LiveSkeleton as LiveSkeleton
+    from skelgen.model import Identities as Identities
+    from skelgen.model import Identity as Identity
+    from skelgen.model import Joint as Joint
+    from skelgen.model import Labelling as Labelling
+    from skelgen.model import Limbs as Limbs
+    from skelgen.model import Motion as Motion
+    from skelgen.model import PointCloud as PointCloud
+    from skelgen.model import Poses as Poses
+    from skelgen.model import Project as Project
+    from skelgen.model import Skeleton as Skeleton
+    from skelgen.model import StageReport as StageReport
+    from skelgen.model import Topology as Topology
+    from skelgen.model import Trajectories as Trajectories
+    from skelgen.model.filled import Filled as Filled
+    from skelgen.model.rig import CaptureSettings as CaptureSettings
+    from skelgen.progress import Monitor as Monitor
+    from skelgen.progress import SilentMonitor as SilentMonitor
+    from skelgen.simulation import simulate as simulate
+    from skelgen.stages.labels import Tracker as Tracker
 
 __version__ = "0.1.0"
 
 _NAMES = {
-    "skelgen.app.face": (
-        "read",
-        "load",
-        "write",
-        "reconstruct",
-        "apply_subject",
-        "calibrate_together",
-        "correct",
-        "fill",
-        "evaluate",
-        "run_batch",
-    ),
-    "skelgen.simulation": ("simulate",),
-    "skelgen.app.constraints": ("RunOptions",),
-    "skelgen.app.batch.work": ("Job",),
-    "skelgen.stages.labels": ("Tracker",),
-    "skelgen.kinematics": ("LiveSkeleton",),
-    "skelgen.capture.live": ("MotionCapture",),
-    "skelgen.capture.simulated_rig": ("simulated_rig",),
-    "skelgen.model": (
-        "PointCloud",
-        "Trajectories",
-        "Poses",
-        "Identities",
-        "Identity",
-        "Labelling",
-        "Limbs",
-        "Topology",
-        "Skeleton",
-        "Joint",
-        "Motion",
-        "Project",
-        "StageReport",
-    ),
-    "skelgen.model.filled": ("Filled",),
-    "skelgen.model.rig": ("CaptureSettings",),
-    "skelgen.progress": ("Monitor", "SilentMonitor"),
-    "skelgen.errors": (
-        "SkelgenError",
-        "FormatError",
-        "InputError",
-        "ParameterError",
-        "MissingResultError",
-        "MissingPackageError",
-        "KernelError",
-        "WriteError",
-        "CaptureError",
-        "Cancelled",
-    ),
+    "skelgen.app.face": "read load write reconstruct apply_subject calibrate_together correct fill evaluate run_batch",
+    "skelgen.simulation": "simulate",
+    "skelgen.app.constraints": "RunOptions",
+    "skelgen.app.batch.work": "Job",
+    "skelgen.stages.labels": "Tracker",
+    "skelgen.kinematics": "LiveSkeleton",
+    "skelgen.capture.live": "MotionCapture",
+    "skelgen.capture.simulated_rig": "simulated_rig",
+    "skelgen.model": "PointCloud Trajectories Poses Identities Identity Labelling Limbs Topology Skeleton Joint Motion "
+    "Project StageReport",
+    "skelgen.model.filled": "Filled",
+    "skelgen.model.rig": "CaptureSettings",
+    "skelgen.progress": "Monitor SilentMonitor",
+    "skelgen.errors": "SkelgenError FormatError InputError ParameterError MissingResultError MissingPackageError "
+    "KernelError WriteError CaptureError Cancelled",
 }
 """Public names by the module that defines them, in the order in which the reference shows them."""
 
-_HOMES = {name: module for module, names in _NAMES.items() for name in names}
+_HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-__all__ = [
-    "Cancelled",
-    "CaptureError",
-    "CaptureSettings",
-    "Filled",
-    "FormatError",
-    "Identities",
-    "Identity",
-    "InputError",
-    "Job",
-    "Joint",
-    "KernelError",
-    "Labelling",
-    "Limbs",
-    "LiveSkeleton",
-    "MissingPackageError",
-    "MissingResultError",
-    "Monitor",
-    "Motion",
-    "MotionCapture",
-    "ParameterError",
-    "PointCloud",
-    "Poses",
-    "Project",
-    "RunOptions",
-    "SilentMonitor",
-    "Skeleton",
-    "SkelgenError",
-    "StageReport",
-    "Topology",
-    "Tracker",
-    "Trajectories",
-    "WriteError",
-    "apply_subject",
-    "calibrate_together",
-    "correct",
-    "evaluate",
-    "fill",
-    "load",
-    "read",
-    "reconstruct",
-    "run_batch",
-    "simulate",
-    "simulated_rig",
-    "write",
-]
+__all__ = [*_HOMES]  # noqa: PLE0604 - texts, as the line above makes them
 
 
 def __getattr__(name: str) -> Any:

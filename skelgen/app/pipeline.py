@@ -10,7 +10,7 @@ from skelgen._kernels import announce_compiling
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.inputs import check_take
-from skelgen.app.stages import PIPELINE, Stage
+from skelgen.app.stages import PIPELINE, Stage, with_result
 from skelgen.errors import InputError, MissingResultError
 from skelgen.model import Project, StageReport
 from skelgen.model.project import STAGES
@@ -91,7 +91,7 @@ def _run(stage: Stage, project: Project, settings: Settings, options: RunOptions
     else:
         notices = (*options.notices(stage.name), *collecting.notices)
         report = StageReport(settings.of(stage.name).as_mapping(), seconds, notices)
-    return result.added_to(project, report)
+    return with_result(project, result, report)
 
 
 def _stages_between(project: Project, from_stage: str | None, until_stage: str | None) -> tuple[Stage, ...]:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, cast
+from typing import cast
 
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions, joint_constraints, joint_types, limb_constraints, stated_number
@@ -32,23 +32,12 @@ from skelgen.model import (
 from skelgen.progress import Monitor
 
 
-class StageResult(Protocol):
-    """What a stage has found."""
-
-    def added_to(self, project: Project, report: StageReport) -> Project:
-        """Return the project with this result, without what later stages have computed from another one."""
-
-
 @dataclass(frozen=True, eq=False)
 class LabelResult:
     """Labelled markers, and how sure their labels are; the latter is None for bodies with orientation."""
 
     trajectories: Trajectories
     labelling: Labelling | None
-
-    def added_to(self, project: Project, report: StageReport) -> Project:
-        """Return the project with these labels."""
-        return project.with_trajectories(self.trajectories, report, self.labelling)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +46,12 @@ class LimbResult:
 
     limbs: Limbs
 
-    def added_to(self, project: Project, report: StageReport) -> Project:
-        """Return the project with these limbs."""
-        return project.with_limbs(self.limbs, report)
-
 
 @dataclass(frozen=True, eq=False)
 class JointResult:
     """The tree of limbs with raw joints."""
 
     topology: Topology
-
-    def added_to(self, project: Project, report: StageReport) -> Project:
-        """Return the project with this tree."""
-        return project.with_topology(self.topology, report)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +61,31 @@ class SkeletonResult:
     skeleton: Skeleton
     motion: Motion
 
-    def added_to(self, project: Project, report: StageReport) -> Project:
-        """Return the project with this skeleton."""
-        return project.with_skeleton(self.skeleton, self.motion, report)
+
+StageResult = LabelResult | LimbResult | JointResult | SkeletonResult
+
+
+def with_result(project: Project, result: StageResult, report: StageReport) -> Project:
+    """Return a project with the result of a stage, without what later stages have computed from another one.
+
+    Parameters
+    ----------
+    project : Project
+        With the results of all stages before.
+    result : StageResult
+        What the stage has found.
+    report : StageReport
+        How it went.
+    """
+    match result:
+        case LabelResult():
+            return project.with_trajectories(result.trajectories, report, result.labelling)
+        case LimbResult():
+            return project.with_limbs(result.limbs, report)
+        case JointResult():
+            return project.with_topology(result.topology, report)
+        case SkeletonResult():
+            return project.with_skeleton(result.skeleton, result.motion, report)
 
 
 @dataclass(frozen=True)

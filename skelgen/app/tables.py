@@ -61,7 +61,7 @@ def project_tables(project: Project) -> dict[str, Any]:
         tables["loops"] = [f"limb{first}-limb{second}" for first, second in project.topology.loops]
     if project.has("skeleton"):
         tables["angles"] = _angle_rows(project)
-        tables["rings"] = _ring_rows(project)
+        tables["closed_loops"] = _loop_rows(project)
         tables["lengths"] = _length_rows(project)
         tables["residuals"] = _spread(project.motion.residuals)
     return tables
@@ -87,7 +87,7 @@ def _labelling_facts(project: Project) -> Row:
     if labelling.tracklets is not None:
         facts |= {"tracklets": labelling.tracklets.n_tracklets}
     if labelling.classic is not None:
-        facts |= {"seed_markers": labelling.classic.n_markers, "seed_agreement": labelling.classic.share}
+        facts |= {"classic_markers": labelling.classic.n_markers, "classic_agreement": labelling.classic.share}
     return facts
 
 
@@ -154,12 +154,12 @@ def _angle_rows(project: Project) -> list[Row]:
     return rows
 
 
-def _ring_rows(project: Project) -> list[Row]:
-    """One row per ring that was closed."""
+def _loop_rows(project: Project) -> list[Row]:
+    """One row per loop that was closed."""
     gaps = loop_gaps(project.skeleton, project.motion)
     return [
         {
-            "ring": _joint_name(joint),
+            "joint": _joint_name(joint),
             "std_mm": _across(joint, joint.covariance),
             "child_std_mm": _across(joint, joint.covariance_in_child),
             "gap_mm": float(np.sqrt((gap**2).mean())),

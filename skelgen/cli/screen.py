@@ -213,7 +213,7 @@ _TITLES = {
     "limbs": "Limbs",
     "joints": "Joints",
     "angles": "Joint angles",
-    "rings": "Joints that close rings",
+    "closed_loops": "Joints that close loops",
     "lengths": "Lengths between the joints of a limb",
 }
 _SPOKEN = ("not_determined",)  # sentences: they are said as notes while the stages run, and are too long for a column
@@ -251,9 +251,11 @@ def _show_labelling(screen: Screen, facts: Mapping[str, Any]) -> None:
     parts.append(f"{spans} ({100 * facts['doubtful_share']:.2g} % of the positions)")
     if "left_out" in facts:
         parts.append(f"{facts['left_out']} points left out ({100 * facts['left_out_share']:.2g} %)")
-    if "seed_markers" in facts:
-        agreement = 100 * facts["seed_agreement"]
-        parts.append(f"the classic method finds {facts['seed_markers']} and agrees in {agreement:.1f} % of the points")
+    if "classic_markers" in facts:
+        agreement = 100 * facts["classic_agreement"]
+        parts.append(
+            f"the classic method finds {facts['classic_markers']} and agrees in {agreement:.1f} % of the points"
+        )
     screen.say(f"labels: {'; '.join(parts)}")
     for sentence in facts["advice"]:
         screen.say(f"  try: {sentence}")

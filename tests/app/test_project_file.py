@@ -91,6 +91,47 @@ def test_files_from_before_all_deviations_were_stated_are_read(saved, tmp_path):
     json.dumps(summary(older), allow_nan=False)
 
 
+FIELDS_OF_0_1_0 = {
+    "Trajectories": "name names notices positions rate",
+    "PointCloud": "attributes frame_starts name notices points times",
+    "Correction": "first_frame kind last_frame names places value",
+    "Place": "frame position",
+    "Labelling": "confidence doubts findings left_out seed_method tracklets twins",
+    "Tracklets": "first last marker n_points track",
+    "Agreement": "method n_markers n_points share",
+    "Doubt": "marker first_frame last_frame kind rival confidence reason",
+    "Finding": "kind names first_frame last_frame evidence outcome",
+    "Limbs": "distance_deviation limb_of_marker",
+    "Topology": "alpha joint_costs loops n_iterations parents raw_joint_positions values",
+    "Skeleton": "joints length_std limb_of_marker loops marker_noise marker_offsets marker_std offset_std parents "
+    "reference_pose",
+    "Joint": "axis axis_std child covariance covariance_in_child kind parent position_in_child position_in_parent "
+    "second_axis second_axis_std std turn_covariance",
+    "Motion": "joint_positions joint_std limb_seen marker_positions rate residuals world_from_limb",
+}
+"""What version 0.1.0 wrote of every value, by its type."""
+
+
+def as_0_1_0(data):
+    """The structure of a project file with the fields of 0.1.0 alone, under their names of then."""
+    if isinstance(data, list):
+        return [as_0_1_0(item) for item in data]
+    if not isinstance(data, dict):
+        return data
+    if set(data) == {"type", "fields"}:
+        fields = FIELDS_OF_0_1_0[data["type"]].split()
+        return {"type": data["type"], "fields": {name: as_0_1_0(data["fields"][name]) for name in fields}}
+    return {key: as_0_1_0(item) for key, item in data.items()}
+
+
+def test_files_of_version_0_1_0_are_read(judged, tmp_path):
+    with zipfile.ZipFile(save_project(judged, tmp_path / "j.skelgen")) as archive:
+        structure = as_0_1_0(json.loads(archive.read("project.json")))
+    assert structure["version"] == 2
+    older = with_member(tmp_path / "j.skelgen", "project.json", json.dumps(structure), tmp_path / "old.skelgen")
+    assert values_of(open_project(older)) == values_of(judged)
+
+
 def test_how_sure_labels_are_comes_back_bit_for_bit(judged, tmp_path):
     assert values_of(open_project(save_project(judged, tmp_path / "j.skelgen"))) == values_of(judged)
 

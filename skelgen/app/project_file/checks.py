@@ -77,7 +77,7 @@ def _check_indices(skeleton: Skeleton) -> None:
     if any(joint.parent != skeleton.parents[joint.child] for joint in skeleton.joints):
         raise InputError("a joint's parent is not the parent of its limb")
     if any(not 0 <= limb < skeleton.n_limbs for joint in skeleton.loops for limb in (joint.parent, joint.child)):
-        raise InputError("a joint that closes a ring names a limb that does not exist")
+        raise InputError("a joint that closes a loop names a limb that does not exist")
 
 
 def with_saved(project: Project, saved: Project, stage: str) -> Project:
