@@ -177,23 +177,23 @@ class CentralViews(QStackedWidget):
 
     Parameters
     ----------
-    usual : QWidget
+    take_views : QWidget
         The views of the take.
     window : QMainWindow
         Whose docks make room; that of the pages stays.
     """
 
-    def __init__(self, usual: QWidget, window: QMainWindow) -> None:
+    def __init__(self, take_views: QWidget, window: QMainWindow) -> None:
         super().__init__(window)
-        self._usual, self._window = usual, window
+        self._take_views, self._window = take_views, window
         self._layout: QByteArray | None = None
-        self.addWidget(usual)
+        self.addWidget(take_views)
 
     def show_view(self, view: QWidget | None) -> None:
         """Show the view of a page; None shows those of the take."""
         if view is not None and self.indexOf(view) < 0:
             self.addWidget(view)
-        self.setCurrentWidget(view or self._usual)
+        self.setCurrentWidget(view or self._take_views)
         if view is not None and self._layout is None:
             self._make_room()
         elif view is None and self._layout is not None:

@@ -5,10 +5,8 @@ It only puts parts together: pages come from their table, commands from theirs, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QCoreApplication, QPoint, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
@@ -17,13 +15,15 @@ from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QTab
 from skelgen.model import Project
 from skelgen_gui.diagrams.graph_view import GraphView
 from skelgen_gui.diagrams.matrix_view import MatrixView
+from skelgen_gui.model.cameras import up_axis
 from skelgen_gui.model.scene import Scene
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.translation import translate_with
+from skelgen_gui.model.view_state import ViewState
 from skelgen_gui.page_stack import CentralViews, PageStack
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
 from skelgen_gui.preloading import Preloading
-from skelgen_gui.project.cameras import VIEW, Cameras
+from skelgen_gui.project.cameras import Cameras
 from skelgen_gui.project.corrections import CorrectionActions, CorrectionList
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.file_actions import FileActions
@@ -112,15 +112,10 @@ class Window(QMainWindow):
             self.autosave.end()
         self._rest()
 
-    def view_state(self) -> Mapping[str, Any]:
+    def view_state(self) -> ViewState:
         """Return what the window shows and its forms hold, for the project file."""
-        return {
-            "page": self.pages.current.key,
-            "frame": self.session.frame,
-            "forms": self.runner.as_view(),
-            "tab": self.tabs.currentIndex(),
-            VIEW: self.cameras.as_view(),
-        }
+        page, tab, frame = self.pages.current.key, self.tabs.currentIndex(), self.session.frame
+        return ViewState(page, tab, frame, self.runner.entered, self.cameras.shown)
 
     def _context(self) -> Context:
         return Context(
@@ -199,19 +194,19 @@ class Window(QMainWindow):
 
     def _show_opened(self, project: Project) -> None:
         """Show an opened project as it was left."""
-        self.runner.begin_with(project.view.get("forms", {}))
-        self.cameras.begin_with(project)
+        state = ViewState.of(project)
+        self.runner.begin_with(state.forms)
+        self.cameras.begin_with(project, state.cameras)
         keys = [entry.key for entry in self.pages.entries]
-        page = str(project.view.get("page", ""))
-        self.pages.page(page if page in keys else keys[min(self.pages.home + 1, len(keys) - 1)])
-        self.tabs.setCurrentIndex(int(project.view.get("tab", 0)))
-        self.session.show_frame(int(project.view.get("frame", 0)))
+        self.pages.page(state.page if state.page in keys else keys[min(self.pages.home + 1, len(keys) - 1)])
+        self.tabs.setCurrentIndex(state.tab)
+        self.session.show_frame(state.frame)
         self.view3d.fit_take()
 
     def _show_cameras(self) -> None:
-        project = self.session.project
-        frustums = self.cameras.frustums(None if project is None else Scene(project).usual)
-        self.view3d.show_cameras(frustums, self.cameras.up)
+        project, cameras = self.session.project, self.cameras.shown
+        points = None if project is None else Scene(project).inliers
+        self.view3d.show_cameras([camera.lines_to(points) for camera in cameras], up_axis(cameras))
 
     def _show_view(self, key: str) -> None:
         """Give the middle to the view of a page, if it brings one."""

@@ -13,9 +13,9 @@ from PySide6.QtWidgets import QWidget
 from skelgen.app.capture_jobs.messages import NO_BODY, FoundInSpace
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import StereoRig
+from skelgen_gui.model.cameras import DEPTH, cameras_of
 from skelgen_gui.model.picture import Canvas
 from skelgen_gui.model.viewpoint import Viewpoint
-from skelgen_gui.project.cameras import DEPTH, cameras_of
 from skelgen_gui.view3d.colours import Colours
 from skelgen_gui.view3d.orbit import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
 from skelgen_gui.view3d.painting import paint_background

@@ -115,8 +115,8 @@ class ViewCamera:
     def look_home(self) -> None:
         """Lay the floor, and look at all of the take from obliquely before it."""
         scene = self.scene
-        is_seen = scene is not None and len(scene.usual) > 0
-        self.floor = find_floor(scene.sample, scene.usual, scene.size, self.up) if scene and is_seen else None
+        is_seen = scene is not None and len(scene.inliers) > 0
+        self.floor = find_floor(scene.sample, scene.inliers, scene.size, self.up) if scene and is_seen else None
         self.move(Viewpoint(azimuth=self._front + HOME[0], elevation=HOME[1], up=self.up))
         self.fit_take()
         self.is_home = True
@@ -136,7 +136,7 @@ class ViewCamera:
     def fit_take(self) -> None:
         """Fit where all of the take happens, with the cameras that see it."""
         if self.scene is not None:
-            self._fit(np.concatenate([self.scene.usual, self._cameras]))
+            self._fit(np.concatenate([self.scene.inliers, self._cameras]))
 
     def fit_frame(self, frame: int, markers: set[int]) -> None:
         """Fit some markers in a frame, or all that is there.
@@ -152,7 +152,7 @@ class ViewCamera:
             return
         self.follow(None if self._anchor is None else frame)
         snapshot = self.scene.at(frame)
-        everything = np.concatenate([snapshot.markers, snapshot.loose, snapshot.joints])
+        everything = np.concatenate([snapshot.markers, snapshot.unlabelled, snapshot.joints])
         self._fit(snapshot.markers[sorted(markers)] if markers else everything)
 
     @property

@@ -54,22 +54,22 @@ class Floor:
         return dropped
 
 
-def find_floor(sample: Floats, usual: Floats, size: float, up: int) -> Floor:
+def find_floor(sample: Floats, inliers: Floats, size: float, up: int) -> Floor:
     """Lay a floor beneath a take.
 
     Parameters
     ----------
     sample : ndarray, shape (n_frames, n, 3), mm
         Positions in some frames, NaN where unseen; at least one is seen.
-    usual : ndarray, shape (n, 3), mm
-        The same without strays; at least one.
+    inliers : ndarray, shape (n, 3), mm
+        The same without outliers; at least one.
     size : float, mm
         Extent of what is seen in a frame.
     up : int
         The axis that points up, or with `DOWN` added down.
     """
     level = [axis for axis in range(3) if axis != up % 3]
-    box = np.stack([usual.min(axis=0), usual.max(axis=0)])
+    box = np.stack([inliers.min(axis=0), inliers.max(axis=0)])
     axis = up % 3
     height = sign_of(up) * _height(sign_of(up) * sample[..., axis])
     extent = float((box[1] - box[0])[level].max())
@@ -93,7 +93,7 @@ def round_step(value: float) -> float:
 
 
 def _height(heights: Floats) -> float:
-    """The lowest that is seen, strays apart; 0 where that is little below, as markers sit above the sole."""
+    """The lowest height without outliers; 0 if that is little above 0, as markers sit above the sole."""
     lowest, highest = np.fmin.reduce(heights, axis=1), np.fmax.reduce(heights, axis=1)
     bottom, top = float(np.nanpercentile(lowest, 1)), float(np.nanpercentile(highest, 99))
     return 0.0 if 0.0 <= bottom <= _SOLE * (top - bottom) else bottom

@@ -21,9 +21,9 @@ class Picture:
 
     Attributes
     ----------
-    markers, loose, joints : ndarray, shape (n, 2), px
+    markers, unlabelled, joints : ndarray, shape (n, 2), px
         As in the snapshot.
-    marker_depths, loose_depths, joint_depths, bone_depths : ndarray, shape (n,), mm
+    marker_depths, unlabelled_depths, joint_depths, bone_depths : ndarray, shape (n,), mm
         Distance along the line of sight; of bones, their farther ends', and a little more.
     bones, axes : ndarray, shape (n, 2, 2), px
         Both ends of each line.
@@ -35,8 +35,8 @@ class Picture:
 
     markers: Floats
     marker_depths: Floats
-    loose: Floats
-    loose_depths: Floats
+    unlabelled: Floats
+    unlabelled_depths: Floats
     joints: Floats
     joint_depths: Floats
     bones: Floats
@@ -105,7 +105,7 @@ def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: 
     """
     markers, marker_depths = canvas.project(snapshot.markers)
     markers[~np.where(snapshot.state == State.FILLED, shown.filled, shown.markers)] = np.nan
-    loose, loose_depths = canvas.project(_only(snapshot.loose, shown.markers))
+    unlabelled, unlabelled_depths = canvas.project(_only(snapshot.unlabelled, shown.markers))
     joints, joint_depths = canvas.project(snapshot.joints)
     ellipses = _ellipses(snapshot, canvas, joints, joint_depths, magnification)
     if not shown.uncertainty:
@@ -116,8 +116,8 @@ def take_picture(snapshot: Snapshot, canvas: Canvas, shown: Shown, axis_length: 
     return Picture(
         markers,
         marker_depths,
-        loose,
-        loose_depths,
+        unlabelled,
+        unlabelled_depths,
         joints,
         joint_depths,
         bones,

@@ -75,8 +75,8 @@ SAMPLES = 300
 TRAIL_SAMPLES = 90
 """Points of a trail at most: more would lie within the same pixels."""
 
-_STRAYS = 1.0  # percent of positions on each side that may lie outside the box: ghost points lie anywhere
-_PAD = 0.05  # of the box, so that what strays are not is inside
+_OUTLIERS = 1.0  # percent of positions on each side that may lie outside the box: ghost points lie anywhere
+_PAD = 0.05  # of the box, so that all others are inside
 
 
 _UNCERTAIN_SAMPLES = 20
@@ -109,7 +109,7 @@ class Snapshot:
         Measured positions, or those on the skeleton.
     state : ndarray of intp, shape (n_markers,)
         A `State` for each.
-    loose : ndarray, shape (n_points, 3)
+    unlabelled : ndarray, shape (n_points, 3)
         All points of an unlabelled take, those of markers included; bodies before the first stage.
     joints : ndarray, shape (n_joints, 3)
         Joints.
@@ -126,7 +126,7 @@ class Snapshot:
     frame: int
     markers: Floats
     state: Ints
-    loose: Floats
+    unlabelled: Floats
     joints: Floats
     covariances: Floats
     bones: Floats
@@ -178,13 +178,13 @@ class Scene:
         return sample
 
     @cached_property
-    def usual(self) -> Floats:
-        """Positions of the sample without strays, shape (n, 3)."""
+    def inliers(self) -> Floats:
+        """Positions of the sample without outliers, shape (n, 3)."""
         points = self.sample.reshape(-1, 3)
         points = points[~np.isnan(points[:, 0])]
         if not len(points):
             return points
-        low, high = np.percentile(points, [_STRAYS, 100 - _STRAYS], axis=0)
+        low, high = np.percentile(points, [_OUTLIERS, 100 - _OUTLIERS], axis=0)
         pad = _PAD * (high - low)
         return np.asarray(points[((points >= low - pad) & (points <= high + pad)).all(axis=1)])
 

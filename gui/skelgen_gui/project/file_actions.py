@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QAction
@@ -16,6 +14,7 @@ from skelgen.app.files import file_filter, open_input
 from skelgen.app.project_file.archive import SUFFIX, is_project_file, save_project
 from skelgen.model import Project
 from skelgen.progress import Monitor
+from skelgen_gui.model.view_state import ViewState
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.recovery import RecoveryEntry
@@ -36,7 +35,7 @@ class FileActions(QObject):
         Reads and writes.
     preferences : Preferences
         Remembers files.
-    view : callable () -> mapping
+    view_state : callable () -> ViewState
         What the window shows, for the project file.
     report_error : callable (error)
         Shows what went wrong.
@@ -59,13 +58,13 @@ class FileActions(QObject):
         document: Document,
         jobs: Jobs,
         preferences: Preferences,
-        view: Callable[[], Mapping[str, Any]],
+        view_state: Callable[[], ViewState],
         report_error: Callable[[Exception], None],
         window: QWidget,
     ) -> None:
         super().__init__(window)
         self._document, self._jobs, self._preferences = document, jobs, preferences
-        self._view, self._report_error, self._window = view, report_error, window
+        self._view_state, self._report_error, self._window = view_state, report_error, window
 
     @property
     def has_unsaved_work(self) -> bool:
@@ -172,7 +171,7 @@ class FileActions(QObject):
         project = self._document.session.project
         if project is None:
             return
-        shown = replace(project, view=dict(self._view()))
+        shown = self._view_state().kept_in(project)
         embed = self._preferences.values.embed
 
         def work(monitor: Monitor) -> Path:

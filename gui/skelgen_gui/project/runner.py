@@ -73,14 +73,15 @@ class Runner(QObject):
             return project.reports[stage].parameters
         return self._values.get(stage, {})
 
-    def begin_with(self, view: Mapping[str, Mapping[str, Any]]) -> None:
-        """Forget what the forms held, and take over what another project keeps of its own, as `as_view` gave it."""
-        self._values = {stage: dict(values) for stage, values in view.items()}
-        self.values_changed.emit()
+    @property
+    def entered(self) -> Mapping[str, Mapping[str, Any]]:
+        """Parameters that were entered in forms, by stage and name."""
+        return self._values
 
-    def as_view(self) -> dict[str, Any]:
-        """Return what the forms hold, for the project file."""
-        return {stage: dict(values) for stage, values in self._values.items()}
+    def begin_with(self, values: Mapping[str, Mapping[str, Any]]) -> None:
+        """Forget what was entered, and take over the parameters that another project keeps, by stage and name."""
+        self._values = dict(values)
+        self.values_changed.emit()
 
     def run(self, stage: str) -> None:
         """Run one stage, and those before it that are missing."""

@@ -19,9 +19,9 @@ from skelgen_gui.view3d.sprites import Sprites, Style
 from skelgen_gui.widgets.painting import draw_lines, draw_points
 
 MARKER_RADIUS = 5.0
-"""Pixels, of a marker as deep as the target, where what is seen in a frame takes `USUAL_SIZE`."""
+"""Pixels, of a marker as deep as the target, where what is seen in a frame takes `TYPICAL_SIZE`."""
 
-USUAL_SIZE = 480.0
+TYPICAL_SIZE = 480.0
 """Pixels; on smaller and larger pictures markers are smaller and larger."""
 
 _SIZES = (0.55, 1.5)  # bounds of that growth
@@ -97,7 +97,7 @@ def marker_radius(canvas: Canvas, size: float) -> float:
     size : float, mm
         Extent of what is seen.
     """
-    growth = canvas.viewpoint.scale(canvas.height) * size / USUAL_SIZE
+    growth = canvas.viewpoint.scale(canvas.height) * size / TYPICAL_SIZE
     return MARKER_RADIUS * min(max(growth, _SIZES[0]), _SIZES[1])
 
 
@@ -121,7 +121,7 @@ def paint_shadows(painter: QPainter, snapshot: Snapshot, floor: Floor, canvas: C
     bones, _ = canvas.project(floor.below(snapshot.bones))
     painter.setPen(QPen(shade, 0.7 * brushes.radius, _SOLID, _CAP))
     draw_lines(painter, _known(bones))
-    points, _ = canvas.project(floor.below(np.concatenate([snapshot.markers, snapshot.loose])))
+    points, _ = canvas.project(floor.below(np.concatenate([snapshot.markers, snapshot.unlabelled])))
     painter.setPen(QPen(shade, brushes.radius, _SOLID, _CAP))
     draw_points(painter, _known(points))
 
@@ -178,7 +178,7 @@ def paint_left_out(painter: QPainter, picture: Picture, brushes: Brushes) -> Non
         Colours and sizes.
     """
     painter.setPen(QPen(brushes.inks.limb(-1, 0), _LEFT_OUT * brushes.radius, _SOLID, _CAP))
-    draw_points(painter, _known(picture.loose))
+    draw_points(painter, _known(picture.unlabelled))
 
 
 def paint_points(painter: QPainter, figure: Figure) -> None:
@@ -192,9 +192,9 @@ def paint_points(painter: QPainter, figure: Figure) -> None:
         What is painted.
     """
     scene, picture, brushes = figure.scene, figure.picture, figure.brushes
-    known = np.flatnonzero(~np.isnan(picture.loose[:, 0]))
-    order = known[np.argsort(-picture.loose_depths[known], kind="stable")]
-    depths, places = picture.loose_depths[order], picture.loose[order].tolist()
+    known = np.flatnonzero(~np.isnan(picture.unlabelled[:, 0]))
+    order = known[np.argsort(-picture.unlabelled_depths[known], kind="stable")]
+    depths, places = picture.unlabelled_depths[order], picture.unlabelled[order].tolist()
     for place, depth, fog in zip(places, depths.tolist(), _fogs(depths, scene.size), strict=True):
         brushes.sprites.draw(painter, place, brushes.radius_at(depth), Style.BALL, brushes.inks.limb(-1, fog))
 

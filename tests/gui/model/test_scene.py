@@ -31,7 +31,7 @@ def picture(scene):
 
 
 def picture_of(scene, shown):
-    viewpoint = Viewpoint(azimuth=0.5, elevation=0.2).fitted(scene.usual, 900, 700)
+    viewpoint = Viewpoint(azimuth=0.5, elevation=0.2).fitted(scene.inliers, 900, 700)
     return take_picture(scene.at(20), Canvas(viewpoint, 900, 700), shown, 50.0, 20)
 
 
@@ -67,9 +67,9 @@ def test_before_the_first_stage_points_are_loose_and_markers_have_no_limb(walked
     assert not (labelled.at(0).state == State.FILLED).any()
     cloud = Scene(Project(PointCloud(np.arange(9.0).reshape(3, 3), np.array([0, 2, 3]), np.array([0.0, 0.01]))))
     assert cloud.n_markers == 0
-    assert cloud.at(0).loose.shape == (2, 3)
+    assert cloud.at(0).unlabelled.shape == (2, 3)
     bodies = Scene(Project(Poses(np.broadcast_to(np.eye(4), (3, 2, 4, 4)), ("left", "right"), 100.0)))
-    assert bodies.at(0).loose.shape == (2, 3)
+    assert bodies.at(0).unlabelled.shape == (2, 3)
 
 
 def test_variances_are_those_of_the_motion_or_else_turn_with_the_parents(walked):
@@ -168,11 +168,11 @@ def test_the_axis_that_points_up_is_found(walked):
 
 
 def test_the_floor_lies_below_what_is_seen_and_reaches_beyond_it(scene):
-    floor = find_floor(scene.sample, scene.usual, scene.size, scene.up)
+    floor = find_floor(scene.sample, scene.inliers, scene.size, scene.up)
     corners = floor.lines.reshape(-1, 3)
     assert floor.height <= np.nanpercentile(scene.sample[..., 2], 1)
-    assert (corners[:, :2].min(axis=0) < scene.usual[:, :2].min(axis=0)).all()
-    assert (corners[:, :2].max(axis=0) > scene.usual[:, :2].max(axis=0)).all()
+    assert (corners[:, :2].min(axis=0) < scene.inliers[:, :2].min(axis=0)).all()
+    assert (corners[:, :2].max(axis=0) > scene.inliers[:, :2].max(axis=0)).all()
     assert np.linalg.norm(floor.lines[:, 1] - floor.lines[:, 0], axis=1) == pytest.approx(floor.spacing)
 
 
@@ -235,7 +235,7 @@ def test_a_rectangle_holds_exactly_the_markers_that_are_drawn_in_it(picture):
 def test_an_ellipsoid_of_equal_deviations_is_drawn_as_a_circle_of_their_size(scene):
     snapshot = scene.at(20)
     round_one = replace(snapshot, covariances=np.broadcast_to(4.0 * np.eye(3), snapshot.covariances.shape))
-    viewpoint = Viewpoint(azimuth=0.5, elevation=0.2).fitted(scene.usual, 900, 700)
+    viewpoint = Viewpoint(azimuth=0.5, elevation=0.2).fitted(scene.inliers, 900, 700)
     picture = take_picture(round_one, Canvas(viewpoint, 900, 700), Shown(), 50.0, magnification=10)
     radii = np.linalg.norm(picture.ellipses[:, 0] - picture.joints[:, np.newaxis], axis=2)
     wanted = 10 * 2.0 * viewpoint.focal(700) / picture.joint_depths
@@ -244,15 +244,15 @@ def test_an_ellipsoid_of_equal_deviations_is_drawn_as_a_circle_of_their_size(sce
 
 def test_a_take_in_which_nothing_is_seen_has_no_size():
     unseen = Scene(Project(Trajectories(np.full((5, 2, 3), np.nan), ("a", "b"), 100.0)))
-    assert len(unseen.usual) == 0
+    assert len(unseen.inliers) == 0
     assert unseen.size == 0.0
     assert np.isnan(unseen.middle(0)).all()
 
 
 def test_the_floor_of_an_axis_that_points_down_lies_where_that_is_largest(scene):
     turn = np.diag([1.0, -1.0, -1.0])
-    above = find_floor(scene.sample, scene.usual, scene.size, 2)
-    below = find_floor(scene.sample @ turn, scene.usual @ turn, scene.size, 2 + DOWN)
+    above = find_floor(scene.sample, scene.inliers, scene.size, 2)
+    below = find_floor(scene.sample @ turn, scene.inliers @ turn, scene.size, 2 + DOWN)
     assert below.height == pytest.approx(-above.height)
     assert below.spacing == above.spacing
     assert below.below(np.zeros((1, 3)))[0, 2] == pytest.approx(below.height)

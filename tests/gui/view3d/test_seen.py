@@ -175,7 +175,7 @@ def test_cameras_say_which_axis_points_down_until_somebody_says_otherwise(view, 
     view.show_cameras([camera], DOWN + 1)
     assert view.up == DOWN + 1
     canvas = view._camera.canvas_at(0)
-    places, _ = canvas.project(np.concatenate([camera.reshape(-1, 3), view._camera.scene.usual]))
+    places, _ = canvas.project(np.concatenate([camera.reshape(-1, 3), view._camera.scene.inliers]))
     assert (places > 0).all()
     assert (places < (canvas.width, canvas.height)).all()
     view.set_shown(replace(eye.BARE, up=2))

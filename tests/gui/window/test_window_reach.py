@@ -91,5 +91,5 @@ def test_a_page_that_the_table_adds_is_shown_and_kept(qtbot, tmp_path, monkeypat
     window = Window(preferences, entries, tmp_path / "recovery")
     qtbot.addWidget(window)
     assert window.pages.page("own").text() == "here"
-    assert window.view_state()["page"] == "own"
+    assert window.view_state().page == "own"
     assert made[0].session is window.session
