@@ -11,21 +11,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
 from skelgen._kernels import marker_steps as kernels
-from skelgen._kernels.marker_steps import LINE_FRAMES
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Finding
 from skelgen.stages.repair.exchange_evidence import N_NEIGHBOURS, neighbours_of
-from skelgen.stages.repair.leaps import COMMON, leaps
-
-N_MATES = 5
-"""Markers, those at the steadiest distance, against which a place is measured."""
+from skelgen.stages.repair.slip_evidence import PlaceOnLimb, is_lasting, jump_frames, leaps, significance
 
 NEAREST = 12
 """Markers among which mates are looked for."""
@@ -33,8 +28,6 @@ NEAREST = 12
 LEAST_SIZE = 4.0
 """mm; smaller changes are no slips, however exact the take."""
 
-AT_FIRST, LATER, LARGEST_GAIN = 0.4, 0.15, 2.5
-"""Parts of the step that distances must show in the frame, and later, when skin has moved; and the largest part."""
 
 SURE, SURE_GAIN = 4.0, 0.5
 """A slip is sure if the step exceeds this many standard deviations of what distances vary, and if distances show at
@@ -46,29 +39,13 @@ VARIES = 2.0
 CORROBORATED = 4.0
 """Standard deviations by which distances must change as the marker's own step demands."""
 
-GLITCH_FRAMES = 4
-"""Frames after which an error of the tracker is over, but not a slip."""
-
-LASTING_PARTS = (0.1, 0.25, 0.5, 1.0)
-"""Parts of the least time of a slip over which means before and after are compared."""
 
 NAMED_MATES = 3
 """Mates that are named to the user."""
 
-MEDIAN_LENGTH = 1.538
-"""Median length of a vector whose three coordinates are standard normal."""
-
-LARGEST = 0.5
-"""Of the typical distance to the mates: a larger jump is a wrong label, not a slip."""
 
 ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 1.7, 1.3
 """How many times the step between lines, and that of the single frame, must exceed what is `COMMON`."""
-
-LEAST_DEVIATION = 0.05
-"""mm; least deviation of distances, however exact the take."""
-
-MOST_CANDIDATES = 20
-"""Frames that are examined for each marker; if there are more, none stands out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +142,7 @@ def find_slips(trajectories: Trajectories, seconds: float = 1.0, factor: float =
         beside = near[marker, 1 : N_NEIGHBOURS + 1]
         seen = kernels.relative_steps(steps, marker, beside)
         seen[np.isnan(seen)] = 0.0
-        place = _Place(positions, marker, near[marker, 1:], seen, window)
+        place = PlaceOnLimb(positions, marker, near[marker, 1:], seen, window)
         found += _slips_of(names, marker, place, seen, factor)
         found += _leaps_of(names, marker, seen, partial(_pace, positions, marker, beside), place, window)
     return _one_of_each(found, near, window)
@@ -225,84 +202,21 @@ def new_names(names: Iterable[str], slips: Iterable[Slip]) -> dict[Slip, str]:
     return found
 
 
-class _Place:
-    """Distances of one marker to its mates, how they change from before each frame to after it, and its own step."""
-
-    def __init__(self, positions: Floats, marker: int, near: Ints, seen: Floats, window: int) -> None:
-        lengths = kernels.lengths(positions, marker, near)
-        spread = _spread(kernels.changes(lengths, window, 0))
-        chosen = np.argsort(spread, kind="stable")[:N_MATES]
-        chosen = chosen[np.isfinite(spread[chosen])]
-        self.mates, self.spread, self.window = near[chosen], spread[chosen], window
-        self.lengths: Floats = np.take(lengths, chosen, axis=1)
-        self.sudden: Floats = kernels.jumps(self.lengths)
-        self._positions, self._marker = positions, marker
-        self.step = self._fitted(seen) if len(chosen) else seen
-
-    @cached_property
-    def at_once(self) -> Floats:
-        """Changes of the distances from the frame before, shape (n_frames, n_mates)."""
-        return np.diff(self.lengths, axis=0, prepend=np.nan)
-
-    @cached_property
-    def later(self) -> list[Floats]:
-        """Changes of the distances between means before and some later, over shorter and longer times."""
-        windows = [max(round(part * self.window), 2) for part in LASTING_PARTS]
-        return [kernels.changes(self.lengths, window, GLITCH_FRAMES) for window in windows]
-
-    @cached_property
-    def largest(self) -> float:
-        """Largest step [mm] that may be a slip."""
-        known = self.lengths[~np.isnan(self.lengths)]
-        return LARGEST * float(np.median(known)) if len(known) else 0.0
-
-    def _fitted(self, seen: Floats) -> Floats:
-        """Step of the marker [mm], shape (n_frames, 3), from those of its distances and from that seen in space.
-
-        Least squares, weighted by how much either varies in the take: of a fast movement distances tell more, and
-        across the plane of few mates only the step in space does.
-        """
-        weights = 1.0 / _spread(self.sudden) ** 2
-        direct = 1.0 / float(_spread(np.linalg.norm(seen, axis=1, keepdims=True))[0]) ** 2
-        steps: Floats = kernels.fitted_steps(
-            self._positions, self._marker, self.mates, self.sudden, weights, seen, direct
-        )
-        return steps
-
-    def weights(self, frame: int) -> Floats:
-        """How much each mate's distance tells of the step in a frame, shape (n_mates,)."""
-        away = self._positions[frame, self._marker] - self._positions[frame, self.mates]
-        with np.errstate(invalid="ignore"):  # markers in one place have no direction
-            along = away @ self.step[frame] / self.lengths[frame]
-        return np.asarray(np.nan_to_num(along) / self.spread**2)
-
-    def gains(self, frame: int, weights: Floats) -> Floats:
-        """Changes of distances as parts of what the step demands: lines, one frame, and later ones."""
-        expected = max(float((weights**2 * self.spread**2).sum()), np.finfo(float).tiny)
-        parts = (self.sudden, self.at_once, *self.later)
-        return np.array([_weighted(part, weights)[frame] for part in parts]) / expected
-
-    def variations(self, weights: Floats) -> float:
-        """The step in standard deviations of what distances vary between later and earlier means."""
-        usual = float(_spread(_weighted(self.later[-1], weights)[:, np.newaxis])[0])
-        return float((weights**2 * self.spread**2).sum()) / usual
-
-
-def _slips_of(names: tuple[str, ...], marker: int, place: _Place, seen: Floats, factor: float) -> list[_Found]:
+def _slips_of(names: tuple[str, ...], marker: int, place: PlaceOnLimb, seen: Floats, factor: float) -> list[_Found]:
     """Step in space [mm] and slip, for all of one marker, of which some may be those of a mate."""
     found: list[_Found] = []
     if len(place.mates) < 2:
         return found
-    for frame in _peaks(place.step, factor):
+    for frame in jump_frames(place.step, factor):
         size, weights = float(np.linalg.norm(place.step[frame])), place.weights(frame)
         if not LEAST_SIZE < size < place.largest or not weights.any():
             continue
         stands_out = min(
-            _standing_out(place.sudden, weights, frame, place.window, ABOVE_COMMON),
-            _standing_out(place.at_once, weights, frame, place.window, ABOVE_COMMON_AT_ONCE),
+            significance(place.sudden, weights, frame, place.window, ABOVE_COMMON),
+            significance(place.at_once, weights, frame, place.window, ABOVE_COMMON_AT_ONCE),
         )
         gains, varies = place.gains(frame, weights), place.variations(weights)
-        if stands_out > CORROBORATED and varies > VARIES and _stays(gains):
+        if stands_out > CORROBORATED and varies > VARIES and is_lasting(gains):
             strongest = np.argsort(-np.abs(weights), kind="stable")[:NAMED_MATES]
             sure = varies > SURE and float(np.nanmin(gains)) > SURE_GAIN
             mates = tuple(names[mate] for mate in place.mates[strongest])
@@ -312,7 +226,7 @@ def _slips_of(names: tuple[str, ...], marker: int, place: _Place, seen: Floats, 
 
 
 def _leaps_of(
-    names: tuple[str, ...], marker: int, seen: Floats, pace: Callable[[], Floats], place: _Place, window: int
+    names: tuple[str, ...], marker: int, seen: Floats, pace: Callable[[], Floats], place: PlaceOnLimb, window: int
 ) -> list[_Found]:
     """Possible slips that only the marker's own path shows."""
     found = []
@@ -330,48 +244,6 @@ def _pace(positions: Floats, marker: int, beside: Ints) -> Floats:
     return relative
 
 
-def _stays(gains: Floats) -> bool:
-    """Whether a step is as large at once and is still there later, as far as the take goes."""
-    n_first = len(gains) - len(LASTING_PARTS) + 1  # the lines, the frame itself and the shortest means
-    later = gains[n_first:][~np.isnan(gains[n_first:])]
-    enough = (gains[:n_first] > AT_FIRST).all() and (later > LATER).all() and len(later) > 1
-    return bool(enough and np.nanmax(gains) < LARGEST_GAIN)
-
-
-def _peaks(own: Floats, factor: float) -> list[int]:
-    """Frames at which a marker jumps by more than it does elsewhere, the clearest first."""
-    size = np.linalg.norm(own, axis=1)
-    known = size[size > 0]
-    if not len(known):
-        return []
-    usual = max(float(np.median(known)) / MEDIAN_LENGTH, LEAST_DEVIATION)
-    high = np.flatnonzero(size > factor * usual)
-    frames: list[int] = []
-    for frame in high[np.argsort(-size[high], kind="stable")][: LINE_FRAMES * MOST_CANDIDATES].tolist():
-        if len(frames) == MOST_CANDIDATES:
-            break
-        if all(abs(frame - other) > LINE_FRAMES for other in frames):
-            frames.append(frame)
-    return frames
-
-
-def _weighted(measures: Floats, weights: Floats) -> Floats:
-    """Weighted sum of what is known in each frame; NaN where nothing is."""
-    return np.asarray(np.where(np.isnan(measures).all(axis=1), np.nan, np.nan_to_num(measures) @ weights))
-
-
-def _standing_out(measures: Floats, weights: Floats, frame: int, window: int, above: float) -> float:
-    """A weighted sum of changes in standard deviations; 0 where such sums are common in the take."""
-    sums = _weighted(measures, weights)
-    value = float(sums[frame])
-    rest = np.abs(np.concatenate([sums[: max(frame - window, 0)], sums[frame + window :]]))
-    rest = rest[~np.isnan(rest)]
-    if not len(rest) or np.isnan(value) or value < above * np.percentile(rest, COMMON):
-        return 0.0
-    usual = SIGMA_OF_MEDIAN * float(np.median(rest))
-    return value / max(usual, LEAST_DEVIATION * float(np.linalg.norm(weights)))
-
-
 def _one_of_each(slips: list[_Found], near: Ints, window: int) -> tuple[Slip, ...]:
     """Of slips that happen together on markers near each other, that which distances show, and then the farthest."""
     kept: list[Slip] = []
@@ -380,9 +252,3 @@ def _one_of_each(slips: list[_Found], near: Ints, window: int) -> tuple[Slip, ..
         if not any(one.marker == slip.marker or one.marker in near[slip.marker] for one in close):
             kept.append(slip)
     return tuple(sorted(kept, key=lambda slip: (slip.frame, slip.marker)))
-
-
-def _spread(values: Floats) -> Floats:
-    """Robust standard deviation of each column [mm]; infinite where nothing is known."""
-    middle = median_of_known(np.abs(values))
-    return np.maximum(SIGMA_OF_MEDIAN * np.where(np.isnan(middle), np.inf, middle), LEAST_DEVIATION)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.simulation import simulate
-from skelgen.stages.labels.merging.continuity import continuity_evidence
+from skelgen.stages.labels.merging.windows import continuity_evidence
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing

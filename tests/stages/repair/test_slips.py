@@ -9,7 +9,7 @@ import pytest
 
 from skelgen._kernels.marker_steps import changes, jumps
 from skelgen.stages.repair import RepairParameters, find_slips, repair_take, split_slipped
-from skelgen.stages.repair.leaps import leaps
+from skelgen.stages.repair.slip_evidence import leaps
 
 FRAME, SIZE, TOLERANCE = 320, 15.0, 2.0  # mm: lines of eight frames with 0.5 mm noise
 NAME = "head 3"

@@ -19,7 +19,7 @@ import numpy as np
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import Monitor
-from skelgen.stages.labels.merging.leftovers import merge_again
+from skelgen.stages.labels.merging.markers import merge_again
 from skelgen.stages.labels.model_fit.assignment import (
     NewMarkers,
     assign_tracks,

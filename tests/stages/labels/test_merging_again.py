@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skelgen.model import PointCloud
-from skelgen.stages.labels.merging.leftovers import LEAST_POINTS, merge_again, seen_at_once, with_leftovers
+from skelgen.stages.labels.merging.markers import LEAST_POINTS, merge_again, seen_at_once, with_leftovers
 
 N_FRAMES, RATE, SPACING = 400, 100.0, 80.0
 

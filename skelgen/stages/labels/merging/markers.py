@@ -1,0 +1,239 @@
+"""Markers merged with tracks that the skeleton left without one, and across pauses, by their distances.
+
+Where two of a limb's three markers are hidden, its pose is not known, and with it no place for the third; yet its
+distances to what is seen tell it apart. Such a track counts as one more marker, and is merged into the one that it is
+(`likelihood`). What is merged into none stays without a marker.
+
+Nothing that was seen before a pause in which everything vanished was ever seen together with anything after it, so
+distances cannot compare the two sides. A triangle of markers that is rigid on both sides and has the same edges is
+tried as the same three markers; once merged, all others are compared by their distances to these. The trial that
+merges most is accepted if it explains most of the smaller side.
+"""
+
+from __future__ import annotations
+
+import copy
+import itertools
+
+import numpy as np
+
+from skelgen.model import PointCloud
+from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels.merging.likelihood import (
+    SEEN_ENOUGH,
+    DistanceRecord,
+    distance_sums,
+    merge_likely,
+    sample_frames,
+)
+from skelgen.stages.labels.point_labels import (
+    blocks_of,
+    one_point_a_frame,
+    renumbered,
+    sampled_positions,
+    seen_together,
+)
+
+LEAST_POINTS = 8
+"""Frames that a track must last: false points hardly ever do."""
+
+MOST_TRACKS = 400
+"""Tracks that are merged at once, the longest: bounds the work."""
+
+FRAMES_AT_ONCE = 600
+"""Frames whose positions are held at once."""
+
+
+def merge_again(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
+    """Merge markers, and tracks without one, by the likelihood of their distances; each turn knows more of these.
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    track_of_point : ndarray of intp, shape (n_points,)
+        Track of each point, -1 for none.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Markers found so far, -1 for none.
+    rate : float, Hz
+        Frame rate.
+    spacing : float, mm
+        Typical distance of neighbouring markers.
+
+    Returns
+    -------
+    ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none; numbered without holes.
+    """
+    n_markers = int(marker_of_point.max(initial=-1)) + 1
+    extended = with_leftovers(track_of_point, marker_of_point)
+    n_extended = int(extended.max(initial=-1)) + 1
+    frames = sample_frames(rate, 0, cloud.n_frames)
+    sums = np.zeros((3, n_extended, n_extended))
+    for start in range(0, len(frames), FRAMES_AT_ONCE):
+        sums += distance_sums(sampled_positions(cloud, extended, frames[start : start + FRAMES_AT_ONCE]))
+    apart = sums[0] > 0
+    if n_extended > n_markers:  # short tracks may lie between the sampled frames
+        meeting = seen_at_once(cloud, extended, n_extended)
+        meeting[:n_markers, :n_markers] = False
+        apart |= meeting
+    merged = merge_across_pauses(DistanceRecord(sums[0], sums[1], sums[2], apart, spacing))
+    merged[merged >= n_markers] = -1
+    if (merged[:n_markers] == np.arange(n_markers)).all() and (merged[n_markers:] < 0).all():
+        return marker_of_point
+    found = one_point_a_frame(cloud, np.append(merged, -1).astype(np.int32)[extended])
+    return renumbered(found, np.bincount(found[found >= 0], minlength=n_markers) > 0)
+
+
+def with_leftovers(track_of_point: Ints, marker_of_point: Ints) -> Ints:
+    """Give every lasting track of points without a marker a number of its own, behind those of the markers.
+
+    Parameters
+    ----------
+    track_of_point : ndarray of intp, shape (n_points,)
+        Track of each point, -1 for none.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    """
+    free = np.flatnonzero((marker_of_point < 0) & (track_of_point >= 0))
+    tracks, place, counts = np.unique(track_of_point[free], return_inverse=True, return_counts=True)
+    chosen = np.argsort(-counts, kind="stable")[:MOST_TRACKS]
+    chosen = chosen[counts[chosen] >= LEAST_POINTS]
+    number = np.full(len(tracks), -1, dtype=marker_of_point.dtype)
+    number[chosen] = marker_of_point.max(initial=-1) + 1 + np.arange(len(chosen))
+    result = marker_of_point.copy()
+    result[free] = number[place]
+    return result
+
+
+def seen_at_once(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Bools:
+    """Tell which markers are ever seen in one frame, shape (n_markers, n_markers).
+
+    Parameters
+    ----------
+    cloud : PointCloud
+        The take.
+    marker_of_point : ndarray of intp, shape (n_points,)
+        Marker of each point, -1 for none.
+    n_markers : int
+        Number of markers.
+    """
+    together = np.zeros((n_markers, n_markers), dtype=bool)
+    for block in blocks_of(cloud):
+        together |= seen_together(block, marker_of_point[block.points], n_markers) > 0
+    return together
+
+
+LEAST_MARKERS = 4
+"""A smaller group has no marker beyond a triangle to confirm it."""
+
+TRIED = 24
+"""Pairs of triangles that are tried, the most alike first."""
+
+TRIANGLES = 60
+"""Rigid triangles of a group that are compared, the largest first: these distinguish limbs best."""
+
+ALIKE = 4.0
+"""Edges are the same if they differ by less than this many deviations of a rigid distance."""
+
+EXPLAINED = 0.6
+"""Part of the smaller group's markers that must be found in the larger one."""
+
+
+def merge_across_pauses(record: DistanceRecord) -> Ints:
+    """Merge what is likely one marker, also across pauses in which nothing was seen.
+
+    Parameters
+    ----------
+    record : DistanceRecord
+        Distances between tracklets.
+
+    Returns
+    -------
+    ndarray of intp, shape (n,)
+        The tracklet that each became part of.
+    """
+    group = merge_likely(record)
+    while True:
+        sessions = _sessions(record)
+        for other in sessions[1:]:
+            trial = _matched(record, sessions[0], other)
+            if trial is not None:
+                record, joined = trial
+                group = joined[group]
+                break
+        else:
+            return group
+
+
+def _sessions(record: DistanceRecord) -> list[Ints]:
+    """Tracklets that are linked by being seen together, the largest group first."""
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - heavy
+
+    alive = np.flatnonzero(np.diag(record.count) > 0)
+    _, label = connected_components(record.count[np.ix_(alive, alive)] > 0, directed=False)
+    groups = [alive[label == number] for number in range(int(label.max(initial=-1)) + 1)]
+    return sorted((group for group in groups if len(group) >= LEAST_MARKERS), key=len, reverse=True)
+
+
+def _matched(record: DistanceRecord, first: Ints, second: Ints) -> tuple[DistanceRecord, Ints] | None:
+    """Merge two sessions by the pair of triangles that explains most; None if none explains enough."""
+    best: tuple[int, DistanceRecord, Ints] | None = None
+    for pairs in _alike(record, first, second):
+        trial = copy.deepcopy(record)
+        group = np.arange(len(record.count))
+        for one, other in pairs:
+            trial.merge(one, other)
+            group[other] = one
+        group = merge_likely(trial)[group]
+        n_found = int(np.isin(group[second], group[first]).sum())
+        if best is None or n_found > best[0]:
+            best = (n_found, trial, group)
+        if n_found == min(len(first), len(second)):
+            break
+    if best is None or best[0] < max(LEAST_MARKERS, EXPLAINED * min(len(first), len(second))):
+        return None
+    return best[1], best[2]
+
+
+def _alike(record: DistanceRecord, first: Ints, second: Ints) -> list[list[tuple[int, int]]]:
+    """Pairs of rigid triangles with the same sides, corner by corner, the most alike first."""
+    tolerance = ALIKE * record.deviations.rigid
+    corners, sides = _triangles(record, first)
+    others = _triangles(record, second)[0]
+    if not len(corners) or not len(others):
+        return []
+    found: list[tuple[float, list[tuple[int, int]]]] = []
+    for turn in itertools.permutations(range(3)):
+        turned = others[:, turn]
+        apart = np.abs(sides[:, np.newaxis] - _sides(record.mean, turned)).max(axis=2)
+        for i, j in np.argwhere(apart < tolerance):
+            found.append((float(apart[i, j]), list(zip(corners[i].tolist(), turned[j].tolist(), strict=True))))
+    return [pairs for _, pairs in sorted(found)[:TRIED]]
+
+
+def _triangles(record: DistanceRecord, members: Ints) -> tuple[Ints, Floats]:
+    """Rigid triangles with their sides [mm]; the largest first."""
+    rigid = _is_rigid(record, members)
+    found = [
+        (members[i], members[j], members[k])
+        for i, j in np.argwhere(np.triu(rigid, 1))
+        for k in np.flatnonzero(rigid[i] & rigid[j])
+        if k > j
+    ]
+    corners = np.array(found, dtype=np.intp).reshape(-1, 3)
+    sides = _sides(record.mean, corners)
+    order = np.argsort(-sides.min(axis=1), kind="stable")[:TRIANGLES]
+    return corners[order], sides[order]
+
+
+def _is_rigid(record: DistanceRecord, members: Ints) -> Bools:
+    block = np.ix_(members, members)
+    count = record.count[block]
+    deviation = np.sqrt(record.scatter[block] / np.maximum(count - 1.0, 1.0))
+    return np.asarray((count >= SEEN_ENOUGH) & (deviation < 2.0 * record.deviations.rigid) & (record.mean[block] > 0.0))
+
+
+def _sides(distance: Floats, corners: Ints) -> Floats:
+    """Sides of triangles [mm], shape (n, 3)."""
+    return np.stack([distance[corners[:, i], corners[:, j]] for i, j in ((0, 1), (0, 2), (1, 2))], axis=1)
