@@ -23,7 +23,7 @@ NAMES = {"upper arm": "shoulder", "lower arm": "elbow"}
 
 @pytest.fixture(scope="module")
 def known():
-    """Settings that a perfect calibration of the seed's arm would find; the joints have names of their own."""
+    """Settings that a perfect calibration of the reference arm would find; the joints have names of their own."""
     settings = simulated_rig("arm", n_frames=2).settings
     joints = [replace(joint, name=NAMES[joint.name]) for joint in settings.joints]
     return replace(settings, joints=joints, source="simulated:arm?frames=6")

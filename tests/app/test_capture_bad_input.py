@@ -20,7 +20,7 @@ N_FRAMES = 70  # more than twice the half second over which it is judged whether
 
 @pytest.fixture(scope="module")
 def images():
-    """Pairs of the seed's arm, and the settings that fit them."""
+    """Pairs of the reference arm, and the settings that fit them."""
     source = simulated_rig("arm", n_frames=N_FRAMES)
     return [(pair.left, pair.right) for pair in source], source.settings
 

@@ -1,6 +1,6 @@
 """Rigid bodies among unlabelled points: ``python tests/benchmarks/capture_bodies.py [number of frames]``.
 
-Three targets of five balls are posed at random in front of the seed's rig (Gaschler 2011, Table 4.1); each ball is
+Three targets of five balls are posed at random in front of the reference rig (Gaschler 2011, Table 4.1); each ball is
 hidden with 20 % chance, and stray points fill up to 40. All points err with the covariance that 0.1 px in both images
 give them. Bodies of which four balls or more are seen must be found; a pose counts if it is right within 2 mm.
 
@@ -8,7 +8,7 @@ Then targets far away, of which four or five balls are seen: depth errs by more 
 is a pose that is off by more than 2 mm or 6 degrees, and by more than seven times what it states.
 
 Then the same from rendered images of 640 x 480 pixels through the whole capture, in which balls touch, hide each other,
-and are hidden by limbs: the seed's arm, and three targets that pass before each other. There a body can be found if at
+and are hidden by limbs: the reference arm, and three targets that pass before each other. There a body can be found if at
 least half of four of its balls is seen in both images; a pose is wrong if the middle of the balls is off by more than
 2 mm, or the body turned by more than 2 degrees.
 """
@@ -172,7 +172,7 @@ def far_off(body: FoundBody, pose: Floats) -> bool:
 def scenes() -> list[tuple[str, SimulatedRig]]:
     """What is rendered."""
     rig, rng = reference_rig(), np.random.default_rng(0)
-    listed = [(f"the seed's arm, seed {seed}", simulated_rig("arm", n_frames=RENDERED, seed=seed)) for seed in SEEDS]
+    listed = [(f"the reference arm, seed {seed}", simulated_rig("arm", n_frames=RENDERED, seed=seed)) for seed in SEEDS]
     wished = [BodyTarget(f"body{i}", rng.uniform(-50, 50, (N_BALLS, 3))) for i in range(N_TARGETS)]
     targets = propose_targets(wished)
     for distance, apart in PASSING:

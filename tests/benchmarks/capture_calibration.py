@@ -79,7 +79,7 @@ def show_known_rig() -> None:
             strict=True,
         )
     ]
-    columns = ("of the seed's rig", "rms error", "stated deviation", "rms error with one pair of two moments")
+    columns = ("of the reference rig", "rms error", "stated deviation", "rms error with one pair of two moments")
     show(f"{N_PAIRS} boards, corners with {NOISE} px of noise, {len(SEEDS)} seeds", columns, rows)
 
 

@@ -1,6 +1,6 @@
 """Balls in rendered images against their truth, beside OpenCV: ``python tests/benchmarks/capture_centroids.py``.
 
-The seed's cameras (Gaschler 2011, Table 4.1) look at balls of 14 mm: blur 0.7 px, noise of 1.5 grey levels in the dark
+The cameras of the reference rig (Gaschler 2011, Table 4.1) look at balls of 14 mm: blur 0.7 px, noise of 1.5 grey levels in the dark
 and 2.5 at edges, saturated in the middle, darker towards the border and far away, three pieces of dull metal. Errors
 are those of x and y together, rms, of balls that stand alone; centres are those of the balls, not of their outlines.
 """
@@ -25,7 +25,7 @@ from skelgen.model.rig import Camera
 
 WANTED = 0.02  # px
 DISTANCES = (500.0, 750.0, 1000.0, 1500.0, 2000.0, 2500.0)  # mm
-SEEDS_CONDITIONS = (750.0, 1500.0)  # mm: about the 1 m at which the seed gives its figures
+REFERENCE_DISTANCES = (750.0, 1500.0)  # mm: about the 1 m at which Gaschler (2011) gives his figures
 N_IMAGES, N_BALLS = 40, 15
 RANGE = 0.05  # of a distance, to both sides
 APART = 6.0  # radii of balls that stand alone
@@ -68,7 +68,7 @@ def blob_detector(image: Image) -> Floats:
 
 
 def contours(image: Image) -> Floats:
-    """Centres of OpenCV's contours at the middle between dark and bright, which the seed has tried first."""
+    """Centres of OpenCV's contours at the middle between dark and bright, which Gaschler (2011) tried first."""
     dark, bright = np.quantile(image[::4], [0.98, 0.9999])
     _, binary = cv2.threshold(image, (dark + bright) / 2, 255, cv2.THRESH_BINARY)
     outlines, _ = cv2.findContours(binary, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -110,7 +110,7 @@ def show_errors(camera: Camera) -> None:
     for distance in DISTANCES:
         for name, find in ways.items():
             rms, worst, lost, more = errors(find, camera, distance)
-            is_asked = name == "whole edge" and SEEDS_CONDITIONS[0] <= distance <= SEEDS_CONDITIONS[1]
+            is_asked = name == "whole edge" and REFERENCE_DISTANCES[0] <= distance <= REFERENCE_DISTANCES[1]
             told = (f"<= {WANTED}", verdict(rms <= WANTED)) if is_asked else ("", "")
             figures = (f"{rms:.4f}", f"{worst:.3f}", str(lost), str(more))
             rows.append((f"{distance / 1000:g}", name, *figures, *told))

@@ -1,4 +1,4 @@
-"""Errors of the seed's rig as the live capture has them, by chance and as predicted.
+"""Errors of the reference rig as the live capture has them, by chance and as predicted.
 
 ``python tests/benchmarks/capture_errors.py [number of poses]``; `skelgen.benchmark.stereo` says how.
 """
@@ -23,7 +23,7 @@ def main(n_trials: int) -> None:
     columns = ("distance [mm]", "what [mm, degrees]", "rms error", "wanted", "predicted", "ratio (0.9 to 1.1)")
     columns += ("within stated 95 %", "")
     rows = [row for distance in DISTANCES for row in rows_of(distance, rig_errors(distance, n_trials), 1.0)]
-    show(f"Seed's rig, {reference_rig().noise:g} px, {n_trials} poses, all axes together", columns, rows)
+    show(f"Reference rig, {reference_rig().noise:g} px, {n_trials} poses, all axes together", columns, rows)
     rows = rows_of(WANTED_AT, rig_errors(WANTED_AT, n_trials // 5, is_rendered=True), 0.0)
     show(f"Rendered images, {n_trials // 5} poses", columns, rows)
 

@@ -1,6 +1,6 @@
 """How long a pair of images takes, and what prediction costs and gives: ``python tests/benchmarks/capture_latency.py``.
 
-The seed's arm, three targets of five balls with a ball joint and a hinge, swings before the seed's rig; both images of
+The reference arm, three targets of five balls with a ball joint and a hinge, swings before the reference rig; both images of
 640 x 480 pixels are rendered beforehand. Times are of the processor, on one core, without threads.
 
 Prediction is measured on a target that swings at three speeds 1.5 m away, found with the errors that such poses have:
@@ -176,6 +176,6 @@ if __name__ == "__main__":
     n_pairs = int(sys.argv[1]) if len(sys.argv) > 1 else PAIRS
     columns = ("poses", "median (wanted 6 ms)", "99 % (wanted 12 ms)", "median where balls touch", "verdict")
     show(f"pair of images to joint angles, {n_pairs} pairs", columns, latency_rows(n_pairs))
-    columns = ("swing", "errors of turn left", "errors of place left", "next frame foretold within", "late by")
+    columns = ("swing", "errors of rotation left", "errors of place left", "next frame predicted within", "late by")
     show("prediction", columns, prediction_rows())
     show("search for three targets", ("among", "everywhere", "where expected"), search_rows())

@@ -16,7 +16,7 @@ from skelgen.model.rig import CaptureSettings
 
 @pytest.fixture(scope="module")
 def source():
-    """The seed's arm before the seed's rig."""
+    """The reference arm before the reference rig."""
     return simulated_rig("arm", n_frames=60)
 
 

@@ -1,4 +1,4 @@
-"""What the live capture returns, against the propagated errors of the seed's rig: 0.1 px, one metre away."""
+"""What the live capture returns, against the propagated errors of the reference rig: 0.1 px, one metre away."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def rms(errors):
 def test_poses_err_by_the_propagated_bound(found):
     _, rows = found
     turn, shift = rms(rows["pose"][:, :3]), rms(rows["pose"][:, 3:])
-    assert shift <= 0.25  # mm, and below degrees: the figures of the issue, those of the seed's chapter 6.1
+    assert shift <= 0.25  # mm, and below degrees: the figures of the issue, those of Gaschler (2011, 6.1)
     assert np.degrees(turn) <= 0.3
     assert turn == pytest.approx(np.sqrt(rows["pose bound"][:, :3].sum(axis=1).mean()), rel=0.10)
     assert shift == pytest.approx(np.sqrt(rows["pose bound"][:, 3:].sum(axis=1).mean()), rel=0.10)

@@ -10,7 +10,7 @@ from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.rig import BodyTarget
 
 NOISE = np.array([0.1, 0.1, 0.3])
-"""mm; deviations of a triangulated point across and along the depth, of the seed's rig at 1.2 m."""
+"""mm; deviations of a triangulated point across and along the depth, of the reference rig at 1.2 m."""
 
 SHAPES = {
     "hand": [[0, 0, 0], [61, 0, 0], [17, 72, 0], [-33, 25, 40], [40, 38, -52]],

@@ -150,7 +150,7 @@ def test_expected_pose_finds_the_same_and_a_wrong_one_does_no_harm(targets, make
 
 
 FAR = np.array([0.4, 0.3, 3.2])
-"""mm; deviations of a point of the seed's rig at 3 m: distances tell little, as depth scatters so much."""
+"""mm; deviations of a point of the reference rig at 3 m: distances tell little, as depth scatters so much."""
 
 
 def test_far_away_bodies_are_not_taken_for_themselves_turned(targets, make_scene):

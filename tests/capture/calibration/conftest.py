@@ -1,4 +1,4 @@
-"""Poses of a board before the seed's rig, with the pixels that both cameras see; and the real pairs."""
+"""Poses of a board before the reference rig, with the pixels that both cameras see; and the real pairs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def real_pairs() -> tuple[list[Path], list[Path]]:
 
 @pytest.fixture
 def seen_pairs(board):
-    """A function that returns pairs of views of the board by the seed's rig, with noise [px] and turns [rad]."""
+    """A function that returns pairs of views of the board by the reference rig, with noise [px] and turns [rad]."""
 
     def make(n_pairs: int, noise: float, seed: int = 6, lean: float = 0.6) -> list[tuple[BoardView, BoardView]]:
         rng, rig, pairs = np.random.default_rng(seed), reference_rig(), []

@@ -71,7 +71,9 @@ def test_ball_and_hinge_are_found_where_they_are():
     elbow = done.joints[1]
     assert np.abs(elbow.parent_from_joint[:3, 2] - ELBOW_AXIS).max() < 0.003
     assert elbow.axis_std.max() < 0.001
-    np.testing.assert_array_equal(done.joints[0].parent_from_joint[:3, :3], np.eye(3))  # pure shifts, as the seed wants
+    np.testing.assert_array_equal(
+        done.joints[0].parent_from_joint[:3, :3], np.eye(3)
+    )  # pure shifts, as in Gaschler (2011)
     assert done.noise == pytest.approx(1.0, abs=0.1)
 
 

@@ -24,7 +24,7 @@ STRONG_LENS = np.array([-0.4, 0.25, 0.002, -0.003, -0.06])
 
 
 def camera(distortion=STRONG_LENS) -> Camera:
-    """The seed's left camera (Table 4.1), turned and shifted, with a lens."""
+    """The left camera of the reference rig (Table 4.1), turned and shifted, with a lens."""
     pose = transform_from(matrix_from_vector(np.array([0.1, -0.2, 0.3])), np.array([30.0, -20.0, 100.0]))
     return Camera(640, 480, MATRIX, distortion, pose)
 

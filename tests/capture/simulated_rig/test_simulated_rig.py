@@ -31,7 +31,7 @@ from skelgen.errors import InputError, ParameterError
 from skelgen.model.rig import BodyTarget
 
 CLEAN = RenderParameters(noise=0.0, shot_noise=0.0, reflections=0, background=0.0, brightness=200.0, limb_darkening=0.0)
-BEFORE = np.array([[150.0, 20.0, 1000.0], [60.0, -90.0, 1100.0]])  # mm: in both images of the seed's rig
+BEFORE = np.array([[150.0, 20.0, 1000.0], [60.0, -90.0, 1100.0]])  # mm: in both images of the reference rig
 ROUNDING = 0.02  # px: grey levels are rounded to whole ones
 
 
