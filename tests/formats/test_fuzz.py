@@ -7,8 +7,10 @@ import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 
+import numba  # noqa: F401 - loaded when bones are first posed, which is no memory of a reader
 import numpy as np
 import pytest
+import scipy.spatial.transform  # noqa: F401 - as numba
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from skelgen_formats.registry import known_formats, read_motion, read_take
