@@ -95,7 +95,7 @@ with Python's own 0.005 s, ten such calls amid work on other threads would use u
 
 
 def shorten_switch_interval() -> None:
-    """Let threads give way to each other as soon as a window needs."""
+    """Let threads give way to each other soon enough for a window."""
     sys.setswitchinterval(SWITCH_INTERVAL)
 
 
@@ -116,7 +116,7 @@ class GarbageCollector(QObject):
         self._timer.start()
 
     def freeze_existing(self) -> None:
-        """Look no more at what exists by now: modules stay, and are many enough to make full collections slow."""
+        """Exempt existing objects from collection: the many modules would make full collections slow."""
         gc.freeze()
 
     def end(self) -> None:

@@ -92,7 +92,7 @@ class PageStack(QWidget):
         return len(missing) > 1
 
     def sizeHint(self) -> QSize:
-        """Return the same width for every page: what is beside must not jump when another one is shown."""
+        """Return the same width for every page: what is beside does not jump when another one is shown."""
         return QSize(WIDTH, super().sizeHint().height())
 
     def changeEvent(self, event: QEvent) -> None:
@@ -136,7 +136,7 @@ _Role = QPalette.ColorRole
 
 
 def _step_icon(*, is_step: bool, is_done: bool, palette: QPalette) -> QIcon:
-    """Return the sign of a page; nothing but room for pages that no step belongs to.
+    """Return the sign of a page; it is blank for pages that no step belongs to.
 
     Parameters
     ----------

@@ -162,7 +162,7 @@ class Window(QMainWindow):
         self._dock("corrections", self.tr("Corrections"), listed, Qt.DockWidgetArea.RightDockWidgetArea)
 
     def _follow_preferences(self) -> None:
-        """Let the axis point up that the user wants up."""
+        """Show recordings with the axis up that the user prefers."""
         wanted = self.preferences.values.up_axis
         up = AXES.index(wanted) if wanted in AXES else None
         self.view3d.set_shown(replace(self.view3d.shown, up=up))

@@ -71,7 +71,7 @@ class LivePanel(QWidget):
         return self._control is not None
 
     def start(self) -> None:
-        """Start what the form says, unless something runs."""
+        """Start a capture as the form says, unless something runs."""
         if self._jobs.is_busy:
             return
         options, control, feed = self.choice.options, CaptureControl(), self.feed
@@ -149,7 +149,7 @@ class LivePanel(QWidget):
         self.ended.emit(ended)
 
     def _fail(self, error: Exception) -> None:
-        """Report an error that nobody foresaw; what was recorded is whole all the same."""
+        """Report an error that nobody foresaw; what was recorded stays whole."""
         self._control = None
         self.recorder.stop()
         self.numbers.clear()
@@ -157,7 +157,7 @@ class LivePanel(QWidget):
         self._report_error(error)
 
     def _follow(self) -> None:
-        """What can be done depends on what runs."""
+        """Enable what can be done now."""
         if not self._jobs.is_busy:
             self._control = None  # a capture that was cancelled before it began does not report its end
         is_running = self.is_running
@@ -222,7 +222,7 @@ class _RecordRow(QWidget):
         self.open.setEnabled(recorded is not None)
 
     def set_running(self, is_running: bool) -> None:
-        """Follow whether something is captured, which alone can be recorded; what is recorded opens when it ended."""
+        """Enable recording while something is captured, and opening what was recorded afterwards."""
         self.record.setEnabled(is_running)
         self.open.setEnabled(not is_running and self.recorded is not None)
 
@@ -261,7 +261,7 @@ class _RecordRow(QWidget):
 
 
 def free_path(path: Path) -> Path:
-    """Return a path, or the next one with a number behind its name that is not there yet."""
+    """Return a path; if it exists, the next one with a number behind its name that does not."""
     while path.exists():
         match = _NUMBERED.fullmatch(path.stem)
         stem, number = (match[1], int(match[2])) if match is not None else (path.stem, 1)

@@ -24,7 +24,7 @@ _JOINT_ROWS = 3  # its name, and its place in both targets
 
 
 class RowTable(ValueTable):
-    """As high as its rows, up to some; hidden while there is none."""
+    """A table as high as its rows, up to a limit; hidden while it has none."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -129,7 +129,7 @@ _DOT = 3.0  # px
 
 
 class TurnView(QWidget):
-    """Dots are attitudes: turned about the main axis to the right, about the second and third one upwards.
+    """Attitudes of one target in another as dots: to the right turned about the main axis, upwards about the others.
 
     Parameters
     ----------

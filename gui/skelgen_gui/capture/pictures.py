@@ -104,7 +104,7 @@ class PicturePair(QWidget):
                 painter.restore()
 
     def _box(self, side: int, seen: CameraImage | None) -> tuple[QRectF, float]:
-        """Where a picture goes, and how many pixels of the widget one of its own takes."""
+        """Where a picture lies in the widget, and how many pixels of the widget one of its pixels takes."""
         height, width = (480, 640) if seen is None else seen.image.shape
         half = (self.width() - _GAP) / 2
         scale = min(half / width, self.height() / height)
@@ -141,7 +141,7 @@ def _paint_image(painter: QPainter, seen: CameraImage, box: QRectF, scale: float
 
 
 def _paint_board(painter: QPainter, places: Floats) -> None:
-    """Corners, and the way from one to the next, so that their order can be seen."""
+    """Corners, and lines from one to the next, so that their order can be seen."""
     painter.setPen(QPen(BOARD, _INK / 2))
     draw_lines(painter, np.stack([places[:-1], places[1:]], axis=1))
     painter.setPen(QPen(BOARD, _INK))

@@ -225,7 +225,7 @@ class Notices(QListWidget):
         self.setToolTip(self.tr("Lost cameras, dark or glaring images, cameras that do not fit the settings"))
 
     def add(self, sentence: str) -> None:
-        """Put a sentence at the top, unless it stands there."""
+        """Put a sentence at the top, unless it is there already."""
         top = self.item(0)
         if top is None or top.text() != sentence:
             self.insertItem(0, sentence)

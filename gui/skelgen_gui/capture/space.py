@@ -32,7 +32,9 @@ _RADIUS = 5.0  # px, of a point
 
 
 class Space(QWidget):
-    """Orbit by dragging, shift with the right button, zoom with the wheel; F fits what is there.
+    """Shows cameras, points and bodies in space.
+
+    Dragging orbits, the right button shifts, the wheel zooms, F fits what is there.
 
     Parameters
     ----------
@@ -204,7 +206,7 @@ class Space(QWidget):
 
 
 def _working_distance(rig: StereoRig) -> float:
-    """How far [mm] a rig usually looks, before anything was seen: twice its baseline."""
+    """Typical distance [mm] of what a rig looks at, before anything was seen: twice its baseline."""
     return 2 * rig.baseline
 
 

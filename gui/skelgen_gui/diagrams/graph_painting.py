@@ -34,7 +34,7 @@ class GraphPainting:
     graph : CostGraph
         What is painted.
     places : ndarray, shape (n_limbs, 2), px
-        CentralViews of each limb.
+        Middle of each limb.
     palette : QPalette
         Colours of texts and ground.
     """

@@ -87,7 +87,7 @@ class GraphView(QWidget):
 
     @property
     def places(self) -> Floats:
-        """CentralViews of each limb in this widget [px], shape (n_limbs, 2)."""
+        """Middle of each limb in this widget [px], shape (n_limbs, 2)."""
         unit = self._layouts[self.layout_box.currentIndex()]
         room = np.array([self.width() - 2 * _MARGIN, self.height() - _FOOT - 2 * _MARGIN])
         size = np.maximum(room if self.layout_box.currentIndex() else np.full(2, room.min()), 1.0)

@@ -112,7 +112,7 @@ MOST_POSTURES = 20_000
 
 @dataclass(frozen=True, eq=False)
 class JointCurve:
-    """How a joint turns.
+    """Angles of a joint, with their deviations.
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ class Floor:
 
 
 def find_floor(sample: Floats, inliers: Floats, size: float, up: int) -> Floor:
-    """Lay a floor beneath a take.
+    """Place a floor beneath a take.
 
     Parameters
     ----------

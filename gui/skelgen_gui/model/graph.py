@@ -174,7 +174,7 @@ def place_words(middles: Floats, sizes: Floats, discs: Floats, radius: float, li
     Returns
     -------
     ndarray, shape (n, 2), px
-        CentralViews of the words of each.
+        Middle of the words of each.
     """
     dots = (lines[:, :1] + (lines[:, 1:] - lines[:, :1]) * _ALONG[:, np.newaxis]).reshape(-1, 2)
     placed = np.array(middles, dtype=np.float64)

@@ -40,7 +40,7 @@ class Pick:
 
 
 def pick(picture: Picture, x: float, y: float) -> Pick | None:
-    """Return what is meant by a place in the picture; markers and joints before bones.
+    """Return what lies at a place in the picture; markers and joints go before bones.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100)
 
 @dataclass(frozen=True)
 class Shown:
-    """What is drawn; every part is a switch.
+    """Which parts are drawn.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ class Scene:
 
     @cached_property
     def magnification(self) -> int:
-        """How many standard deviations the half axes of ellipsoids should be, for most of them to be of a good size."""
+        """Half axes of ellipsoids in standard deviations, so that most of them have a good size."""
         frames = np.unique(np.linspace(0, self.n_frames - 1, min(_UNCERTAIN_SAMPLES, self.n_frames)).astype(np.intp))
         variances = np.linalg.eigvalsh(joint_covariances(self.project, frames))[..., -1].ravel()
         if not len(variances):

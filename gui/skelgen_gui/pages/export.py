@@ -182,7 +182,7 @@ class ExportPage(QWidget):
         return "<br>".join(lines) + "".join(f"<p>{html.escape(remark)}</p>" for remark in preview.remarks)
 
     def _begin(self) -> None:
-        """Have the files written."""
+        """Start the export."""
         project, entry = self._session.project, self.formats[self.choice.currentIndex()]
         if project is None:
             return

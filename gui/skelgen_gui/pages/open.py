@@ -96,7 +96,7 @@ class OpenPage(QWidget):
         self._context.jobs.start(self.tr("Reading {0}").format(path.name), work, done, self._context.report_error)
 
     def _follow_jobs(self) -> None:
-        """One thing is done at a time."""
+        """Enable what can be done now: one job at a time."""
         is_busy = self._context.jobs.is_busy
         self.browse.setEnabled(not is_busy)
         self.identities.setEnabled(not is_busy and self._context.session.project is not None)

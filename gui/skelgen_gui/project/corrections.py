@@ -35,7 +35,7 @@ _MENUS = ("move", "kind")
 
 
 class CorrectionActions(QObject):
-    """Fills menus with what can be corrected, and does it.
+    """Fills menus with the corrections that a selection allows, and carries them out.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ class _Thread(QThread):
             self.error = error
 
     def let_go(self) -> None:
-        """Forget the work: it may hold the last reference to the `Jobs` that own this thread, and so end both twice."""
+        """Forget the work: it may hold the last reference to the `Jobs` that own this thread."""
         del self._work, self._monitor
 
 

@@ -69,7 +69,7 @@ class Player(QObject):
 
     @property
     def speed(self) -> float:
-        """Speed in parts of the take's own."""
+        """Speed as a multiple of that of the take."""
         return self._speed
 
     @property
@@ -142,7 +142,7 @@ class Player(QObject):
             self.set_range(0, self._session.n_frames - 1)
 
     def _follow_frame(self, frame: int) -> None:
-        """Go on from a frame that somebody else chose."""
+        """Go on from a frame that was chosen elsewhere."""
         if frame != self._shown:
             self._anchor()
 

@@ -136,7 +136,7 @@ class PlotView(QWidget):
         painter.end()
 
     def _forget_other_take(self) -> None:
-        """Curves of another take have other frames: better none, until those of this one are there."""
+        """Drop the curves of another take, which has other frames, until those of this one are there."""
         project = self._session.project
         if project is None or project.take is not self._panels_of:
             self._panels_of = None if project is None else project.take

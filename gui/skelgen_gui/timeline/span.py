@@ -215,7 +215,7 @@ def zoom_or_pan(event: QWheelEvent, span: VisibleSpan, width: float) -> None:
 
 
 def zoomed_by_key(event: QKeyEvent, span: VisibleSpan, frame: int) -> bool:
-    """Zoom about the shown frame with Ctrl and plus or minus, show all with Ctrl+0; say whether it was one of these.
+    """Zoom about the shown frame with Ctrl and plus or minus, show all with Ctrl+0; return whether it was one of these.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class Figure:
 
 
 def marker_radius(canvas: Canvas, size: float) -> float:
-    """Radius [px] of markers in a picture of something of a size [mm].
+    """Return the radius [px] of markers.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def marker_radius(canvas: Canvas, size: float) -> float:
 
 
 def paint_shadows(painter: QPainter, snapshot: Snapshot, floor: Floor, canvas: Canvas, brushes: Brushes) -> None:
-    """Paint shadows straight below bones and markers: they show where in the room things are.
+    """Paint shadows straight below bones and markers: they show where these are in the room.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def paint_shadows(painter: QPainter, snapshot: Snapshot, floor: Floor, canvas: C
 
 
 def paint_trails(painter: QPainter, scene: Scene, places: Floats, inks: Inks) -> None:
-    """Paint the ways that markers came, faint where old.
+    """Paint the paths of markers until this frame, faint where old.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def paint_past(painter: QPainter, places: Floats, inks: Inks) -> None:
 
 
 def paint_left_out(painter: QPainter, picture: Picture, brushes: Brushes) -> None:
-    """Paint the points of an unlabelled take small: markers cover theirs, so that what was left out remains.
+    """Paint the points of an unlabelled take small: markers cover their own, so that those left out can be seen.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ def _paint_bone(
 
 
 def _fogs(depths: Floats, size: float) -> list[int]:
-    """How deep each of some things lies among them, 0 .. `N_FOGS` - 1; less if they are flatter than a size [mm]."""
+    """Fog of each item by its depth, 0 .. `N_FOGS` - 1; less if the items are flatter than a part of a size [mm]."""
     if not len(depths):
         return []
     span = max(float(np.ptp(depths)), _FULL_FOG * size, 1e-9)

@@ -21,12 +21,12 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QWidget
 
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.camera import ViewCamera
 from skelgen_gui.model.floor import Floor
 from skelgen_gui.model.picking import Marked, Pick, is_drawn, is_selected, markers_within, pick, with_pick
 from skelgen_gui.model.picture import Canvas, FrameView, Picture
 from skelgen_gui.model.scene import Scene, Shown, Snapshot
 from skelgen_gui.model.selection import Selection
+from skelgen_gui.model.view_camera import ViewCamera
 from skelgen_gui.model.viewpoint import Viewpoint
 from skelgen_gui.model.wording import about
 from skelgen_gui.project.session import Session
@@ -106,7 +106,7 @@ class View3D(QWidget):
         return self._camera.up
 
     def set_shown(self, shown: Shown) -> None:
-        """Show other things."""
+        """Show other parts."""
         if shown == self._shown:
             return
         if shown.up != self._shown.up:
@@ -139,7 +139,7 @@ class View3D(QWidget):
         self.update()
 
     def fit_take(self) -> None:
-        """Fit where all of the take happens."""
+        """Fit the whole take."""
         self._camera.fit_take()
         self.update()
 

@@ -52,7 +52,7 @@ class _NumberBox(QAbstractSpinBox):
         self.lineEdit().setText(_as_text(value))
 
     def stepBy(self, steps: int) -> None:
-        """Go up or down, within the bounds; from what is no number, go nowhere."""
+        """Go up or down, within the bounds; a text that is no number stays."""
         try:
             value = float(self.text())
         except ValueError:
@@ -61,11 +61,11 @@ class _NumberBox(QAbstractSpinBox):
         self.selectAll()
 
     def stepEnabled(self) -> QAbstractSpinBox.StepEnabledFlag:
-        """Tell Qt that both arrows work."""
+        """Let both arrows work."""
         return QAbstractSpinBox.StepEnabledFlag.StepUpEnabled | QAbstractSpinBox.StepEnabledFlag.StepDownEnabled
 
     def validate(self, text: str, position: int) -> tuple[QValidator.State, str, int]:
-        """Tell Qt that every text may be typed; the form shows what is wrong with it."""
+        """Let every text be typed; the form shows what is wrong with it."""
         return QValidator.State.Acceptable, text, position
 
 

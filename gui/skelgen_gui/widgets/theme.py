@@ -103,7 +103,7 @@ def theme_palette(*, dark: bool) -> QPalette:
 
 
 def is_dark(palette: QPalette) -> bool:
-    """Tell whether texts of this palette are on a dark ground, for colours that are not in it."""
+    """Return whether texts of this palette are on a dark ground, for colours that are not in it."""
     return palette.color(_Role.Window).lightness() < _MIDDLE
 
 

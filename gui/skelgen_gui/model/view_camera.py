@@ -1,4 +1,4 @@
-"""What the 3-D view looks at, and from where. No Qt."""
+"""What the 3-D view looks at, and from where."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HOME = (math.radians(32), math.radians(14))
 
 
 class ViewCamera:
-    """A scene, the floor beneath it, and the viewer before it.
+    """Where the viewer stands before a scene, and the floor beneath it.
 
     Attributes
     ----------
@@ -98,13 +98,13 @@ class ViewCamera:
         self.is_home = False
 
     def follow(self, frame: int | None) -> None:
-        """Go along with what moves, from a frame on; None stays."""
+        """Follow the subject from a frame on; None stays."""
         self._anchor = None
         if frame is not None and self.scene is not None and frame < self.scene.n_frames:
             self._anchor = self.scene.middle(frame)
 
     def canvas_at(self, frame: int) -> Canvas:
-        """Return the viewer in a frame, and the size of the picture; he follows on the level."""
+        """Return the viewpoint in a frame, and the size of the picture; it follows the subject horizontally."""
         if self._anchor is None or self.scene is None or frame >= self.scene.n_frames:
             return self.canvas
         step = np.nan_to_num(self.scene.middle(frame) - self._anchor)
@@ -113,7 +113,7 @@ class ViewCamera:
         return replace(self.canvas, viewpoint=viewpoint.looking_at(np.array(viewpoint.target) + step))
 
     def look_home(self) -> None:
-        """Lay the floor, and look at all of the take from obliquely before it."""
+        """Place the floor, and look at the whole take obliquely from the front."""
         scene = self.scene
         is_seen = scene is not None and len(scene.inliers) > 0
         self.floor = find_floor(scene.sample, scene.inliers, scene.size, self.up) if scene and is_seen else None
@@ -122,7 +122,7 @@ class ViewCamera:
         self.is_home = True
 
     def look(self, right_of_front: float, elevation: float) -> None:
-        """Look from a direction [rad]: so far to the right of the front, so far from above.
+        """Look from a direction.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class ViewCamera:
         self.move(replace(self.canvas.viewpoint, azimuth=self._front + right_of_front, elevation=elevation))
 
     def fit_take(self) -> None:
-        """Fit where all of the take happens, with the cameras that see it."""
+        """Fit the whole take, with the cameras that see it."""
         if self.scene is not None:
             self._fit(np.concatenate([self.scene.inliers, self._cameras]))
 
