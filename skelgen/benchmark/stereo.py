@@ -1,6 +1,6 @@
 """Errors of the reference rig as the live capture has them, by chance and as predicted.
 
-First the centres of balls are projected and disturbed by 0.1 px (the noise of the reference rig, calibration included); matching,
+First the centres of balls are projected and disturbed by 0.1 px (the noise of the reference rig); matching,
 search for bodies and joint angles are those of `MotionCapture`. Rendered images are captured whole: there the centres
 err by far less, so that the stated deviations, which allow for 0.1 px, are rather too large.
 """

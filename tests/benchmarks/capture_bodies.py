@@ -8,9 +8,9 @@ Then targets far away, of which four or five balls are seen: depth errs by more 
 is a pose that is off by more than 2 mm or 6 degrees, and by more than seven times what it states.
 
 Then the same from rendered images of 640 x 480 pixels through the whole capture, in which balls touch, hide each other,
-and are hidden by limbs: the reference arm, and three targets that pass before each other. There a body can be found if at
-least half of four of its balls is seen in both images; a pose is wrong if the middle of the balls is off by more than
-2 mm, or the body turned by more than 2 degrees.
+and are hidden by limbs: the reference arm, and three targets that pass before each other. There a body can be found
+if at least half of four of its balls is seen in both images; a pose is wrong if the middle of the balls is off by more
+than 2 mm, or the body turned by more than 2 degrees.
 """
 
 from __future__ import annotations

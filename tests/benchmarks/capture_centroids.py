@@ -1,8 +1,9 @@
 """Balls in rendered images against their truth, beside OpenCV: ``python tests/benchmarks/capture_centroids.py``.
 
-The cameras of the reference rig (Gaschler 2011, Table 4.1) look at balls of 14 mm: blur 0.7 px, noise of 1.5 grey levels in the dark
-and 2.5 at edges, saturated in the middle, darker towards the border and far away, three pieces of dull metal. Errors
-are those of x and y together, rms, of balls that stand alone; centres are those of the balls, not of their outlines.
+The cameras of the reference rig (Gaschler 2011, Table 4.1) look at balls of 14 mm: blur 0.7 px, noise of 1.5 grey
+levels in the dark and 2.5 at edges, saturated in the middle, darker towards the border and far away, three pieces of
+dull metal. Errors are those of x and y together, rms, of balls that stand alone; centres are those of the balls, not
+of their outlines.
 """
 
 from __future__ import annotations

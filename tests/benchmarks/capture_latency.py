@@ -1,7 +1,7 @@
 """How long a pair of images takes, and what prediction costs and gives: ``python tests/benchmarks/capture_latency.py``.
 
-The reference arm, three targets of five balls with a ball joint and a hinge, swings before the reference rig; both images of
-640 x 480 pixels are rendered beforehand. Times are of the processor, on one core, without threads.
+The reference arm, three targets of five balls with a ball joint and a hinge, swings before the reference rig; both
+images of 640 x 480 pixels are rendered beforehand. Times are of the processor, on one core, without threads.
 
 Prediction is measured on a target that swings at three speeds 1.5 m away, found with the errors that such poses have:
 what is left of the errors, and by how much the smoothed poses are late (the shift in time at which they fit best). A

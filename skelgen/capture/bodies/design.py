@@ -14,7 +14,7 @@ from skelgen.errors import InputError
 from skelgen.model.arrays import Floats
 from skelgen.model.rig import BodyTarget
 
-CLEAR = 0.1
+BAD_ENOUGH = 0.1
 """As a part of the distance that is needed: below it a confusion is bad enough, and no worse one is looked for."""
 
 MAX_LISTED = 3
@@ -168,7 +168,7 @@ class _Matcher:
             if not (self.is_same and all(one == other for one, other in matched.items())):
                 self.best = (self._squares(matched), matched)
             return
-        if len(matched) + len(self.first.points) - ball < self.n_matched or self._is_clear():
+        if len(matched) + len(self.first.points) - ball < self.n_matched or self._is_bad_enough():
             return
         for other in range(len(self.second.points)):
             if other in matched.values() or not self._agrees(matched, ball, other):
@@ -185,8 +185,8 @@ class _Matcher:
         first, second = self.points
         return sum_of_squares(first, second, others)
 
-    def _is_clear(self) -> bool:
-        return bool(self.best[1]) and self.best[0] < self.n_matched * (CLEAR * self.distinct) ** 2
+    def _is_bad_enough(self) -> bool:
+        return bool(self.best[1]) and self.best[0] < self.n_matched * (BAD_ENOUGH * self.distinct) ** 2
 
     def _agrees(self, matched: dict[int, int], ball: int, other: int) -> bool:
         one, two = self.lengths
@@ -261,7 +261,7 @@ def propose_targets(
     rng = np.random.default_rng(seed)
     done: list[BodyTarget] = []
     for target in targets:
-        done.append(_better(target, done, parameters, rng))
+        done.append(_nearest_good_target(target, done, parameters, rng))
     return done
 
 
@@ -315,7 +315,7 @@ def propose_move(
         good = [
             (_difference(points, beside), ball, points)
             for ball in range(len(target.points))
-            for points in _moved(target.points, ball, radius)
+            for points in _one_ball_moved(target.points, ball, radius)
             if _spacing(points) >= SPACING and _is_good(BodyTarget(target.name, points), beside, parameters)
         ]
         if good:
@@ -326,7 +326,7 @@ def propose_move(
     return None
 
 
-def _moved(points: Floats, ball: int, radius: float) -> Iterator[Floats]:
+def _one_ball_moved(points: Floats, ball: int, radius: float) -> Iterator[Floats]:
     """The points with one ball moved along the axes and diagonals of the target, both ways."""
     for direction in DIRECTIONS:
         moved = points.copy()
@@ -334,7 +334,7 @@ def _moved(points: Floats, ball: int, radius: float) -> Iterator[Floats]:
         yield moved
 
 
-def _better(
+def _nearest_good_target(
     target: BodyTarget, beside: Sequence[BodyTarget], parameters: BodyParameters, rng: np.random.Generator
 ) -> BodyTarget:
     if _is_good(target, beside, parameters):

@@ -1,1 +1,1 @@
-"""What the capture must know beforehand: cameras, rigid bodies and joints, each measured by the rig itself."""
+"""Calibration of what the capture must know beforehand: cameras, rigid bodies and joints, measured by the rig itself."""

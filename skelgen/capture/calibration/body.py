@@ -113,19 +113,19 @@ def calibrate_body(
         If no frame shows the target alone, too few show it at all, or its design is ambiguous.
     """
     parameters = parameters or BodyParameters()
-    chosen = [frames[index] for index in _spread(np.arange(len(frames)), MAX_FRAMES)]
+    chosen = [frames[index] for index in _evenly_spread(np.arange(len(frames)), MAX_FRAMES)]
     n_balls = n_balls or _typical_number(chosen, parameters.min_points)
     target = _first_target(chosen, name, n_balls, parameters)
     monitor.begin("body")
-    found = _find_everywhere(chosen, target, parameters, monitor)
-    shape = _shape(*_ordered(chosen, found, n_balls), name)
+    found = _find_in_frames(chosen, target, parameters, monitor)
+    shape = _shape(*_ball_positions(chosen, found, n_balls), name)
     target = _target(name, shape)
     try:
         check_targets([*beside, target], parameters)
     except AmbiguousTargetError as error:
         raise InputError(_with_advice(error, beside, parameters)) from error
     n_frames = len(shape.world_from_body)
-    turn = _turn(shape)
+    turn = _largest_turn(shape)
     notices = tuple(_notices(name, shape, turn))
     return BodyCalibration(target, shape.noise, n_frames, len(chosen) - n_frames, turn, notices)
 
@@ -151,10 +151,10 @@ def _first_target(frames: Sequence[StereoPoints], name: str, n_balls: int, param
             f"no frame shows exactly {n_balls} points, the balls of body {name!r} and nothing else (the fullest shows "
             f"{most}); cover what else reflects, or state the number of balls"
         )
-    trials = [first_shape(frames[index], name) for index in _spread(np.array(alone), FIRST_FRAMES)]
-    samples = [frames[index] for index in _spread(np.arange(len(frames)), 10 * FIRST_FRAMES)]
+    trials = [first_shape(frames[index], name) for index in _evenly_spread(np.array(alone), FIRST_FRAMES)]
+    samples = [frames[index] for index in _evenly_spread(np.arange(len(frames)), 10 * FIRST_FRAMES)]
     try:
-        agreeing = [sum(map(bool, _find_everywhere(samples, trial, parameters, SILENT))) for trial in trials]
+        agreeing = [sum(map(bool, _find_in_frames(samples, trial, parameters, SILENT))) for trial in trials]
     except InputError as error:
         raise InputError(
             f"{_with_advice(error, (), parameters)}. The pictures show {n_balls} balls at once; if those are not all "
@@ -199,14 +199,16 @@ def _spanning_order(points: Floats) -> Ints:
     return np.array([*first, *(index for index in range(len(points)) if index not in first)])
 
 
-def _find_everywhere(
+def _find_in_frames(
     frames: Sequence[StereoPoints], target: BodyTarget, parameters: BodyParameters, monitor: Monitor
 ) -> list[list[FoundBody]]:
     finder = BodyFinder([target], parameters)
     return [finder.find(frame) for frame in with_progress(frames, len(frames), monitor)]
 
 
-def _ordered(frames: Sequence[StereoPoints], found: Sequence[list[FoundBody]], n_balls: int) -> tuple[Floats, Floats]:
+def _ball_positions(
+    frames: Sequence[StereoPoints], found: Sequence[list[FoundBody]], n_balls: int
+) -> tuple[Floats, Floats]:
     """Positions and covariances of the balls in the frames that show the target."""
     shown = [(frame, bodies[0]) for frame, bodies in zip(frames, found, strict=True) if bodies]
     positions = np.full((len(shown), n_balls, 3), np.nan)
@@ -233,7 +235,7 @@ def _target(name: str, shape: WeightedShape) -> BodyTarget:
     return BodyTarget(name, shape.points, std)
 
 
-def _turn(shape: WeightedShape) -> float:
+def _largest_turn(shape: WeightedShape) -> float:
     """Degrees by which the target turned at most from where it was first seen."""
     turns = shape.world_from_body[:, :3, :3] @ shape.world_from_body[0, :3, :3].T
     return float(np.rad2deg(np.linalg.norm(vector_from_matrix(turns), axis=1).max()))
@@ -257,7 +259,7 @@ def _notices(name: str, shape: WeightedShape, turn: float) -> list[str]:
     return notices
 
 
-def _spread(indices: Ints, most: int) -> Ints:
+def _evenly_spread(indices: Ints, most: int) -> Ints:
     """At most so many of the indices, evenly spread."""
     if len(indices) <= most:
         return indices
@@ -315,24 +317,24 @@ def fit_weighted_shape(points: Floats, poses: Floats, positions: Floats, covaria
     seen = ~np.isnan(positions[:, :, 0])
     weights = np.linalg.inv(np.where(seen[..., np.newaxis, np.newaxis], covariances, np.eye(3)))
     weights[~seen] = 0.0
-    free = _free(len(points))
+    free = _is_free(len(points))
     points, poses = points.copy(), poses.copy()
     for _ in range(MAX_STEPS):
-        information, gradient, back_substitute = _reduced(points, poses, np.nan_to_num(positions), weights)
+        information, gradient, back_substitute = _schur_complement(points, poses, np.nan_to_num(positions), weights)
         step = np.zeros(points.size)
         step[free] = np.linalg.solve(information[np.ix_(free, free)], gradient[free])
         points += step.reshape(points.shape)
-        poses = _stepped(poses, back_substitute(step))
+        poses = _moved_poses(poses, back_substitute(step))
         if np.abs(step).max() < STEP_TOLERANCE:
             break
-    information, _, _ = _reduced(points, poses, np.nan_to_num(positions), weights)
+    information, _, _ = _schur_complement(points, poses, np.nan_to_num(positions), weights)
     noise = _noise(points, poses, positions, weights, seen)
     covariance = np.zeros((points.size, points.size))
     covariance[np.ix_(free, free)] = max(noise, 1.0) ** 2 * np.linalg.inv(information[np.ix_(free, free)])
     return WeightedShape(points, covariance, poses, noise)
 
 
-def _free(n_points: int) -> Bools:
+def _is_free(n_points: int) -> Bools:
     """Which coordinates the normal form leaves free, shape (3 n_points,)."""
     point, axis = np.divmod(np.arange(3 * n_points), 3)
     return np.asarray(axis < point)
@@ -343,17 +345,17 @@ def _residuals(points: Floats, poses: Floats, positions: Floats) -> tuple[Floats
     return arms, positions - arms - poses[:, np.newaxis, :3, 3]
 
 
-def _reduced(
+def _schur_complement(
     points: Floats, poses: Floats, positions: Floats, weights: Floats
 ) -> tuple[Floats, Floats, Callable[[Floats], Floats]]:
     """Information and gradient of the shape with the poses eliminated, and the back-substitution for the poses."""
     arms, residuals = _residuals(points, poses, positions)
     slopes = np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (*arms.shape, 3))], axis=3)
     turns = poses[:, np.newaxis, :3, :3]
-    pushed = slopes.swapaxes(2, 3) @ weights
-    of_poses = np.linalg.inv((pushed @ slopes).sum(axis=1))
-    mixed = (pushed @ turns).transpose(0, 2, 1, 3).reshape(len(poses), POSE_FREEDOMS, -1)
-    gradient_of_poses = (pushed @ residuals[..., np.newaxis]).sum(axis=1)[..., 0]
+    weighted_slopes = slopes.swapaxes(2, 3) @ weights
+    of_poses = np.linalg.inv((weighted_slopes @ slopes).sum(axis=1))
+    mixed = (weighted_slopes @ turns).transpose(0, 2, 1, 3).reshape(len(poses), POSE_FREEDOMS, -1)
+    gradient_of_poses = (weighted_slopes @ residuals[..., np.newaxis]).sum(axis=1)[..., 0]
     own = (turns.swapaxes(2, 3) @ weights @ turns).sum(axis=0)
     gradient = (turns.swapaxes(2, 3) @ weights @ residuals[..., np.newaxis]).sum(axis=0).ravel()
     information = np.zeros((points.size, points.size))
@@ -370,7 +372,7 @@ def _reduced(
     return information, gradient, back_substitute
 
 
-def _stepped(poses: Floats, steps: Floats) -> Floats:
+def _moved_poses(poses: Floats, steps: Floats) -> Floats:
     poses = poses.copy()
     poses[:, :3, :3] = matrix_from_vector(steps[:, :3]) @ poses[:, :3, :3]
     poses[:, :3, 3] += steps[:, 3:]
@@ -380,5 +382,5 @@ def _stepped(poses: Floats, steps: Floats) -> Floats:
 def _noise(points: Floats, poses: Floats, positions: Floats, weights: Floats, seen: Bools) -> float:
     _, residuals = _residuals(points, poses, np.nan_to_num(positions))
     squares = float(np.einsum("fki,fkij,fkj->", residuals, weights, residuals))
-    freedoms = 3 * int(seen.sum()) - POSE_FREEDOMS * len(poses) - int(_free(len(points)).sum())
+    freedoms = 3 * int(seen.sum()) - POSE_FREEDOMS * len(poses) - int(_is_free(len(points)).sum())
     return float(np.sqrt(squares / max(freedoms, 1)))

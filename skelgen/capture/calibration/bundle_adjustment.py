@@ -120,7 +120,7 @@ def adjust(bundle: Bundle, free: Bools) -> Adjusted:
         step = _inverse(slope, damping) @ (slope.T @ residuals)
         if step @ (slope.T @ residuals) <= STANDS_STILL * squares + residuals.size * ROUNDING**2:
             break
-        moved = _better(bundle, free, step, squares)
+        moved = _step_if_better(bundle, free, step, squares)
         damping = max(10.0 * damping, LEAST_DAMPING) if moved is None else damping / 10.0
         bundle = bundle if moved is None else moved
     residuals = residuals_of(bundle)
@@ -220,7 +220,7 @@ def _noise(residuals: Floats, slope: Floats) -> float:
     return float(np.sqrt((residuals**2).sum() / freedom))
 
 
-def _better(bundle: Bundle, free: Bools, step: Floats, squares: float) -> Bundle | None:
+def _step_if_better(bundle: Bundle, free: Bools, step: Floats, squares: float) -> Bundle | None:
     """The bundle after a step, or None if that is no camera or fits worse than `squares`."""
     try:
         moved = _moved(bundle, free, step)

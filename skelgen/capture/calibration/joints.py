@@ -106,21 +106,23 @@ def calibrate_joints(
         If a request names a target that is not there, two targets are not seen together, or their motion does not tell
         the kind of a joint that a request leaves open.
     """
-    world, own = _tables(frames, bodies)
+    world, own = _pose_tables(frames, bodies)
     poses = Poses(world, tuple(bodies), rate or ANY_RATE, "capture")
     notices: list[str] = []
-    named = [(request, _chosen(poses, own, request)) for request in requests]
-    found = named or list(_found(poses, own, notices))
+    named = [(request, _fit_requested(poses, own, request)) for request in requests]
+    found = named or list(_fit_hierarchy(poses, own, notices))
     models = [_model(request, choice.fit) for request, choice in found]
     fits = tuple(choice.fit for _, choice in found)
-    fitted, noise = _together(models, fits, frames, notices)
+    fitted, noise = _fit_chains(models, fits, frames, notices)
     motions = tuple(joint_motion(frames, joint.parent, joint.child) for joint in fitted)
-    notices += _doubts(fitted, fits, motions)
-    joints = tuple(_zeroed(joint, frames) for joint in fitted)
+    notices += _joint_notices(fitted, fits, motions)
+    joints = tuple(_with_zero_angles(joint, frames) for joint in fitted)
     return JointCalibration(joints, fits, noise, motions, tuple(notices))
 
 
-def _doubts(joints: Sequence[TargetJoint], fits: Sequence[JointFit], motions: Sequence[JointMotion]) -> list[str]:
+def _joint_notices(
+    joints: Sequence[TargetJoint], fits: Sequence[JointFit], motions: Sequence[JointMotion]
+) -> list[str]:
     """What speaks against joints: too little motion, or more play than the noise explains."""
     advice = [motion.advice(joint.kind) for joint, motion in zip(joints, motions, strict=True)]
     play = [
@@ -131,7 +133,7 @@ def _doubts(joints: Sequence[TargetJoint], fits: Sequence[JointFit], motions: Se
     return [*filter(None, advice), *play]
 
 
-def _tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -> tuple[Floats, Floats]:
+def _pose_tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -> tuple[Floats, Floats]:
     """Poses, shape (n_frames, n_bodies, 4, 4), and covariances of shift and turn in the bodies' own frames."""
     world = np.full((len(frames), len(bodies), 4, 4), np.nan)
     own = np.full((len(frames), len(bodies), 6, 6), np.nan)
@@ -145,7 +147,7 @@ def _tables(frames: Sequence[Sequence[FoundBody]], bodies: Sequence[str]) -> tup
     return world, own
 
 
-def _chosen(poses: Poses, own: Floats, request: JointRequest) -> KindChoice:
+def _fit_requested(poses: Poses, own: Floats, request: JointRequest) -> KindChoice:
     choice = choose_kind(poses, request.parent, request.child, own, wanted=request.kind or None)
     if request.kind:
         return choice
@@ -156,7 +158,7 @@ def _chosen(poses: Poses, own: Floats, request: JointRequest) -> KindChoice:
     return choice
 
 
-def _found(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointRequest, KindChoice]]:
+def _fit_hierarchy(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[JointRequest, KindChoice]]:
     """Joints of the hierarchy that the motion shows, named after their targets, each after that of its parent."""
     hierarchy = find_hierarchy(poses, covariances=own)
     order = [int(body) for body in np.flatnonzero(hierarchy.parents < 0)]
@@ -168,7 +170,7 @@ def _found(poses: Poses, own: Floats, notices: list[str]) -> Iterable[tuple[Join
         parent = poses.names[hierarchy.parents[child]]
         request = JointRequest(f"{parent}-{poses.names[child]}", parent, poses.names[child])
         try:
-            yield request, _chosen(poses, own, request)
+            yield request, _fit_requested(poses, own, request)
         except InputError as error:
             notices.append(f"left out: {error}")
 
@@ -179,7 +181,7 @@ def _model(request: JointRequest, fit: JointFit) -> TargetJoint:
     return TargetJoint(request.name, fit.kind, request.parent, request.child, *frames, fit.std, np.array(tilts))
 
 
-def _together(
+def _fit_chains(
     models: Sequence[TargetJoint],
     fits: Sequence[JointFit],
     frames: Sequence[Sequence[FoundBody]],
@@ -187,12 +189,12 @@ def _together(
 ) -> tuple[list[TargetJoint], float]:
     """The joints of each tree fitted together where there are several, and the noise of the last."""
     fitted, noise = list(models), float("nan")
-    for tree in _trees(models):
+    for tree in _trees_of(models):
         if len(tree) < 2:
             continue
         joints = [models[index] for index in tree]
         names = list(dict.fromkeys(name for joint in joints for name in (joint.parent, joint.child)))
-        poses, covariances = _complete(frames, names)
+        poses, covariances = _poses_in_common(frames, names)
         if len(poses[names[0]]) < MIN_FRAMES:
             notices.append(
                 f"{', '.join(names)} are seen together in {len(poses[names[0]])} frames; below {MIN_FRAMES} their "
@@ -207,7 +209,7 @@ def _together(
     return fitted, noise
 
 
-def _zeroed(joint: TargetJoint, frames: Sequence[Sequence[FoundBody]]) -> TargetJoint:
+def _with_zero_angles(joint: TargetJoint, frames: Sequence[Sequence[FoundBody]]) -> TargetJoint:
     """The joint with all angles zero in the first frame that shows both targets, as in Gaschler (2011, 7.1.4)."""
     for frame in frames:
         bodies = {body.name: body for body in frame}
@@ -220,7 +222,7 @@ def _zeroed(joint: TargetJoint, frames: Sequence[Sequence[FoundBody]]) -> Target
     return joint
 
 
-def _trees(models: Sequence[TargetJoint]) -> list[list[int]]:
+def _trees_of(models: Sequence[TargetJoint]) -> list[list[int]]:
     """Joints that hang together, each after the joint above it; joints that close a loop are left alone."""
     left, trees = list(range(len(models))), []
     children = {model.child for model in models}
@@ -242,7 +244,7 @@ def _trees(models: Sequence[TargetJoint]) -> list[list[int]]:
     return trees
 
 
-def _complete(
+def _poses_in_common(
     frames: Sequence[Sequence[FoundBody]], names: Sequence[str]
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Poses and covariances of some targets in frames that show them all."""

@@ -144,7 +144,7 @@ def calibrate_views(
     if len(pairs) < LEAST_VIEWS:
         raise InputError(_too_few(views, len(pairs)))
     corners = np.stack([np.stack([pair[side].corners for pair in pairs]) for side in (0, 1)])
-    found = adjust_lens(*_guessed(corners, board, size), lens)
+    found = adjust_lens(*_first_guess(corners, board, size), lens)
     both = np.array([left is not None and right is not None for left, right in views])
     kept, errors = np.zeros(len(views), dtype=np.bool_), np.full((2, len(views)), np.nan)
     kept[both], errors[:, both] = found.kept, found.view_rms
@@ -155,7 +155,7 @@ def calibrate_views(
     return _with_deviations(found.adjusted, seen)
 
 
-def _guessed(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Bundle, Bools]:
+def _first_guess(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[Bundle, Bools]:
     """Both cameras alone, the right one placed by the pairs that agree, its corners numbered as the left one's.
 
     The pairs that agree are the second value.
@@ -291,7 +291,7 @@ def _guess_of_pair(
     right: Camera, right_from_left: Floats, left_poses: Floats, corners: Floats, orders: Ints, board: Board
 ) -> Pairing:
     """The guess from one pair, with the error of each pair in its best order; infinite behind the camera."""
-    eye = replace(right, camera_from_world=_clean(right_from_left))
+    eye = replace(right, camera_from_world=_proper_pose(right_from_left))
     in_left = board.points @ np.swapaxes(left_poses[:, :3, :3], 1, 2) + left_poses[:, np.newaxis, :3, 3]
     expected = project(eye, in_left)
     shifts = corners[:, orders] - expected[:, np.newaxis]
@@ -300,6 +300,6 @@ def _guess_of_pair(
     return Pairing(eye.camera_from_world, orders[best], errors.min(axis=1))
 
 
-def _clean(pose: Floats) -> Floats:
+def _proper_pose(pose: Floats) -> Floats:
     """A product of poses, with the rounding taken off its rotation."""
     return transform_from(nearest_rotation(pose[:3, :3]), pose[:3, 3])

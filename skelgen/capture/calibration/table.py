@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
 from skelgen.capture.calibration.joints import JointCalibration
 from skelgen.capture.calibration.stereo import StereoCalibration
 from skelgen.model.rig import BodyTarget, Camera, TargetJoint
+
+Row = Mapping[str, str | int | float]
+"""Texts and numbers by the titles of columns."""
 
 INTRINSIC = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
 """What the numbers of one camera are called, in the order of `intrinsic` and of the calibration's deviations."""
@@ -32,7 +35,7 @@ def intrinsic(eye: Camera) -> list[float]:
     return [*eye.matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(), *eye.distortion.tolist()]
 
 
-def ball_rows(target: BodyTarget) -> list[dict[str, Any]]:
+def ball_rows(target: BodyTarget) -> list[Row]:
     """Return where the balls of a target are [mm], by the titles of columns."""
     balls = zip(target.points.tolist(), np.asarray(target.std).tolist(), strict=True)
     return [
@@ -41,7 +44,7 @@ def ball_rows(target: BodyTarget) -> list[dict[str, Any]]:
     ]
 
 
-def joint_rows(done: JointCalibration) -> list[dict[str, Any]]:
+def joint_rows(done: JointCalibration) -> list[Row]:
     """Return where joints are in both targets [mm], by the titles of columns."""
     return [
         {

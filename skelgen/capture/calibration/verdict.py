@@ -194,15 +194,15 @@ def _gaps(rig: StereoRig, used: Sequence[PairSeen]) -> list[str]:
         views = [view.corners for pair in used if (view := pair.left if side == "left" else pair.right) is not None]
         gaps = uncovered(views, size)
         if gaps:
-            advice.append(f"No view covers the {_joined(gaps)} of the {side} image.")
+            advice.append(f"No view covers the {_list_of(gaps)} of the {side} image.")
     return advice
 
 
 def _about(names: Sequence[str], of_one: str, of_more: str) -> list[str]:
     if not names:
         return []
-    return [f"Pair {names[0]} {of_one}" if len(names) == 1 else f"Pairs {_joined(names)} {of_more}"]
+    return [f"Pair {names[0]} {of_one}" if len(names) == 1 else f"Pairs {_list_of(names)} {of_more}"]
 
 
-def _joined(words: Sequence[str]) -> str:
+def _list_of(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
