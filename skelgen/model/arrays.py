@@ -101,3 +101,18 @@ def _check_shape(array: NDArray[Any], shape: Sequence[int | None], what: str) ->
     if not fits:
         wanted = "(" + ", ".join("any" if want is None else str(want) for want in shape) + ")"
         raise InputError(f"{what} has shape {array.shape}; it must be {wanted}")
+
+
+def evenly_spread(indices: Ints, most: int) -> Ints:
+    """Return at most so many of some indices, evenly spread over them.
+
+    Parameters
+    ----------
+    indices : ndarray of intp, shape (n,)
+        Rising.
+    most : int
+        How many are wanted at most.
+    """
+    if len(indices) <= most:
+        return indices
+    return indices[np.unique(np.linspace(0, len(indices) - 1, most).astype(np.intp))]

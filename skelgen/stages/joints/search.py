@@ -10,7 +10,7 @@ import numpy as np
 
 from skelgen.kinematics.bodies.shape import LimbShape
 from skelgen.model import Limbs
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, evenly_spread
 from skelgen.model.topology import outward_order
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.pairs import JointGuess, guess_joint
@@ -19,7 +19,6 @@ from skelgen.stages.joints.segments import (
     BLOCK_FRAMES,
     ENOUGH_FRAMES,
     Segment,
-    evenly_spread,
     make_segments,
     sample_frames,
     typical_variance,

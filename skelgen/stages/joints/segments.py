@@ -14,7 +14,7 @@ import numpy as np
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.bodies.shape import LimbShape, distinct_rows, fit_shape
 from skelgen.model import Limbs
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.stages.joints.parameters import JointParameters
 
 LEAST_FREEDOMS = 30
@@ -238,8 +238,3 @@ def sample_frames(n_frames: int, parameters: JointParameters) -> Ints:
     """
     step = parameters.sampling or max(1.0, n_frames / parameters.samples)
     return np.unique(np.arange(0, n_frames, step).astype(np.intp).clip(max=n_frames - 1))  # rounding may reach the end
-
-
-def evenly_spread(frames: Ints, most: int) -> Ints:
-    """Return at most so many of the frames, evenly."""
-    return frames[np.unique(np.linspace(0, len(frames) - 1, most).astype(np.intp))] if len(frames) > most else frames

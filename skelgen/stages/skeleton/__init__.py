@@ -1,20 +1,21 @@
-"""Stage 4: fit a skeleton of rigid limbs, and fit it back to every frame."""
+"""Stage 4: fit a skeleton of rigid limbs, and fit it back to every frame.
 
-from skelgen.stages.skeleton.assembly import Body, assemble, cut_out
-from skelgen.stages.skeleton.loops import BodyRings, all_poses
+`stage` is the order of its steps: `assembly` averages limbs and joins them, `fitting` fits one tree with its `joints`
+and `loops`, `posing` finds its poses without outliers, `long_takes` does so block by block, `result` gathers all trees.
+"""
+
+from skelgen.stages.skeleton.assembly import Body, StructuredTake, assemble
 from skelgen.stages.skeleton.parameters import SkeletonParameters
-from skelgen.stages.skeleton.posing import out_of_line, posed_with_care, without_outliers
+from skelgen.stages.skeleton.posing import ConstrainedChain, out_of_line, without_outliers
 from skelgen.stages.skeleton.stage import fit_skeleton
 
 __all__ = [
     "Body",
-    "BodyRings",
+    "ConstrainedChain",
     "SkeletonParameters",
-    "all_poses",
+    "StructuredTake",
     "assemble",
-    "cut_out",
     "fit_skeleton",
     "out_of_line",
-    "posed_with_care",
     "without_outliers",
 ]

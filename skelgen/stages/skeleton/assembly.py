@@ -1,21 +1,20 @@
-"""Put a skeleton of rigid limbs together: each limb lined up with itself over all frames, then joined from the root.
+"""Assemble a skeleton of rigid limbs: the mean shape of each limb, joined to the next from the root outward.
 
 Markers and raw joints of a limb are brought into the limb's frame in every frame; their means, with outliers beyond one
-standard deviation left out, are the limb's shape (seed 3.8.1). Joining the limbs at their joints gives the skeleton.
+standard deviation left out, are the limb's shape (Schönauer 2007, 3.8.1).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.geometry.orientation import Rotator
 from skelgen.geometry.rotations import fill_rotations
 from skelgen.kinematics.bodies.shape import LimbShape, fit_shape
 from skelgen.kinematics.chain.chain import Chain
 from skelgen.model import Limbs, Topology, Trajectories
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import outward_order
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 
@@ -48,38 +47,65 @@ class Body:
     raw_joints: Floats
 
 
-def cut_out(trajectories: Trajectories, limbs: Limbs, topology: Topology, root: int) -> Body:
-    """Cut the tree with one root out of a take, its limbs in order outward from the root."""
-    tree = topology.limbs_of_tree(root)
-    order = [limb for limb in outward_order(topology.parents).tolist() if limb in tree]
-    index = {int(limb): position for position, limb in enumerate(order)}
-    parents = np.array([index.get(int(topology.parents[limb]), -1) for limb in order], dtype=np.intp)
-    markers = np.flatnonzero([int(limb) in index for limb in limbs.limb_of_marker])
-    raw = np.full((trajectories.n_frames, len(order), 3), np.nan)
-    for column, child in enumerate(topology.children):
-        if int(child) in index:
-            raw[:, index[int(child)]] = topology.raw_joint_positions[:, column]
-    return Body(
-        limbs=np.array(order, dtype=np.intp),
-        parents=parents,
-        markers=markers,
-        limb_of_marker=np.array([index[int(limb)] for limb in limbs.limb_of_marker[markers]], dtype=np.intp),
-        positions=trajectories.positions[:, markers],
-        raw_joints=raw,
-    )
+@dataclass(frozen=True, eq=False)
+class StructuredTake:
+    """A take whose limbs and joints are known.
+
+    Attributes
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    limbs : Limbs
+        Which marker is on which limb.
+    topology : Topology
+        The trees and the raw joints.
+    """
+
+    trajectories: Trajectories
+    limbs: Limbs
+    topology: Topology
+
+    def at(self, frames: Ints | slice) -> StructuredTake:
+        """Return markers and raw joints in some frames."""
+        if not isinstance(frames, slice) and len(frames) == self.trajectories.n_frames:
+            return self
+        some = replace(self.trajectories, positions=self.trajectories.positions[frames])
+        raw = self.topology.raw_joint_positions[frames]
+        return StructuredTake(some, self.limbs, replace(self.topology, raw_joint_positions=raw))
+
+    def bodies(self) -> list[Body]:
+        """Return the trees, in the order of their roots; limbs of each in order outward from the root."""
+        return [self._body(int(root)) for root in self.topology.roots]
+
+    def _body(self, root: int) -> Body:
+        topology, limb_of_marker = self.topology, self.limbs.limb_of_marker
+        tree = topology.limbs_of_tree(root)
+        order = [limb for limb in outward_order(topology.parents).tolist() if limb in tree]
+        index = {limb: position for position, limb in enumerate(order)}
+        markers = np.flatnonzero(np.isin(limb_of_marker, order))
+        raw = np.full((self.trajectories.n_frames, len(order), 3), np.nan)
+        for column, child in enumerate(topology.children.tolist()):
+            if child in index:
+                raw[:, index[child]] = topology.raw_joint_positions[:, column]
+        return Body(
+            limbs=np.array(order, dtype=np.intp),
+            parents=np.array([index.get(int(topology.parents[limb]), -1) for limb in order], dtype=np.intp),
+            markers=markers,
+            limb_of_marker=np.array([index[int(limb)] for limb in limb_of_marker[markers]], dtype=np.intp),
+            positions=self.trajectories.positions[:, markers],
+            raw_joints=raw,
+        )
 
 
-def assemble(body: Body, parameters: SkeletonParameters, rotator: Rotator, frames: Ints) -> tuple[Chain, int]:
-    """Make a chain of a body's mean limbs, their frames turned to the world's axes in the reference frame.
+def assemble(body: Body, parameters: SkeletonParameters, frames: Ints) -> tuple[Chain, int]:
+    """Make a chain of a body's mean limbs, whose axes are the world's in the reference frame.
 
     Parameters
     ----------
     body : Body
         The tree with its markers and raw joints.
     parameters : SkeletonParameters
-        Their `outlier` and `joints_for_poses`.
-    rotator : callable
-        Closed form of absolute orientation.
+        Their `outlier`, `joints_for_poses`, `rotation` and `flatness`.
     frames : ndarray of intp
         Frames that are averaged.
 
@@ -97,31 +123,29 @@ def assemble(body: Body, parameters: SkeletonParameters, rotator: Rotator, frame
         inner = [limb] if body.parents[limb] >= 0 else []
         attached = np.array([*inner, *children], dtype=np.intp)
         points = np.concatenate([body.positions[:, markers], body.raw_joints[:, attached]], axis=1)
-        shape = _lined_up(points, len(markers), frames, parameters, rotator)
-        mean = _mean_points(points[frames], shape, frames, parameters.outlier) @ _turn_at(shape, reference).T
+        shape = _aligned(points, len(markers), frames, parameters)
+        mean = _mean_points(points[frames], shape, frames, parameters.outlier) @ _rotation_at(shape, reference).T
         origin = mean[len(markers)] if inner else mean[: len(markers)].mean(axis=0)
         offsets[markers] = mean[: len(markers)] - origin
         joints[children] = mean[len(markers) + len(inner) :] - origin
     return Chain(body.parents, body.limb_of_marker, joints, offsets), reference
 
 
-def _lined_up(
-    points: Floats, n_markers: int, frames: Ints, parameters: SkeletonParameters, rotator: Rotator
-) -> LimbShape:
+def _aligned(points: Floats, n_markers: int, frames: Ints, parameters: SkeletonParameters) -> LimbShape:
     """Pose the limb by its markers alone where they suffice to place all: raw joints are less certain.
 
     A marker that is split where it slipped is never seen with three others on a limb of three.
     """
     if not parameters.joints_for_poses:
-        shape = fit_shape(points[:, :n_markers], frames, rotator, parameters.flatness)
+        shape = fit_shape(points[:, :n_markers], frames, parameters.rotator, parameters.flatness)
         seen = ~np.isnan(points[:, :n_markers, 0])
         placed = (seen & shape.posed[:, np.newaxis]).any(axis=0) | ~seen.any(axis=0)
         if shape.has_pose and placed.all():
             return shape
-    return fit_shape(points, frames, rotator, parameters.flatness)
+    return fit_shape(points, frames, parameters.rotator, parameters.flatness)
 
 
-def _turn_at(shape: LimbShape, frame: int) -> Floats:
+def _rotation_at(shape: LimbShape, frame: int) -> Floats:
     if not shape.has_pose:
         return np.eye(3)
     turns, posed = shape.world_from_limb[:, :3, :3], shape.posed
@@ -142,7 +166,7 @@ def _mean_points(points: Floats, shape: LimbShape, frames: Ints, outlier: float)
     return _mean(local, known & (distance <= outlier * spread + rounding))
 
 
-def _mean(local: Floats, known: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Floats:
+def _mean(local: Floats, known: Bools) -> Floats:
     count = np.maximum(known.sum(axis=0), 1)[:, np.newaxis]
     return np.asarray(np.where(known[..., np.newaxis], local, 0.0).sum(axis=0) / count)
 

@@ -1,4 +1,4 @@
-"""The joints of a fitted chain: kinds, places along hinge axes, uncertainty."""
+"""The joints of a fitted chain: their types, their places along hinge axes, and their uncertainty."""
 
 from __future__ import annotations
 
@@ -22,71 +22,69 @@ from skelgen.kinematics.joints.rotations import UniversalRotation
 from skelgen.model.arrays import Bools, Floats, Ints
 
 NEIGHBOUR_WEIGHT = 0.1
-"""Of the pull to a limb's other joints beside the pull to its markers, along axes that leave a choice. It is weak: near
-the markers an axis is known best, and an error of its direction grows with the way along it."""
+"""Weight of a limb's other joints beside its markers for the place of a hinge along its axis. It is small: near the
+markers an axis is known best, and an error of its direction grows with the distance along it."""
 
 NUMBERS_OF_POSE = 6
-"""What one pose of a body tells: a position and a rotation."""
+"""Coordinates of a position and a rotation."""
+
+SHARED_FRAMES = 60
+"""Frames over which the skeleton's part is averaged."""
+
+EXACT_FRAMES = 2000
+"""Frames whose part is computed; the others of a long take have that of the nearest one."""
 
 
 def find_kinds(
-    chain: Chain,
-    poses: ChainPoses,
-    positions: Floats,
-    posed: Bools,
-    noise: float,
-    wanted: dict[int, str],
-    limits: KindLimits,
-    are_poses: bool = False,
+    fit: Calibration, fixed: Bools, stated: dict[int, str], limits: KindLimits, are_poses: bool = False
 ) -> list[JointKind]:
-    """Classify the joint above each limb but the root.
+    """Find the type of the joint above each limb but the root.
 
     Parameters
     ----------
-    chain, poses, positions
-        A calibrated chain, where it is, and its measured markers [mm], shape (n_frames, n_markers, 3).
-    posed : ndarray of bool, shape (n_frames, n_limbs)
+    fit : Calibration
+        A fit with free joints.
+    fixed : ndarray of bool, shape (n_frames, n_limbs)
         Whether points of the frame fix the limb's rotation. Frames in which both limbs of a joint are fixed count, all
         if there are none.
-    noise : float, mm
-        Standard deviation of a marker's coordinate.
-    wanted : dict of int to str
-        Kinds that the user knows, by limb.
+    stated : dict of int to str
+        Types that the user states, by limb.
     limits : KindLimits
-        Where one kind ends and the next begins.
+        Where one type ends and the next begins.
     are_poses : bool
         Whether the markers stand for bodies with orientation.
     """
-    covariances = pose_covariances(observed(chain, Articulation.free(chain.n_limbs), poses, positions), noise).turns
+    chain, poses, positions = fit.chain, fit.poses, fit.positions
+    covariances = pose_covariances(observed(chain, Articulation.free(chain.n_limbs), poses, positions), fit.noise).turns
     n_seen = float((~np.isnan(positions[:, :, 0])).sum() / len(positions))
     n_numbers = NUMBERS_OF_POSE * chain.n_limbs if are_poses else 3 * n_seen
     freedoms_of_pair = 2 * max(n_numbers - 3 - 3 * chain.n_limbs, 0.0) / chain.n_limbs
     kinds = []
     for limb in range(1, chain.n_limbs):
         parent = chain.parents[limb]
-        fixed = posed[:, limb] & posed[:, parent]
-        use = fixed if fixed.sum() >= MIN_FRAMES else np.ones_like(fixed)
+        both = fixed[:, limb] & fixed[:, parent]
+        use = both if both.sum() >= MIN_FRAMES else np.ones_like(both)
         relative = (poses.rotations[:, parent].swapaxes(1, 2) @ poses.rotations[:, limb])[use]
-        kinds.append(find_kind(relative, covariances[use, limb], freedoms_of_pair, limits, wanted.get(limb)))
+        kinds.append(find_kind(relative, covariances[use, limb], freedoms_of_pair, limits, stated.get(limb)))
     return kinds
 
 
-def articulation_of(kinds: list[JointKind], known: set[int]) -> Articulation:
-    """Return what the joints allow: joints are held to their kind if noise alone explains what it leaves over.
+def articulation_of(kinds: list[JointKind], stated: set[int]) -> Articulation:
+    """Return what the joints allow: a joint is held to its type if noise alone explains the residual rotations.
 
     Parameters
     ----------
     kinds : list of JointKind
         Of the joints above limbs 1, 2, ...
-    known : set of int
-        Limbs whose kind the user knows: they are held to it in any case.
+    stated : set of int
+        Limbs for which the user states the type: they are held to it in any case.
     """
     free = Articulation.free(len(kinds) + 1)
     held, between = ["ball"], np.zeros(len(kinds) + 1)
     in_parent, in_child = free.in_parent.copy(), free.in_child.copy()
     for limb, kind in enumerate(kinds, start=1):
         left = kind.type_fits.get(kind.kind)
-        holds = left is not None and (limb in known or left.ratio <= left.limit)
+        holds = left is not None and (limb in stated or left.ratio <= left.limit)
         held.append(kind.kind if holds else "ball")
         in_parent[limb], in_child[limb] = kind.axis_in_parent, kind.axis_in_child
         if left is not None and isinstance(left.rotation, UniversalRotation):
@@ -95,7 +93,15 @@ def articulation_of(kinds: list[JointKind], known: set[int]) -> Articulation:
 
 
 def with_axes(kinds: list[JointKind], articulation: Articulation) -> list[JointKind]:
-    """Return kinds with the axes of an articulation where it holds them."""
+    """Return joint types with the axes of an articulation where it holds them.
+
+    Parameters
+    ----------
+    kinds : list of JointKind
+        Of the joints above limbs 1, 2, ...
+    articulation : Articulation
+        With axes that were fitted.
+    """
     return [
         replace(kind, axis_in_parent=articulation.in_parent[limb], axis_in_child=articulation.in_child[limb])
         if articulation.kinds[limb] in {"hinge", "universal"}
@@ -104,23 +110,24 @@ def with_axes(kinds: list[JointKind], articulation: Articulation) -> list[JointK
     ]
 
 
-def with_noise_of_poses(calibration: Calibration, positions: Floats) -> Calibration:
+def with_noise_of_poses(fit: Calibration) -> Calibration:
     """Estimate the noise anew for markers that stand for bodies with orientation.
 
-    Their shapes are known and exact: each body that is seen tells six numbers, not three for every marker.
+    Their shapes are known and exact: each body that is seen gives six numbers, not three for every marker.
     """
-    chain = calibration.chain
-    seen = ~np.isnan(positions[:, :, 0])
+    chain = fit.chain
+    seen = ~np.isnan(fit.positions[:, :, 0])
     n_bodies = sum(int(seen[:, chain.limb_of_marker == limb].any(axis=1).sum()) for limb in range(chain.n_limbs))
-    free = len(positions) * (3 + 3 * chain.n_limbs) + NUMBERS_OF_POSE * (chain.n_limbs - 1)
-    squares = float((residuals(chain, calibration.poses, positions) ** 2).sum())
-    return replace(calibration, noise=float(np.sqrt(squares / max(NUMBERS_OF_POSE * n_bodies - free, 1))))
+    free = len(fit.positions) * (3 + 3 * chain.n_limbs) + NUMBERS_OF_POSE * (chain.n_limbs - 1)
+    squares = float((residuals(chain, fit.poses, fit.positions) ** 2).sum())
+    return replace(fit, noise=float(np.sqrt(squares / max(NUMBERS_OF_POSE * n_bodies - free, 1))))
 
 
 def shifts_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> dict[int, float]:
-    """Return how far [mm] hinges go along their axes, where data leave the choice, to the markers of both limbs.
+    """Return how far [mm] hinges are moved along their axes, where data leave the choice, by their child limbs.
 
-    Each hinge is drawn to the centroids of its two limbs' markers and, weakly, to the other joints of these limbs.
+    Each hinge is moved towards the centroids of its two limbs' markers and, with little weight, towards the other
+    joints of these limbs.
 
     Parameters
     ----------
@@ -129,7 +136,7 @@ def shifts_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> 
     kinds : list of JointKind
         Of the joints above limbs 1, 2, ...
     freedom : ndarray, shape (n_limbs,)
-        How much of the way each joint may go, see `axis_freedom`.
+        How free each joint is along its axis, see `axis_freedom`.
     """
     hinges = [index for index, kind in enumerate(kinds) if kind.kind == "hinge"]
     if not hinges:
@@ -141,9 +148,9 @@ def shifts_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> 
         places = _attachments(chain, kinds, limb, column)
         own = chain.limb_of_marker == limb
         centre = (chain.offsets[own].mean(axis=0), np.zeros((3, len(hinges))))
-        pulls = [(1.0, place, centre) for place in places]
-        pulls += [(NEIGHBOUR_WEIGHT, a, b) for i, a in enumerate(places) for b in places[i + 1 :]]
-        for weight, first, second in pulls:
+        near = [(1.0, place, centre) for place in places]
+        near += [(NEIGHBOUR_WEIGHT, a, b) for i, a in enumerate(places) for b in places[i + 1 :]]
+        for weight, first, second in near:
             rows.append(weight * (first[1] - second[1]))
             right.append(weight * (second[0] - first[0]))
     shifts = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
@@ -151,7 +158,15 @@ def shifts_along_axes(chain: Chain, kinds: list[JointKind], freedom: Floats) -> 
 
 
 def axis_freedom(kinds: list[JointKind], noise: float) -> Floats:
-    """How free the joint above each limb is along its axis, 0 .. 1, shape (n_limbs,)."""
+    """Return how free the joint above each limb is along its axis, 0 .. 1, shape (n_limbs,).
+
+    Parameters
+    ----------
+    kinds : list of JointKind
+        Of the joints above limbs 1, 2, ...
+    noise : float, mm
+        Standard deviation of a marker's coordinate.
+    """
     return np.array([0.0] + [kind.freedom_along_axis(noise) for kind in kinds])
 
 
@@ -171,7 +186,17 @@ def _attachments(
 
 
 def shifted(chain: Chain, kinds: list[JointKind], shifts: dict[int, float]) -> Chain:
-    """Return a chain whose joints were moved along their axes."""
+    """Return a chain whose joints are moved along their axes.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    kinds : list of JointKind
+        Of the joints above limbs 1, 2, ...
+    shifts : dict of int to float
+        How far [mm], by child limb.
+    """
     joints, offsets = chain.joints.copy(), chain.offsets.copy()
     for limb, shift in shifts.items():
         kind = kinds[limb - 1]
@@ -186,7 +211,7 @@ def errors_of_limbs(
     kinds: list[JointKind],
     shifts: dict[int, float],
     freedom: Floats,
-    growth: float,
+    correlation_time: float,
     tolerance: float,
 ) -> LimbErrors:
     """Return the errors of a chain whose hinges were moved along their axes.
@@ -197,8 +222,8 @@ def errors_of_limbs(
         The fit.
     kinds, shifts, freedom
         The kinds of its joints, and how hinges were moved.
-    growth : float
-        How much less than independent ones the frames tell.
+    correlation_time : float
+        Frames of residuals that are worth one independent frame.
     tolerance : float
         Information below this part of the largest is none.
     """
@@ -207,7 +232,7 @@ def errors_of_limbs(
     for limb, shift in shifts.items():
         axes[:, limb], distances[limb] = (kinds[limb - 1].axis_in_parent, kinds[limb - 1].axis_in_child), shift
     along = HingeShifts(axes, distances, _along_hinges(chain, kinds, freedom))
-    return limb_errors(last, along, growth=growth, tolerance=tolerance)
+    return limb_errors(last, along, growth=correlation_time, tolerance=tolerance)
 
 
 def _along_hinges(chain: Chain, kinds: list[JointKind], freedom: Floats) -> Floats:
@@ -222,60 +247,69 @@ def _along_hinges(chain: Chain, kinds: list[JointKind], freedom: Floats) -> Floa
 
 
 def limb_size(chain: Chain, limb: int) -> float:
-    """Root mean square distance [mm] of a limb's markers from its joint; of all limbs' where it has none."""
+    """Return the root mean square distance [mm] of a limb's markers from its joint; of all limbs' where it has none.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    limb : int
+        Which.
+    """
     own = chain.limb_of_marker == limb
     offsets = chain.offsets[own] if own.any() else chain.offsets
     return float(np.sqrt((offsets**2).sum(axis=1).mean()))
 
 
-SHARED_FRAMES = 60
-"""Frames over which the skeleton's part is averaged."""
-
-EXACT_FRAMES = 2000
-"""Frames whose part is computed; the others of a long take have that of the nearest one."""
-
-
-def lasting(last: Calibration, positions: Floats) -> float:
-    """How many frames of residuals tell as much as one independent frame, at least 1.
+def correlation_time(fit: Calibration, positions: Floats) -> float:
+    """Return how many successive frames of residuals are worth one independent frame, at least 1.
 
     Parameters
     ----------
-    last : Calibration
+    fit : Calibration
         The fit.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         What it was fitted to, in the order of time.
     """
-    if len(positions) == 0 or last.noise == 0.0:
+    if len(positions) == 0 or fit.noise == 0.0:
         return 1.0
-    own = residuals_in_limbs(last.chain, last.poses, positions)
+    own = residuals_in_limbs(fit.chain, fit.poses, positions)
     return len(own) / effective_frames(own.reshape(len(own), -1))
 
 
 def joint_deviations(
-    last: Calibration, chain: Chain, poses: ChainPoses, positions: Floats, unseen: Bools, growth: float
+    last: Calibration, chain: Chain, poses: ChainPoses, positions: Floats, unseen: Bools, correlated: float
 ) -> Floats:
-    """Standard deviations of joints along the world's axes, of hinges across theirs, shape (n_frames, n_limbs, 3), mm.
+    """Return standard deviations [mm] of joints along the world's axes, of hinges across theirs, by frame and limb.
+
+    The frame's part rests on what it shows. The skeleton's part hardly changes with the pose when it is seen from the
+    parent: it is averaged there over some frames. Errors that last, as soft tissue makes, average out over fewer frames
+    than there are: the skeleton's part grows by as much.
 
     Parameters
     ----------
     last : Calibration
         The fit of the constants.
     chain : Chain
-        Its chain, hinges settled along their axes.
+        Its chain, hinges moved along their axes.
     poses : ChainPoses
         All frames.
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers.
     unseen : ndarray of bool, shape (n_frames,)
         Frames that show too little of a limb.
-    growth : float
-        How much less than independent ones the frames tell, see `lasting`.
+    correlated : float
+        Frames of residuals that are worth one independent frame.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_limbs, 3), mm
     """
     frames = _exact_frames(unseen)
     articulation, some = last.articulation, poses[frames]
     axes = articulation.hinge_axes(chain.parents, some.rotations)
     covariances = pose_covariances(observed(chain, articulation, some, positions[frames]), last.noise).origins
-    shared = growth * _shared(last, chain, poses, positions)
+    shared = correlated * _shared(last, chain, poses, positions)
     held = contiguous(covariances, some.rotations, chain.parents, shared, axes)
     variances = variances_across(*held)
     deviations = np.sqrt(np.maximum(variances, 0.0))

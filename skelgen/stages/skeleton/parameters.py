@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from skelgen.errors import ParameterError
+from skelgen.geometry.orientation import ROTATORS, Rotator
 from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
 from skelgen.parameters import StageParameters, declare
 
@@ -27,7 +28,7 @@ class SkeletonParameters(StageParameters):
     )
     fit: str = declare(
         "whole-chain",
-        "root-outward poses one limb after the other as the seed does; whole-chain then refines limbs, joints and "
+        "root-outward poses one limb after the other, the classic method; whole-chain then refines limbs, joints and "
         "poses together by maximum likelihood",
         choices=("root-outward", "whole-chain"),
         basic=True,
@@ -47,8 +48,8 @@ class SkeletonParameters(StageParameters):
     )
     robust: float = declare(
         6.0,
-        "positions off the fitted chain by more than this many standard deviations of the noise are left out, judged "
-        "by a fit in which they hardly pull",
+        "positions off the fitted chain by more than this many standard deviations of the noise are left out, measured "
+        "from a fit in which they have little weight",
         low=3.0,
         high=1e6,
     )
@@ -58,7 +59,11 @@ class SkeletonParameters(StageParameters):
         config_name="USE_JOINTS_FOR_CENTROID",
     )
     samples: int = declare(
-        300, "frames from which limbs and joints are first estimated, and their kinds", unit="frames", low=10, high=1e6
+        300,
+        "frames from which limbs and joints are first estimated, and types of joints",
+        unit="frames",
+        low=10,
+        high=1e6,
     )
     refine_samples: int = declare(
         2000, "frames from which limbs and joints are estimated at last", unit="frames", low=10, high=1e6
@@ -100,7 +105,7 @@ class SkeletonParameters(StageParameters):
     )
     pi: float = declare(
         3.141592653589793,
-        "the mathematical constant, kept so that the seed's files can be read; it changes nothing",
+        "the mathematical constant, kept so that the classic program's files can be read; it changes nothing",
         low=3.14159,
         high=3.1416,
         config_name="PI",
@@ -114,37 +119,42 @@ class SkeletonParameters(StageParameters):
     )
     kinds: str = declare(
         "",
-        "kinds of joints that are known: one for all, or by the joint's child limb such as 3=hinge,7=ball; "
+        "types of joints that are known: one for all, or by the joint's child limb such as 3=hinge,7=ball; "
         "empty finds them",
         basic=True,
     )
 
     loops: str = declare(
         "",
-        "rings that the fit closes: found for those of the stage before, or pairs of limbs or of one marker of each as "
+        "loops that the fit closes: found for those of the stage before, or pairs of limbs or of one marker of each as "
         "'limb0, limb3; LKNE, LANK'; empty leaves them open",
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._known_kinds()
+        self._stated_kinds()
 
-    def wanted_kind(self, limb: int) -> str | None:
-        """Return the kind that the user knows of the joint above a limb, or None."""
-        known = self._known_kinds()
-        return known.get(limb, known.get(None))
+    @property
+    def rotator(self) -> Rotator:
+        """Closed form of absolute orientation."""
+        return ROTATORS[self.rotation]
 
-    def knowing(self, kinds: Mapping[int, str]) -> Self:
-        """Return parameters that know more kinds of joints, by the joint's child limb; those given last count."""
+    def stated_kind(self, limb: int) -> str | None:
+        """Return the type that the user states for the joint above a limb, or None."""
+        stated = self._stated_kinds()
+        return stated.get(limb, stated.get(None))
+
+    def with_kinds(self, kinds: Mapping[int, str]) -> Self:
+        """Return parameters that state more types of joints, by the joint's child limb; those given last count."""
         more = " ".join(f"{limb}={kind}" for limb, kind in kinds.items())
         return self.replace(kinds=f"{self.kinds} {more}".strip())
 
-    def _known_kinds(self) -> dict[int | None, str]:
-        known: dict[int | None, str] = {}
+    def _stated_kinds(self) -> dict[int | None, str]:
+        stated: dict[int | None, str] = {}
         for part in self.kinds.replace(",", " ").split():
             limb, _, kind = part.rpartition("=")
             if kind not in KNOWN_KINDS or (limb and not limb.isdecimal()):
                 choices = ", ".join(KNOWN_KINDS)
                 raise ParameterError(f"kinds: {part!r} is neither a kind ({choices}) nor limb=kind such as 3=hinge")
-            known[int(limb) if limb else None] = kind
-        return known
+            stated[int(limb) if limb else None] = kind
+        return stated

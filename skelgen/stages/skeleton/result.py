@@ -14,11 +14,21 @@ from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.fitting import FittedBody
 from skelgen.stages.skeleton.joints import limb_size
-from skelgen.stages.skeleton.loops import BodyRings
+from skelgen.stages.skeleton.loops import ClosedLoops
 
 
 def make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) -> Skeleton:
-    """Join fitted bodies into one skeleton value."""
+    """Join fitted bodies into one skeleton.
+
+    Parameters
+    ----------
+    fitted : list of FittedBody
+        All trees.
+    limbs : Limbs
+        Which marker is on which limb.
+    topology : Topology
+        The trees.
+    """
     offsets = np.full((limbs.n_markers, 3), np.nan)
     spread, noise, offset_std = (np.full(shape, np.nan) for shape in (limbs.n_markers, limbs.n_markers, offsets.shape))
     reference = np.tile(np.eye(4), (topology.n_limbs, 1, 1))
@@ -39,13 +49,23 @@ def make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) ->
         reference_pose=reference,
         offset_std=offset_std,
         marker_noise=noise,
-        loops=tuple(joint for one in fitted if one.rings is not None for joint in _ring_joints(one, one.rings)),
+        loops=tuple(joint for one in fitted if one.loops is not None for joint in _loop_joints(one, one.loops)),
     )
     return replace(skeleton, length_std=_length_std(fitted, skeleton))
 
 
 def make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: Skeleton) -> Motion:
-    """Gather the poses of all bodies."""
+    """Gather the poses of all bodies.
+
+    Parameters
+    ----------
+    fitted : list of FittedBody
+        All trees.
+    trajectories : Trajectories
+        The take that they were fitted to.
+    skeleton : Skeleton
+        Made of them.
+    """
     n_frames = trajectories.n_frames
     world_from_limb = np.tile(np.eye(4), (n_frames, skeleton.n_limbs, 1, 1))
     markers = np.full((n_frames, trajectories.n_markers, 3), np.nan)
@@ -82,7 +102,7 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
     for limb in range(1, one.chain.n_limbs):
         parent, kind = int(one.chain.parents[limb]), one.kinds[limb - 1]
         size = limb_size(one.chain, limb)
-        changes = [one.turn[where] @ one.errors.joint(limb, where) for where in (parent, limb)]
+        changes = [one.chain_from_errors[where] @ one.errors.joint(limb, where) for where in (parent, limb)]
         covariance, in_child = (_below(change @ change.T, size) for change in changes)
         child = int(one.body.limbs[limb])
         found[child] = Joint(
@@ -98,7 +118,7 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
             covariance_in_child=in_child,
             axis_std=_axis_std(one, limb, parent),
             second_axis_std=_axis_std(one, limb, limb),
-            turn_covariance=one.turn_covariances[limb],
+            turn_covariance=one.rotation_covariances[limb],
         )
     return found
 
@@ -107,15 +127,15 @@ def _offset_std(one: FittedBody) -> Floats:
     """Standard deviations of a body's markers in the frames of its limbs, shape (n_markers, 3), mm."""
     stds = np.zeros_like(one.chain.offsets)
     for limb in range(one.chain.n_limbs):
-        change = one.turn[limb] @ one.errors.offsets(limb)
+        change = one.chain_from_errors[limb] @ one.errors.offsets(limb)
         stds[one.chain.limb_of_marker == limb] = np.minimum(deviations(change), limb_size(one.chain, limb))
     return stds
 
 
-def _ring_joints(one: FittedBody, closed: BodyRings) -> Iterator[Joint]:
-    """Joints that close rings; they are held as balls: their points meet."""
-    rings = closed.rings
-    for limbs, places, covariances in zip(rings.limbs.tolist(), rings.places, closed.covariances, strict=True):
+def _loop_joints(one: FittedBody, closed: ClosedLoops) -> Iterator[Joint]:
+    """Joints that close loops; they are ball joints: their points meet."""
+    joints = closed.joints
+    for limbs, places, covariances in zip(joints.limbs.tolist(), joints.places, closed.covariances, strict=True):
         capped = [_below(size, limb_size(one.chain, limb)) for size, limb in zip(covariances, limbs, strict=True)]
         yield Joint(
             parent=int(one.body.limbs[limbs[0]]),
@@ -131,7 +151,7 @@ def _ring_joints(one: FittedBody, closed: BodyRings) -> Iterator[Joint]:
 
 
 def _below(covariance: Floats, size: float) -> Floats:
-    """Covariance of a place, shape (3, 3): what is less sure than the limb is large is not determined at all."""
+    """Covariance of a position [mm^2], shape (3, 3), no direction larger than the limb: there it is not determined."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray((vectors * np.clip(values, 0.0, size**2)) @ vectors.T)
 
@@ -141,12 +161,12 @@ def _root(covariance: Floats) -> Floats:
 
 
 def _axis_std(one: FittedBody, limb: int, where: int) -> Floats | None:
-    """Standard deviations of an axis in one of its limbs: from the chain, or from the kind where the chain is free."""
+    """Standard deviations of an axis in one of its limbs: from the chain, or from the joint type where that is free."""
     kind = one.kinds[limb - 1]
     if kind.kind not in {"hinge", "universal"}:
         return None
     if one.errors.articulation.kinds[limb] == kind.kind:
-        return np.asarray(np.minimum(deviations(one.turn[where] @ one.errors.axis(limb, where)), 1.0))
+        return np.asarray(np.minimum(deviations(one.chain_from_errors[where] @ one.errors.axis(limb, where)), 1.0))
     own = slice(3, 6) if where == limb else slice(0, 3)
     return _root(kind.axis_covariance[own, own])
 

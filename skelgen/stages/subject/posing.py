@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.geometry.orientation import ROTATORS, fit_transform
+from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
@@ -19,15 +19,7 @@ from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.skeleton import (
-    Body,
-    BodyRings,
-    SkeletonParameters,
-    all_poses,
-    out_of_line,
-    posed_with_care,
-    without_outliers,
-)
+from skelgen.stages.skeleton import Body, ConstrainedChain, SkeletonParameters, out_of_line, without_outliers
 
 BLOCK_FRAMES = 8_192
 """Frames posed at once: a take of forty markers needs some 10 KB for each."""
@@ -111,18 +103,17 @@ def pose_known(
 
 def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters) -> tuple[ChainPoses, Bools, Floats]:
     """Poses, whether rotations rest on markers of the frame, and the positions that are explained."""
-    chain, articulation = tree.chain, tree.articulation
+    chain = tree.chain
+    held = ConstrainedChain(chain, tree.articulation, tree.loops)
     joints = _joints_of_limbs(chain, positions, parameters.flatness)
     body = Body(tree.limbs, chain.parents, tree.markers, chain.limb_of_marker, positions, joints)
-    trusted, start, fixed = without_outliers(body, chain, parameters, ROTATORS[parameters.rotation])
-    rings = _closed(tree)
-    begin = ChainPoses(start.root, articulation.projected(chain.parents, start.rotations))
-    poses = posed_with_care(chain, rings, begin, trusted, articulation, fixed)
-    far = out_of_line(chain, articulation, poses, trusted, parameters.robust)
-    if far.any():
-        trusted = np.where(far[..., np.newaxis], np.nan, trusted)
-        poses = all_poses(chain, rings, poses, trusted, articulation)
-    return poses, fixed, trusted
+    inliers, start, fixed = without_outliers(body, chain, parameters)
+    poses = held.fit_in_time(held.projected(start), inliers, fixed)
+    outliers = out_of_line(held, poses, inliers, parameters.robust)
+    if outliers.any():
+        inliers = np.where(outliers[..., np.newaxis], np.nan, inliers)
+        poses = held.fit(poses, inliers)
+    return poses, fixed, inliers
 
 
 def _joints_of_limbs(chain: Chain, positions: Floats, flatness: float) -> Floats:
@@ -138,13 +129,6 @@ def _joints_of_limbs(chain: Chain, positions: Floats, flatness: float) -> Floats
         block = np.ix_(frames, markers)
         joints[frames, limb] = fit_transform(chain.offsets[markers], positions[block], seen[block])[:, :3, 3]
     return joints
-
-
-def _closed(tree: SkeletonTree) -> BodyRings | None:
-    n_rings = tree.loops.n_loops
-    if not n_rings:
-        return None
-    return BodyRings(tree.loops, np.zeros(n_rings), np.zeros(n_rings), 0.0, 0.0, {}, np.zeros((n_rings, 2, 3, 3)))
 
 
 def known_motion(skeleton: Skeleton, poses: KnownPoses, measured: Floats, rate: float) -> Motion:

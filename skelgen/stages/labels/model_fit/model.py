@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.geometry.orientation import fit_transform, rotation_by_quaternion
+from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.bodies.shape import FLATNESS, determines_pose
 from skelgen.kinematics.chain.chain import Chain
@@ -21,7 +21,7 @@ from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
 from skelgen.stages.limbs import find_limbs
-from skelgen.stages.skeleton import Body, SkeletonParameters, assemble, cut_out
+from skelgen.stages.skeleton import Body, SkeletonParameters, StructuredTake, assemble
 
 GATE_DEVIATIONS = 6.0
 """A point is explained by a marker that is nearer than this many typical residuals."""
@@ -164,7 +164,7 @@ def fit_model(markers: Trajectories, core: Ints, widest: float, seed: int) -> Ma
         topology = find_joints(chosen, limbs, JointParameters(samples=JOINT_SAMPLES), seed=seed)
     except InputError:
         return None
-    trees = [_tree(cut_out(chosen, limbs, topology, int(root)), core) for root in topology.roots]
+    trees = [_tree(body, core) for body in StructuredTake(chosen, limbs, topology).bodies()]
     poses = _pose(trees, markers.positions)
     limb_of_marker = np.full(markers.n_markers, -1, dtype=np.intp)
     limb_of_marker[core] = limbs.limb_of_marker
@@ -252,7 +252,7 @@ def _placed(limb: Ints, offsets: Floats, world_from_limb: Floats) -> Floats:
 def _tree(body: Body, core: Ints) -> Tree:
     """Fit rigid limbs and joints to one tree."""
     frames = np.flatnonzero((~np.isnan(body.positions[:, :, 0])).any(axis=1))
-    chain, _ = assemble(body, SkeletonParameters(), rotation_by_quaternion, frames)
+    chain, _ = assemble(body, SkeletonParameters(), frames)
     return Tree(body.limbs, chain, core[body.markers])
 
 
