@@ -50,7 +50,7 @@ def four_bar(seed):
 
 @pytest.fixture(scope="module", params=range(3))
 def linkage(request):
-    """A linkage with its tree, its skeleton with an open and with a closed ring, and what was said."""
+    """A linkage with its tree, its skeleton with an open and with a closed loop, and what was said."""
     case = four_bar(request.param)
     case.topology = find_joints(case.take, case.limbs)
     case.open = fit_skeleton(case.take, case.limbs, case.topology)
@@ -62,23 +62,23 @@ def error(case, fitted):
     return np.sqrt(((fitted[1].marker_positions - case.true) ** 2).sum(axis=2).mean())
 
 
-def test_ring_is_open_unless_it_is_wished_closed(linkage):
+def test_loop_is_open_unless_it_is_wished_closed(linkage):
     assert len(linkage.topology.loops) == 1
     assert linkage.open[0].loops == ()
 
 
-def test_closed_ring_stays_closed_in_every_frame(linkage):
+def test_closed_loop_stays_closed_in_every_frame(linkage):
     (joint,) = linkage.closed[0].loops
     assert {joint.parent, joint.child} == set(linkage.topology.loops[0])
     assert loop_gaps(*linkage.closed).max() < CLOSED
 
 
-def test_closed_ring_is_nearer_to_the_truth(linkage):
+def test_closed_loop_is_nearer_to_the_truth(linkage):
     assert error(linkage, linkage.closed) < 0.95 * error(linkage, linkage.open)
 
 
 def test_bars_keep_their_lengths(linkage):
-    """From hinge to hinge across the axis, the ring's joint included."""
+    """From hinge to hinge across the axis, the loop's joint included."""
     skeleton = linkage.closed[0]
     ends = {limb: [place for _, place in skeleton.joints_of(limb)] for limb in range(4)}
     (ring,) = skeleton.loops
@@ -90,7 +90,7 @@ def test_bars_keep_their_lengths(linkage):
         assert np.linalg.norm(way - (way @ axis) * axis) == pytest.approx(length, abs=0.5)
 
 
-def test_place_of_the_ring_is_as_open_as_hinges_are(linkage):
+def test_place_of_the_loop_is_as_open_as_hinges_are(linkage):
     (joint,) = linkage.closed[0].loops
     axis = linkage.closed[0].joints[0].axis
     assert axis @ joint.covariance @ axis > 30.0**2
@@ -98,21 +98,21 @@ def test_place_of_the_ring_is_as_open_as_hinges_are(linkage):
     assert np.trace(across @ joint.covariance @ across) < 1.0
 
 
-def test_inverse_kinematics_keeps_the_ring_closed(linkage):
+def test_inverse_kinematics_keeps_the_loop_closed(linkage):
     skeleton, motion = linkage.closed
     posture = solve(skeleton, linkage.take.positions[:20])
     np.testing.assert_allclose(posture.world_from_limb, motion.world_from_limb[:20], atol=0.01)
 
 
-def test_gap_before_and_after_is_said(linkage, notices):
+def test_gap_before_and_after_is_a_notice(linkage, notices):
     pair = "; ".join(f"limb{a}, limb{b}" for a, b in linkage.topology.loops)
     fit_skeleton(linkage.take, linkage.limbs, linkage.topology, SkeletonParameters(loops=pair), monitor=notices)
-    (said,) = (sentence for sentence in notices.sentences if "ring" in sentence)
-    assert "is closed: its ends were 0." in said
-    assert "markers are missed by" in said
+    (notice,) = (sentence for sentence in notices.sentences if "loop" in sentence)
+    assert "is closed: its ends were 0." in notice
+    assert "the residual of a coordinate is" in notice
 
 
-def test_limbs_that_are_joined_close_no_ring(linkage):
+def test_limbs_that_are_joined_close_no_loop(linkage):
     first, second = linkage.topology.edges[0]
     with pytest.raises(InputError, match="joined by the tree already"):
         fit_skeleton(
@@ -120,7 +120,7 @@ def test_limbs_that_are_joined_close_no_ring(linkage):
         )
 
 
-def test_ring_that_was_found_but_does_not_hold_stays_open(linkage, notices):
+def test_loop_that_was_found_but_does_not_hold_stays_open(linkage, notices):
     parents = linkage.topology.parents
     apart = [
         (a, b)
@@ -131,17 +131,17 @@ def test_ring_that_was_found_but_does_not_hold_stays_open(linkage, notices):
     wrong = replace(linkage.topology, loops=tuple(apart[:1]))
     skeleton, _ = fit_skeleton(linkage.take, linkage.limbs, wrong, SkeletonParameters(loops="found"), monitor=notices)
     assert skeleton.loops == ()
-    assert any("form no ring" in sentence for sentence in notices.sentences)
+    assert any("form no loop" in sentence for sentence in notices.sentences)
 
 
-def test_only_the_whole_chain_closes_rings(linkage, notices):
+def test_only_the_whole_chain_closes_loops(linkage, notices):
     wish = SkeletonParameters(loops="found", fit="root-outward")
     skeleton, _ = fit_skeleton(linkage.take, linkage.limbs, linkage.topology, wish, monitor=notices)
     assert skeleton.loops == ()
-    assert any("rings stay open" in sentence for sentence in notices.sentences)
+    assert any("loops stay open" in sentence for sentence in notices.sentences)
 
 
-def test_bodies_apart_close_no_ring(linkage):
+def test_bodies_apart_close_no_loop(linkage):
     parted = JointParameters(parted="limb0, limb1; limb0, limb2; limb0, limb3", separate=True)
     topology = find_joints(linkage.take, linkage.limbs, parted)
     with pytest.raises(InputError, match="separate bodies"):
