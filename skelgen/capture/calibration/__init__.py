@@ -1,1 +1,1 @@
-"""Calibration of what the capture must know beforehand: cameras, rigid bodies and joints, measured by the rig itself."""
+"""Calibration of what the capture must know beforehand: cameras, rigid bodies and joints, by the rig itself."""
