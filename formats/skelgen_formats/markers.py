@@ -14,7 +14,7 @@ from skelgen.errors import FormatError, MissingResultError, WriteError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats
-from skelgen.model.filled import Filled, Source
+from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.options import MM_PER_UNIT, Writable
 
@@ -275,7 +275,7 @@ def write_table(markers: Trajectories | Filled, path: Path) -> list[Path]:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("frame", "marker", "source", "std_mm"))
         for frame, marker in np.argwhere(markers.filled).tolist():
-            source = Source(int(markers.source[frame, marker]))
+            source = PositionSource(int(markers.source[frame, marker]))
             rows.writerow((frame, markers.measured.names[marker], source.word, f"{markers.std[frame, marker]:.3f}"))
     return [table]
 

@@ -17,7 +17,7 @@ from skelgen.model.topology import outward_order
 from skelgen.simulation.truth import Truth
 
 MOST_FRAMES = 2000
-"""Frames on which the bound rests at most, evenly spread: more would hardly make it smaller."""
+"""Frames from which the bound is computed at most, evenly spread: more would hardly make it smaller."""
 
 
 SIGMAS_OF_95 = 1.96

@@ -1,4 +1,4 @@
-"""Everything that can be said about a result when the truth is known."""
+"""Scores of a result whose truth is known."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def joint_distances(positions: Floats, true_of_joint: Ints, truth: Truth) -> Flo
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_joints, 3), mm
-        Joints of the result in the world; NaN where not to be told.
+        Joints of the result in the world; NaN where unknown.
     true_of_joint : ndarray of intp, shape (n_joints,)
         True joint of each.
     truth : Truth
@@ -100,7 +100,13 @@ def joint_distances(positions: Floats, true_of_joint: Ints, truth: Truth) -> Flo
 
 
 def joint_gaps(positions: Floats, true_of_joint: Ints, truth: Truth) -> Floats:
-    """Return the way from true places to joints, for hinges across the true axis; see `joint_distances`."""
+    """Return the vectors from true positions to joints, for hinges across the true axis, mm.
+
+    Parameters
+    ----------
+    positions, true_of_joint, truth
+        As for `joint_distances`.
+    """
     gap = positions - truth.joint_positions[:, true_of_joint]
     axes = _hinge_axes(truth)[:, true_of_joint]
     return np.asarray(gap - (gap * axes).sum(axis=2, keepdims=True) * axes)

@@ -250,7 +250,13 @@ def match_joints(edges: Ints, true_of_limb: Ints, truth: Truth) -> Ints:
 
 
 def score_topology(edges: Ints, true_of_limb: Ints, truth: Truth) -> TopologyScore:
-    """Compare a tree with the true one; parameters as for `match_joints`."""
+    """Compare a tree with the true one.
+
+    Parameters
+    ----------
+    edges, true_of_limb, truth
+        As for `match_joints`.
+    """
     true_of_joint = match_joints(edges, true_of_limb, truth)
     hit = set(true_of_joint.tolist())
     extra = tuple(

@@ -16,7 +16,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model import Motion, PointCloud, Poses, Project, Skeleton, Take, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.filled import Filled, Source
+from skelgen.model.filled import Filled, PositionSource
 
 AS_RECORDED_RATE = 0.0
 """The wish that leaves frames as they are."""
@@ -121,7 +121,7 @@ def _filled(filled: Filled, rate: float) -> Filled:
     """Positions between a measured and a filled one are filled; their deviations go straight, too, which is no less."""
     at = _between(filled.measured.n_frames, filled.measured.rate, rate)
     source = np.maximum(filled.source[at.before], filled.source[at.after])
-    positions = np.where((source == Source.NONE)[..., np.newaxis], np.nan, _line(filled.positions, at))
+    positions = np.where((source == PositionSource.NONE)[..., np.newaxis], np.nan, _line(filled.positions, at))
     return Filled(_markers(filled.measured, rate), positions, source, _line(filled.std, at))
 
 

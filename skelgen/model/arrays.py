@@ -43,7 +43,22 @@ def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, f
 
 
 def check_ints(values: ArrayLike, shape: Sequence[int | None], what: str) -> Ints:
-    """Return a read-only intp copy of the stated shape; errors as `check_floats`."""
+    """Return a read-only intp copy of the stated shape.
+
+    Parameters
+    ----------
+    values : array_like
+        The whole numbers.
+    shape : sequence of int or None
+        Expected shape; None leaves an axis free.
+    what : str
+        Name of the value in errors.
+
+    Raises
+    ------
+    InputError
+        If the shape is wrong, or the values are no whole numbers.
+    """
     array = np.array(values)
     if array.size and not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"{what} must be whole numbers")
@@ -54,7 +69,22 @@ def check_ints(values: ArrayLike, shape: Sequence[int | None], what: str) -> Int
 
 
 def check_bools(values: ArrayLike, shape: Sequence[int | None], what: str) -> Bools:
-    """Return a read-only boolean copy of the stated shape; errors as `check_floats`."""
+    """Return a read-only boolean copy of the stated shape.
+
+    Parameters
+    ----------
+    values : array_like
+        The truth values.
+    shape : sequence of int or None
+        Expected shape; None leaves an axis free.
+    what : str
+        Name of the value in errors.
+
+    Raises
+    ------
+    InputError
+        If the shape is wrong.
+    """
     array = np.array(values, dtype=np.bool_)
     _check_shape(array, shape, what)
     array.flags.writeable = False
@@ -62,7 +92,22 @@ def check_bools(values: ArrayLike, shape: Sequence[int | None], what: str) -> Bo
 
 
 def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
-    """Return `count` distinct, non-empty names as a tuple, or raise `InputError`."""
+    """Return distinct, non-empty names as a tuple.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The names.
+    count : int
+        How many there must be.
+    what : str
+        What they name, for errors: ``marker``.
+
+    Raises
+    ------
+    InputError
+        If there are more or fewer, or one is empty or stands twice.
+    """
     clean = tuple(str(name) for name in names)
     if len(clean) != count:
         raise InputError(f"{len(clean)} {what} names where {count} belong")
@@ -77,7 +122,20 @@ def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
 
 
 def check_rate(rate: Any, what: str) -> float:
-    """Return a positive, finite rate [Hz], or raise `InputError`."""
+    """Return a positive, finite rate [Hz].
+
+    Parameters
+    ----------
+    rate : float, Hz
+        The rate.
+    what : str
+        What has it, for errors: ``the take``.
+
+    Raises
+    ------
+    InputError
+        If it is not above 0.
+    """
     value = float(rate)
     if not np.isfinite(value) or value <= 0:
         raise InputError(f"{what} has a rate of {value:g} Hz; it must be above 0")

@@ -1,4 +1,4 @@
-"""What the user corrects by hand: statements about markers, limbs and joints that every later run obeys."""
+"""What the user states: corrections of markers, limbs and joints, and identities of points; every later run obeys."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class Correction:
     value : str
         The new name, the number or the kind of joint.
     places : tuple of Place
-        Where each named marker is seen once; empty if only the names are known.
+        A position of each named marker in one frame; empty if only the names are known.
     """
 
     kind: str
@@ -142,17 +142,17 @@ class Correction:
     @property
     def sentence(self) -> str:
         """What it says."""
-        said = self.rule.sentence.format(
+        sentence = self.rule.sentence.format(
             names=_listed(self.names),
             first=self.names[0] if self.names else "",
             rest=self.names[1] if len(self.names) > 1 else "",
             value=self.value,
         )
         if self.first_frame is None and self.last_frame is None:
-            return said
+            return sentence
         first = "the first frame" if self.first_frame is None else f"frame {self.first_frame}"
         last = "the end" if self.last_frame is None else f"frame {self.last_frame}"
-        return f"{said}, from {first} to {last}"
+        return f"{sentence}, from {first} to {last}"
 
     def _check_names(self) -> None:
         rule, n_names = self.rule, len(self.names)
@@ -172,18 +172,18 @@ class Correction:
 
 
 def named_marker(correction: Correction, which: int, names: Sequence[str], positions: Callable[[int], Floats]) -> int:
-    """Find a marker that a correction names: by its place, and where that says nothing by its name.
+    """Find a marker that a correction names: by its place if one is stated and found, else by its name.
 
     Parameters
     ----------
     correction : Correction
-        The statement.
+        The correction.
     which : int
         Index into its names.
     names : sequence of str
         All markers.
     positions : callable (frame) -> ndarray, shape (n_markers, 3), mm
-        Where they are, NaN where unseen; no rows for a frame that is none.
+        Positions in a frame, NaN where unseen; no rows for a frame outside the take.
 
     Raises
     ------
@@ -222,8 +222,8 @@ class Identity:
     point : int or None
         Index of the point within its frame, from 0; of labelled takes the index of the marker.
     last_frame : int or None
-        The statement holds for the stretch of the point's track from `frame` to this frame and says nothing of the
-        rest; None: for the whole track, as far as nothing else is stated of it.
+        The statement holds for the point's track from `frame` to this frame. None: for the whole track, as far as
+        nothing else is stated of it.
     line : int
         Line of the file, for errors; 0 = not from a file.
     """
@@ -252,7 +252,7 @@ class Identity:
 
     @property
     def is_nobody(self) -> bool:
-        """Whether the point is said to be no marker."""
+        """Whether the statement is that the point is no marker."""
         return self.name == NOBODY
 
 
@@ -280,7 +280,15 @@ class Identities:
         return tuple(dict.fromkeys(entry.name for entry in self.entries if not entry.is_nobody))
 
     def error(self, entry: Identity, what: str) -> SkelgenError:
-        """Return the error that names the file and line of a statement."""
+        """Return the error that names the file and line of a statement.
+
+        Parameters
+        ----------
+        entry : Identity
+            The statement.
+        what : str
+            What is wrong with it.
+        """
         if self.source and entry.line:
             return FormatError(self.source, entry.line, f"{entry.name}: {what}")
         return InputError(f"identity of {entry.name} in frame {entry.frame}: {what}")

@@ -12,7 +12,7 @@ from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints
 from skelgen.model.takes import Trajectories
 
 
-class Source(IntEnum):
+class PositionSource(IntEnum):
     """What a marker's position in a frame rests on."""
 
     MEASURED = 0
@@ -42,7 +42,7 @@ class Filled:
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         The measured positions to the last bit, and filled ones; NaN where nothing could be filled.
     source : ndarray of intp, shape (n_frames, n_markers)
-        A `Source` for each.
+        A `PositionSource` for each.
     std : ndarray, shape (n_frames, n_markers), mm
         Standard deviation of each coordinate of a filled position against what would have been measured (root mean
         square over the three axes); 0 where measured, NaN where there is none.
@@ -58,11 +58,11 @@ class Filled:
         positions = check_floats(self.positions, (*shape, 3), "filled positions")
         source = check_ints(self.source, shape, "source")
         seen = self.measured.seen
-        if not np.array_equal(source == Source.MEASURED, seen):
+        if not np.array_equal(source == PositionSource.MEASURED, seen):
             raise InputError("the source of a filled take must be 'measured' where the marker is seen, and only there")
         if not np.array_equal(positions[seen], self.measured.positions[seen]):
             raise InputError("a filled take changes measured positions; they must stay as they are")
-        if not np.array_equal(np.isnan(positions[:, :, 0]), source == Source.NONE):
+        if not np.array_equal(np.isnan(positions[:, :, 0]), source == PositionSource.NONE):
             raise InputError("the source of a filled take must be 'none' where there is no position, and only there")
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "source", source)
@@ -71,11 +71,11 @@ class Filled:
     @property
     def filled(self) -> Bools:
         """Which positions are filled, shape (n_frames, n_markers)."""
-        return np.asarray((self.source != Source.MEASURED) & (self.source != Source.NONE))
+        return np.asarray((self.source != PositionSource.MEASURED) & (self.source != PositionSource.NONE))
 
     @property
     def trajectories(self) -> Trajectories:
-        """The complete markers, for programs that cannot tell filled from measured; a notice says what is filled."""
+        """The complete markers, for programs that do not distinguish filled ones; a notice counts these."""
         measured = self.measured
         return Trajectories(
             self.positions, measured.names, measured.rate, measured.name, (*measured.notices, self.sentence)
@@ -84,11 +84,11 @@ class Filled:
     @property
     def sentence(self) -> str:
         """How many positions are filled, by source."""
-        counts = {source: int((self.source == source).sum()) for source in Source}
+        counts = {source: int((self.source == source).sum()) for source in PositionSource}
         parts = [
-            f"{counts[Source.LIMB]} from the limb",
-            f"{counts[Source.JOINT]} with a joint's help",
-            f"{counts[Source.INTERPOLATED]} interpolated",
-            f"{counts[Source.NONE]} left empty",
+            f"{counts[PositionSource.LIMB]} from the limb",
+            f"{counts[PositionSource.JOINT]} with a joint's help",
+            f"{counts[PositionSource.INTERPOLATED]} interpolated",
+            f"{counts[PositionSource.NONE]} left empty",
         ]
         return f"{int(self.filled.sum())} positions are filled, not measured: {', '.join(parts)}"

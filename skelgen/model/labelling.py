@@ -10,13 +10,13 @@ from skelgen.errors import InputError
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints
 
 DOUBT_KINDS = ("piece", "alone", "rare", "rival", "misfit", "unsupported", "repaired")
-"""Why a span is doubtful: the marker is probably a piece of another one; its distance to no other is known; it is seen
-in few frames only; another marker's place fits as well; no place fits; too few markers beside it are seen; its labels
-were exchanged in the file."""
+"""Why a span is doubtful. ``piece``: the marker is probably a part of another one. ``alone``: its distance to no other
+marker is known. ``rare``: it is seen in few frames. ``rival``: the place of another marker fits as well. ``misfit``: no
+place fits. ``unsupported``: too few markers beside it are seen. ``repaired``: its labels were exchanged in the file."""
 
 
 FINDING_KINDS = ("exchanged", "moved", "slipped")
-"""Errors of labels that came with the take: exchanged in a ring; on another marker; on a marker that has slipped."""
+"""Errors of labels that came with the take: exchanged among markers, on another marker, or on a marker that slipped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +132,7 @@ class Finding:
     first_frame, last_frame : int
         Both included.
     evidence : str
-        What speaks for it.
+        The evidence for it, in words.
     outcome : str
         What was done about it.
     """
@@ -184,7 +184,7 @@ class Labelling:
     doubts : tuple of Doubt
         Doubtful spans, in the order of their first frames.
     twins : tuple of (int, int)
-        Pairs of markers that no distance tells apart.
+        Pairs of markers that no distance distinguishes.
     left_out : ndarray of intp, shape (n_frames,)
         Points of each frame that belong to no marker.
     tracklets : Tracklets or None

@@ -183,19 +183,53 @@ class Project:
     def with_trajectories(
         self, trajectories: Trajectories, report: StageReport, labelling: Labelling | None = None
     ) -> Project:
-        """Return a project with the labels replaced, perhaps with how sure they are, and everything after dropped."""
+        """Return a project with the labels replaced and everything after them dropped.
+
+        Parameters
+        ----------
+        trajectories : Trajectories
+            Labelled markers.
+        report : StageReport
+            How the stage went.
+        labelling : Labelling, optional
+            How sure the labels are.
+        """
         return replace(self._until("labels", report), _trajectories=trajectories, _labelling=labelling)
 
     def with_limbs(self, limbs: Limbs, report: StageReport) -> Project:
-        """Return a project with the limbs replaced and everything after them dropped."""
+        """Return a project with the limbs replaced and everything after them dropped.
+
+        Parameters
+        ----------
+        limbs : Limbs
+            The limbs.
+        report : StageReport
+            How the stage went.
+        """
         return replace(self._until("limbs", report), _limbs=limbs)
 
     def with_topology(self, topology: Topology, report: StageReport) -> Project:
-        """Return a project with the joints replaced and everything after them dropped."""
+        """Return a project with the joints replaced and everything after them dropped.
+
+        Parameters
+        ----------
+        topology : Topology
+            The tree of limbs.
+        report : StageReport
+            How the stage went.
+        """
         return replace(self._until("joints", report), _topology=topology)
 
     def with_skeleton(self, skeleton: Skeleton, motion: Motion, report: StageReport) -> Project:
-        """Return a project with skeleton and motion replaced."""
+        """Return a project with skeleton and motion replaced.
+
+        Parameters
+        ----------
+        skeleton, motion : Skeleton and Motion
+            What was fitted.
+        report : StageReport
+            How the stage went.
+        """
         return replace(self._until("skeleton", report), _skeleton=skeleton, _motion=motion)
 
     def before(self, stage: str) -> Project:

@@ -177,7 +177,7 @@ class TargetJoint:
 
 @dataclass(frozen=True, eq=False)
 class CaptureSettings:
-    """All that a stereo capture is told, as one settings file holds it.
+    """Settings of a stereo capture, as one settings file holds them.
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ class CaptureSettings:
     joints : tuple of TargetJoint
         Joints between those bodies; their names differ.
     source : str
-        Where frames come from, e.g. ``firewire:``; empty if it is told elsewhere.
+        Where frames come from, e.g. ``firewire:``; empty if it is stated elsewhere.
     detection : mapping of str to number, bool or str
         Parameters of the detection that differ from their defaults.
     """
@@ -215,7 +215,20 @@ class CaptureSettings:
 
 
 def check_pose(pose: Floats, what: str) -> Floats:
-    """Return a read-only rigid transform of shape (4, 4), or raise `InputError`."""
+    """Return a read-only rigid transform.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (4, 4), translation in mm
+        The transform.
+    what : str
+        What it is, for errors.
+
+    Raises
+    ------
+    InputError
+        If it is no rotation with a translation.
+    """
     clean = check_floats(pose, (4, 4), what, finite=True)
     turn = clean[:3, :3]
     wrong = np.abs(turn @ turn.T - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(turn) < 0

@@ -28,13 +28,13 @@ class Joint:
         The joint in both limbs' frames. The child's frame has its origin here, so `position_in_child` is zero for a
         skeleton made by this program.
     kind : str
-        ``ball``, ``universal``, ``hinge``, ``rigid``, or ``undetermined`` where the limbs turn too little to tell.
+        ``ball``, ``universal``, ``hinge``, ``rigid``, or ``undetermined`` where the limbs rotate too little.
     axis : ndarray, shape (3,), or None
         Unit axis of a hinge, or that of a universal joint which is fixed in the parent, in the parent's frame; None for
         other kinds.
     std : ndarray, shape (3,), mm
         Standard deviation of the position along the axes of the parent's frame. Along the axis of a hinge the position
-        is not determined and the deviation says so.
+        is not determined, and the deviation is as large as the limb.
     second_axis : ndarray, shape (3,), or None
         Unit axis of a universal joint that is fixed in the child, in the child's frame; None for other kinds.
     covariance, covariance_in_child : ndarray, shape (3, 3), mm^2, or None
@@ -44,8 +44,8 @@ class Joint:
         Standard deviations of the components of a hinge's axis in the parent and in the child, or of the two axes of a
         universal joint; the root of their sum of squares is the angle [rad] by which the axis typically errs.
     turn_covariance : ndarray, shape (3, 3), rad^2, or None
-        Of the child's turn against the parent, in the parent's axes: what the skeleton's own errors add in every frame
-        to those of the frame.
+        Of the child's rotation against the parent, in the parent's axes, by errors of the skeleton: it adds to the
+        covariance by the noise of a frame.
 
     Notes
     -----
@@ -114,11 +114,11 @@ class Skeleton:
     offset_std : ndarray, shape (n_markers, 3), mm, or None
         Standard deviations of the markers' places along the axes of their limbs, against the limb's other markers.
     length_std : ndarray, shape (n_lengths,), mm, or None
-        Standard deviations of `lengths`, in their order; where hinges are along their axes is a choice and no error.
+        Standard deviations of `lengths`, in their order. The position of a hinge along its axis is a choice, no error.
     marker_noise : ndarray, shape (n_markers,), mm, or None
-        Standard deviation of each marker's coordinates, freedoms of the fit taken off: what its deviations rest on.
+        Standard deviation of each marker's coordinates, freedoms of the fit taken off.
     loops : tuple of Joint
-        Joints beyond the tree that close rings, between any two limbs; the motion keeps them closed.
+        Joints beyond the tree, between any two limbs, that close kinematic loops; the motion keeps them closed.
     """
 
     parents: Ints
@@ -246,7 +246,7 @@ class Motion:
     residuals : ndarray, shape (n_frames, n_markers), mm
         Distance between measured and reconstructed position; NaN where unseen or left out.
     limb_seen : ndarray of bool, shape (n_frames, n_limbs)
-        Whether the limb's rotation rests on markers seen in the frame; False where it is interpolated in time.
+        Whether markers seen in the frame fix the limb's rotation; False where it is interpolated in time.
     rate : float, Hz
         Frame rate.
     joint_std : ndarray, shape (n_frames, n_joints, 3), mm, or None

@@ -77,7 +77,7 @@ class Topology:
         Symmetric cost of a joint between each two limbs; infinite costs are NaN (never seen together, or refused by
         the user), the diagonal is 0.
     raw_joint_positions : ndarray, shape (n_frames, n_joints, 3), mm
-        World positions of the joints before the fit of rigid limbs; NaN where not to be told. Joints are in the order
+        World positions of the joints before the fit of rigid limbs; NaN where unknown. Joints are in the order
         of `children`.
     n_iterations : ndarray of intp, shape (n_joints,)
         Iterations that the minimisation of each joint took.
@@ -86,7 +86,7 @@ class Topology:
     alpha : float
         Weight of the mean marker-joint distance in `joint_costs`.
     loops : tuple of pairs of int
-        Pairs of limbs that seem joined although the tree does not join them: they close rings.
+        Pairs of limbs that seem joined although the tree does not join them: they close kinematic loops.
     """
 
     parents: Ints
@@ -298,6 +298,13 @@ def cheapest_rivals(parents: Ints, costs: Floats) -> dict[int, tuple[tuple[int, 
 
 def parents_from_names(names: tuple[str, ...], parents: Mapping[str, str | None]) -> Ints:
     """Return the parents of bodies by index, -1 for roots; bodies that are not mentioned are roots.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The bodies.
+    parents : mapping of str to str or None
+        The parent of each body by name; None or empty for a root.
 
     Raises
     ------

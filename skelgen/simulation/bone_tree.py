@@ -243,8 +243,8 @@ class _Folding:
         sliding = {self.names[bone]: _spread(self.places[bone]) for bone in bones if self.slides(bone)}
         if sliding:
             most = max(sliding, key=lambda name: sliding[name])
-            said = f"joints that slide are held at their mean places: {', '.join(sliding)}"
-            self.notices.append(f"{said}; most: {most}, by up to {sliding[most]:.1f} mm")
+            notice = f"joints that slide are held at their mean places: {', '.join(sliding)}"
+            self.notices.append(f"{notice}; most: {most}, by up to {sliding[most]:.1f} mm")
 
 
 def world_from_limbs(parents: Ints, rotations: Floats, joints: Floats, root_places: Floats) -> Floats:

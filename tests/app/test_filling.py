@@ -13,7 +13,7 @@ from skelgen.app.report import report_html
 from skelgen.cli.application import main
 from skelgen.errors import MissingResultError, WriteError
 from skelgen.model import Project
-from skelgen.model.filled import Source
+from skelgen.model.filled import PositionSource
 from skelgen.simulation import simulate
 
 FILE_DIGITS = 1e-3  # mm; C3D keeps 7 digits of some metres
@@ -53,7 +53,7 @@ def test_table_has_a_row_for_every_filled_position(project, tmp_path):
     assert {(int(row["frame"]), names.index(row["marker"])) for row in rows} == {
         (frame, marker) for frame, marker in np.argwhere(~project.trajectories.seen).tolist()
     }
-    assert {row["source"] for row in rows} <= {source.word for source in Source}
+    assert {row["source"] for row in rows} <= {source.word for source in PositionSource}
 
 
 def test_a_suffix_without_markers_writes_nothing(project, tmp_path):

@@ -19,7 +19,7 @@ from shown import show, show_machine, verdict
 import skelgen
 from skelgen.kinematics.gap_filling.filling import fill_gaps
 from skelgen.model import Trajectories
-from skelgen.model.filled import Source
+from skelgen.model.filled import PositionSource
 from skelgen.simulation import simulate
 from skelgen.stages.skeleton import fit_skeleton
 
@@ -68,7 +68,10 @@ def rows_of(name: str, project: skelgen.Project) -> Iterator[tuple[str, ...]]:
         spline, rigid, filled, deviation = (np.concatenate([each[column] for each in found]) for column in range(4))
         source = np.concatenate([each[4] for each in found])
         size = np.linalg.norm(filled, axis=1)
-        by_source = [middle(size[source == kind]) for kind in (Source.LIMB, Source.JOINT, Source.INTERPOLATED)]
+        by_source = [
+            middle(size[source == kind])
+            for kind in (PositionSource.LIMB, PositionSource.JOINT, PositionSource.INTERPOLATED)
+        ]
         off = np.abs(filled) / np.maximum(deviation, np.finfo(float).tiny)[:, np.newaxis]
         coverage = f"{100 * (off < 1).mean():.0f} %, {100 * (off < 2).mean():.0f} %"
         plain = [middle(np.linalg.norm(each, axis=1)) for each in (spline, rigid, filled)]

@@ -17,7 +17,7 @@ from skelgen_formats.registry import read_take, write_file
 
 from skelgen.errors import WriteError
 from skelgen.model import Trajectories
-from skelgen.model.filled import Source
+from skelgen.model.filled import PositionSource
 
 F32_MM = 4000 * 2.0**-24  # rounding of coordinates within four metres
 
@@ -26,8 +26,8 @@ def made(n_frames, n_markers, seed=0):
     """Random markers, and where each position comes from; those from nowhere are unseen."""
     rng = np.random.default_rng(seed)
     positions = rng.uniform(-2000, 2000, (n_frames, n_markers, 3))
-    source = rng.integers(0, len(Source), (n_frames, n_markers))
-    positions[source == Source.NONE] = np.nan
+    source = rng.integers(0, len(PositionSource), (n_frames, n_markers))
+    positions[source == PositionSource.NONE] = np.nan
     return Trajectories(positions, tuple(f"m{index}" for index in range(n_markers)), 100.0), source
 
 
@@ -39,8 +39,8 @@ def written_by_ezc3d(take, source, path):
     content["parameters"]["POINT"]["LABELS"]["value"] = list(take.names)
     content["data"]["points"] = np.concatenate([take.positions.T, np.ones((1, take.n_markers, take.n_frames))])
     masks = np.zeros((7, take.n_markers, take.n_frames), dtype=bool)
-    masks[0] = source.T == Source.MEASURED
-    residuals = np.where(masks[0], 1.0, np.where(source.T == Source.NONE, -1.0, 0.0))[np.newaxis]
+    masks[0] = source.T == PositionSource.MEASURED
+    residuals = np.where(masks[0], 1.0, np.where(source.T == PositionSource.NONE, -1.0, 0.0))[np.newaxis]
     content["data"]["meta_points"] = {"residuals": residuals, "camera_masks": masks}
     content.write(str(path))
 

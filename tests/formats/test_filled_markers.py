@@ -11,7 +11,7 @@ from skelgen_formats.registry import read_take, write_file
 
 from skelgen.errors import MissingResultError, WriteError
 from skelgen.model import Project
-from skelgen.model.filled import Filled, Source
+from skelgen.model.filled import Filled, PositionSource
 
 MARKER_SUFFIXES = [".c3d", ".trc", ".csm"]
 FILE_DIGITS = 1e-3  # mm; C3D keeps 7 digits of some metres
@@ -20,9 +20,9 @@ FILE_DIGITS = 1e-3  # mm; C3D keeps 7 digits of some metres
 @pytest.fixture
 def filled(walk) -> Filled:
     """The walk with the gap of LFHD filled by zeros but one, and that of T10 left empty."""
-    positions, source = walk.positions.copy(), np.where(walk.seen, Source.MEASURED, Source.NONE)
-    positions[3:6, 0], source[3:6, 0] = [1.0, 2.0, 3.0], Source.LIMB
-    std = np.where(source == Source.LIMB, 1.5, np.where(walk.seen, 0.0, np.nan))
+    positions, source = walk.positions.copy(), np.where(walk.seen, PositionSource.MEASURED, PositionSource.NONE)
+    positions[3:6, 0], source[3:6, 0] = [1.0, 2.0, 3.0], PositionSource.LIMB
+    std = np.where(source == PositionSource.LIMB, 1.5, np.where(walk.seen, 0.0, np.nan))
     return Filled(walk, positions, source.astype(np.intp), std)
 
 
@@ -50,7 +50,7 @@ def test_c3d_marks_filled_positions_as_its_convention_has_it(filled, tmp_path):
     residuals, cameras = marks["residuals"][0].T, marks["camera_masks"].any(axis=0).T
     assert np.array_equal((residuals == 0) & ~cameras, filled.filled)
     assert np.array_equal((residuals > 0) & cameras, filled.measured.seen)
-    assert np.array_equal(residuals < 0, filled.source == Source.NONE)
+    assert np.array_equal(residuals < 0, filled.source == PositionSource.NONE)
 
 
 def test_reading_computed_positions_is_told(filled, tmp_path):

@@ -9,7 +9,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.frame_rate import n_frames_at, with_rate
 from skelgen.geometry.rotations import matrix_from_vector, vector_from_matrix
 from skelgen.model import PointCloud, Poses, Trajectories
-from skelgen.model.filled import Filled, Source
+from skelgen.model.filled import Filled, PositionSource
 
 ROUNDING = 1e-9  # mm: a few products of metres in mm, of 2e-13 each
 
@@ -104,7 +104,7 @@ def test_filled_markers_stay_marked(markers):
     positions = markers.positions.copy()
     positions[2, 1] = [2.0, 0, 0]
     source = np.zeros((7, 2), dtype=int)
-    source[2, 1] = Source.LIMB
+    source[2, 1] = PositionSource.LIMB
     filled = with_rate(Filled(markers, positions, source, np.where(source > 0, 0.4, 0.0)), 240.0)
     assert filled.source[:, 1].tolist() == [0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0]
     np.testing.assert_allclose(filled.positions[:, 1, 0], np.arange(13) / 2, rtol=0, atol=1e-12)

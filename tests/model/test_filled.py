@@ -7,7 +7,7 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.model import Trajectories
-from skelgen.model.filled import Filled, Source
+from skelgen.model.filled import Filled, PositionSource
 
 
 @pytest.fixture
@@ -17,7 +17,9 @@ def parts():
     measured[:2] = [[[1.0, 2.0, 3.0]], [[2.0, 3.0, 4.0]]]
     positions = measured.copy()
     positions[2] = 5.0
-    source = np.array([[Source.MEASURED], [Source.MEASURED], [Source.LIMB], [Source.NONE]])
+    source = np.array(
+        [[PositionSource.MEASURED], [PositionSource.MEASURED], [PositionSource.LIMB], [PositionSource.NONE]]
+    )
     return [Trajectories(measured, ("a",), 100.0), positions, source, np.array([[0.0], [0.0], [1.5], [np.nan]])]
 
 
@@ -38,12 +40,12 @@ def test_a_changed_measurement_is_refused(parts):
 
 
 def test_a_filled_position_cannot_be_called_measured(parts):
-    parts[2][2] = Source.MEASURED
+    parts[2][2] = PositionSource.MEASURED
     with pytest.raises(InputError, match="only there"):
         Filled(*parts)
 
 
 def test_a_position_without_source_is_refused(parts):
-    parts[2][2] = Source.NONE
+    parts[2][2] = PositionSource.NONE
     with pytest.raises(InputError, match="'none'"):
         Filled(*parts)

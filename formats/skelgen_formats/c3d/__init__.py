@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from skelgen.model import Project
-from skelgen.model.filled import Filled, Source
+from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.bones import joint_names
 from skelgen_formats.c3d.layout import MAGIC, MOST_HEADER_FRAMES
@@ -132,8 +132,8 @@ def write_c3d_joints(value: Writable, path: Path, unit: str = "mm", monitor: Mon
         positions=np.concatenate([markers.positions, joints], axis=1),
         names=(*markers.names, *joint_names(project.skeleton)),
     )
-    measured = np.where(markers.seen, Source.MEASURED, Source.NONE)
-    computed = np.full(joints.shape[:2], Source.JOINT)
+    measured = np.where(markers.seen, PositionSource.MEASURED, PositionSource.NONE)
+    computed = np.full(joints.shape[:2], PositionSource.JOINT)
     write_points(points, path, unit, np.concatenate([measured, computed], axis=1))
     return [path]
 

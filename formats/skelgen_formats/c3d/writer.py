@@ -21,7 +21,7 @@ from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.filled import Source
+from skelgen.model.filled import PositionSource
 from skelgen_formats.c3d.layout import BLOCK, MAGIC, MOST_HEADER_FRAMES, WORDS_PER_POINT
 from skelgen_formats.markers import check_writable_names
 from skelgen_formats.options import per_mm
@@ -53,7 +53,7 @@ def write_points(take: Trajectories, path: Path, unit: str, source: Ints | None 
     unit : str
         Of the lengths in it.
     source : ndarray of intp, shape (n_frames, n_markers), optional
-        A `Source` of each, by which computed points differ from measured ones: these have residual 1 and camera 1,
+        A `PositionSource` of each, by which computed points differ from measured ones: these have residual 1 and camera 1,
         computed ones residual 0 and no camera. Without it all points have residual 0.
 
     Raises
@@ -97,14 +97,14 @@ def point_words(positions: Floats, source: Ints | None = None) -> Words:
     positions : ndarray, shape (n_frames, n_points, 3)
         In the file's unit; NaN where unseen.
     source : ndarray of intp, shape (n_frames, n_points), optional
-        A `Source` of each.
+        A `PositionSource` of each.
     """
     unseen = np.isnan(positions).any(axis=-1)
     words = np.zeros((*positions.shape[:2], WORDS_PER_POINT), dtype="<f4")
     words[..., :3] = positions
     words[unseen, :3] = 0.0
     if source is not None:
-        words[..., 3] = np.where(source == Source.MEASURED, MEASURED_WORD, COMPUTED_WORD)
+        words[..., 3] = np.where(source == PositionSource.MEASURED, MEASURED_WORD, COMPUTED_WORD)
     words[unseen, 3] = UNSEEN_WORD
     return words
 

@@ -30,7 +30,7 @@ from skelgen.app.report.timelines import gaps_figure
 from skelgen.app.report.tree import graph_figure, sign_figure, tree_figure
 from skelgen.app.tables import column_rows
 from skelgen.model import PointCloud, Poses, Project, StageReport
-from skelgen.model.filled import Source
+from skelgen.model.filled import PositionSource
 from skelgen.model.skeleton import JOINT_KINDS
 from skelgen.progress import SILENT, Monitor
 
@@ -42,9 +42,9 @@ _KIND_WORDS = {
     "Poses": "bodies with position and orientation",
 }
 _SOURCE_WORDS = {
-    Source.LIMB: "Filled from limb",
-    Source.JOINT: "Filled with joint",
-    Source.INTERPOLATED: "Interpolated",
+    PositionSource.LIMB: "Filled from limb",
+    PositionSource.JOINT: "Filled with joint",
+    PositionSource.INTERPOLATED: "Interpolated",
 }
 _SIGN_SIDE = 18.0
 

@@ -16,7 +16,7 @@ from skelgen.app.drawing.wording import clipped, percent, plain
 from skelgen.app.report.matrix import png_uri
 from skelgen.model import Labelling, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.filled import Filled, Source
+from skelgen.model.filled import Filled, PositionSource
 
 WIDTH, LEFT, RIGHT, BOTTOM = 900.0, 112.0, 52.0, 36.0
 """Of the whole drawing [px]; names stand at the left, shares at the right, the axis below."""
@@ -77,7 +77,11 @@ _LEAST_FILLED = 110  # alpha of 255: a single filled frame still tints its stret
 _DOUBT_LINES = 3  # of a bar's height, one such part is the line of doubt
 _STRIP, _STRIP_GAP = 9.0, 4.0  # px: the row of points that are left out
 
-SOURCE_COLOURS = {Source.LIMB: (46, 139, 87), Source.JOINT: (218, 149, 32), Source.INTERPOLATED: (200, 60, 60)}
+SOURCE_COLOURS = {
+    PositionSource.LIMB: (46, 139, 87),
+    PositionSource.JOINT: (218, 149, 32),
+    PositionSource.INTERPOLATED: (200, 60, 60),
+}
 """Red, green, blue of each source of filled positions; readable on light and on dark ground."""
 
 DOUBT_COLOUR = (190, 20, 160)

@@ -31,7 +31,7 @@ from skelgen.kinematics.gap_filling.predictors import (
 )
 from skelgen.model import Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
-from skelgen.model.filled import Filled, Source
+from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor, with_progress
 
 _FEWEST_TOGETHER = 25  # frames in which a marker and its predictors are seen, to learn from
@@ -96,11 +96,11 @@ class _Work:
         self.seen = trajectories.seen
         self.with_gaps = np.asarray(self.seen.any(axis=0) & ~self.seen.all(axis=0))
         self.positions = trajectories.positions.copy()
-        self.source = np.where(self.seen, Source.MEASURED, Source.NONE).astype(np.intp)
+        self.source = np.where(self.seen, PositionSource.MEASURED, PositionSource.NONE).astype(np.intp)
         self.std = np.where(self.seen, 0.0, np.nan)
         self.time_covariance = TimeCovariance(trajectories.n_frames, trajectories.rate)
 
-    def store(self, gaps: _Gaps, world: Floats, std: Floats, source: Source) -> None:
+    def store(self, gaps: _Gaps, world: Floats, std: Floats, source: PositionSource) -> None:
         """Store filled positions [mm] and their deviations [mm]."""
         self.positions[gaps.targets, gaps.marker] = world
         self.std[gaps.targets, gaps.marker] = std
@@ -130,7 +130,7 @@ def _fill_limb(work: _Work, limb: int) -> None:
         for number in np.argsort(-counts, kind="stable").tolist():
             of_pattern = pattern_of.ravel() == number
             if patterns[number].any():
-                source = Source.LIMB if enough[of_pattern][0] else Source.JOINT
+                source = PositionSource.LIMB if enough[of_pattern][0] else PositionSource.JOINT
                 chosen = np.flatnonzero(patterns[number])
                 known = np.flatnonzero(predictors.usable[:, chosen].all(axis=1) & predictors.usable[:, index])
                 gaps = _Gaps(int(markers[index]), known, frames[of_pattern])
@@ -164,14 +164,14 @@ def _predicted(work: _Work, gaps: _Gaps, series: Series, variances: Floats | Non
 
 def _fill_rest(work: _Work, marker: int) -> None:
     """Fill frames that show nothing of the limb, in the world or in the frame of the nearest limb with a pose."""
-    targets, known = np.flatnonzero(work.source[:, marker] == Source.NONE), np.flatnonzero(work.seen[:, marker])
+    targets, known = np.flatnonzero(work.source[:, marker] == PositionSource.NONE), np.flatnonzero(work.seen[:, marker])
     if len(known) < _FEWEST_KNOWN or not len(targets):
         return
     gaps = _Gaps(marker, known, targets)
     frames = work.needed_frames(gaps)
     series = Series(frames, np.nan_to_num(work.trajectories.positions[frames, marker]), Features())
     values, std, _ = _predicted(work, gaps, series, None)
-    work.store(gaps, values, std, Source.INTERPOLATED)
+    work.store(gaps, values, std, PositionSource.INTERPOLATED)
     if work.skeleton.limb_of_marker[marker] >= 0:
         _fill_by_reference(work, gaps)
 
@@ -190,4 +190,4 @@ def _fill_by_reference(work: _Work, gaps: _Gaps) -> None:
     values, std, _ = _predicted_in(work, gaps, frame, predictors, None)
     better = std < work.std[gaps.targets, gaps.marker]
     surer = replace(gaps, targets=gaps.targets[better])
-    work.store(surer, values[better], std[better], Source.INTERPOLATED)
+    work.store(surer, values[better], std[better], PositionSource.INTERPOLATED)

@@ -60,7 +60,7 @@ class Predictors:
     neighbours: tuple[int, ...]
 
     def fix_pose(self, usable: Bools) -> Bools:
-        """Tell in which frames usable markers alone fix the limb's pose; `usable` has shape (n_frames, n_points)."""
+        """Return in which frames usable markers alone fix the limb's pose; `usable` has shape (n_frames, n_points)."""
         return determines_pose(self.offsets[: self.n_markers], usable[:, : self.n_markers])
 
     def moving_frame(self, chosen: Ints, frames: Ints) -> MovingFrame:

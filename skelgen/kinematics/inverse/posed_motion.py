@@ -11,7 +11,7 @@ import numpy as np
 
 from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles
-from skelgen.model import Motion, Skeleton
+from skelgen.model import Motion, Skeleton, Trajectories
 from skelgen.model.arrays import Bools, Floats, check_bools, check_floats
 
 CHUNK_FRAMES = 8_192
@@ -28,9 +28,9 @@ class PosedMotion(Motion):
         Unit quaternions, world from limb.
     origins : ndarray, shape (n_frames, n_limbs, 3), mm
         World positions of the limbs' origins.
-    measured : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers, NaN where unseen.
-    limb_seen, rate, joint_std
+    trajectories : Trajectories
+        Measured markers.
+    limb_seen, joint_std
         See `Motion`.
     """
 
@@ -44,9 +44,8 @@ class PosedMotion(Motion):
         skeleton: Skeleton,
         orientations_wxyz: Floats,
         origins: Floats,
-        measured: Floats,
+        trajectories: Trajectories,
         limb_seen: Bools,
-        rate: float,
         joint_std: Floats | None = None,
     ) -> None:
         n_frames, n_limbs = len(origins), skeleton.n_limbs
@@ -57,14 +56,16 @@ class PosedMotion(Motion):
                 orientations_wxyz, shapes["orientations_wxyz"], "orientations", finite=True
             ),
             "origins": check_floats(origins, shapes["origins"], "origins", finite=True),
-            "measured": check_floats(measured, (n_frames, len(skeleton.limb_of_marker), 3), "measured markers"),
+            "measured": check_floats(
+                trajectories.positions, (n_frames, len(skeleton.limb_of_marker), 3), "measured markers"
+            ),
             "limb_seen": check_bools(limb_seen, (n_frames, n_limbs), "limb_seen"),
-            "rate": float(rate),
+            "rate": trajectories.rate,
             "joint_std": joint_std,
         }
         if joint_std is not None:
             values["joint_std"] = check_floats(joint_std, (n_frames, skeleton.n_joints, 3), "joint_std", finite=True)
-        values["compute_angles"] = MotionAngles(skeleton, measured)
+        values["compute_angles"] = MotionAngles(skeleton, trajectories.positions)
         self.__dict__.update(values)  # the class is frozen
 
     @cached_property

@@ -123,9 +123,8 @@ def play_back(
         skeleton,
         _frozen(found.orientations),
         _frozen(found.origins),
-        trajectories.positions,
+        trajectories,
         found.seen,
-        trajectories.rate,
         _frozen(_deviations(fitted, skeleton, frames, n_frames)),
     )
     return Playback(motion, found.n_outliers)

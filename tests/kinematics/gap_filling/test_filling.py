@@ -10,7 +10,7 @@ import pytest
 from skelgen.errors import InputError
 from skelgen.kinematics.gap_filling.filling import fill_gaps
 from skelgen.model import Joint, Motion, Skeleton, Trajectories
-from skelgen.model.filled import Source
+from skelgen.model.filled import PositionSource
 from skelgen.model.topology import outward_order
 from skelgen.simulation import find_structure, simulate
 
@@ -70,7 +70,7 @@ def test_measured_positions_stay_to_the_last_bit(case):
     seen = done.take.seen
     assert np.array_equal(done.filled.positions[seen], done.take.positions[seen])
     assert (done.filled.std[seen] == 0).all()
-    assert (done.filled.source[seen] == Source.MEASURED).all()
+    assert (done.filled.source[seen] == PositionSource.MEASURED).all()
 
 
 def test_a_rigid_limb_fills_its_gaps_exactly(case):
@@ -85,24 +85,24 @@ def test_source_is_the_limb_while_three_other_markers_are_seen_and_a_joint_below
     markers = np.flatnonzero(case(name=FULLER).skeleton.limb_of_marker == sizes.argmax()).tolist()
     enough = case([(markers[0], GAP)], name=FULLER, noise=0.5).filled
     few = case([(marker, GAP) for marker in markers[:-1]], name=FULLER, noise=0.5).filled
-    assert (enough.source[GAP, markers[0]] == Source.LIMB).all()
-    assert (few.source[GAP, markers[0]] == Source.JOINT).any()
+    assert (enough.source[GAP, markers[0]] == PositionSource.LIMB).all()
+    assert (few.source[GAP, markers[0]] == PositionSource.JOINT).any()
 
 
 def test_what_is_filled_while_nothing_is_seen_is_called_interpolated(case):
     filled = case([(slice(None), GAP)], limb_seen=False).filled
-    assert (filled.source[GAP, 0] == Source.INTERPOLATED).all()
+    assert (filled.source[GAP, 0] == PositionSource.INTERPOLATED).all()
 
 
 def test_markers_that_are_left_out_are_interpolated(case):
     done = case([(0, slice(100, 103))], left_out=[0])
-    assert (done.filled.source[100:103, 0] == Source.INTERPOLATED).all()
+    assert (done.filled.source[100:103, 0] == PositionSource.INTERPOLATED).all()
     assert done.filled.positions[101, 0] == pytest.approx(done.whole.positions[101, 0], abs=3.0)  # of 10 in two frames
 
 
 def test_a_marker_that_is_never_seen_stays_empty(case):
     filled = case([(0, slice(None))]).filled
-    assert (filled.source[:, 0] == Source.NONE).all()
+    assert (filled.source[:, 0] == PositionSource.NONE).all()
     assert np.isnan(filled.positions[:, 0]).all()
     assert np.isnan(filled.std[:, 0]).all()
 

@@ -96,9 +96,7 @@ def posed(small_project):
     quaternions = random.normal(size=(motion.n_frames, skeleton.n_limbs, 4))
     quaternions /= np.linalg.norm(quaternions, axis=2, keepdims=True)
     origins = random.normal(size=(motion.n_frames, skeleton.n_limbs, 3)) * 100
-    return PosedMotion(
-        skeleton, quaternions, origins, small_project.trajectories.positions, motion.limb_seen, motion.rate
-    )
+    return PosedMotion(skeleton, quaternions, origins, small_project.trajectories, motion.limb_seen)
 
 
 def test_what_follows_from_poses_is_computed_when_it_is_asked_for(posed, small_project):
