@@ -53,7 +53,7 @@ def write_points(take: Trajectories, path: Path, unit: str, source: Ints | None 
     unit : str
         Of the lengths in it.
     source : ndarray of intp, shape (n_frames, n_markers), optional
-        A `PositionSource` of each, by which computed points differ from measured ones: these have residual 1 and camera 1,
+        A `PositionSource` of each, by which computed points differ from measured ones: these have residual 1, camera 1,
         computed ones residual 0 and no camera. Without it all points have residual 0.
 
     Raises
