@@ -181,6 +181,13 @@ class LabelParameters(StageParameters):
     )
 
     @property
+    def update_gains(self) -> tuple[float, float]:
+        """Share of an innovation that goes into a track's level and slope."""
+        if self.prediction == "double_exponential":
+            return 1.0 - (1.0 - self.smoothing) ** 2, self.smoothing**2
+        return 1.0, float(self.prediction == "constant_velocity")
+
+    @property
     def repair_parameters(self) -> RepairParameters:
         """What the search for errors of given labels needs."""
         return RepairParameters(self.repair, self.swap_evidence, self.slips, self.slip_seconds, self.slip_evidence)

@@ -73,7 +73,7 @@ def find_evidence(positions: Floats, cycle: Cycle, model: RigidModel, neighbours
     before, after = misfits(positions, cycle, model)
     gain = np.nan_to_num(_nats(before)).sum(axis=1) - np.nan_to_num(_nats(after)).sum(axis=1)
     markers = np.array(cycle)
-    places, ages = expected_places(positions, markers, neighbours, rate)
+    places, ages = kernels.expected_places(positions, markers, neighbours, BRIDGED_SECONDS * rate)
     own = positions[:, markers]
     sigma = _steps(own, places, ages)
     kept = _jump_nats(own - places, ages, sigma)
@@ -170,7 +170,15 @@ Cycle = tuple[int, ...]
 
 
 def neighbours_of(positions: Floats, most: int = N_NEIGHBOURS) -> Ints:
-    """Nearest markers of each marker by typical distance, itself first, shape (n_markers, up to most + 1)."""
+    """Nearest markers of each marker by typical distance, itself first, shape (n_markers, up to most + 1).
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        NaN where unseen.
+    most : int
+        Number of neighbours.
+    """
     sample = positions[np.linspace(0, len(positions) - 1, min(len(positions), 60)).astype(np.intp)]
     first, second = np.triu_indices(positions.shape[1], 1)
     lengths = np.sort(pair_lengths(sample, first, second), axis=1)
@@ -179,19 +187,6 @@ def neighbours_of(positions: Floats, most: int = N_NEIGHBOURS) -> Ints:
     middle = np.full((positions.shape[1], positions.shape[1]), -1.0)  # itself is nearest
     middle[first, second] = middle[second, first] = np.where(np.isnan(usual), np.inf, usual)
     return np.argsort(middle, axis=1, kind="stable")[:, : most + 1]
-
-
-def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, rate: float) -> tuple[Floats, Floats]:
-    """Expect each chosen label where it was last, if not too long ago, moved on by the median step of its neighbours.
-
-    Returns
-    -------
-    places : ndarray, shape (n_frames, n_chosen, 3), mm
-        NaN where nothing is expected.
-    ages : ndarray, shape (n_frames, n_chosen)
-        Frames since the label was seen.
-    """
-    return kernels.expected_places(positions, chosen, neighbours, BRIDGED_SECONDS * rate)
 
 
 def jumping_cycles(positions: Floats, neighbours: Ints, rate: float) -> tuple[Cycle, ...]:
@@ -220,7 +215,7 @@ def jumping_cycles(positions: Floats, neighbours: Ints, rate: float) -> tuple[Cy
     for start in range(1, n_frames, step):
         begin = max(0, start - overlap)
         part = positions[begin : start + step]
-        expected, _ = expected_places(part, np.arange(n_markers), neighbours, rate)
+        expected, _ = kernels.expected_places(part, np.arange(n_markers), neighbours, BRIDGED_SECONDS * rate)
         jumped, target = kernels.strayed(part[start - begin :], expected[start - begin :], FARTHER)
         for frame in np.flatnonzero(jumped.any(axis=1)):
             markers = np.flatnonzero(jumped[frame])

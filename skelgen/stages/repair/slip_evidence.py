@@ -107,7 +107,15 @@ class PlaceOnLimb:
         return np.asarray(np.nan_to_num(along) / self.spread**2)
 
     def gains(self, frame: int, weights: Floats) -> Floats:
-        """Changes of distances as parts of what the step demands: lines, one frame, and later ones."""
+        """Changes of distances as parts of what the step demands: of the lines, of the frame, and of later means.
+
+        Parameters
+        ----------
+        frame : int
+            Where the step is.
+        weights : ndarray, shape (n_mates,)
+            How much each mate's distance tells of the step.
+        """
         expected = max(float((weights**2 * self.spread**2).sum()), np.finfo(float).tiny)
         parts = (self.sudden, self.at_once, *self.later)
         return np.array([_weighted(part, weights)[frame] for part in parts]) / expected

@@ -147,6 +147,13 @@ def find_swaps(
 def repair_swaps(trajectories: Trajectories, swaps: Iterable[Swap]) -> Trajectories:
     """Give exchanged labels back, one swap after the other; nothing else changes.
 
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    swaps : iterable of Swap
+        From `find_swaps`.
+
     Returns
     -------
     Trajectories
@@ -164,12 +171,18 @@ def repair_swaps(trajectories: Trajectories, swaps: Iterable[Swap]) -> Trajector
     return dataclasses.replace(trajectories, positions=positions, notices=trajectories.notices + notices)
 
 
-def indistinguishable_pairs(
-    trajectories: Trajectories, *, limbs: Limbs | None = None, model: RigidModel | None = None
-) -> tuple[tuple[str, str], ...]:
-    """Name the pairs of markers on one limb whose exchange changes no distance by more than it varies anyway."""
+def indistinguishable_pairs(trajectories: Trajectories, *, limbs: Limbs | None = None) -> tuple[tuple[str, str], ...]:
+    """Name the pairs of markers on one limb whose exchange changes no distance by more than it varies anyway.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Labelled markers.
+    limbs : Limbs, optional
+        Rigid groups; found robustly if left out.
+    """
     limbs = limbs or robust_limbs(trajectories)
-    model = model or rigid_model(trajectories, limbs)
+    model = rigid_model(trajectories, limbs)
     pairs = []
     for first, second in zip(*limb_pairs(limbs), strict=True):
         change = (model.distance[first] - model.distance[second]) / np.hypot(model.spread[first], model.spread[second])

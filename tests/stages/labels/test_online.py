@@ -267,7 +267,7 @@ def test_two_labels_of_one_marker_are_joined_and_told(rigid_body) -> None:
     tracks = np.array([10, 1, 2, 3, 4, 5])
     fresh = memory.add(6, 251)
     labels._n_labels = 7
-    labels._slot_of_track[10] = fresh
+    labels._track_slots.keep(np.array([10]), np.array([fresh]))
     after = labelled_by(labels, rigid_body[250:400], tracks)
     assert after[0, 0] == 6
     assert labels.merged == {6: lost}

@@ -37,6 +37,53 @@ LEAST_SPACINGS, MOST_SPACINGS = 0.25, 1.0
 """Bounds of the reach in typical spacings: beyond one an identity is a guess, far below bad points break tracks."""
 
 
+class TrackLabels:
+    """Labels that tracks carry from frame to frame, and how long tracks were followed.
+
+    Attributes
+    ----------
+    age : dict of int to int
+        Frames for which each track of the present frame was followed.
+    """
+
+    def __init__(self) -> None:
+        self.age: dict[int, int] = {}
+        self._label: dict[int, int] = {}
+
+    def of(self, tracks: Ints) -> Ints:
+        """Label of each track, -1 for none; `tracks` has shape (n,)."""
+        return np.array([self._label.get(track, -1) for track in tracks.tolist()], dtype=np.intp)
+
+    def grow_older(self, tracks: Ints) -> None:
+        """Count a frame for its tracks, -1 for none, shape (n,); others are forgotten."""
+        self.age = {track: self.age.get(track, 0) + 1 for track in tracks.tolist() if track >= 0}
+
+    def keep(self, tracks: Ints, labels: Ints) -> None:
+        """Keep the labels of a frame's tracks; those of tracks not seen now until another track has the label.
+
+        Parameters
+        ----------
+        tracks : ndarray of intp, shape (n,)
+            Tracks of the frame, -1 for none.
+        labels : ndarray of intp, shape (n,)
+            Label of each, -1 for none.
+        """
+        gone = set(tracks.tolist())
+        self.drop(labels)
+        self._label = {track: label for track, label in self._label.items() if track not in gone}
+        known = labels >= 0
+        self._label.update(zip(tracks[known].tolist(), labels[known].tolist(), strict=True))
+
+    def drop(self, labels: Ints) -> None:
+        """Take some labels away from all tracks."""
+        taken = set(labels[labels >= 0].tolist())
+        self._label = {track: label for track, label in self._label.items() if label not in taken}
+
+    def clear(self) -> None:
+        """Take all labels away."""
+        self._label.clear()
+
+
 class Links:
     """Tracks of points, one frame at a time, in bounded memory.
 
@@ -47,7 +94,7 @@ class Links:
     """
 
     def __init__(self, parameters: LabelParameters) -> None:
-        self._level_gain, self._slope_gain = _gains(parameters)
+        self._level_gain, self._slope_gain = parameters.update_gains
         self._max_gap, self._max_jump = parameters.max_gap, parameters.max_jump
         self._level: Floats = np.empty((0, 3))
         self._slope: Floats = np.empty((0, 3))
@@ -157,13 +204,6 @@ class Links:
             return MOST_SPACINGS * spacing
         usual = float(np.sqrt(np.quantile(np.array(self._innovations), QUANTILE)))
         return float(np.clip(MARGIN * usual, LEAST_SPACINGS * spacing, MOST_SPACINGS * spacing))
-
-
-def _gains(parameters: LabelParameters) -> tuple[float, float]:
-    """Share of an innovation that goes into level and slope."""
-    rest = (1.0 - parameters.smoothing) ** 2
-    gains = {"none": (1.0, 0.0), "constant_velocity": (1.0, 1.0)}
-    return gains.get(parameters.prediction, (1.0 - rest, parameters.smoothing**2))
 
 
 def _nearest(points: Floats, expected: Floats) -> Ints:

@@ -6,6 +6,7 @@ import numpy as np
 
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.labels.online.learning import LearnedPose, Learner
+from skelgen.stages.labels.online.links import TrackLabels
 from skelgen.stages.labels.online.marker_history import PAST, RECENT_SECONDS, MarkerHistory
 from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
 from skelgen.stages.labels.online.pose_search import chance, find_group
@@ -74,8 +75,7 @@ class RigidLabels:
         self._history = MarkerHistory(n_slots)
         self._window = window
         self._rate = 1.0
-        self._slot_of_track: dict[int, int] = {}
-        self._age_of_track: dict[int, int] = {}
+        self._track_slots = TrackLabels()
         self._n_wrong: dict[int, int] = {}
         self._resembles: set[int] = set()
         self._votes: dict[tuple[int, int], int] = {}
@@ -115,10 +115,11 @@ class RigidLabels:
         self._frame += 1
         self._time += n_steps / rate
         self._rate, self._history.window = rate, max(2, round(self._window * rate / LEARN_EVERY))
-        self._age_of_track = {track: self._age_of_track.get(track, 0) + 1 for track in tracks.tolist() if track >= 0}
-        self._n_wrong = {track: count for track, count in self._n_wrong.items() if track in self._age_of_track}
-        self._resembles &= self._age_of_track.keys()
-        slots = np.array([self._slot_of_track.get(track, -1) for track in tracks.tolist()], dtype=np.intp)
+        self._track_slots.grow_older(tracks)
+        age = self._track_slots.age
+        self._n_wrong = {track: count for track, count in self._n_wrong.items() if track in age}
+        self._resembles &= age.keys()
+        slots = self._track_slots.of(tracks)
         self._doubt(points, tracks, slots)
         self._predict(points, slots, n_steps)
         self._regroup(points, tracks, slots, spacing)
@@ -126,18 +127,8 @@ class RigidLabels:
         self._begin(tracks, slots)
         self._reconsider(points, tracks, slots, spacing)
         self._learn(points, slots, spacing)
-        self._slot_of_track = self._kept(tracks, slots)
+        self._track_slots.keep(tracks, slots)
         return np.where(slots >= 0, self._history.label[slots], -1)
-
-    def _kept(self, tracks: Ints, slots: Ints) -> dict[int, int]:
-        """Slots of tracks, also of those not seen now, until the slot is taken or the track is forgotten."""
-        taken = set(slots[slots >= 0].tolist())
-        kept = {track: slot for track, slot in self._slot_of_track.items() if slot not in taken}
-        for track in tracks.tolist():
-            kept.pop(track, None)
-        known = slots >= 0
-        kept.update(zip(tracks[known].tolist(), slots[known].tolist(), strict=True))
-        return kept
 
     def _doubt(self, points: Floats, tracks: Ints, slots: Ints) -> None:
         """Remove labels from tracks that have left their place among their neighbours."""
@@ -153,7 +144,7 @@ class RigidLabels:
             self._n_wrong[track] = self._n_wrong.get(track, 0) + 1
             if self._n_wrong[track] * DOUBT_EVERY > WRONG_SECONDS * self._rate:
                 slots[index] = -1
-                self._age_of_track[track] = 1
+                self._track_slots.age[track] = 1
                 del self._n_wrong[track]
 
     def _predict(self, points: Floats, slots: Ints, n_steps: int) -> None:
@@ -175,7 +166,7 @@ class RigidLabels:
         for slot, index in find_group(self._history, lost, points[free], spacing).items():
             slots[free[index]] = slot
             for track in tracks[free].tolist():
-                self._age_of_track[track] = 1
+                self._track_slots.age[track] = 1
 
     def _recognise(self, points: Floats, tracks: Ints, slots: Ints, spacing: float) -> None:
         """Give each track without a label the lost marker whose predicted place explains it best."""
@@ -187,7 +178,7 @@ class RigidLabels:
         found = self._explanations(points, young, slots[known], points[known], spacing)
         resembling = {int(tracks[index]) for _, index, _ in found}
         self._resembles = (self._resembles - set(tracks[young].tolist())) | resembling
-        late = {index for index in young.tolist() if self._age_of_track[int(tracks[index])] == self._last_look}
+        late = {index for index in young.tolist() if self._track_slots.age[int(tracks[index])] == self._last_look}
         for score, index, slot in sorted(found, key=lambda entry: (-entry[0], entry[1], entry[2])):
             wanted = LATE if index in late and _is_clear(found, (score, index, slot)) else CONVINCING
             if score > wanted and slots[index] < 0 and slot not in slots:
@@ -236,7 +227,7 @@ class RigidLabels:
 
     def _is_due(self, track: int) -> bool:
         """Whether to compare a track: when its age has doubled, so that the work is bounded, and when it has waited."""
-        age = self._age_of_track[track]
+        age = self._track_slots.age[track]
         return age & (age - 1) == 0 or age == self._last_look
 
     @property
@@ -249,7 +240,7 @@ class RigidLabels:
         for index in np.flatnonzero((slots < 0) & (tracks >= 0)).tolist():
             track = int(tracks[index])
             least = DOUBT_SECONDS if track in self._resembles else NEW_SECONDS
-            if self._age_of_track[track] < least * self._rate:
+            if self._track_slots.age[track] < least * self._rate:
                 continue
             slot = self._history.add(self._n_labels, self._frame)
             if slot >= 0:
@@ -285,7 +276,7 @@ class RigidLabels:
         self.merged = {one: older if other == label else other for one, other in self.merged.items()}
         self.merged[label] = older
         self._history.join(young, old)
-        self._slot_of_track = {track: slot for track, slot in self._slot_of_track.items() if slot != young}
+        self._track_slots.drop(np.array([young]))
         remembered = set(self._history.label.tolist())
         self._votes = {pair: votes for pair, votes in self._votes.items() if remembered.issuperset(pair)}
 

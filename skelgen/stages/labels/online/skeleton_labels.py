@@ -7,6 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels.online.links import TrackLabels
 from skelgen.stages.labels.online.pose_filter import PoseFilter, Prediction
 from skelgen.stages.labels.online.pose_search import chance, find_pose
 
@@ -44,8 +45,7 @@ class SkeletonLabels:
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton = skeleton
         self._pose: PoseFilter | None = None
-        self._marker_of_track: dict[int, int] = {}
-        self._age_of_track: dict[int, int] = {}
+        self._track_labels = TrackLabels()
         self._until_search = 0
 
     @property
@@ -56,7 +56,7 @@ class SkeletonLabels:
     def forget_pose(self) -> None:
         """Forget the pose, so that it is searched again: after a jump in time."""
         self._pose = None
-        self._marker_of_track.clear()
+        self._track_labels.clear()
         self._until_search = 0
 
     def update(self, points: Floats, tracks: Ints, n_steps: int, spacing: float) -> Ints:
@@ -81,15 +81,15 @@ class SkeletonLabels:
         labels = np.full(len(points), -1, dtype=np.intp)
         if self._pose is not None:
             labels = self._continued(self._pose, points, tracks, n_steps, spacing)
-        self._age_of_track = {track: self._age_of_track.get(track, 0) + 1 for track in tracks.tolist() if track >= 0}
+        self._track_labels.grow_older(tracks)
         self._until_search -= 1
         if self._until_search <= 0 and self._is_doubtful(tracks, labels):
             labels = self._search(points, tracks, labels, spacing)
-        self._remember(tracks, labels)
+        self._track_labels.keep(tracks, labels)
         return labels
 
     def _continued(self, pose: PoseFilter, points: Floats, tracks: Ints, n_steps: int, spacing: float) -> Ints:
-        labels = np.array([self._marker_of_track.get(track, -1) for track in tracks.tolist()], dtype=np.intp)
+        labels = self._track_labels.of(tracks)
         rotations, origins = pose.rotations, pose.origins
         pose.advance(n_steps)
         labels = _fitted(pose, points, labels, tracks >= 0, spacing)
@@ -101,7 +101,7 @@ class SkeletonLabels:
         if self._pose is None:
             return True
         alone = tracks[(labels < 0) & (tracks >= 0)].tolist()
-        n_alone = sum(self._age_of_track[track] >= OLD_TRACK for track in alone)
+        n_alone = sum(self._track_labels.age[track] >= OLD_TRACK for track in alone)
         return n_alone >= MANY_ALONE or int((labels >= 0).sum()) < LEAST_SHARE * len(tracks)
 
     def _search(self, points: Floats, tracks: Ints, labels: Ints, spacing: float) -> Ints:
@@ -120,17 +120,8 @@ class SkeletonLabels:
             return labels
         pose.learn_motion(pose.rotations, pose.origins, 1)
         self._pose = pose
-        self._marker_of_track.clear()
+        self._track_labels.clear()
         return found
-
-    def _remember(self, tracks: Ints, labels: Ints) -> None:
-        """Tracks keep their labels; those that are not seen now keep them until another track has the label."""
-        taken = set(labels[labels >= 0].tolist())
-        kept = {track: marker for track, marker in self._marker_of_track.items() if marker not in taken}
-        for track in tracks[labels < 0].tolist():
-            kept.pop(track, None)
-        kept.update(zip(tracks[labels >= 0].tolist(), labels[labels >= 0].tolist(), strict=True))
-        self._marker_of_track = kept
 
 
 def _fitted(pose: PoseFilter, points: Floats, labels: Ints, usable: Bools, spacing: float) -> Ints:

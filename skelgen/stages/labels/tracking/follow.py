@@ -209,19 +209,13 @@ def _rules(
     parameters: LabelParameters, innovations: Innovations, most: float, *, is_given: bool, spacing: float
 ) -> Rules:
     """Rules by innovations, with reaches of at most (or, if given, exactly) `most` [mm]."""
-    rest = (1.0 - parameters.smoothing) ** 2
-    gains = {
-        "none": (1.0, 0.0),
-        "constant_velocity": (1.0, 1.0),
-        "double_exponential": (1.0 - rest, parameters.smoothing**2),
-    }
     widest = most * np.array([[1.0], [NEWBORN_REACH], [NEWBORN_REACH]])
     likely = innovations.reaches(parameters.link_evidence)[0, 1]
     return Rules(
         most if is_given else float(min(likely, most)),
         parameters.mute,
         parameters.max_gap,
-        *gains[parameters.prediction],
+        *parameters.update_gains,
         optimal=parameters.assignment == "optimal",
         evidence=parameters.link_evidence,
         tails=innovations.tails,
