@@ -19,7 +19,7 @@ from skelgen.errors import InputError
 from skelgen.model import PointCloud, Poses, Project, StageReport, Take, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.subject import KnownFit, fit_known, known_motion, pose_known
+from skelgen.stages.subject import SubjectFit, fit_subject, pose_subject, subject_motion
 
 LEAST_TAKES = 2
 
@@ -99,16 +99,16 @@ def _titles(takes: Sequence[PointCloud | Trajectories]) -> list[str]:
     return [take.name or f"take {number}" for number, take in enumerate(takes, start=1)]
 
 
-def _fit(take: PointCloud | Trajectories, base: Project, settings: Settings, monitor: Monitor) -> KnownFit:
-    fit = fit_known(take, base, labelling=settings.labels, posing=settings.skeleton, monitor=monitor)
-    for sentence in fit.sentences:
+def _fit(take: PointCloud | Trajectories, base: Project, settings: Settings, monitor: Monitor) -> SubjectFit:
+    fit = fit_subject(take, base, labelling=settings.labels, posing=settings.skeleton, monitor=monitor)
+    for sentence in fit.notices:
         monitor.notice(f"{take.name}: {sentence}")
-    if fit.is_other_body:
-        raise InputError(f"{take.name}: {fit.sentences[1]}")
+    if fit.is_other_subject:
+        raise InputError(f"{take.name}: {fit.notices[1]}")
     return fit
 
 
-def _own_names(fit: KnownFit, base: Project) -> Trajectories:
+def _own_names(fit: SubjectFit, base: Project) -> Trajectories:
     """Labels of a take; markers that moved, and new ones without a name, are called after the take."""
     names = list(fit.trajectories.names)
     n_known = base.trajectories.n_markers
@@ -132,15 +132,15 @@ def _one_after_the_other(parts: Sequence[Trajectories]) -> Trajectories:
     return Trajectories(positions[:, seen], tuple(names[index] for index in seen), parts[0].rate, name)
 
 
-def _report(fit: KnownFit, settings: Settings) -> StageReport:
-    return StageReport(settings.labels.as_mapping(), 0.0, fit.sentences)
+def _report(fit: SubjectFit, settings: Settings) -> StageReport:
+    return StageReport(settings.labels.as_mapping(), 0.0, fit.notices)
 
 
 def _posed(project: Project, shared: Project, frames: slice) -> Project:
     """A take with the shared skeleton, posed by its own frames alone."""
     trajectories = project.trajectories
-    poses = pose_known(shared.skeleton, trajectories.positions)
-    motion = known_motion(shared.skeleton, poses, trajectories.positions, trajectories.rate)
+    poses = pose_subject(shared.skeleton, trajectories.positions)
+    motion = subject_motion(shared.skeleton, poses, trajectories.positions, trajectories.rate)
     topology = replace(shared.topology, raw_joint_positions=shared.topology.raw_joint_positions[frames])
     done = project.with_limbs(shared.limbs, shared.reports["limbs"])
     done = done.with_topology(topology, shared.reports["joints"])

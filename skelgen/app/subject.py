@@ -17,7 +17,14 @@ from skelgen.model import Labelling, Limbs, Motion, PointCloud, Poses, Project, 
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import PointLabels, history_of, labelling_of_cloud, labelling_of_markers
-from skelgen.stages.subject import KnownFit, Seat, fit_known, known_motion, pose_known, reseated
+from skelgen.stages.subject import (
+    SensorShift,
+    SubjectFit,
+    find_moved_sensors,
+    fit_subject,
+    pose_subject,
+    subject_motion,
+)
 
 
 def open_subject(path: Path | str) -> Project:
@@ -89,12 +96,12 @@ def run_with_subject(
         return _run_with_sensors(project, take, subject, settings, monitor)
     started = time.perf_counter()
     with threadpool_limits(limits=1):
-        fit = fit_known(take, subject, labelling=settings.labels, posing=settings.skeleton, monitor=monitor)
+        fit = fit_subject(take, subject, labelling=settings.labels, posing=settings.skeleton, monitor=monitor)
     seconds = time.perf_counter() - started
-    for sentence in fit.sentences:
+    for sentence in fit.notices:
         monitor.notice(sentence)
     notice = _where_from(subject)
-    report = StageReport(settings.labels.as_mapping(), seconds, (notice, *fit.sentences))
+    report = StageReport(settings.labels.as_mapping(), seconds, (notice, *fit.notices))
     done = project.with_trajectories(fit.trajectories, report, _label_quality(take, fit))
     posing = StageReport(settings.skeleton.as_mapping(), 0.0, (notice,))
     return _with_skeleton(done, subject, fit.limbs, (fit.skeleton, fit.motion), posing)
@@ -107,9 +114,9 @@ def _run_with_sensors(project: Project, take: Poses, subject: Project, settings:
     names = subject.trajectories.names
     positions = _virtual_markers(take, subject)
     with threadpool_limits(limits=1):
-        skeleton, seats, loose = reseated(subject.skeleton, subject.trajectories.positions, positions)
-        poses = pose_known(skeleton, positions, settings.skeleton, monitor)
-        motion = known_motion(skeleton, poses, positions, take.rate)
+        skeleton, seats, loose = find_moved_sensors(subject.skeleton, subject.trajectories.positions, positions)
+        poses = pose_subject(skeleton, positions, settings.skeleton, monitor)
+        motion = subject_motion(skeleton, poses, positions, take.rate)
     sentences = _sentences_on_sensors(take, names, skeleton, seats, loose)
     for sentence in sentences:
         monitor.notice(sentence)
@@ -133,7 +140,7 @@ def _where_from(subject: Project) -> str:
     return f"taken from the calibrated skeleton of {subject.source.path if subject.source else subject.name}"
 
 
-def _label_quality(take: PointCloud | Trajectories, fit: KnownFit) -> Labelling:
+def _label_quality(take: PointCloud | Trajectories, fit: SubjectFit) -> Labelling:
     """How sure the labels are."""
     if isinstance(take, PointCloud):
         tracked = fit.labels.points
@@ -171,7 +178,7 @@ def _axis_length(positions: Floats, names: tuple[str, ...]) -> float:
 
 
 def _sentences_on_sensors(
-    take: Poses, names: tuple[str, ...], skeleton: Skeleton, seats: Sequence[Seat], loose: Sequence[int]
+    take: Poses, names: tuple[str, ...], skeleton: Skeleton, seats: Sequence[SensorShift], loose: Sequence[int]
 ) -> tuple[str, ...]:
     def body(limb: int) -> str:
         return body_of(names[int(skeleton.markers_of(limb)[0])])

@@ -1,18 +1,11 @@
-"""A calibrated skeleton applied to another take of the same subject."""
+"""A subject: a calibrated skeleton applied to other takes of the same body.
 
-from skelgen.stages.subject.fit import KnownFit, fit_known
-from skelgen.stages.subject.labels import KnownLabels, label_known
-from skelgen.stages.subject.posing import KnownPoses, known_motion, pose_known
-from skelgen.stages.subject.sensors import Seat, reseated
+`labels` finds which point is which marker, `points` places what remains, `posing` poses the skeleton, `changes` tests
+what differs from the calibrated take, `fit` does all of that; `sensors` finds sensors that moved on their limbs.
+"""
 
-__all__ = [
-    "KnownFit",
-    "KnownLabels",
-    "KnownPoses",
-    "Seat",
-    "fit_known",
-    "known_motion",
-    "label_known",
-    "pose_known",
-    "reseated",
-]
+from skelgen.stages.subject.fit import SubjectFit, fit_subject
+from skelgen.stages.subject.posing import pose_subject, subject_motion
+from skelgen.stages.subject.sensors import SensorShift, find_moved_sensors
+
+__all__ = ["SensorShift", "SubjectFit", "find_moved_sensors", "fit_subject", "pose_subject", "subject_motion"]

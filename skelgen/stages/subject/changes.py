@@ -1,4 +1,6 @@
-r"""Whether markers sit where they sat: two takes of one body compared, marker by marker, in the frames of the limbs.
+r"""What changed between two takes of one subject: places of markers on their limbs, and freedoms of joints.
+
+Places are compared marker by marker, in the frames of the limbs.
 
 Each take is cut into spans of equal length. A marker's usual place in each span, its median, varies with noise, skin
 and posture; two takes differ where the means of these differ by more than they vary. With the covariances :math:`S_i`
@@ -12,6 +14,11 @@ Hotelling's test for unequal covariances, the degrees of freedom :math:`\nu` aft
 *Communications in Statistics* 15, 3719). E is what the calibration leaves open of the marker's place and of the joints
 of its limb: a joint that is off pushes all markers of the limb aside, as the pose has it. The level is shared by all
 markers (Bonferroni).
+
+A joint has more freedoms than before where the new take shows rotations that its type does not allow: a neck that only
+nodded is no hinge here. Both takes are posed with all joints free. How far a joint then leaves the rotations that its
+type allows is noise and skin in the calibrated take; in the new one it may be more. The root mean squares of this angle
+in equal spans of both takes are compared by Welch's test, on their logarithms, one-sided, at the same shared level.
 """
 
 from __future__ import annotations
@@ -27,7 +34,7 @@ from skelgen.kinematics.chain.articulation import FREEDOMS
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Bools, Floats
-from skelgen.stages.subject.posing import KnownPoses
+from skelgen.stages.subject.posing import SubjectPoses
 
 N_SPANS = 12
 """Spans of a take: long against the time for which skin stays on one side, enough for a covariance of three numbers."""
@@ -65,7 +72,7 @@ class PlaceTest:
         return int((~np.isnan(self.shifts[:, 0])).sum())
 
     @property
-    def is_moved(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    def is_moved(self) -> Bools:
         """Whether each marker moved, at the level shared by all."""
         return np.asarray(self.p_values < LEVEL / max(self.n_tested, 1))
 
@@ -140,30 +147,39 @@ def _size(matrix: Floats) -> float:
     return float(np.trace(matrix @ matrix) + np.trace(matrix) ** 2)
 
 
-_LEAST_ANGLE = 1e-6  # rad: exact takes have none
+LEAST_VALUE = 1e-6
+"""rad or mm: exact takes have none."""
 
 
 def with_free_joints(skeleton: Skeleton, which: tuple[int, ...] | None = None) -> Skeleton:
-    """Return a skeleton some of whose joints, or all, are balls."""
+    """Return a skeleton some of whose joints, or all, are ball joints.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        With its types of joints.
+    which : tuple of int, optional
+        Indices of joints; all if not given.
+    """
     chosen = range(skeleton.n_joints) if which is None else which
-    joints = tuple(_ball(joint) if index in chosen else joint for index, joint in enumerate(skeleton.joints))
+    joints = tuple(_as_ball(joint) if index in chosen else joint for index, joint in enumerate(skeleton.joints))
     return replace(skeleton, joints=joints)
 
 
-def _ball(joint: Joint) -> Joint:
+def _as_ball(joint: Joint) -> Joint:
     if joint.kind in {"ball", "undetermined"}:
         return joint
     return replace(joint, kind="ball", axis=None, second_axis=None, axis_std=None, second_axis_std=None)
 
 
-def looser_joints(skeleton: Skeleton, before: KnownPoses, after: KnownPoses) -> tuple[int, ...]:
-    """Find joints whose kind does not hold in a new take.
+def freer_joints(skeleton: Skeleton, before: SubjectPoses, after: SubjectPoses) -> tuple[int, ...]:
+    """Find joints whose type does not hold in a new take.
 
     Parameters
     ----------
     skeleton : Skeleton
-        With the kinds.
-    before, after : KnownPoses
+        With the types of joints.
+    before, after : SubjectPoses
         The calibrated and the new take, posed with all joints free.
 
     Returns
@@ -172,13 +188,13 @@ def looser_joints(skeleton: Skeleton, before: KnownPoses, after: KnownPoses) -> 
         Indices of joints.
     """
     bound = [index for index, joint in enumerate(skeleton.joints) if FREEDOMS[joint.kind] < FREEDOMS["ball"]]
-    wobbles = [_wobbles(skeleton, poses) for poses in (before, after)]
+    angles = [_angles_off(skeleton, poses) for poses in (before, after)]
     found = []
     for index in bound:
         child = skeleton.joints[index].child
         samples = [
-            log_spans(wobble[:, child], poses.seen[:, child])
-            for wobble, poses in zip(wobbles, (before, after), strict=True)
+            log_root_mean_squares(angle[:, child], poses.seen[:, child])
+            for angle, poses in zip(angles, (before, after), strict=True)
         ]
         if min(map(len, samples)) >= LEAST_SPANS:
             p_value = float(ttest_ind(samples[1], samples[0], equal_var=False, alternative="greater").pvalue)
@@ -187,8 +203,8 @@ def looser_joints(skeleton: Skeleton, before: KnownPoses, after: KnownPoses) -> 
     return tuple(found)
 
 
-def _wobbles(skeleton: Skeleton, poses: KnownPoses) -> Floats:
-    """Angles [rad] by which limbs leave what the joints above allow, shape (n_frames, n_limbs)."""
+def _angles_off(skeleton: Skeleton, poses: SubjectPoses) -> Floats:
+    """Angles [rad] by which rotations of limbs differ from what the joints above allow, shape (n_frames, n_limbs)."""
     angles = np.zeros(poses.seen.shape)
     for root in skeleton.roots:
         tree = SkeletonTree(skeleton, int(root), None)
@@ -201,8 +217,16 @@ def _wobbles(skeleton: Skeleton, poses: KnownPoses) -> Floats:
     return angles
 
 
-def log_spans(angles: Floats, seen: Bools) -> Floats:
-    """Return logarithms of the root mean square in each span of a take that shows enough."""
-    spans = zip(np.array_split(angles, N_SPANS), np.array_split(seen, N_SPANS), strict=True)
+def log_root_mean_squares(values: Floats, seen: Bools) -> Floats:
+    """Return logarithms of the root mean square in each span of a take that shows enough.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_frames,)
+        Angles [rad] or gaps [mm].
+    seen : ndarray of bool, shape (n_frames,)
+        Frames that count.
+    """
+    spans = zip(np.array_split(values, N_SPANS), np.array_split(seen, N_SPANS), strict=True)
     shown = [part[known] for part, known in spans if known.sum() >= LEAST_SEEN]
-    return np.array([np.log(np.sqrt((part**2).mean()) + _LEAST_ANGLE) for part in shown])
+    return np.array([np.log(np.sqrt((part**2).mean()) + LEAST_VALUE) for part in shown])

@@ -1,9 +1,9 @@
-"""A take fitted by a known skeleton: labels, poses, and a verdict on markers and body."""
+"""A subject fitted to another take: labels, poses, and what differs from the calibrated take."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,53 +16,59 @@ from skelgen.stages.subject.changes import (
     LEVEL,
     PlaceTest,
     compare_places,
-    looser_joints,
+    freer_joints,
     place_errors,
     span_means,
     with_free_joints,
 )
-from skelgen.stages.subject.labels import KnownLabels, label_known
-from skelgen.stages.subject.posing import KnownPoses, known_motion, pose_known
+from skelgen.stages.subject.labels import SubjectLabels, label_by_subject
+from skelgen.stages.subject.posing import SubjectPoses, pose_subject, subject_motion
 
 TESTED_FRAMES = 1200
 """Frames in which places of markers are compared."""
 
+OTHER_SUBJECT = 0.5
+"""Part of the tested markers: if so many sit elsewhere, it is not the markers that moved, but another subject."""
+
+MANY_LIMBS = 0.25
+"""Part of the limbs: if more have moved markers, a notice says that this may be another subject."""
+
 
 @dataclass(frozen=True, eq=False)
-class KnownFit:
-    """A take of a known body.
+class SubjectFit:
+    """A take of a subject.
 
     Attributes
     ----------
     trajectories : Trajectories
         The skeleton's markers by its names, those that the take does not show unseen in all frames; then new ones.
     skeleton : Skeleton
-        The known one; moved and new markers at the places that this take tells.
+        The subject's; moved and new markers at their places in this take.
     motion : Motion
         Its poses.
-    labels : KnownLabels
+    labels : SubjectLabels
         How points became markers.
     moved : tuple of int
         Markers that sit elsewhere on their limb than in the calibrated take.
     shifts : ndarray, shape (n_markers,), mm
-        By how far, of all markers of the known skeleton.
+        By how far, of all markers of the subject.
     missing : tuple of int
         Markers that no frame shows.
-    sentences : tuple of str
-        What the user should know.
-    is_other_body : bool
-        Whether more than `OTHER_BODY` of the markers that could be tested sit elsewhere.
+    notices : tuple of str
+        How the take differs from the calibrated one, in whole sentences.
+    is_other_subject : bool
+        Whether more than `OTHER_SUBJECT` of the markers that could be tested sit elsewhere.
     """
 
     trajectories: Trajectories
     skeleton: Skeleton
     motion: Motion
-    labels: KnownLabels
+    labels: SubjectLabels
     moved: tuple[int, ...]
     shifts: Floats
     missing: tuple[int, ...]
-    sentences: tuple[str, ...]
-    is_other_body: bool
+    notices: tuple[str, ...]
+    is_other_subject: bool
 
     @property
     def limbs(self) -> Limbs:
@@ -71,21 +77,21 @@ class KnownFit:
         return Limbs(self.skeleton.limb_of_marker, np.full((n_markers, n_markers), np.nan))
 
 
-def fit_known(
+def fit_subject(
     take: PointCloud | Trajectories,
-    known: Project,
+    subject: Project,
     *,
     labelling: LabelParameters | None = None,
     posing: SkeletonParameters | None = None,
     monitor: Monitor = SILENT,
-) -> KnownFit:
+) -> SubjectFit:
     """Label and pose a take by the skeleton of another take of the same body.
 
     Parameters
     ----------
     take : PointCloud or Trajectories
         The take.
-    known : Project
+    subject : Project
         The calibrated take with its skeleton and motion.
     labelling : LabelParameters, optional
         How points without names are followed.
@@ -99,36 +105,49 @@ def fit_known(
     InputError
         If the skeleton explains too little of the take.
     """
-    names, free = known.trajectories.names, with_free_joints(known.skeleton)
-    labels = label_known(take, free, names, labelling, monitor)
-    monitor.begin("poses of the known skeleton")
+    names, calibrated = subject.trajectories.names, subject.skeleton
+    labels = label_by_subject(take, with_free_joints(calibrated), names, labelling, monitor)
+    monitor.begin("poses of the subject")
     all_names = _all_names(names, labels)
     positions = labels.points.positions(labels.marker_of_point, len(all_names))
-    test, moved, looser = _compared(known, positions[:, : len(names)], [one.marker for one in labels.moved], posing)
-    skeleton = _with_new(with_free_joints(known.skeleton, looser), labels)
+    moved_tracks = [one.marker for one in labels.moved]
+    test, moved, freer = _compared(subject, positions[:, : len(names)], moved_tracks, posing)
+    skeleton = _with_new(with_free_joints(calibrated, freer), labels)
     shifts = test.distances
     if moved:
-        skeleton = _replaced(skeleton, pose_known(skeleton, _without(positions, moved), posing), positions, moved)
-        shifts = np.linalg.norm(skeleton.marker_offsets[: len(names)] - known.skeleton.marker_offsets, axis=1)
-    poses = pose_known(skeleton, positions, posing, monitor)
-    skeleton = _with_errors_of(skeleton, poses, positions)
-    trajectories = Trajectories(positions, all_names, take.rate, take.name, take.notices)
+        skeleton = _replaced(skeleton, pose_subject(skeleton, _without(positions, moved), posing), positions, moved)
+        shifts = np.linalg.norm(skeleton.marker_offsets[: len(names)] - calibrated.marker_offsets, axis=1)
+    poses = pose_subject(skeleton, positions, posing, monitor)
+    skeleton = _with_deviations(skeleton, poses, positions)
     seen = ~np.isnan(positions[:, : len(names), 0]).all(axis=0)
-    missing = tuple(int(m) for m in np.flatnonzero(~seen & (known.skeleton.limb_of_marker >= 0)))
-    return KnownFit(
-        trajectories=trajectories,
+    missing = tuple(np.flatnonzero(~seen & (calibrated.limb_of_marker >= 0)).tolist())
+    changes = _Changes(all_names, skeleton, moved, shifts, missing, freer)
+    return SubjectFit(
+        trajectories=Trajectories(positions, all_names, take.rate, take.name, take.notices),
         skeleton=skeleton,
-        motion=known_motion(skeleton, poses, positions, take.rate),
+        motion=subject_motion(skeleton, poses, positions, take.rate),
         labels=labels,
         moved=moved,
         shifts=shifts,
         missing=missing,
-        sentences=sentences(labels, all_names, test, skeleton, moved, shifts, missing, looser),
-        is_other_body=is_other_body(moved, test),
+        notices=tuple(_notices(labels, changes, test)),
+        is_other_subject=_is_other(moved, test),
     )
 
 
-def _all_names(names: tuple[str, ...], labels: KnownLabels) -> tuple[str, ...]:
+@dataclass(frozen=True, eq=False)
+class _Changes:
+    """How a take differs from the calibrated one; see `SubjectFit`."""
+
+    names: tuple[str, ...]
+    skeleton: Skeleton
+    moved: tuple[int, ...]
+    shifts: Floats
+    missing: tuple[int, ...]
+    freer: tuple[int, ...]
+
+
+def _all_names(names: tuple[str, ...], labels: SubjectLabels) -> tuple[str, ...]:
     """Names of the skeleton's markers, then of new ones."""
     every = list(names)
     for number, one in enumerate(labels.new, start=1):
@@ -139,21 +158,22 @@ def _all_names(names: tuple[str, ...], labels: KnownLabels) -> tuple[str, ...]:
     return tuple(every)
 
 
-def _with_new(skeleton: Skeleton, labels: KnownLabels) -> Skeleton:
+def _with_new(skeleton: Skeleton, labels: SubjectLabels) -> Skeleton:
     """The skeleton with new markers behind its own."""
-    if not labels.new:
+    new = labels.new
+    if not new:
         return skeleton
-    changes: dict[str, Any] = {
-        "limb_of_marker": np.append(skeleton.limb_of_marker, [one.limb for one in labels.new]),
-        "marker_offsets": np.vstack([skeleton.marker_offsets, [one.place for one in labels.new]]),
-        "marker_std": np.append(skeleton.marker_std, [one.spread for one in labels.new]),
-    }
-    if skeleton.offset_std is not None:
-        unknown = [np.full(3, one.spread / np.sqrt(max(len(one.points), 1))) for one in labels.new]
-        changes["offset_std"] = np.vstack([skeleton.offset_std, unknown])
-    if skeleton.marker_noise is not None:
-        changes["marker_noise"] = np.append(skeleton.marker_noise, [one.spread for one in labels.new])
-    return replace(skeleton, **changes)
+    spreads = [one.spread for one in new]
+    stds = [np.full(3, one.spread / np.sqrt(max(len(one.points), 1))) for one in new]
+    offset_std, noise = skeleton.offset_std, skeleton.marker_noise
+    return replace(
+        skeleton,
+        limb_of_marker=np.append(skeleton.limb_of_marker, [one.limb for one in new]),
+        marker_offsets=np.vstack([skeleton.marker_offsets, [one.place for one in new]]),
+        marker_std=np.append(skeleton.marker_std, spreads),
+        offset_std=None if offset_std is None else np.vstack([offset_std, stds]),
+        marker_noise=None if noise is None else np.append(noise, spreads),
+    )
 
 
 def _without(positions: Floats, markers: tuple[int, ...]) -> Floats:
@@ -165,24 +185,25 @@ def _without(positions: Floats, markers: tuple[int, ...]) -> Floats:
 
 
 def _compared(
-    known: Project, positions: Floats, at_first: list[int], posing: SkeletonParameters | None
+    subject: Project, positions: Floats, at_first: list[int], posing: SkeletonParameters | None
 ) -> tuple[PlaceTest, tuple[int, ...], tuple[int, ...]]:
-    """Compare the places of all markers with joints free, markers that moved taken out of the pose one by one.
+    """Compare the places of all markers with free joints; markers that moved are taken out of the pose one by one.
 
-    Returns the comparison, the markers that moved, and the joints that turn in more ways than before.
+    Returns the comparison, the markers that moved, and the joints with more freedoms than before.
     """
-    skeleton = with_free_joints(known.skeleton)
-    calibrated = pose_known(skeleton, _some(known.trajectories.positions, TESTED_FRAMES), posing)
-    before = span_means(calibrated.local(skeleton, _some(known.trajectories.positions, TESTED_FRAMES)))
+    skeleton = with_free_joints(subject.skeleton)
+    shown = _some(subject.trajectories.positions, TESTED_FRAMES)
+    calibrated = pose_subject(skeleton, shown, posing)
+    before = span_means(calibrated.local(skeleton, shown))
     some = _some(positions, TESTED_FRAMES)
     moved, errors = list(at_first), place_errors(skeleton)
     while True:
-        poses = pose_known(skeleton, _without(some, tuple(moved)), posing)
+        poses = pose_subject(skeleton, _without(some, tuple(moved)), posing)
         test = compare_places(before, span_means(poses.local(skeleton, some)), errors)
         candidates = np.where(test.is_moved, test.distances, 0.0)
         candidates[moved] = 0.0
-        if not candidates.any() or len(moved) >= OTHER_BODY * test.n_tested:
-            return test, tuple(sorted(moved)), looser_joints(known.skeleton, calibrated, poses)
+        if not candidates.any() or len(moved) >= OTHER_SUBJECT * test.n_tested:
+            return test, tuple(sorted(moved)), freer_joints(subject.skeleton, calibrated, poses)
         moved.append(int(np.argmax(candidates)))
 
 
@@ -193,7 +214,7 @@ def _some(values: Floats, count: int) -> Floats:
     return values[np.linspace(0, len(values) - 1, count).astype(np.intp)]
 
 
-def _replaced(skeleton: Skeleton, poses: KnownPoses, positions: Floats, moved: tuple[int, ...]) -> Skeleton:
+def _replaced(skeleton: Skeleton, poses: SubjectPoses, positions: Floats, moved: tuple[int, ...]) -> Skeleton:
     """The skeleton with moved markers at their mean places in this take."""
     local = poses.local(skeleton, positions)[:, list(moved)]
     seen: Bools = ~np.isnan(local[:, :, 0])
@@ -204,7 +225,7 @@ def _replaced(skeleton: Skeleton, poses: KnownPoses, positions: Floats, moved: t
     return replace(skeleton, marker_offsets=offsets)
 
 
-def _with_errors_of(skeleton: Skeleton, poses: KnownPoses, positions: Floats) -> Skeleton:
+def _with_deviations(skeleton: Skeleton, poses: SubjectPoses, positions: Floats) -> Skeleton:
     """The skeleton with the deviations of markers that this take shows."""
     error = poses.local(skeleton, positions) - skeleton.marker_offsets
     seen = ~np.isnan(error[:, :, 0])
@@ -213,91 +234,62 @@ def _with_errors_of(skeleton: Skeleton, poses: KnownPoses, positions: Floats) ->
     return replace(skeleton, marker_std=np.where(seen.any(axis=0), spread, skeleton.marker_std))
 
 
-OTHER_BODY = 0.5
-"""Part of the markers that sit elsewhere from which on it is not the markers that moved, but the body that differs."""
-
-MANY_LIMBS = 0.25
-"""Part of the limbs with moved markers from which on the user is told that the body may be another one."""
+def _is_other(moved: tuple[int, ...], test: PlaceTest) -> bool:
+    """Whether so many markers sit elsewhere that this is not the subject with its markers."""
+    return bool(moved) and len(moved) >= OTHER_SUBJECT * test.n_tested
 
 
-def is_other_body(moved: tuple[int, ...], test: PlaceTest) -> bool:
-    """Return whether so many markers sit elsewhere that these are not the body and the markers of the skeleton."""
-    return bool(moved) and len(moved) >= OTHER_BODY * test.n_tested
+def _notices(labels: SubjectLabels, changes: _Changes, test: PlaceTest) -> Iterator[str]:
+    """Say in whole sentences how a take differs from the calibrated one."""
+    names, skeleton = changes.names, changes.skeleton
+    how = "its names and the subject's skeleton" if labels.by_name else "the subject's skeleton"
+    yield f"labelled by {how}, which explains {100 * labels.explained:.1f} % of the positions that it could"
+    yield from _moved_notices(changes, test)
+    if changes.missing:
+        yield f"markers of the skeleton that no frame shows: {', '.join(names[marker] for marker in changes.missing)}"
+    if changes.freer:
+        joints = [skeleton.joints[index] for index in changes.freer]
+        parts = ", ".join(f"limb{joint.parent}-limb{joint.child}" for joint in joints)
+        yield f"joints that turn in more ways than the calibrated take showed, ball joints here: {parts}"
+    if labels.new:
+        parts = ", ".join(
+            f"{name} on limb {one.limb}" if one.limb >= 0 else f"{name} on no limb"
+            for name, one in zip(names[len(changes.shifts) :], labels.new, strict=True)
+        )
+        yield f"markers that the skeleton does not know: {parts}"
+    n_left = int((labels.marker_of_point < 0).sum())
+    if n_left:
+        part = 100 * n_left / len(labels.marker_of_point)
+        yield f"{n_left} points ({part:.1f} %) belong to no marker and are left out"
+    yield from _renamed_notices(labels, names)
 
 
-def sentences(
-    labels: KnownLabels,
-    names: tuple[str, ...],
-    test: PlaceTest,
-    skeleton: Skeleton,
-    moved: tuple[int, ...],
-    shifts: Floats,
-    missing: tuple[int, ...],
-    looser: tuple[int, ...],
-) -> tuple[str, ...]:
-    """Say in whole sentences how a take differs from what its skeleton knows.
-
-    Parameters
-    ----------
-    labels : KnownLabels
-        How points became markers.
-    names : tuple of str
-        Of the skeleton's markers, then of new ones.
-    test : PlaceTest
-        Where markers sit.
-    skeleton : Skeleton
-        With the limbs of all markers.
-    moved, missing : tuple of int
-        Markers that sit elsewhere, and that no frame shows.
-    shifts : ndarray, shape (n_known,), mm
-        How far markers are from where they sat.
-    looser : tuple of int
-        Joints that turn in more ways than before.
-    """
-    how = "its names and the known skeleton" if labels.by_name else "the known skeleton"
-    said = [f"labelled by {how}, which explains {100 * labels.explained:.1f} % of the positions that it could"]
-    if is_other_body(moved, test):
-        said.append(
+def _moved_notices(changes: _Changes, test: PlaceTest) -> Iterator[str]:
+    moved, shifts = changes.moved, changes.shifts
+    if _is_other(moved, test):
+        yield (
             f"{len(moved)} of {test.n_tested} markers sit elsewhere on their limbs than in the calibrated take "
             f"(Hotelling's test, all together at a level of {LEVEL:g}): this is another body, or the markers were put "
             "on anew; calibrate this take by itself"
         )
     elif moved:
-        parts = ", ".join(f"{names[m]} by {shifts[m]:.1f} mm" for m in sorted(moved, key=lambda m: -shifts[m]))
-        said.append(f"moved on their limbs since the calibrated take, and placed anew: {parts}")
-        limbs = skeleton.limb_of_marker
+        largest_first = sorted(moved, key=lambda marker: -shifts[marker])
+        parts = ", ".join(f"{changes.names[marker]} by {shifts[marker]:.1f} mm" for marker in largest_first)
+        yield f"moved on their limbs since the calibrated take, and placed anew: {parts}"
+        limbs = changes.skeleton.limb_of_marker
         n_limbs, n_touched = len(np.unique(limbs[limbs >= 0])), len(np.unique(limbs[list(moved)]))
         if n_touched > MANY_LIMBS * n_limbs:
-            said.append(
+            yield (
                 f"that concerns {n_touched} of {n_limbs} limbs: unless so many markers can have slipped, this is "
                 "another body"
             )
-    if missing:
-        said.append(f"markers of the skeleton that no frame shows: {', '.join(names[m] for m in missing)}")
-    if looser:
-        joints = [skeleton.joints[index] for index in looser]
-        parts = ", ".join(f"limb{joint.parent}-limb{joint.child}" for joint in joints)
-        said.append(f"joints that turn in more ways than the calibrated take showed, balls here: {parts}")
-    if labels.new:
-        parts = ", ".join(
-            f"{name} on limb {one.limb}" if one.limb >= 0 else f"{name} on no limb"
-            for name, one in zip(names[len(shifts) :], labels.new, strict=True)
-        )
-        said.append(f"markers that the skeleton does not know: {parts}")
-    n_left = int((labels.marker_of_point < 0).sum())
-    if n_left:
-        said.append(
-            f"{n_left} points ({100 * n_left / len(labels.marker_of_point):.1f} %) are no marker's and are left out"
-        )
-    said += _renamed(labels, names)
-    return tuple(said)
 
 
-def _renamed(labels: KnownLabels, names: tuple[str, ...]) -> list[str]:
+def _renamed_notices(labels: SubjectLabels, names: tuple[str, ...]) -> Iterator[str]:
     """Which markers of the take have other names in the skeleton."""
     given = labels.points.names
     if not given:
-        return []
+        return
     owned = labels.marker_of_point >= 0
     counts = np.zeros((len(given), len(names)), dtype=np.intp)
     np.add.at(counts, (labels.points.tracks[owned], labels.marker_of_point[owned]), 1)
@@ -307,4 +299,5 @@ def _renamed(labels: KnownLabels, names: tuple[str, ...]) -> list[str]:
         for track, name in enumerate(given)
         if counts[track].any() and names[usual[track]] != name
     ]
-    return [f"named otherwise than in the skeleton: {', '.join(pairs)}"] if pairs else []
+    if pairs:
+        yield f"named otherwise than in the skeleton: {', '.join(pairs)}"

@@ -1,4 +1,4 @@
-"""Labels by a known skeleton: which point of a new take is which of its markers, and what the others are.
+"""Labels by a subject's skeleton: which point of a new take is which of its markers, and what the others are.
 
 Proposals are made: the names, where the take has some that the skeleton knows, and the pose of the skeleton followed
 through the take forward and backward, names or none, as each frame tells and as all frames of a track tell together.
@@ -20,8 +20,8 @@ from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import LabelParameters, PoseFilter, SkeletonLabels, typical_spacing
-from skelgen.stages.subject.points import Settler, TrackedPoints, settled_tracks, tracked_points
-from skelgen.stages.subject.posing import KnownPoses, pose_known
+from skelgen.stages.subject.points import PlacedTrack, TrackedPoints, place_tracks, tracked_points
+from skelgen.stages.subject.posing import SubjectPoses, pose_subject
 
 GATE = 5.0
 """Deviations of a marker on its limb within which a point is at its place, as in the labels frame by frame."""
@@ -30,7 +30,7 @@ LEAST_EXPLAINED = 0.5
 """Of the positions that markers of the skeleton or points of the take could give: less is no take of this body."""
 
 ROUNDS = 3
-"""Turns of points to markers and of poses: a point that is found poses its limb, which finds others."""
+"""Rounds of assigning points to markers and posing: a point that is found poses its limb, which finds others."""
 
 HELD_SHARE = 0.5
 """A track that is at a marker's place in more than this part of its frames is that marker's in between too."""
@@ -40,8 +40,8 @@ JUDGED_FRAMES = 200
 
 
 @dataclass(frozen=True, eq=False)
-class KnownLabels:
-    """Points of a take as markers of a known skeleton.
+class SubjectLabels:
+    """Points of a take as markers of a subject.
 
     Attributes
     ----------
@@ -49,40 +49,40 @@ class KnownLabels:
         Marker of each point; beyond those of the skeleton new ones; -1 for none.
     points : TrackedPoints
         The points.
-    poses : KnownPoses
+    poses : SubjectPoses
         Of the skeleton, by the points at their places.
-    moved : tuple of Settler
+    moved : tuple of PlacedTrack
         Markers of the skeleton that are at another place of their limb.
-    new : tuple of Settler
+    new : tuple of PlacedTrack
         Markers that the skeleton does not know, in the order of their numbers.
     explained : float
         Part of the positions that could be explained which lie where the skeleton has its markers.
     by_name : bool
-        Whether the names of the take told.
+        Whether the names of the take decided.
     """
 
     marker_of_point: Ints
     points: TrackedPoints
-    poses: KnownPoses
-    moved: tuple[Settler, ...]
-    new: tuple[Settler, ...]
+    poses: SubjectPoses
+    moved: tuple[PlacedTrack, ...]
+    new: tuple[PlacedTrack, ...]
     explained: float
     by_name: bool
 
 
-def label_known(
+def label_by_subject(
     take: PointCloud | Trajectories,
     skeleton: Skeleton,
     names: tuple[str, ...],
     parameters: LabelParameters | None = None,
     monitor: Monitor = SILENT,
-) -> KnownLabels:
+) -> SubjectLabels:
     """Label a take by the skeleton of the body that it shows.
 
     Parameters
     ----------
     take : PointCloud or Trajectories
-        The take; names that it has are heeded where they agree with the skeleton.
+        The take; names that it has count where they agree with the skeleton.
     skeleton : Skeleton
         Calibrated on another take.
     names : tuple of str
@@ -97,11 +97,11 @@ def label_known(
     InputError
         If the skeleton explains too little of the take: it shows another body, or other markers.
     """
-    monitor.begin("labels by the known skeleton")
+    monitor.begin("labels by the subject's skeleton")
     points = tracked_points(take, parameters or LabelParameters(), monitor)
     gates = GATE * PoseFilter(skeleton).deviation
-    owner, by_name = _proposed(points, skeleton, names, gates, monitor)
-    placed, poses = _placed(points, owner, skeleton, gates, monitor)
+    marker_of_point, by_name = _proposed(points, skeleton, names, gates, monitor)
+    placed, poses = _reassigned_and_posed(points, marker_of_point, skeleton, gates, monitor)
     explained = _share(points, placed, skeleton)
     if explained < LEAST_EXPLAINED:
         raise InputError(
@@ -109,138 +109,140 @@ def label_known(
             "it is of another body, or of other markers: leave out --skeleton to calibrate this take by itself"
         )
     names_of_tracks = {index: names.index(name) for index, name in enumerate(points.names) if name in names}
-    moved, new = settled_tracks(points, placed, skeleton, poses, gates, names_of_tracks)
+    moved, new = place_tracks(points, placed, skeleton, poses, gates, names_of_tracks)
     result = placed.copy()
     for number, one in enumerate((*moved, *new)):
         marker = one.marker if number < len(moved) else len(names) + number - len(moved)
         result[one.points] = marker
-    return KnownLabels(result, points, poses, moved, new, explained, by_name)
+    return SubjectLabels(result, points, poses, moved, new, explained, by_name)
 
 
 def _proposed(
     points: TrackedPoints, skeleton: Skeleton, names: tuple[str, ...], gates: Floats, monitor: Monitor
 ) -> tuple[Ints, bool]:
     """Markers of the points by what explains most of them, and whether that is the names of the take."""
-    ways = _ways(points, skeleton, monitor)
-    proposals = [(_frame_by_frame(points, ways, len(names)), False), (by_tracks(points, ways, len(names)), False)]
+    ways = _followed_both_ways(points, skeleton, monitor)
+    proposals = [(_frame_by_frame(points, ways, len(names)), False), (by_track_votes(points, ways, len(names)), False)]
     named = _named(points, names)
     if named is not None:
         proposals.append((named, True))
-    counts = [_n_explained(points, owner, skeleton, gates) for owner, _ in proposals]
+    counts = [_n_explained(points, marker_of_point, skeleton, gates) for marker_of_point, _ in proposals]
     return proposals[max(range(len(proposals)), key=lambda index: (counts[index], index))]
 
 
 def _named(points: TrackedPoints, names: tuple[str, ...]) -> Ints | None:
-    """Markers by the names of the take, if there are any that the skeleton knows."""
+    """Markers by the names of the take, if the skeleton has any of them."""
     known = np.array([names.index(name) if name in names else -1 for name in points.names], dtype=np.intp)
     return known[points.tracks] if (known >= 0).any() else None
 
 
-def _ways(points: TrackedPoints, skeleton: Skeleton, monitor: Monitor) -> list[Ints]:
+def _followed_both_ways(points: TrackedPoints, skeleton: Skeleton, monitor: Monitor) -> list[Ints]:
     """Markers by the pose of the skeleton, followed forward, and backward where that leaves points alone."""
     spacing, n_frames = typical_spacing(points.cloud), points.cloud.n_frames
-    forward = _one_way(points, skeleton, spacing, range(n_frames), monitor)
+    forward = _followed(points, skeleton, spacing, range(n_frames), monitor)
     alone = np.bincount(points.frames[forward < 0], minlength=n_frames)
     missing = _n_carried(skeleton) - np.bincount(points.frames[forward >= 0], minlength=n_frames)
     if not ((alone > 0) & (missing > 0)).any():
         return [forward]
-    return [forward, _one_way(points, skeleton, spacing, range(n_frames - 1, -1, -1), monitor)]
+    return [forward, _followed(points, skeleton, spacing, range(n_frames - 1, -1, -1), monitor)]
 
 
 def _frame_by_frame(points: TrackedPoints, ways: list[Ints], n_markers: int) -> Ints:
     """Markers by the first way, by the next ones where that leaves both point and marker alone."""
-    owner = ways[0]
+    marker_of_point = ways[0]
     for other in ways[1:]:
         taken = np.zeros((points.cloud.n_frames, n_markers), dtype=np.bool_)
-        owned = owner >= 0
-        taken[points.frames[owned], owner[owned]] = True
-        free = (owner < 0) & (other >= 0) & ~taken[points.frames, other]
-        owner = np.where(free, other, owner)
-    return owner
+        owned = marker_of_point >= 0
+        taken[points.frames[owned], marker_of_point[owned]] = True
+        free = (marker_of_point < 0) & (other >= 0) & ~taken[points.frames, other]
+        marker_of_point = np.where(free, other, marker_of_point)
+    return marker_of_point
 
 
-def _one_way(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
+def _followed(points: TrackedPoints, skeleton: Skeleton, spacing: float, frames: range, monitor: Monitor) -> Ints:
     model = SkeletonLabels(skeleton)
     starts = points.cloud.frame_starts
-    owner = np.full(points.cloud.n_points, -1, dtype=np.intp)
+    marker_of_point = np.full(points.cloud.n_points, -1, dtype=np.intp)
     for count, frame in enumerate(frames):
         part = slice(int(starts[frame]), int(starts[frame + 1]))
         if part.stop > part.start:
-            owner[part] = model.update(points.cloud.points[part], points.tracks[part], 1, spacing)
+            marker_of_point[part] = model.update(points.cloud.points[part], points.tracks[part], 1, spacing)
         if count % 100 == 0:
             monitor.advance(count, len(frames))
-    return owner
+    return marker_of_point
 
 
-def _n_explained(points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats) -> int:
-    """Positions at their places in some frames."""
+def _n_explained(points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats) -> int:
+    """Number of positions at their places in some frames."""
     frames = np.unique(np.linspace(0, points.cloud.n_frames - 1, JUDGED_FRAMES).astype(np.intp))
-    positions = points.positions(owner, len(skeleton.limb_of_marker))[frames]
+    positions = points.positions(marker_of_point, len(skeleton.limb_of_marker))[frames]
     if np.isnan(positions[:, :, 0]).all():
         return 0
-    return int((_away(pose_known(skeleton, positions), skeleton, positions) < gates).sum())
+    return int((_distances(pose_subject(skeleton, positions), skeleton, positions) < gates).sum())
 
 
-def _away(poses: KnownPoses, skeleton: Skeleton, positions: Floats) -> Floats:
+def _distances(poses: SubjectPoses, skeleton: Skeleton, positions: Floats) -> Floats:
     """Distances [mm] of positions from where the skeleton has their markers, shape (n_frames, n_markers)."""
     return np.asarray(np.linalg.norm(positions - poses.markers(skeleton), axis=2))
 
 
-def _placed(
-    points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
-) -> tuple[Ints, KnownPoses]:
+def _reassigned_and_posed(
+    points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
+) -> tuple[Ints, SubjectPoses]:
     """Keep points that are at their marker's place, give others to markers whose place they are at, and pose again.
 
     A track that is at a marker's place now and then is tried as that marker in all its frames, which turns a limb that
     few markers hold to where it belongs.
     """
-    owner, poses = _settled(points, owner, skeleton, gates, monitor)
+    marker_of_point, poses = _refined(points, marker_of_point, skeleton, gates, monitor)
     n_markers = len(skeleton.limb_of_marker)
-    tried = _frame_by_frame(points, [owner, by_tracks(points, [owner], n_markers)], n_markers)
-    if not np.array_equal(owner, tried):
-        other, poses_of_other = _settled(points, tried, skeleton, gates, monitor)
-        if (other >= 0).sum() > (owner >= 0).sum():
-            owner, poses = other, poses_of_other
-    return _held(points, owner, poses.markers(skeleton)), poses
+    tried = _frame_by_frame(points, [marker_of_point, by_track_votes(points, [marker_of_point], n_markers)], n_markers)
+    if not np.array_equal(marker_of_point, tried):
+        other, poses_of_other = _refined(points, tried, skeleton, gates, monitor)
+        if (other >= 0).sum() > (marker_of_point >= 0).sum():
+            marker_of_point, poses = other, poses_of_other
+    return _with_rest_of_tracks(points, marker_of_point, poses.markers(skeleton)), poses
 
 
-def _held(points: TrackedPoints, owner: Ints, predicted: Floats) -> Ints:
-    """Leave a marker what its track shows in between: skin may stray farther than the calibrated take told.
+def _with_rest_of_tracks(points: TrackedPoints, marker_of_point: Ints, predicted: Floats) -> Ints:
+    """Give a marker what its track shows in between: skin may move farther than in the calibrated take.
 
     The track is at the marker's place in most of its frames, and no farther from it than half the points' spacing.
     """
-    if (owner < 0).all():
-        return owner
+    if (marker_of_point < 0).all():
+        return marker_of_point
     n_markers = predicted.shape[1]
-    most = by_tracks(points, [owner], n_markers)
+    most = by_track_votes(points, [marker_of_point], n_markers)
     own = np.maximum(most, 0)
     tracks = np.maximum(points.tracks, 0)
-    agreed = np.bincount(tracks, (owner == most) & (most >= 0)) > HELD_SHARE * np.bincount(tracks, points.tracks >= 0)
+    agreed = np.bincount(tracks, (marker_of_point == most) & (most >= 0)) > HELD_SHARE * np.bincount(
+        tracks, points.tracks >= 0
+    )
     away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
     near = agreed[tracks] & (away < typical_spacing(points.cloud) / 2)
-    return _frame_by_frame(points, [owner, np.where(near, most, -1)], n_markers)
+    return _frame_by_frame(points, [marker_of_point, np.where(near, most, -1)], n_markers)
 
 
-def _settled(
-    points: TrackedPoints, owner: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
-) -> tuple[Ints, KnownPoses]:
-    """Turns of points to markers and of poses until nothing changes."""
+def _refined(
+    points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton, gates: Floats, monitor: Monitor
+) -> tuple[Ints, SubjectPoses]:
+    """Assign points to markers and pose, again and again, until nothing changes."""
     n_markers = len(skeleton.limb_of_marker)
-    if (owner < 0).all():
-        return owner, pose_known(skeleton, points.positions(owner, n_markers)[:0])
-    poses = pose_known(skeleton, points.positions(owner, n_markers), monitor=monitor)
+    if (marker_of_point < 0).all():
+        return marker_of_point, pose_subject(skeleton, points.positions(marker_of_point, n_markers)[:0])
+    poses = pose_subject(skeleton, points.positions(marker_of_point, n_markers), monitor=monitor)
     for _ in range(ROUNDS):
-        before, owner = owner, _reassigned(points, owner, poses.markers(skeleton), gates)
-        if (owner < 0).all() or np.array_equal(before, owner):
+        before, marker_of_point = marker_of_point, _reassigned(points, marker_of_point, poses.markers(skeleton), gates)
+        if (marker_of_point < 0).all() or np.array_equal(before, marker_of_point):
             break
-        poses = pose_known(skeleton, points.positions(owner, n_markers), monitor=monitor)
-    return owner, poses
+        poses = pose_subject(skeleton, points.positions(marker_of_point, n_markers), monitor=monitor)
+    return marker_of_point, poses
 
 
-def _reassigned(points: TrackedPoints, owner: Ints, predicted: Floats, gates: Floats) -> Ints:
-    own = np.maximum(owner, 0)
+def _reassigned(points: TrackedPoints, marker_of_point: Ints, predicted: Floats, gates: Floats) -> Ints:
+    own = np.maximum(marker_of_point, 0)
     away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
-    kept = np.where((owner >= 0) & (away < gates[own]), owner, -1)
+    kept = np.where((marker_of_point >= 0) & (away < gates[own]), marker_of_point, -1)
     free = np.flatnonzero((kept < 0) & (points.tracks >= 0))
     taken = np.zeros(predicted.shape[:2], dtype=np.bool_)
     taken[points.frames[kept >= 0], kept[kept >= 0]] = True
@@ -258,17 +260,17 @@ def _reassigned(points: TrackedPoints, owner: Ints, predicted: Floats, gates: Fl
     return kept
 
 
-def _share(points: TrackedPoints, owner: Ints, skeleton: Skeleton) -> float:
+def _share(points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton) -> float:
     """Part of what could be explained, frame by frame the fewer of points and markers, that is explained."""
     possible = np.minimum(points.cloud.points_per_frame, _n_carried(skeleton)).sum()
-    return float((owner >= 0).sum() / max(int(possible), 1))
+    return float((marker_of_point >= 0).sum() / max(int(possible), 1))
 
 
 def _n_carried(skeleton: Skeleton) -> int:
     return int((skeleton.limb_of_marker >= 0).sum())
 
 
-def by_tracks(points: TrackedPoints, owners: Iterable[Ints], n_markers: int) -> Ints:
+def by_track_votes(points: TrackedPoints, owners: Iterable[Ints], n_markers: int) -> Ints:
     """Return the marker of each point by the votes of all frames of its track.
 
     Each frame in which a point of a track was taken for a marker is a vote. Pairs of tracks and markers are joined,
@@ -291,9 +293,9 @@ def by_tracks(points: TrackedPoints, owners: Iterable[Ints], n_markers: int) -> 
     order = np.flatnonzero(points.tracks >= 0)
     n_tracks = int(points.tracks.max(initial=0)) + 1
     votes = np.zeros((n_tracks, n_markers), dtype=np.intp)
-    for owner in owners:
-        heard = order[owner[order] >= 0]
-        np.add.at(votes, (points.tracks[heard], owner[heard]), 1)
+    for marker_of_point in owners:
+        voting = order[marker_of_point[order] >= 0]
+        np.add.at(votes, (points.tracks[voting], marker_of_point[voting]), 1)
     by_track = order[np.argsort(points.tracks[order], kind="stable")]
     ends = np.cumsum(np.bincount(points.tracks[by_track], minlength=n_tracks))
     frames_of = np.split(points.frames[by_track], ends[:-1])

@@ -1,4 +1,7 @@
-"""A take as points in tracks, whether its markers carry names or not."""
+"""A take as points in tracks, whether its markers have names or not, and tracks that the skeleton does not explain.
+
+Such tracks are markers that moved on their limb since the calibrated take, or markers that are new.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from skelgen.model import PointCloud, Skeleton, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import LabelParameters, follow_points
-from skelgen.stages.subject.posing import KnownPoses
+from skelgen.stages.subject.posing import SubjectPoses
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +37,19 @@ class TrackedPoints:
     tracks: Ints
     names: tuple[str, ...]
 
-    def positions(self, owner: Ints, n_markers: int) -> Floats:
-        """Return positions of markers [mm], shape (n_frames, n_markers, 3), from the marker of each point."""
-        owned = owner >= 0
+    def positions(self, marker_of_point: Ints, n_markers: int) -> Floats:
+        """Return positions of markers [mm], shape (n_frames, n_markers, 3).
+
+        Parameters
+        ----------
+        marker_of_point : ndarray of intp, shape (n_points,)
+            Marker of each point, -1 for none.
+        n_markers : int
+            Number of markers.
+        """
+        owned = marker_of_point >= 0
         placed = np.full((self.cloud.n_frames, n_markers, 3), np.nan)
-        placed[self.frames[owned], owner[owned]] = self.cloud.points[owned]
+        placed[self.frames[owned], marker_of_point[owned]] = self.cloud.points[owned]
         return placed
 
 
@@ -58,8 +69,8 @@ def tracked_points(
     """
     if isinstance(take, PointCloud):
         frames = np.repeat(np.arange(take.n_frames), take.points_per_frame)
-        owner, _ = follow_points(take, parameters, monitor)
-        return TrackedPoints(take, frames, np.asarray(owner, dtype=np.intp), ())
+        marker_of_point, _ = follow_points(take, parameters, monitor)
+        return TrackedPoints(take, frames, np.asarray(marker_of_point, dtype=np.intp), ())
     frames, columns = np.nonzero(~np.isnan(take.positions[:, :, 0]))
     starts = np.searchsorted(frames, np.arange(take.n_frames + 1))
     times = np.arange(take.n_frames) / take.rate
@@ -75,7 +86,7 @@ MOVED_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Settler:
+class PlacedTrack:
     """A marker at a place of its own on a limb.
 
     Attributes
@@ -102,42 +113,44 @@ class Settler:
     name: str
 
 
-def settled_tracks(
+def place_tracks(
     points: TrackedPoints,
-    owner: Ints,
+    marker_of_point: Ints,
     skeleton: Skeleton,
-    poses: KnownPoses,
+    poses: SubjectPoses,
     gates: Floats,
     marker_of_track: dict[int, int],
-) -> tuple[tuple[Settler, ...], tuple[Settler, ...]]:
+) -> tuple[tuple[PlacedTrack, ...], tuple[PlacedTrack, ...]]:
     """Find moved and new markers among the tracks that no marker explains.
 
     Parameters
     ----------
     points : TrackedPoints
         The take.
-    owner : ndarray of intp, shape (n_points,)
+    marker_of_point : ndarray of intp, shape (n_points,)
         Marker of each point, -1 for none.
     skeleton : Skeleton
-        The known skeleton.
-    poses : KnownPoses
+        The subject's skeleton.
+    poses : SubjectPoses
         Its poses.
     gates : ndarray, shape (n_markers,), mm
         How far from its place each marker may be.
     marker_of_track : mapping of int to int
         The marker that a track is by its name.
     """
-    settlers = _joined(_alone(points, owner, skeleton, poses, float(np.median(gates))), points, float(np.median(gates)))
+    found = _joined(
+        _alone(points, marker_of_point, skeleton, poses, float(np.median(gates))), points, float(np.median(gates))
+    )
     seen = np.zeros((points.cloud.n_frames, len(skeleton.limb_of_marker)), dtype=np.bool_)
-    seen[points.frames[owner >= 0], owner[owner >= 0]] = True
-    moved: list[Settler] = []
-    new: list[Settler] = []
-    for one in sorted(settlers, key=lambda settler: -len(settler.points)):
+    seen[points.frames[marker_of_point >= 0], marker_of_point[marker_of_point >= 0]] = True
+    moved: list[PlacedTrack] = []
+    new: list[PlacedTrack] = []
+    for one in sorted(found, key=lambda one: -len(one.points)):
         track = int(points.tracks[one.points[0]])
         named = marker_of_track.get(track, -1) if points.names else -1
         taken = {other.marker for other in moved}
         absent = ~(seen[points.frames[one.points]].mean(axis=0) > MOVED_SHARE)
-        candidates = [int(m) for m in skeleton_markers(skeleton, one.limb) if absent[m] and m not in taken]
+        candidates = [int(m) for m in _markers_of(skeleton, one.limb) if absent[m] and m not in taken]
         if named >= 0 and absent[named] and named not in taken:
             moved.append(_as(one, named))
         elif candidates:
@@ -148,18 +161,20 @@ def settled_tracks(
     return tuple(moved), tuple(new)
 
 
-def skeleton_markers(skeleton: Skeleton, limb: int) -> Ints:
-    """Return the markers on a limb; none for -1."""
+def _markers_of(skeleton: Skeleton, limb: int) -> Ints:
+    """Markers on a limb; none for -1."""
     return skeleton.markers_of(limb) if limb >= 0 else np.empty(0, dtype=np.intp)
 
 
-def _as(settler: Settler, marker: int) -> Settler:
-    return Settler(settler.points, settler.limb, settler.place, settler.spread, marker, settler.name)
+def _as(one: PlacedTrack, marker: int) -> PlacedTrack:
+    return PlacedTrack(one.points, one.limb, one.place, one.spread, marker, one.name)
 
 
-def _alone(points: TrackedPoints, owner: Ints, skeleton: Skeleton, poses: KnownPoses, gate: float) -> list[Settler]:
+def _alone(
+    points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton, poses: SubjectPoses, gate: float
+) -> list[PlacedTrack]:
     """Tracks without a marker that are seen for long: on the limb on which they stay, or on none."""
-    left = np.flatnonzero((owner < 0) & (points.tracks >= 0))
+    left = np.flatnonzero((marker_of_point < 0) & (points.tracks >= 0))
     lengths = np.bincount(points.tracks[points.tracks >= 0])
     found = []
     for some in _groups(left, points.tracks):
@@ -176,9 +191,9 @@ def _alone(points: TrackedPoints, owner: Ints, skeleton: Skeleton, poses: KnownP
         if near.sum() >= max(LEAST_FRAMES, len(some) / 2):
             place = local[near, limb].mean(axis=0)
             spread = float(np.sqrt(((local[near, limb] - place) ** 2).mean()))
-            found.append(Settler(some[near], limb, place, spread, -1, name))
+            found.append(PlacedTrack(some[near], limb, place, spread, -1, name))
         elif name:
-            found.append(Settler(some, -1, np.full(3, np.nan), np.nan, -1, name))
+            found.append(PlacedTrack(some, -1, np.full(3, np.nan), np.nan, -1, name))
     return found
 
 
@@ -187,15 +202,15 @@ def _groups(points: Ints, tracks: Ints) -> list[Ints]:
     return np.split(order, np.flatnonzero(np.diff(tracks[order])) + 1) if len(order) else []
 
 
-def _joined(settlers: list[Settler], points: TrackedPoints, gate: float) -> list[Settler]:
-    """Join settlers at one place of a limb that are never seen together: one marker, lost and found again."""
-    joined: list[Settler] = []
-    for one in sorted(settlers, key=lambda settler: -len(settler.points)):
+def _joined(found: list[PlacedTrack], points: TrackedPoints, gate: float) -> list[PlacedTrack]:
+    """Join found at one place of a limb that are never seen together: one marker, lost and found again."""
+    joined: list[PlacedTrack] = []
+    for one in sorted(found, key=lambda one: -len(one.points)):
         for index, other in enumerate(joined):
             near = one.limb >= 0 and one.limb == other.limb and np.linalg.norm(one.place - other.place) < gate
             if near and not points.names and not np.isin(points.frames[one.points], points.frames[other.points]).any():
                 both = np.sort(np.concatenate([other.points, one.points]))
-                joined[index] = Settler(both, other.limb, other.place, other.spread, -1, other.name)
+                joined[index] = PlacedTrack(both, other.limb, other.place, other.spread, -1, other.name)
                 break
         else:
             joined.append(one)

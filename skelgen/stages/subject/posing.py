@@ -1,6 +1,6 @@
-"""A known skeleton posed in all frames of a take: limbs, joints and places of markers stay as they are.
+"""A subject's skeleton posed in all frames of a take: limbs, joints and places of markers stay as they are.
 
-Each tree is placed from the root outward, then fitted to all markers at once with its joints held to their kinds, as
+Each tree is placed from the root outward, then fitted to all markers at once with its joints held to their types, as
 the skeleton stage does after its calibration; positions that the chain does not explain are left out.
 """
 
@@ -29,8 +29,8 @@ MARGIN = 400
 
 
 @dataclass(frozen=True, eq=False)
-class KnownPoses:
-    """Poses of a known skeleton.
+class SubjectPoses:
+    """Poses of a subject's skeleton.
 
     Attributes
     ----------
@@ -38,16 +38,29 @@ class KnownPoses:
         Complete: what is not seen is interpolated.
     seen : ndarray of bool, shape (n_frames, n_limbs)
         Whether a limb's rotation rests on markers of the frame.
-    trusted : ndarray, shape (n_frames, n_markers, 3), mm
+    inliers : ndarray, shape (n_frames, n_markers, 3), mm
         Positions without those that the skeleton does not explain.
     """
 
     world_from_limb: Floats
     seen: Bools
-    trusted: Floats
+    inliers: Floats
 
     def local(self, skeleton: Skeleton, positions: Floats) -> Floats:
-        """Return positions of markers in the frames of their limbs [mm], NaN where unseen or on no limb."""
+        """Return positions of markers in the frames of their limbs [mm], shape (n_frames, n_markers, 3).
+
+        Parameters
+        ----------
+        skeleton : Skeleton
+            What is posed.
+        positions : ndarray, shape (n_frames, n_markers, 3), mm
+            In the world, NaN where unseen.
+
+        Returns
+        -------
+        ndarray, shape (n_frames, n_markers, 3), mm
+            NaN where unseen or on no limb.
+        """
         poses = self.world_from_limb[:, skeleton.limb_of_marker]
         shifted = (positions - poses[..., :3, 3])[..., np.newaxis]
         local = (poses[..., :3, :3].swapaxes(-1, -2) @ shifted)[..., 0]
@@ -60,13 +73,13 @@ class KnownPoses:
         return np.asarray(np.where((skeleton.limb_of_marker >= 0)[:, np.newaxis], carried, np.nan))
 
 
-def pose_known(
+def pose_subject(
     skeleton: Skeleton,
     positions: Floats,
     parameters: SkeletonParameters | None = None,
     monitor: Monitor = SILENT,
-) -> KnownPoses:
-    """Pose a known skeleton in the frames of a take.
+) -> SubjectPoses:
+    """Pose a subject's skeleton in the frames of a take.
 
     Parameters
     ----------
@@ -79,11 +92,11 @@ def pose_known(
     monitor : Monitor
         Told of progress; may cancel.
     """
-    wishes = parameters or SkeletonParameters()
+    parameters = parameters or SkeletonParameters()
     n_frames = len(positions)
     world = np.tile(np.eye(4), (n_frames, skeleton.n_limbs, 1, 1))
     seen = np.zeros((n_frames, skeleton.n_limbs), dtype=np.bool_)
-    trusted = np.array(positions)
+    inliers = np.array(positions)
     trees = [SkeletonTree(skeleton, int(root), None) for root in skeleton.roots]
     for first in range(0, n_frames, BLOCK_FRAMES):
         last = min(first + BLOCK_FRAMES, n_frames)
@@ -92,13 +105,13 @@ def pose_known(
         for tree in trees:
             if not len(tree.markers):
                 continue
-            poses, fixed, kept = _posed(tree, positions[wide][:, tree.markers], wishes)
+            poses, fixed, kept = _posed(tree, positions[wide][:, tree.markers], parameters)
             part = poses[inner]
             world[first:last, tree.limbs] = transform_from(part.rotations, part.origins(tree.chain))
             seen[first:last, tree.limbs] = fixed[inner]
-            trusted[first:last, tree.markers] = kept[inner]
+            inliers[first:last, tree.markers] = kept[inner]
         monitor.advance(last, n_frames)
-    return KnownPoses(world, seen, trusted)
+    return SubjectPoses(world, seen, inliers)
 
 
 def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters) -> tuple[ChainPoses, Bools, Floats]:
@@ -131,14 +144,14 @@ def _joints_of_limbs(chain: Chain, positions: Floats, flatness: float) -> Floats
     return joints
 
 
-def known_motion(skeleton: Skeleton, poses: KnownPoses, measured: Floats, rate: float) -> Motion:
+def subject_motion(skeleton: Skeleton, poses: SubjectPoses, measured: Floats, rate: float) -> Motion:
     """Return poses as a motion, with residuals of the measured markers and deviations of the joints.
 
     Parameters
     ----------
     skeleton : Skeleton
         What is posed.
-    poses : KnownPoses
+    poses : SubjectPoses
         Its poses.
     measured : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
@@ -158,7 +171,7 @@ def known_motion(skeleton: Skeleton, poses: KnownPoses, measured: Floats, rate: 
     )
     stds = [
         posture_of(
-            skeleton, motion, poses.trusted, np.arange(first, min(first + BLOCK_FRAMES, len(measured)))
+            skeleton, motion, poses.inliers, np.arange(first, min(first + BLOCK_FRAMES, len(measured)))
         ).joint_std
         for first in range(0, len(measured), BLOCK_FRAMES)
     ]

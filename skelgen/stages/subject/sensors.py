@@ -1,15 +1,15 @@
-r"""Sensors put on a known body: where each sits on its limb, told by the joints.
+r"""Sensors put on a subject: where each sits on its limb, found by the joints.
 
 In a calibrated take the joint of two limbs is at one place, whether the parent's sensor or the child's carries it. How
 far these two places are apart in the new take is noise where both sensors sit as they sat, and more where one does
 not. The gaps in equal spans of both takes are compared by Welch's test, one-sided, the level shared by all joints.
 
-Of the limb with most such joints, all of which must be such ones, the joints' places in the sensor's frame are found
-anew, with those in the neighbours' frames left open as well (SCoRE, Ehrig et al. 2006): the deviations p, q that
-minimise :math:`\sum |R_1 (a + p) + t_1 - R_2 (b + q) - t_2|^2`. The rigid transform that brings the known places onto
-them is where the sensor sits now. This is repeated until no gap is left that a sensor could explain. Where a limb has
-fewer than three joints, or all on one line, they leave its sensor's turn about them open: axes of its joints are then
-not known any more, and the joints are balls.
+A limb whose joints all have wider gaps has a sensor that moved; the limb with most joints is treated first. Its joints'
+places in the sensor's frame are found anew, while those in the neighbours' frames may differ as well (SCoRE, Ehrig et
+al. 2006): the deviations p, q minimise :math:`\sum |R_1 (a + p) + t_1 - R_2 (b + q) - t_2|^2`. The rigid transform
+that brings the calibrated places onto them is how the sensor moved. This is repeated until no gap is left that a sensor
+could explain. Where a limb has fewer than three joints, or all on one line, they leave the sensor's rotation about them
+open: axes of its joints are then not determined, and the joints are ball joints.
 """
 
 from __future__ import annotations
@@ -25,23 +25,24 @@ from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.model import Joint, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton import SkeletonParameters
-from skelgen.stages.subject.changes import LEAST_SPANS, LEVEL, log_spans, with_free_joints
+from skelgen.stages.subject.changes import LEAST_SPANS, LEVEL, log_root_mean_squares, with_free_joints
 
-LEAST_TURN = 0.05
-"""Part of the largest singular value below which a direction tells nothing: relative turns of some 3 degrees."""
+LEAST_ROTATION = 0.05
+"""Part of the largest singular value below which a direction is not determined: rotations of some 3 degrees."""
 
 REPEATS = 10
-"""Times that one sensor is placed: along a hinge's axis its joint is free, and goes where the other joints have it."""
+"""Times that one sensor is placed: along a hinge's axis its joint is free, and follows the other joints."""
 
 ROUNDS = 3
-"""Times that each sensor is looked at: it is placed by neighbours that may have been placed after it."""
+"""Times that each sensor is placed: its neighbours may have been placed after it."""
 
-_ANCHOR = 0.01  # of a joint's pull: what the joints leave open of a sensor's seat stays as it was
+ANCHOR_WEIGHT = 0.01
+"""Of a joint's weight, for the sensor's markers where they were: what joints leave open stays as it was."""
 
 
 @dataclass(frozen=True)
-class Seat:
-    """A sensor that sits elsewhere on its limb.
+class SensorShift:
+    """A sensor that sits elsewhere on its limb than in the calibrated take.
 
     Attributes
     ----------
@@ -50,7 +51,7 @@ class Seat:
     shift : float, mm
         By how far the sensor's origin moved.
     turn : float, degrees
-        By how much it turned.
+        By how much it rotated.
     """
 
     limb: int
@@ -58,43 +59,45 @@ class Seat:
     turn: float
 
 
-def reseated(skeleton: Skeleton, before: Floats, after: Floats) -> tuple[Skeleton, tuple[Seat, ...], tuple[int, ...]]:
+def find_moved_sensors(
+    skeleton: Skeleton, before: Floats, after: Floats
+) -> tuple[Skeleton, tuple[SensorShift, ...], tuple[int, ...]]:
     """Find sensors that sit elsewhere than in the calibrated take.
 
     Parameters
     ----------
     skeleton : Skeleton
-        The known one, of virtual markers on sensors.
+        The subject's, of virtual markers on sensors.
     before, after : ndarray, shape (n_frames, n_markers, 3), mm
         Its markers in the calibrated and in the new take, NaN where unseen.
 
     Returns
     -------
     skeleton : Skeleton
-        With the markers of sensors that moved where they are now; joints whose axes are not known any more are balls.
-    seats : tuple of Seat
+        With the markers of sensors that moved where they are now; joints whose axes are not determined are ball joints.
+    shifts : tuple of SensorShift
         Those sensors.
     open_joints : tuple of int
-        Joints whose gap no seat of a sensor explains.
+        Joints whose gap no shift of a sensor explains.
     """
     known = [_log_gaps(skeleton, joint, before) for joint in skeleton.joints]
-    now, moved, looked_at = skeleton, set[int](), [0] * skeleton.n_limbs
+    now, moved, n_placed = skeleton, set[int](), [0] * skeleton.n_limbs
     while True:
-        loose = [index for index in range(skeleton.n_joints) if _is_wider(now, index, known, after)]
-        limb = _suspect(now, loose, looked_at)
+        wider = [index for index in range(skeleton.n_joints) if _is_wider(now, index, known, after)]
+        limb = _limb_with_moved_sensor(now, wider, n_placed)
         if limb < 0:
-            seats = [_seat(skeleton, now, limb) for limb in sorted(moved)]
-            return _with_known_axes(now, seats), tuple(seats), tuple(loose)
+            shifts = [_shift_of(skeleton, now, limb) for limb in sorted(moved)]
+            return _with_determined_axes(now, shifts), tuple(shifts), tuple(wider)
         for _ in range(REPEATS):
-            now = _reseated(now, limb, after)
+            now = _with_sensor_placed(now, limb, after)
         moved.add(limb)
-        looked_at[limb] += 1
+        n_placed[limb] += 1
 
 
-def _with_known_axes(skeleton: Skeleton, seats: list[Seat]) -> Skeleton:
-    """The skeleton with balls on limbs whose sensors moved and whose joints leave open how."""
+def _with_determined_axes(skeleton: Skeleton, shifts: list[SensorShift]) -> Skeleton:
+    """The skeleton with ball joints on limbs whose sensors moved and whose joints leave the rotation open."""
     freed: set[int] = set()
-    for seat in seats:
+    for seat in shifts:
         own = _joints_of(skeleton, seat.limb)
         places = np.array([_ends(skeleton.joints[index], seat.limb)[0] for index in own])
         if not determines_pose(places, np.ones((1, len(places)), dtype=np.bool_), SkeletonParameters().flatness)[0]:
@@ -116,7 +119,7 @@ def _log_gaps(skeleton: Skeleton, joint: Joint, positions: Floats) -> Floats:
     ends = first[:, :3, :3] @ joint.position_in_parent + first[:, :3, 3]
     others = second[:, :3, :3] @ joint.position_in_child + second[:, :3, 3]
     gaps = np.linalg.norm(ends - others, axis=1)
-    return log_spans(gaps, ~np.isnan(gaps))
+    return log_root_mean_squares(gaps, ~np.isnan(gaps))
 
 
 def _limb_poses(skeleton: Skeleton, limb: int, positions: Floats) -> Floats:
@@ -128,16 +131,16 @@ def _limb_poses(skeleton: Skeleton, limb: int, positions: Floats) -> Floats:
     return fit_transform(skeleton.marker_offsets[markers], positions[:, markers], seen)
 
 
-def _suspect(skeleton: Skeleton, loose: list[int], looked_at: list[int]) -> int:
-    """The limb with most joints, all of them loose, of those that were looked at least; -1 for none."""
+def _limb_with_moved_sensor(skeleton: Skeleton, wider: list[int], n_placed: list[int]) -> int:
+    """The limb with most joints, all of them with wider gaps, of those that were placed least often; -1 for none."""
     counts = {
         limb: len(own)
         for limb in range(skeleton.n_limbs)
-        if looked_at[limb] < ROUNDS and (own := _joints_of(skeleton, limb)) and set(own) <= set(loose)
+        if n_placed[limb] < ROUNDS and (own := _joints_of(skeleton, limb)) and set(own) <= set(wider)
     }
     if not counts:
         return -1
-    return max(counts, key=lambda limb: (-looked_at[limb], counts[limb], limb not in skeleton.roots))
+    return max(counts, key=lambda limb: (-n_placed[limb], counts[limb], limb not in skeleton.roots))
 
 
 def _ends(joint: Joint, limb: int) -> tuple[Floats, Floats]:
@@ -150,8 +153,8 @@ def _joints_of(skeleton: Skeleton, limb: int) -> list[int]:
     return [index for index, joint in enumerate(skeleton.joints) if limb in (joint.parent, joint.child)]
 
 
-def _reseated(skeleton: Skeleton, limb: int, positions: Floats) -> Skeleton:
-    """The skeleton with one sensor where the joints of its limb say that it sits."""
+def _with_sensor_placed(skeleton: Skeleton, limb: int, positions: Floats) -> Skeleton:
+    """The skeleton with one sensor where it fits the joints of its limb."""
     markers = skeleton.markers_of(limb)
     own = _limb_poses(skeleton, limb, positions)
     places, found = [], []
@@ -169,25 +172,25 @@ def _reseated(skeleton: Skeleton, limb: int, positions: Floats) -> Skeleton:
     return replace(skeleton, marker_offsets=offsets)
 
 
-def _seat(before: Skeleton, after: Skeleton, limb: int) -> Seat:
+def _shift_of(before: Skeleton, after: Skeleton, limb: int) -> SensorShift:
     """How a sensor moved on its limb."""
     places = [skeleton.marker_offsets[skeleton.markers_of(limb)] for skeleton in (before, after)]
     shift = float(np.linalg.norm(places[1].mean(axis=0) - places[0].mean(axis=0)))
     moved = fit_transform(places[0], places[1][np.newaxis], np.ones((1, len(places[0])), dtype=np.bool_))[0]
-    return Seat(limb, shift, float(np.degrees(np.linalg.norm(vector_from_matrix(moved[:3, :3])))))
+    return SensorShift(limb, shift, float(np.degrees(np.linalg.norm(vector_from_matrix(moved[:3, :3])))))
 
 
 def _deviation(own: Floats, other: Floats, here: Floats, there: Floats) -> Floats:
-    """How far a joint is in a limb's frame from where it is known [mm], its place in the other limb left open."""
+    """How far a joint is in a limb's frame from its calibrated place [mm]; in the other limb it may differ as well."""
     both = ~np.isnan(own[:, 0, 0]) & ~np.isnan(other[:, 0, 0])
     rows = np.concatenate([own[both, :3, :3], -other[both, :3, :3]], axis=2).reshape(-1, 6)
     apart = other[both, :3, :3] @ there + other[both, :3, 3] - own[both, :3, :3] @ here - own[both, :3, 3]
-    return np.asarray(np.linalg.lstsq(rows, apart.ravel(), rcond=LEAST_TURN)[0][:3])
+    return np.asarray(np.linalg.lstsq(rows, apart.ravel(), rcond=LEAST_ROTATION)[0][:3])
 
 
 def _weighted_fit(source: Floats, target: Floats, n_joints: int) -> Floats:
     """Rigid transform of points, of which those after the joints are anchors."""
-    weights = np.where(np.arange(len(source)) < n_joints, 1.0, _ANCHOR)
+    weights = np.where(np.arange(len(source)) < n_joints, 1.0, ANCHOR_WEIGHT)
     before, after = (np.average(points, axis=0, weights=weights) for points in (source, target))
     moments = ((target - after) * weights[:, np.newaxis]).T @ (source - before)
     transform = np.eye(4)

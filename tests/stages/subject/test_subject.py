@@ -13,11 +13,12 @@ from skelgen.evaluation.matching import find_identity
 from skelgen.model import PointCloud, Project, StageReport, Trajectories
 from skelgen.simulation import Structure, simulate
 from skelgen.simulation.structures import find_structure
-from skelgen.stages.subject import fit_known, labels
+from skelgen.stages.labels import LabelParameters
+from skelgen.stages.subject import fit_subject
 from skelgen.stages.subject.changes import N_SPANS, compare_places
-from skelgen.stages.subject.labels import by_tracks
-from skelgen.stages.subject.points import TrackedPoints
-from skelgen.stages.subject.posing import pose_known
+from skelgen.stages.subject.labels import by_track_votes
+from skelgen.stages.subject.points import TrackedPoints, tracked_points
+from skelgen.stages.subject.posing import pose_subject
 
 FRAMES = 300
 NOISE = 0.5  # mm
@@ -66,18 +67,18 @@ def score(fit, simulated):
 
 def test_points_without_names_get_those_of_the_skeleton(known):
     new = take_of(labelled=False, ghosts=0.5, dropouts=0.1)
-    fit = fit_known(new.take, known)
+    fit = fit_subject(new.take, known)
     assert score(fit, new) > IDF1
     right = np.nanmedian(
         np.linalg.norm(fit.trajectories.positions[:, :51] - new.truth.marker_positions, axis=2), axis=0
     )
     assert fit.trajectories.names[:51] == new.truth.marker_names
     assert right.max() < 5 * NOISE  # every marker is the one that its name says
-    assert (fit.moved, fit.missing, fit.is_other_body) == ((), (), False)
+    assert (fit.moved, fit.missing, fit.is_other_subject) == ((), (), False)
 
 
 def test_bone_lengths_and_places_of_markers_are_those_of_the_skeleton(known):
-    fit = fit_known(take_of().take, known)
+    fit = fit_subject(take_of().take, known)
     assert fit.skeleton.lengths == known.skeleton.lengths
     assert np.array_equal(fit.skeleton.marker_offsets, known.skeleton.marker_offsets)
     assert np.nanmean(fit.motion.residuals) < 2 * NOISE
@@ -88,37 +89,29 @@ def test_other_names_are_translated(known):
     take = take_of().take
     order = np.random.default_rng(0).permutation(take.n_markers)
     names = tuple(f"M{index:03}" for index in range(take.n_markers))
-    fit = fit_known(Trajectories(take.positions[:, order], names, take.rate, "walk"), known)
+    fit = fit_subject(Trajectories(take.positions[:, order], names, take.rate, "walk"), known)
     np.testing.assert_allclose(fit.trajectories.positions, take.positions)
-    assert any("M000 is " in sentence for sentence in fit.sentences)
+    assert any("M000 is " in sentence for sentence in fit.notices)
 
 
 def test_exchanged_names_are_put_right(known):
     take = take_of().take
     positions = np.array(take.positions)
     positions[100:160, [3, 20]] = positions[100:160, [20, 3]]
-    fit = fit_known(Trajectories(positions, take.names, take.rate, "walk"), known)
+    fit = fit_subject(Trajectories(positions, take.names, take.rate, "walk"), known)
     np.testing.assert_allclose(fit.trajectories.positions[:, [3, 20]], take.positions[:, [3, 20]])
     assert fit.moved == ()
 
 
-def test_legs_that_the_pose_exchanged_for_a_while_are_told_by_their_tracks(known, monkeypatch):
-    new = take_of(labelled=False)
-    names = known.trajectories.names
-    left, right = (np.array([names.index(f"{side} hind foot {number}") for number in (1, 2, 3)]) for side in SIDES)
-    follow = labels._one_way
-
-    def exchanged(points, skeleton, spacing, frames, monitor):
-        owner = follow(points, skeleton, spacing, frames, monitor)
-        for one, other in ((left, right), (right, left)) if frames.step > 0 else ():
-            wrong = (points.frames < FRAMES / 3) & np.isin(owner, one)
-            owner[wrong] = other[np.searchsorted(one, owner[wrong])] + len(names)
-        owner[owner >= len(names)] -= len(names)
-        owner[points.frames == 0] = -1  # points that are left alone: the take is followed backward too
-        return owner
-
-    monkeypatch.setattr(labels, "_one_way", exchanged)
-    assert score(fit_known(new.take, known), new) > IDF1
+def test_legs_that_the_pose_exchanged_for_a_while_are_told_by_their_tracks():
+    take = take_of().take
+    points = tracked_points(take, LabelParameters())
+    left, right = (np.array([take.names.index(f"{side} hind foot {number}") for number in (1, 2, 3)]) for side in SIDES)
+    exchanged = np.arange(take.n_markers)
+    exchanged[left], exchanged[right] = right, left
+    by_pose = np.where(points.frames < FRAMES / 3, exchanged[points.tracks], points.tracks)
+    assert (by_pose != points.tracks).any()
+    np.testing.assert_array_equal(by_track_votes(points, [by_pose], take.n_markers), points.tracks)
 
 
 def tracked(tracks, frames, n_frames):
@@ -131,18 +124,18 @@ def tracked(tracks, frames, n_frames):
 def test_track_is_the_marker_for_which_most_frames_vote():
     points = tracked([0, 0, 0, 0, -1], [0, 1, 2, 3, 3], 4)
     ways = [np.array([1, 1, 0, 0, 0]), np.array([1, -1, 1, -1, -1])]
-    assert by_tracks(points, ways, 2).tolist() == [1, 1, 1, 1, -1]
+    assert by_track_votes(points, ways, 2).tolist() == [1, 1, 1, 1, -1]
 
 
 def test_points_that_nobody_follows_are_no_markers():
     points = tracked([-1, -1], [0, 1], 2)
-    assert by_tracks(points, [np.array([0, 0])], 2).tolist() == [-1, -1]
+    assert by_track_votes(points, [np.array([0, 0])], 2).tolist() == [-1, -1]
 
 
 def test_tracks_that_are_seen_together_are_never_one_marker():
     points = tracked([0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 3], 4)
     votes = np.array([1, 1, 1, 1, 1, 1])
-    assert by_tracks(points, [votes], 2).tolist() == [1, 1, -1, 1, -1, 1]
+    assert by_track_votes(points, [votes], 2).tolist() == [1, 1, -1, 1, -1, 1]
 
 
 def test_missing_and_new_markers_are_said(known):
@@ -151,11 +144,11 @@ def test_missing_and_new_markers_are_said(known):
     pose = simulated.truth.world_from_limb[:, 1]
     extra = pose[:, :3, :3] @ np.array([100.0, 0.0, 160.0]) + pose[:, :3, 3]
     positions = np.concatenate([take.positions[:, 2:], extra[:, np.newaxis]], axis=1)
-    fit = fit_known(Trajectories(positions, (*take.names[2:], "saddle"), take.rate, "walk"), known)
+    fit = fit_subject(Trajectories(positions, (*take.names[2:], "saddle"), take.rate, "walk"), known)
     assert fit.missing == (0, 1)
-    assert "no frame shows: pelvis 1, pelvis 2" in "; ".join(fit.sentences)
+    assert "no frame shows: pelvis 1, pelvis 2" in "; ".join(fit.notices)
     trunk = int(known.limbs.limb_of_marker[known.trajectories.names.index("trunk 1")])
-    assert any(f"does not know: saddle on limb {trunk}" in sentence for sentence in fit.sentences)
+    assert any(f"does not know: saddle on limb {trunk}" in sentence for sentence in fit.notices)
     assert fit.trajectories.names[-1] == "saddle"
 
 
@@ -163,7 +156,7 @@ def test_missing_and_new_markers_are_said(known):
 @pytest.mark.parametrize("labelled", [True, False])
 def test_marker_that_moved_is_named_and_placed_anew(known, shift, labelled):
     new = take_of(slipped("left thigh", 1, [0.0, 0.0, shift]), labelled=labelled)
-    fit = fit_known(new.take, known)
+    fit = fit_subject(new.take, known)
     assert [known.trajectories.names[marker] for marker in fit.moved] == ["left thigh 2"]
     assert fit.shifts[fit.moved[0]] == pytest.approx(shift, abs=1.0)
     assert np.nanmean(fit.motion.residuals) < 2 * NOISE
@@ -173,7 +166,7 @@ def test_marker_that_moved_is_named_and_placed_anew(known, shift, labelled):
 def test_larger_body_is_another_body(known, labelled):
     new = take_of(scaled(1.06), labelled=labelled)
     with pytest.raises(InputError, match=r"the skeleton explains \d+ % of the positions"):
-        fit_known(new.take, known)
+        fit_subject(new.take, known)
 
 
 def test_another_body_is_said_where_many_markers_sit_elsewhere(known):
@@ -182,8 +175,8 @@ def test_another_body_is_said_where_many_markers_sit_elsewhere(known):
     def change(limb):
         return dataclasses.replace(limb, markers=np.asarray(limb.markers) + rng.normal(size=(3, 3)) * 2)
 
-    fit = fit_known(take_of(with_limb("*", change)).take, known)
-    said = "; ".join(fit.sentences)
+    fit = fit_subject(take_of(with_limb("*", change)).take, known)
+    said = "; ".join(fit.notices)
     assert (
         "this is another body, or the markers were put on anew" in said or "have slipped, this is another body" in said
     )
@@ -194,7 +187,7 @@ def test_limb_without_markers_is_posed_by_its_neighbours(known):
     positions = np.array(simulated.take.positions)
     names = list(known.trajectories.names)
     positions[:, [names.index(f"pelvis {number}") for number in (1, 2, 3)]] = np.nan
-    poses = pose_known(known.skeleton, positions)
+    poses = pose_subject(known.skeleton, positions)
     limb = int(known.limbs.limb_of_marker[names.index("pelvis 1")])
     carried = poses.markers(known.skeleton)[:, known.limbs.limb_of_marker == limb]
     away = np.linalg.norm(carried - simulated.truth.marker_positions[:, :3], axis=2)
@@ -235,7 +228,7 @@ def test_joint_that_hardly_turned_in_the_calibrated_take_is_free_in_the_new_one(
     head = int(known.limbs.limb_of_marker[known.trajectories.names.index("head 1")])
     joint = next(index for index, one in enumerate(known.skeleton.joints) if one.child == head)
     assert known.skeleton.joints[joint].kind == "hinge"
-    fit = fit_known(take_of().take, known)
+    fit = fit_subject(take_of().take, known)
     assert fit.skeleton.joints[joint].kind == "ball"
     assert [one.kind for one in fit.skeleton.joints if one.child != head] == [
         one.kind for one in known.skeleton.joints if one.child != head
