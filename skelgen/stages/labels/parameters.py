@@ -70,7 +70,7 @@ class LabelParameters(StageParameters):
     )
     link_evidence: float = declare(
         5.0,
-        "A track is cut where its next point is not by this much more probable than any other explanation.",
+        "A track is cut where its next point is not more probable than any other explanation by this evidence.",
         unit="nats",
         low=0.0,
         high=100.0,
@@ -127,7 +127,9 @@ class LabelParameters(StageParameters):
         choices=("sets", "rigidity"),
         basic=True,
     )
-    rounds: int = declare(4, "Most turns of skeleton and identities.", low=1, high=100)
+    rounds: int = declare(
+        4, "Most turns in which a skeleton is fitted and all points are labelled by it.", low=1, high=100
+    )
     compare: bool = declare(
         False,
         "Whether the classic method runs too, and the report compares what it gives; not for takes of many tracklets.",
@@ -145,7 +147,7 @@ class LabelParameters(StageParameters):
     )
     swap_evidence: float = declare(
         RepairParameters.swap_evidence,
-        "An exchange of labels is repaired when distances within limbs speak for it by this much.",
+        "An exchange of labels is repaired when the evidence of distances within limbs exceeds this.",
         unit="nats",
         low=0.0,
         high=1000.0,

@@ -40,7 +40,7 @@ def outcome(cloud, **wishes):
 
 @pytest.fixture(scope="module")
 def rods(request):
-    """Frames of the seed's rods, with dropouts and a few ghosts: 9 markers on 3 limbs."""
+    """Frames of the simulated rods, with dropouts and a few ghosts: 9 markers on 3 limbs."""
     options = {"labelled": False, "noise": 0.3, "dropouts": 0.03, "ghosts": 0.1}
     return list(request.getfixturevalue("simulated")("rods", seed=1, n_frames=N_FRAMES, **options).take)
 

@@ -120,7 +120,7 @@ def test_rotated_takes_are_followed_alike(human):
 
 
 class Listening(SilentMonitor):
-    """A monitor that keeps what it is told."""
+    """A monitor that keeps its notices."""
 
     def __init__(self):
         self.sentences = []

@@ -60,9 +60,9 @@ def test_the_labels_stage_splits_unless_it_is_told_not_to(slipped):
 def test_what_may_be_a_slip_is_told_and_left(slipped):
     take = slipped()
     doubtful = [dataclasses.replace(slip, sure=False) for slip in find_slips(take)]
-    told = split_slipped(take, doubtful)
-    assert told.names == take.names
-    assert "may slip" in told.notices[-1]
+    left = split_slipped(take, doubtful)
+    assert left.names == take.names
+    assert "may slip" in left.notices[-1]
 
 
 def test_a_glitch_of_the_tracker_is_no_slip(slipped):

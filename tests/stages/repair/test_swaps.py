@@ -57,10 +57,10 @@ def test_an_exchange_until_the_end_of_the_take_is_undone(soft, first):
 
 def test_every_repair_is_told_with_its_frames_and_evidence(soft, notices):
     repaired = repair_take(relabelled(soft, (0, 20), 100, 149), monitor=notices).trajectories
-    (told,) = repaired.notices
-    assert "frames 100 to 149" in told
-    assert "mm before" in told
-    assert told in notices.sentences
+    (notice,) = repaired.notices
+    assert "frames 100 to 149" in notice
+    assert "mm before" in notice
+    assert notice in notices.sentences
 
 
 def test_a_label_on_an_unlabelled_marker_is_left(soft):

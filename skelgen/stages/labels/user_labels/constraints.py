@@ -111,7 +111,7 @@ def constrain_labelled(
     constraints = find_constraints(cloud, follow_points(cloud, parameters, monitor)[0], _by_position(identities, file))
     found, names = apply_constraints(cloud, find_points(cloud, repaired.positions), constraints, repaired.names)
     lost = int(repaired.seen.sum() - (found >= 0).sum())
-    sentence = f"{len(identities.entries)} identities stated by hand are with_constraints"
+    sentence = f"{len(identities.entries)} identities stated by hand are obeyed"
     if lost:
         sentence += f"; {lost} positions that had to make room or are nobody's are left out"
     monitor.notice(sentence)
