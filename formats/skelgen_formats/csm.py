@@ -163,20 +163,18 @@ def _frames(path: Path, lines: Sequence[str], first: int, n_markers: int) -> tup
     full = list(lines)
     numbers: list[int] = []
     for index in range(first, len(lines)):
-        words = lines[index].split()
-        if not words:
+        if not lines[index].strip():
             continue
-        if len(words) != 3 * n_markers + 1 or _DROPOUT in lines[index].upper():
-            words = _without_dropouts(path, words, index + 1, n_markers)
-        full[index] = " ".join(words)
-        numbers.append(count_in(path, index + 1, words[0], "the frame number"))
+        if _DROPOUT in lines[index].upper():
+            full[index] = _without_dropouts(path, lines[index].split(), index + 1, n_markers)
+        numbers.append(count_in(path, index + 1, lines[index].split(None, 1)[0], "the frame number"))
         if len(numbers) > 1 and numbers[-1] != numbers[-2] + 1:
             raise FormatError(path, index + 1, f"frame {numbers[-1]} follows frame {numbers[-2]}; a line is missing")
-    return parse_rows(path, full, first, 3 * n_markers + 1, " ")[:, 1:], numbers
+    return parse_rows(path, full, first, 3 * n_markers + 1, None)[:, 1:], numbers
 
 
-def _without_dropouts(path: Path, words: list[str], line: int, n_markers: int) -> list[str]:
-    """Return a frame's words with every dropout as three NaN."""
+def _without_dropouts(path: Path, words: list[str], line: int, n_markers: int) -> str:
+    """Return a frame's line with every dropout as three NaN."""
     n_words = len(words) - 1
     dropped = sum(word.upper() == _DROPOUT for word in words)
     if n_words == 3 * n_markers:
@@ -184,12 +182,9 @@ def _without_dropouts(path: Path, words: list[str], line: int, n_markers: int) -
     elif n_words + 2 * dropped == 3 * n_markers:
         once = 3
     else:
-        seen = f" and {dropped} dropouts" if dropped else ""
-        raise FormatError(path, line, f"{n_words + 1 - dropped} numbers{seen} where {3 * n_markers + 1} numbers belong")
-    full: list[str] = []
-    for word in words:
-        full.extend(["nan"] * once if word.upper() == _DROPOUT else [word])
-    return full
+        found = f"{n_words + 1 - dropped} numbers and {dropped} dropouts"
+        raise FormatError(path, line, f"{found} where {3 * n_markers + 1} numbers belong")
+    return " ".join(" nan" * once if word.upper() == _DROPOUT else word for word in words)
 
 
 def _check_numbers(path: Path, sections: _Sections, numbers: Sequence[int], first: int, notices: list[str]) -> None:

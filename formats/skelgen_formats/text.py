@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import math
 from collections.abc import Sequence
@@ -109,7 +110,7 @@ def parse_rows(
     lines: Sequence[str],
     first: int,
     n_cells: int,
-    delimiter: str,
+    delimiter: str | None,
     columns: Sequence[int] | None = None,
 ) -> Floats:
     """Return the numbers of the non-blank lines from index `first` on; empty cells and words like NaN become NaN.
@@ -124,8 +125,8 @@ def parse_rows(
         Index of the first data line.
     n_cells : int
         Cells that each line must have; blank ones beyond them are ignored.
-    delimiter : str
-        What separates cells. Decimal commas are understood where it is not a comma itself.
+    delimiter : str or None
+        What separates cells, None for blanks. Decimal commas are understood where it is not a comma itself.
     columns : sequence of int, optional
         Indices of the cells that are wanted, in the wanted order; all if left out.
 
@@ -147,11 +148,11 @@ def parse_rows(
         if len(cells) != n_cells:
             cells = _fitted(path, cells, index + 1, n_cells, delimiter)
         wanted = cells if columns is None else [cells[column] for column in columns]
-        rows.append(_row(path, wanted, index + 1, delimiter))
+        rows.append(_row(path, wanted, index + 1, delimiter, is_plain="_" not in line))
     return np.array(rows, dtype=np.float64).reshape(len(rows), n_cells if columns is None else len(columns))
 
 
-def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: str) -> list[str]:
+def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: str | None) -> list[str]:
     if len(cells) > n_cells and not any(cell.strip() for cell in cells[n_cells:]):
         return cells[:n_cells]
     hint = ""
@@ -159,20 +160,18 @@ def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: 
         hint = "; if numbers have decimal commas, export with decimal points"
     elif len(cells) < n_cells:
         hint = "; the file may be cut off"
-    raise FormatError(path, number, f"{len(cells)} cells where {n_cells} belong{hint}")
+    found, wanted = (f"{len(cells)} cells", n_cells) if delimiter else (f"{len(cells)} numbers", f"{n_cells} numbers")
+    raise FormatError(path, number, f"{found} where {wanted} belong{hint}")
 
 
-def _row(path: Path, cells: Sequence[str], number: int, delimiter: str) -> Floats:
-    try:
-        numbers = [float(cell) if cell else math.nan for cell in cells]
-        if not any("_" in cell for cell in cells):
-            return np.array(numbers)
-    except ValueError:
-        pass  # the slow way below understands more, or says which cell is wrong
+def _row(path: Path, cells: Sequence[str], number: int, delimiter: str | None, *, is_plain: bool) -> Floats:
+    if is_plain:  # the slow way below understands more, or says which cell is wrong
+        with contextlib.suppress(ValueError):
+            return np.array([float(cell) if cell else math.nan for cell in cells])
     return np.array([_cell(path, cell, number, column, delimiter) for column, cell in enumerate(cells, start=1)])
 
 
-def _cell(path: Path, cell: str, number: int, column: int, delimiter: str) -> float:
+def _cell(path: Path, cell: str, number: int, column: int, delimiter: str | None) -> float:
     text = cell.strip()
     if text.lower() in _UNSEEN_WORDS:
         return math.nan
