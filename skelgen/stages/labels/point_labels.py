@@ -21,6 +21,16 @@ LONG_BLOCK_FRAMES = 20_000
 BLOCK_POINTS = 100_000
 """Points that are handled together, where frames do not matter."""
 
+_MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
+"""Odd numbers that scatter the bits of coordinates over a key."""
+
+_FRAME_MIXER = np.uint64(0xD6E8FEB86659FD93)
+
+Scores = NDArray[np.floating[Any]]
+"""How well markers explain points, shape (n_points, n_markers); float32 does."""
+
+_Keys = NDArray[np.uint64]
+
 
 @dataclass(frozen=True, eq=False)
 class Block:
@@ -210,17 +220,6 @@ def counts_together(one: Ints, other: Ints) -> Ints:
         part = slice(start, start + BLOCK_POINTS)
         counts += np.bincount((one[part] + 1) * np.intp(n_other) + (other[part] + 1), minlength=len(counts))
     return counts.reshape(n_one, n_other)
-
-
-_MIXERS = tuple(np.uint64(value) for value in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9))
-"""Odd numbers that scatter the bits of coordinates over a key."""
-
-_FRAME_MIXER = np.uint64(0xD6E8FEB86659FD93)
-
-Scores = NDArray[np.floating[Any]]
-"""How well markers explain points, shape (n_points, n_markers); float32 does."""
-
-_Keys = NDArray[np.uint64]
 
 
 def find_points(cloud: PointCloud, positions: Floats) -> Ints:

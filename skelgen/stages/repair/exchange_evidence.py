@@ -36,6 +36,24 @@ PRIOR_COST = 1e-3
 LEAST_STEP = 1e-2
 """mm; keeps the distribution of jumps finite for markers that move exactly together."""
 
+N_NEIGHBOURS = 5
+"""Nearest markers whose median step says where a marker is expected next; up to two of them may be wrong."""
+
+BRIDGED_SECONDS = 0.5
+"""A marker that was unseen for longer is expected nowhere."""
+
+FARTHER = 2.0
+"""A label has jumped if its own place is this many times farther away than another label's."""
+
+MOST_CYCLE = 4
+"""Most markers that exchange their labels in a cycle."""
+
+CHUNK_FLOATS = 4_000_000
+"""Distances held at once: 32 MB."""
+
+Cycle = tuple[int, ...]
+"""Markers, each of which sits at the next one's place, the last at the first one's."""
+
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
@@ -148,25 +166,6 @@ def _steps(own: Floats, places: Floats, ages: Floats) -> float:
 def _jump_nats(error: Floats, ages: Floats, sigma: float) -> Floats:
     width = sigma * np.maximum(ages, 1.0)  # what was not seen for long may be anywhere
     return np.asarray(JUMP_WEIGHT * np.log1p((error**2).sum(axis=2) / width**2) + error.shape[2] * np.log(width))
-
-
-N_NEIGHBOURS = 5
-"""Nearest markers whose median step says where a marker is expected next; up to two of them may be wrong."""
-
-BRIDGED_SECONDS = 0.5
-"""A marker that was unseen for longer is expected nowhere."""
-
-FARTHER = 2.0
-"""A label has jumped if its own place is this many times farther away than another label's."""
-
-MOST_CYCLE = 4
-"""Most markers that exchange their labels in a cycle."""
-
-CHUNK_FLOATS = 4_000_000
-"""Distances held at once: 32 MB."""
-
-Cycle = tuple[int, ...]
-"""Markers, each of which sits at the next one's place, the last at the first one's."""
 
 
 def neighbours_of(positions: Floats, most: int = N_NEIGHBOURS) -> Ints:

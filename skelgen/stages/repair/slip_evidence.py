@@ -40,6 +40,18 @@ LEAST_DEVIATION = 0.05
 MOST_CANDIDATES = 20
 """Frames that are examined for each marker; if there are more, none stands out."""
 
+COMMON = 99.9
+"""Percentile of a measure over the take, which a slip must exceed."""
+
+ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 2.5, 1.3
+"""How many times the step between lines, and that of the single frame, must exceed that."""
+
+COMES_BACK = 0.5
+"""Part of a leap; if the marker moves back by it soon after, the leap was a wrong label or a glitch."""
+
+SMALLEST = 0.05
+"""mm; least common leap, however exact the take."""
+
 
 class PlaceOnLimb:
     """Distances of one marker to its mates, how they change from before each frame to after it, and its own step.
@@ -194,19 +206,6 @@ def _spread(values: Floats) -> Floats:
     """Robust standard deviation of each column [mm]; infinite where nothing is known."""
     middle = median_of_known(np.abs(values))
     return np.maximum(SIGMA_OF_MEDIAN * np.where(np.isnan(middle), np.inf, middle), LEAST_DEVIATION)
-
-
-COMMON = 99.9
-"""Percentile of a measure over the take, which a slip must exceed."""
-
-ABOVE_COMMON, ABOVE_COMMON_AT_ONCE = 2.5, 1.3
-"""How many times the step between lines, and that of the single frame, must exceed that."""
-
-COMES_BACK = 0.5
-"""Part of a leap; if the marker moves back by it soon after, the leap was a wrong label or a glitch."""
-
-SMALLEST = 0.05
-"""mm; least common leap, however exact the take."""
 
 
 def leaps(steps: Floats, paces: Callable[[], Floats], least: float, window: int) -> list[tuple[int, float]]:

@@ -21,6 +21,12 @@ from skelgen.stages.labels.point_labels import LONG_BLOCK_FRAMES, Block, blocks_
 CLASSIC_METHOD = "sets"
 """The method of the labels stage that is the thesis' own."""
 
+DOUBTFUL = 0.9
+"""Confidence below which a marker is doubtful."""
+
+ENOUGH_MATES = 3
+"""Mates whose distances fix a point in space."""
+
 
 @dataclass(frozen=True, eq=False)
 class PointLabels:
@@ -199,13 +205,6 @@ def _agreement(classic: Ints, found: Ints, n_markers: int) -> Agreement:
     same = int(counts[linear_sum_assignment(counts, maximize=True)].sum())
     either = int(((classic >= 0) | (found >= 0)).sum())
     return Agreement(CLASSIC_METHOD, n_theirs, int((classic >= 0).sum()), same / max(either, 1))
-
-
-DOUBTFUL = 0.9
-"""Confidence below which a marker is doubtful."""
-
-ENOUGH_MATES = 3
-"""Mates whose distances fix a point in space."""
 
 
 def doubtful_spans(trajectories: Trajectories, certainty: IdentityConfidence) -> tuple[Doubt, ...]:

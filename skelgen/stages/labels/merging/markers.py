@@ -43,6 +43,21 @@ MOST_TRACKS = 400
 FRAMES_AT_ONCE = 600
 """Frames whose positions are held at once."""
 
+LEAST_MARKERS = 4
+"""A smaller group has no marker beyond a triangle to confirm it."""
+
+TRIED = 24
+"""Pairs of triangles that are tried, the most alike first."""
+
+TRIANGLES = 60
+"""Rigid triangles of a group that are compared, the largest first: these distinguish limbs best."""
+
+ALIKE = 4.0
+"""Edges are the same if they differ by less than this many deviations of a rigid distance."""
+
+EXPLAINED = 0.6
+"""Part of the smaller group's markers that must be found in the larger one."""
+
 
 def merge_again(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, rate: float, spacing: float) -> Ints:
     """Merge markers, and tracks without one, by the likelihood of their distances; each turn knows more of these.
@@ -122,22 +137,6 @@ def seen_at_once(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Bo
     for block in blocks_of(cloud):
         together |= seen_together(block, marker_of_point[block.points], n_markers) > 0
     return together
-
-
-LEAST_MARKERS = 4
-"""A smaller group has no marker beyond a triangle to confirm it."""
-
-TRIED = 24
-"""Pairs of triangles that are tried, the most alike first."""
-
-TRIANGLES = 60
-"""Rigid triangles of a group that are compared, the largest first: these distinguish limbs best."""
-
-ALIKE = 4.0
-"""Edges are the same if they differ by less than this many deviations of a rigid distance."""
-
-EXPLAINED = 0.6
-"""Part of the smaller group's markers that must be found in the larger one."""
 
 
 def merge_across_pauses(record: DistanceRecord) -> Ints:

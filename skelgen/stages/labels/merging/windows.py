@@ -21,6 +21,30 @@ from skelgen.stages.labels.merging.likelihood import DistanceRecord, distance_su
 MOST_KEPT = 4
 """This many times the number of markers seen at once are kept for the next window; others never merge with any."""
 
+LONGEST = 0.5
+"""s; over longer gaps the neighbours do not predict a marker."""
+
+NEIGHBOURS = 5
+"""Markers that carry a marker over a gap."""
+
+LEAST_NEIGHBOURS = 3
+"""Fewer fix no motion."""
+
+TRIED_FRAMES = 40
+"""Frames from which the error of predictions is measured."""
+
+TRIED_GAPS = (0.1, 0.25, 0.5, 0.75, 1.0)
+"""Parts of `LONGEST` over which it is measured."""
+
+FREEDOM = 2.0
+"""Of Student's distribution: heavy tails."""
+
+CHI_MEDIAN = 1.538
+"""Median length of a vector of three normal numbers."""
+
+PAIRS_AT_ONCE = 2000
+"""Pairs of tracklets whose neighbours are held at once."""
+
 
 class WindowSize(NamedTuple):
     """How large a window is.
@@ -117,7 +141,7 @@ class _Groups:
         place = {int(name): index for index, name in enumerate(names)}
         member = np.isin(self.group, names)
         self.group[member] = target[[place[int(name)] for name in self.group[member]]]
-        self._keep(record, names, np.unique(joined), span)
+        self._keep(record, names, np.unique(joined))
 
     def _record(self, span: tuple[int, int], inside: Ints, row: Ints, names: Ints) -> DistanceRecord:
         """Distances of all groups and new tracklets, those of the window added to what is known."""
@@ -137,7 +161,7 @@ class _Groups:
         np.add.at(prior, (row[before], row[after]), evidence)
         return DistanceRecord(tables[0], tables[1], tables[2], apart, self._spacing, prior + prior.T)
 
-    def _keep(self, record: DistanceRecord, names: Ints, left: Ints, span: tuple[int, int]) -> None:
+    def _keep(self, record: DistanceRecord, names: Ints, left: Ints) -> None:
         """Keep the groups that are seen most for the next window."""
         samples = np.diag(record.count)[left]
         at_once = record.count[np.ix_(left, left)] > 0
@@ -154,30 +178,6 @@ def _padded(table: Floats | Bools, size: int) -> Floats:
     padded = np.zeros((size, size))
     padded[: len(table), : len(table)] = table
     return padded
-
-
-LONGEST = 0.5
-"""s; over longer gaps the neighbours do not predict a marker."""
-
-NEIGHBOURS = 5
-"""Markers that carry a marker over a gap."""
-
-LEAST_NEIGHBOURS = 3
-"""Fewer fix no motion."""
-
-TRIED_FRAMES = 40
-"""Frames from which the error of predictions is measured."""
-
-TRIED_GAPS = (0.1, 0.25, 0.5, 0.75, 1.0)
-"""Parts of `LONGEST` over which it is measured."""
-
-FREEDOM = 2.0
-"""Of Student's distribution: heavy tails."""
-
-CHI_MEDIAN = 1.538
-"""Median length of a vector of three normal numbers."""
-
-PAIRS_AT_ONCE = 2000
 
 
 def continuity_evidence(

@@ -23,6 +23,15 @@ FAR = 1e15
 PERSISTENT = 7
 """Frames for which another marker must explain a track better before the track is cut."""
 
+LEAST_FRAMES = 25
+"""Frames that must show a track on a limb before its place there counts."""
+
+LEAST_SHARE = 0.03
+"""Of all frames that a new marker must be seen in."""
+
+COMMON_FRAMES = 3
+"""Two markers that are seen together in more frames are two."""
+
 
 def point_scores(points: Floats, frames: Ints, predicted: Floats, gates: Floats) -> Scores:
     """How well each marker explains each point, 1 - (distance / gate)^2, 0 outside the gate.
@@ -190,16 +199,6 @@ def fill_single_points(marker_of_point: Ints, frames: Ints, scores: Scores, n_fr
             result[row] = marker
             taken[frames[row], marker] = True
     return result
-
-
-LEAST_FRAMES = 25
-"""Frames that must show a track on a limb before its place there counts."""
-
-LEAST_SHARE = 0.03
-"""Of all frames that a new marker must be seen in."""
-
-COMMON_FRAMES = 3
-"""Two markers that are seen together in more frames are two."""
 
 
 def same_places(together: Floats, offsets: Floats, limb_of_marker: Ints, limits: Floats) -> Ints:

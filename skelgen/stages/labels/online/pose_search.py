@@ -40,6 +40,21 @@ LEAST_AREA = 0.05
 JOINT_TOLERANCE = 3.0
 """Deviation of a joint that is placed by one limb alone, in those of a marker: the rotation's error adds to it."""
 
+GROUP_TOLERANCE = 3.0
+"""Standard deviations within which a distance in a group must agree."""
+
+MOST_GROUPS = 30
+"""Rigid triples of lost markers that are searched, the most rigid first."""
+
+MOST_GROUP_MATCHES = 20
+"""Matches of triples that are extended, the best first: bounds the work of a frame."""
+
+MOST_OTHERS = 8
+"""Further lost markers by which a match is confirmed."""
+
+PROOF = 8.0
+"""nats of evidence by further markers that confirm a match: three distances may agree by chance."""
+
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
@@ -263,22 +278,6 @@ def _agreement(skeleton: PoseFilter, joint: int, parent: Floats, child: Floats, 
     squares = ((first[:, np.newaxis] - second) ** 2).sum(axis=2)
     result[:-1, :-1] = chance(spacing) - 0.5 * squares / variance - 1.5 * np.log(2 * np.pi * variance)
     return result
-
-
-GROUP_TOLERANCE = 3.0
-"""Standard deviations within which a distance in a group must agree."""
-
-MOST_GROUPS = 30
-"""Rigid triples of lost markers that are searched, the most rigid first."""
-
-MOST_GROUP_MATCHES = 20
-"""Matches of triples that are extended, the best first: bounds the work of a frame."""
-
-MOST_OTHERS = 8
-"""Further lost markers by which a match is confirmed."""
-
-PROOF = 8.0
-"""nats of evidence by further markers that confirm a match: three distances may agree by chance."""
 
 
 def find_group(history: MarkerHistory, lost: Ints, points: Floats, spacing: float) -> dict[int, int]:
