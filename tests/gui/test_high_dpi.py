@@ -71,7 +71,7 @@ def test_pictures_of_every_view_have_the_pixels_of_a_dense_screen():
         assert int(fine) > 100, name  # a picture of half the pixels that is enlarged has none
 
 
-@pytest.mark.parametrize(("factor", "file"), [("1.5", "view3d/test_view3d_used.py"), ("2", "test_matrix.py")])
+@pytest.mark.parametrize(("factor", "file"), [("1.5", "view3d/test_used.py"), ("2", "diagrams/test_matrix.py")])
 def test_what_is_pointed_at_is_meant_on_dense_screens(factor, file):
     options = ["-q", "-n", "0", "--no-xvfb", "-p", "no:cacheprovider"]
     done = run(["-m", "pytest", *options, str(FOLDER / file)], factor)
