@@ -18,7 +18,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from shown import show, show_machine, verdict
-from skelgen_gui.model.scene import Scene, Shown
+from skelgen_gui.model.scene import Scene
+from skelgen_gui.model.view_state import Shown
 from skelgen_gui.project.session import Session
 from skelgen_gui.view3d.view import View3D
 from window_pauses import pause_rows

@@ -1,4 +1,4 @@
-"""Forms of the Capture page: settings, source of images, board, name of a target."""
+"""Forms of the Capture page: settings, source of images, name of a target."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from PySide6.QtCore import QCoreApplication, Qt, Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QDoubleSpinBox,
     QFileDialog,
     QFormLayout,
     QHBoxLayout,
-    QLabel,
     QLineEdit,
     QMenu,
     QPushButton,
@@ -22,7 +20,6 @@ from PySide6.QtWidgets import (
 )
 
 from skelgen.app.capture_jobs.messages import SIMULATED, CaptureOptions
-from skelgen.capture.calibration.board import Board
 from skelgen.capture.sources import SOURCES
 from skelgen_gui.widgets.layouts import describe, row_of
 
@@ -141,7 +138,7 @@ class _SettingsField(FileField):
         )
 
 
-class _FolderButton(QPushButton):
+class FolderButton(QPushButton):
     """Asks for a folder with images, as a source.
 
     Signals
@@ -247,7 +244,7 @@ class SourceForm(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.settings, self.source = _SettingsField(self), SourceField(self)
-        self.folder, self.simulated = _FolderButton(self), QPushButton(self)
+        self.folder, self.simulated = FolderButton(self), QPushButton(self)
         self.source.show_hint(self.tr("that of the settings"))
         self.rows = QFormLayout(self)
         self.rows.setContentsMargins(0, 0, 0, 0)
@@ -319,91 +316,3 @@ class JointForm(SourceForm):
 
     def _choose_simulation(self) -> None:
         self.take_source(SIMULATED_JOINTS)
-
-
-SIMULATED_BOARD = "simulated:board?paced=yes&rate=30&frames=1800"
-"""A simulated chessboard as cameras would deliver it, for a minute."""
-
-_MOST_CORNERS, _LARGEST_SQUARE = 40, 1000.0
-
-
-class BoardForm(QWidget):
-    """Board, size of a square, and source.
-
-    Signals
-    -------
-    changed()
-        Another board: views of the one before do not count for it.
-    size_changed()
-        Another size of its squares.
-    start_wanted()
-        The job shall start with what the form holds.
-
-    Parameters
-    ----------
-    parent : QWidget, optional
-        Parent widget.
-    """
-
-    changed = Signal()
-    size_changed = Signal()
-    start_wanted = Signal()
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.columns, self.rows, self.square = QSpinBox(self), QSpinBox(self), QDoubleSpinBox(self)
-        self.source = SourceField(self)
-        self.folder, self.simulated = _FolderButton(self), QPushButton(self)
-        self._describe()
-        self._lay_out()
-        for box in (self.columns, self.rows):
-            box.valueChanged.connect(self.changed)
-        self.square.valueChanged.connect(self.size_changed)
-        self.folder.chosen.connect(self._take_folder)
-        self.simulated.clicked.connect(self._choose_simulation)
-
-    @property
-    def board(self) -> Board:
-        """The board."""
-        return Board(self.columns.value(), self.rows.value(), self.square.value())
-
-    def _describe(self) -> None:
-        tip = self.tr("Corners where four squares meet, not squares: a chessboard of 10 x 7 squares has 9 x 6")
-        for box, value, name in (
-            (self.columns, 9, self.tr("Corners along the longer side")),
-            (self.rows, 6, self.tr("Corners along the shorter side")),
-        ):
-            box.setRange(3, _MOST_CORNERS)
-            box.setValue(value)
-            describe(box, name, tip)
-        self.square.setRange(0.1, _LARGEST_SQUARE)
-        self.square.setDecimals(3)
-        self.square.setValue(25.0)
-        self.square.setSuffix(self.tr(" mm"))
-        self.square.setAccessibleName(self.tr("Side of a square"))
-        self.square.setToolTip(self.tr("Measure over several squares: all lengths in later captures rest on it"))
-        self.source.show_hint(self.tr("cameras, a folder, a list or videos"))
-        self.simulated.setText(self.tr("Simulated board"))
-        self.simulated.setAccessibleName(self.tr("Look at a simulated board"))
-        self.simulated.setToolTip(self.tr("Try it without cameras: a board moves before the simulated rig"))
-
-    def _lay_out(self) -> None:
-        words = QLabel("×", self), QLabel(self.tr("corners"), self)
-        corners = row_of(self.columns, words[0], self.rows, words[1], room=True)
-        layout = QFormLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addRow(self.tr("Board"), corners)
-        layout.addRow(self.tr("Square"), self.square)
-        layout.addRow(self.tr("Source"), self.source)
-        layout.addRow("", row_of(self.folder, self.simulated, room=True))
-
-    def _take_folder(self, source: str) -> None:
-        self.source.show_source(source)
-        self.start_wanted.emit()
-
-    def _choose_simulation(self) -> None:
-        self.columns.setValue(9)
-        self.rows.setValue(6)
-        self.square.setValue(25.0)
-        self.source.show_source(SIMULATED_BOARD)
-        self.start_wanted.emit()

@@ -16,10 +16,9 @@ from skelgen.model.rig import StereoRig
 from skelgen_gui.model.cameras import DEPTH, cameras_of
 from skelgen_gui.model.picture import Canvas
 from skelgen_gui.model.viewpoint import Viewpoint
-from skelgen_gui.view3d.colours import Colours
+from skelgen_gui.view3d.backdrop import paint_background
+from skelgen_gui.view3d.colours import Colours, Sprites, Style
 from skelgen_gui.view3d.orbit import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, DragKind, dragged, wheeled
-from skelgen_gui.view3d.painting import paint_background
-from skelgen_gui.view3d.sprites import Sprites, Style
 from skelgen_gui.widgets.painting import draw_lines
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen_gui.model.scene import Shown, Snapshot, State
+from skelgen_gui.model.scene import Snapshot, State
+from skelgen_gui.model.view_state import Shown
 from skelgen_gui.model.viewpoint import Viewpoint
 
 _OUTLINE = np.linspace(0.0, 2 * np.pi, 33)[:-1]

@@ -1,4 +1,4 @@
-"""What a project holds in one frame, as arrays to draw, and which parts of it are shown.
+"""What a project holds in one frame, as arrays to draw.
 
 Rows are taken when a frame is shown: opening a project costs nothing.
 """
@@ -17,54 +17,8 @@ from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.skeleton import Joint
+from skelgen_gui.model.view_state import MAGNIFICATIONS
 from skelgen_gui.model.viewpoint import level_axes
-
-TRAIL_SECONDS = (0.25, 0.5, 1.0, 2.0)
-"""Lengths of trails to choose from [s]."""
-
-MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100)
-"""How many times larger than one standard deviation ellipsoids can be drawn: of good takes these are below 1 mm."""
-
-
-@dataclass(frozen=True)
-class Shown:
-    """Which parts are drawn.
-
-    Attributes
-    ----------
-    markers, filled, names, trails : bool
-        Measured markers; markers that are unseen, where the skeleton places them; names beside markers; ways that
-        markers came.
-    bones, joints, uncertainty, axes : bool
-        Bones; joints; ellipsoids of the joints' uncertainty; axes of hinges and of universal joints.
-    floor, cameras, other : bool
-        Floor grid and shadows; frustums of cameras; the second project.
-    follow : bool
-        Whether the viewer goes along with what moves.
-    trail_seconds : float, s
-        Length of trails.
-    magnification : int or None
-        Half axes of the ellipsoids in standard deviations; None chooses what can be seen and does not hide the rest.
-    up : int or None
-        Coordinate axis that points up, 0 .. 2, or down, 3 .. 5; None leaves it to the data.
-    """
-
-    markers: bool = True
-    filled: bool = True
-    names: bool = False
-    trails: bool = True
-    bones: bool = True
-    joints: bool = True
-    uncertainty: bool = True
-    axes: bool = True
-    floor: bool = True
-    cameras: bool = True
-    other: bool = True
-    follow: bool = False
-    trail_seconds: float = TRAIL_SECONDS[0]
-    magnification: int | None = None
-    up: int | None = None
-
 
 SURE = 0.9
 """Confidence below which a marker counts as doubtful."""

@@ -11,7 +11,7 @@ from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence
 from PySide6.QtWidgets import QHBoxLayout, QMenu, QToolButton, QWidget
 
-from skelgen_gui.model.scene import MAGNIFICATIONS, TRAIL_SECONDS, Shown
+from skelgen_gui.model.view_state import MAGNIFICATIONS, TRAIL_SECONDS, Shown
 from skelgen_gui.model.viewpoint import DOWN
 
 Choice = tuple[str, float | None]

@@ -15,10 +15,9 @@ from skelgen_gui.model.picking import Marked
 from skelgen_gui.model.picture import Canvas, FrameView, Picture, take_picture
 from skelgen_gui.model.scene import Scene, Snapshot
 from skelgen_gui.model.selection import Selection
-from skelgen_gui.view3d import painting
-from skelgen_gui.view3d.colours import Colours, Inks
+from skelgen_gui.view3d import backdrop, painting
+from skelgen_gui.view3d.colours import Colours, Inks, Sprites
 from skelgen_gui.view3d.painting import Brushes, Figure
-from skelgen_gui.view3d.sprites import Sprites
 from skelgen_gui.widgets.painting import draw_lines
 
 NO_FRUSTUMS = np.zeros((0, 2, 3))
@@ -205,13 +204,13 @@ class Renderer:
         pixmap.setDevicePixelRatio(self.ratio)
         with QPainter(pixmap) as painter:
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            painting.paint_background(painter, canvas, self.colours)
+            backdrop.paint_background(painter, canvas, self.colours)
             if floor is not None:
-                painting.paint_floor(painter, floor, canvas, self.colours)
+                backdrop.paint_floor(painter, floor, canvas, self.colours)
             places, _ = canvas.project(frustums)
             painter.setPen(QPen(self.colours.mixed(self.colours.ink, 0.45), 1.2))
             draw_lines(painter, places[~np.isnan(places).any(axis=(1, 2))])
-            painting.paint_triad(painter, canvas, self.colours)
+            backdrop.paint_triad(painter, canvas, self.colours)
             painter.setPen(self.colours.mixed(self.colours.ink, 0.4))
             corner = QRectF(0, 0, canvas.width - 12, canvas.height - 10)
             painter.drawText(corner, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignBottom, legend)

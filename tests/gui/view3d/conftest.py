@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtCore import QEvent, QPointF, Qt
 from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QApplication
-from skelgen_gui.model.scene import Shown
+from skelgen_gui.model.view_state import Shown
 from skelgen_gui.view3d.view import View3D
 from skelgen_gui.widgets.theme import theme_palette
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF
 from PySide6.QtGui import QColor
-from skelgen_gui.model.scene import Shown
+from skelgen_gui.model.view_state import Shown
 from skelgen_gui.project.session import Session
-from skelgen_gui.view3d.sprites import Sprites
+from skelgen_gui.view3d.colours import Sprites
 
 from skelgen.model import PointCloud, Poses, Project, Trajectories
 
@@ -114,7 +114,7 @@ def test_a_small_window_is_painted(session, eye, make_view):
 
 def test_sprites_do_not_pile_up():
     from PySide6.QtGui import QImage, QPainter
-    from skelgen_gui.view3d.sprites import MOST_SPRITES, Style
+    from skelgen_gui.view3d.colours import MOST_SPRITES, Style
 
     image = QImage(40, 40, QImage.Format.Format_RGB32)
     sprites, painter = Sprites(1.0), QPainter(image)
