@@ -7,9 +7,9 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.inverse.inverse_kinematics import METHODS, LiveSkeleton, solve
+from skelgen.kinematics.inverse.inverse_kinematics import METHODS, LiveSkeleton, MotionAngles, solve
 from skelgen.kinematics.joints.angles import joint_angles
-from skelgen.model import Joint, Skeleton
+from skelgen.model import Joint, Motion, Skeleton
 
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 POINTS = np.array([[50.0, 0, 40], [-50, 20, -40], [0, -60, 10], [0, 40, -10]])
@@ -167,3 +167,21 @@ def test_root_with_two_markers_is_found_by_the_others(arm):
     few = positions[1].copy()
     few[2:4] = np.nan
     np.testing.assert_allclose(live.see(few).world_from_limb, solve(skeleton, positions[1]).world_from_limb, atol=1e-3)
+
+
+def test_motion_computes_the_angles_of_inverse_kinematics(arm):
+    skeleton, positions, angles = arm
+    posture = solve(skeleton, positions)
+    motion = Motion(
+        world_from_limb=posture.world_from_limb,
+        joint_positions=posture.joint_positions,
+        marker_positions=positions,
+        residuals=np.zeros(positions.shape[:2]),
+        limb_seen=posture.limb_seen,
+        rate=100.0,
+        compute_angles=MotionAngles(skeleton, positions),
+    )
+    assert [joint.names for joint in motion.joint_angles] == [("x", "y", "z"), ("turn",), ("first", "second")]
+    for joint, true, wanted in zip(motion.joint_angles, angles, posture.angle_std, strict=True):
+        np.testing.assert_allclose(joint.values, true, atol=1e-5)
+        np.testing.assert_allclose(joint.std, wanted)
