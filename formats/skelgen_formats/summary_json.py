@@ -161,7 +161,7 @@ def _tree(project: Project) -> dict[str, Any]:
 
 
 def _joints(project: Project) -> list[dict[str, Any]]:
-    from skelgen.kinematics.inverse.inverse_kinematics import angle_ranges  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.inverse.motion import angle_ranges  # noqa: PLC0415 - scipy is slow to load
     from skelgen.kinematics.joints.observability import observed_joints  # noqa: PLC0415
 
     skeleton, motion = project.skeleton, project.motion

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from skelgen.app.advice import advice_on, doubtful_share, left_out_share
-from skelgen.kinematics.inverse.inverse_kinematics import angle_ranges
 from skelgen.kinematics.inverse.loop_closure import loop_gaps
+from skelgen.kinematics.inverse.motion import angle_ranges
 from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Joint, PointCloud, Poses, Project, Take
 from skelgen.model.arrays import Floats

@@ -17,7 +17,7 @@ from skelgen.app.project_file.archive import VERSION, find_result, is_project_fi
 from skelgen.app.report import report_html
 from skelgen.app.tables import project_tables
 from skelgen.errors import FormatError, WriteError
-from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles
+from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.model import Labelling, PointCloud, Project, StageReport
 from skelgen.model.labelling import Agreement, Doubt, Tracklets
 

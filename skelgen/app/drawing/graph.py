@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, angle_ranges
+from skelgen.kinematics.inverse.motion import AngleRange, angle_ranges
 from skelgen.model import Project, Topology
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.joints import SMALL_MARGIN

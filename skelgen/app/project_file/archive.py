@@ -229,7 +229,7 @@ class _Reader:
 
 def _joint_angles(skeleton: Skeleton, positions: Floats, motion: Motion) -> tuple[JointAngles, ...]:
     """Compute joint angles, which a project file does not hold."""
-    from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles  # noqa: PLC0415 - scipy is slow to load
+    from skelgen.kinematics.inverse.motion import MotionAngles  # noqa: PLC0415 - scipy is slow to load
 
     return MotionAngles(skeleton, positions)(motion)
 

@@ -10,7 +10,8 @@ from skelgen.app.drawing import measures
 from skelgen.app.drawing.graph import CostGraph, JointCost
 from skelgen.app.drawing.wording import digits, fixed, plain
 from skelgen.app.report.curves import angle_figure, common_reach, spread_figure
-from skelgen.kinematics.inverse.inverse_kinematics import AngleRange, Posture, posture_of, spread_frames
+from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
+from skelgen.kinematics.inverse.motion import AngleRange, spread_frames
 from skelgen.kinematics.joints.angles import angle_names
 from skelgen.kinematics.joints.observability import Observed, observed_joints
 from skelgen.model import Joint, Project

@@ -17,17 +17,11 @@ from skelgen.kinematics.inverse.loop_closure import fit_closed_poses
 from skelgen.kinematics.inverse.poses import fit_poses, pose_covariances
 from skelgen.kinematics.inverse.root_outward import KnownJoints, PosedTree, outward_covariances, pose_outward
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
-from skelgen.kinematics.joints.angles import angle_deviations, angle_names, joint_angles
-from skelgen.model import JointAngles, Motion, Skeleton
+from skelgen.kinematics.joints.angles import angle_deviations, joint_angles
+from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints, check_floats
 
 METHODS = ("whole-chain", "root-outward")
-
-ANGLE_FRAMES = 8_192
-"""Frames whose angles are computed together: their covariances take some 20 MB."""
-
-MOST_FRAMES = 5000
-"""Frames from which ranges of angles are computed, evenly spread."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,36 +169,6 @@ def posture_of(skeleton: Skeleton, motion: Motion, positions: Floats, frames: In
     return posture(skeleton, trees, found)
 
 
-@dataclass(frozen=True, eq=False)
-class MotionAngles:
-    """Computes the angles of a motion's joints, for `Motion.compute_angles`.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-        The skeleton.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers, NaN where unseen.
-    """
-
-    skeleton: Skeleton
-    positions: Floats
-
-    def __call__(self, motion: Motion) -> tuple[JointAngles, ...]:
-        """Return the angles of every joint, in the order of the skeleton's joints."""
-        starts = range(0, max(motion.n_frames, 1), ANGLE_FRAMES)
-        blocks = [np.arange(start, min(start + ANGLE_FRAMES, motion.n_frames)) for start in starts]
-        parts = [posture_of(self.skeleton, motion, self.positions, frames) for frames in blocks]
-        return tuple(
-            JointAngles(
-                names=angle_names(joint),
-                values=np.concatenate([part.angles[index] for part in parts]),
-                std=np.concatenate([part.angle_std[index] for part in parts]),
-            )
-            for index, joint in enumerate(self.skeleton.joints)
-        )
-
-
 def posture(skeleton: Skeleton, trees: list[SkeletonTree], found: list[PosedTree]) -> Posture:
     """Gather posed trees, and add the errors of the skeleton to those of the frames.
 
@@ -311,63 +275,3 @@ class LiveSkeleton:
             raise InputError(f"the first frame shows no marker of limb {tree.limbs[0]} and those beyond it")
         unknown = pose_covariances(tree.observed(before, positions), tree.noise)
         return PosedTree(before, np.zeros((1, len(tree.limbs)), dtype=bool), unknown)
-
-
-@dataclass(frozen=True)
-class AngleRange:
-    """One angle of a joint.
-
-    Attributes
-    ----------
-    name : str
-        Which, see `skelgen.kinematics.joints.angles`.
-    low, mean, high : float, rad
-        Smallest, mean and largest value, from frames that show both limbs; NaN if there are none.
-    std : float, rad
-        Median of the standard deviations.
-    """
-
-    name: str
-    low: float
-    mean: float
-    high: float
-    std: float
-
-
-def spread_frames(n_frames: int, most: int = MOST_FRAMES) -> Ints:
-    """Return evenly spread frames.
-
-    Parameters
-    ----------
-    n_frames : int
-        Frames of the take.
-    most : int
-        Number of frames at most.
-    """
-    return np.unique(np.linspace(0, n_frames - 1, min(n_frames, most)).astype(np.intp))
-
-
-def angle_ranges(skeleton: Skeleton, motion: Motion, positions: Floats) -> tuple[tuple[AngleRange, ...], ...]:
-    """Return the range of every angle of every joint, in the order of the skeleton's joints.
-
-    Parameters
-    ----------
-    skeleton, motion : Skeleton and Motion
-        The skeleton and its motion.
-    positions : ndarray, shape (n_frames, n_markers, 3), mm
-        Measured markers, NaN where unseen.
-    """
-    posture = posture_of(skeleton, motion, positions, spread_frames(motion.n_frames))
-    return tuple(_ranges(skeleton, posture, index) for index in range(skeleton.n_joints))
-
-
-def _ranges(skeleton: Skeleton, posture: Posture, index: int) -> tuple[AngleRange, ...]:
-    joint = skeleton.joints[index]
-    shown = posture.limb_seen[:, [joint.parent, joint.child]].all(axis=1)
-    angles, stds = posture.angles[index][shown], posture.angle_std[index][shown]
-    if not len(angles):
-        return tuple(AngleRange(name, np.nan, np.nan, np.nan, np.nan) for name in angle_names(joint))
-    return tuple(
-        AngleRange(name, float(angle.min()), float(angle.mean()), float(angle.max()), float(np.median(std)))
-        for name, angle, std in zip(angle_names(joint), angles.T, stds.T, strict=True)
-    )

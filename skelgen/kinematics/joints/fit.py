@@ -15,8 +15,13 @@ from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_
 from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.chain.schur_complement import BorderedSolution, effective_frames, solve_bordered
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
-from skelgen.kinematics.joints.errors_in_variables import covariance_of_constants
-from skelgen.kinematics.joints.joint_model import JointModel, conventional, fit_joint_model, linearised
+from skelgen.kinematics.joints.joint_model import (
+    JointModel,
+    conventional,
+    covariance_of_constants,
+    fit_joint_model,
+    linearised,
+)
 from skelgen.kinematics.joints.joint_type import KNOWN_KINDS, ROUNDING, JointKind, KindLimits, find_kind
 from skelgen.kinematics.joints.rotations import (
     BallRotation,

@@ -18,7 +18,7 @@ from skelgen.geometry.rotations import (
     vector_from_matrix,
 )
 from skelgen.kinematics.chain.chain import ChainPoses
-from skelgen.kinematics.inverse.posed_motion import PosedMotion
+from skelgen.kinematics.inverse.motion import PosedMotion
 from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.progress import Monitor

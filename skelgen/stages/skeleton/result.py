@@ -9,7 +9,7 @@ import numpy as np
 
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.calibration.limb_errors import deviations
-from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles
+from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.model import Joint, Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Floats
 from skelgen.stages.skeleton.fitting import FittedBody

@@ -14,7 +14,8 @@ from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import transform_from
 from skelgen.kinematics.bodies.shape import determines_pose
 from skelgen.kinematics.chain.chain import Chain, ChainPoses
-from skelgen.kinematics.inverse.inverse_kinematics import MotionAngles, posture_of
+from skelgen.kinematics.inverse.inverse_kinematics import posture_of
+from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats

@@ -7,7 +7,8 @@ import pytest
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
-from skelgen.kinematics.inverse.inverse_kinematics import METHODS, LiveSkeleton, MotionAngles, solve
+from skelgen.kinematics.inverse.inverse_kinematics import METHODS, LiveSkeleton, solve
+from skelgen.kinematics.inverse.motion import MotionAngles
 from skelgen.kinematics.joints.angles import joint_angles
 from skelgen.model import Joint, Motion, Skeleton
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skelgen.app.project_file.archive import open_project, save_project
-from skelgen.kinematics.inverse.posed_motion import PosedMotion
+from skelgen.kinematics.inverse.motion import PosedMotion
 from skelgen.model import Motion
 from skelgen.stages.joints import find_joints
 from skelgen.stages.skeleton import SkeletonParameters, fit_skeleton
