@@ -1,4 +1,4 @@
-"""What is odd about markers and the limbs that they were put on: told in words, nothing is changed."""
+"""Input checks of limbs: notices on markers and limbs that look wrong; nothing is changed."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
 
 RARE_FRAMES = 30
-"""Frames below which a marker tells little of its limb; half the take, where that is shorter."""
+"""Frames below which the limb of a marker is doubtful; half the take, where that is shorter."""
 
 ONE_PLACE = 1.0
 """mm; no two markers have their centres nearer to each other."""
 
 CORNERS = 4
-"""Markers whose signed volume tells a limb from its mirror image; three are their own."""
+"""Markers whose signed volume distinguishes a limb from its mirror image; three are their own."""
 
 MOST_CORNERS = 8
-"""Markers of a limb, spread over it, of which all sets of four are looked at: 70 sets."""
+"""Markers of a limb, spread over it, of which all sets of four are compared: 70 sets."""
 
 STEADY = 0.25
 """Of the volume: where it varies more, in the median, it is noise of flat limbs or no rigid limb's."""
@@ -33,7 +33,7 @@ LEAST_MIRRORED = 3
 
 
 def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints) -> Iterator[str]:
-    """Say what is odd.
+    """Say what looks wrong.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints)
     limb_of_marker : ndarray of intp, shape (n_markers,)
         Limb of each marker, -1 if it is on none.
     frames : ndarray of intp
-        Sampled frames that are looked at.
+        Sampled frames to check.
     """
     names, positions = trajectories.names, trajectories.positions
     n_seen = (~np.isnan(positions[:, :, 0])).sum(axis=0)
@@ -52,14 +52,17 @@ def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints)
         yield f"{names[marker]} is seen in {n_seen[marker]} frames only: that it is on limb {limb} rests on these"
     sampled = positions[frames]
     for first, second in _at_one_place(sampled):
-        yield f"{names[first]} and {names[second]} are always in one place: they count as two markers, but tell as one"
+        yield (
+            f"{names[first]} and {names[second]} are always in one place: they count as two markers, but carry the "
+            "information of one"
+        )
     for limb in range(int(limb_of_marker.max(initial=-1)) + 1):
         markers = np.flatnonzero(limb_of_marker == limb)
         n_mirrored = _mirrored_frames(sampled[:, markers])
         if n_mirrored:
             yield (
                 f"limb {limb} ({', '.join(names[marker] for marker in markers)}) looks like its mirror image in "
-                f"{n_mirrored} of {len(frames)} sampled frames, which no turn explains: labels may be exchanged there"
+                f"{n_mirrored} of {len(frames)} sampled frames, which no rotation explains: labels may be exchanged there"
             )
 
 
@@ -76,7 +79,7 @@ def _at_one_place(sampled: Floats) -> Iterator[tuple[int, int]]:
 
 
 def _mirrored_frames(sampled: Floats) -> int:
-    """Frames in which a limb is its own mirror image, told by its four markers that span the largest volume."""
+    """Number of frames in which a limb is its own mirror image, by its four markers that span the largest volume."""
     spread = np.unique(np.linspace(0, sampled.shape[1] - 1, MOST_CORNERS).astype(np.intp))
     whole = sampled[~np.isnan(sampled[:, spread, 0]).any(axis=1)]
     sets = list(combinations(spread.tolist(), CORNERS))
@@ -88,10 +91,10 @@ def _mirrored_frames(sampled: Floats) -> int:
     volume, usual = volumes[best], float(sizes[best])
     if usual == 0 or np.median(np.abs(np.abs(volume) - usual)) > STEADY * usual:
         return 0
-    way = np.sign(np.median(np.sign(volume))) or 1.0
-    turned = -way * volume / usual
-    found = int(((turned > MIRRORED[0]) & (turned < MIRRORED[1])).sum())
-    return found if found >= LEAST_MIRRORED else 0
+    sign = np.sign(np.median(np.sign(volume))) or 1.0
+    mirrored = -sign * volume / usual
+    n_mirrored = int(((mirrored > MIRRORED[0]) & (mirrored < MIRRORED[1])).sum())
+    return n_mirrored if n_mirrored >= LEAST_MIRRORED else 0
 
 
 def _volume(corners: Floats) -> Floats:

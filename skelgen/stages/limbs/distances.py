@@ -1,4 +1,16 @@
-"""How much the distance between each two markers varies."""
+r"""How much distances between markers vary, and rigid limbs found by these variances alone.
+
+A group of n markers with 3 n coordinates and p pose parameters in each frame leaves d = 3 n - p of them to noise
+(p = 3, 5, 6 for one, two, more markers). Describing two groups by one body costs, in nats per frame,
+
+.. math::
+    \Delta = d_{ab} \log\sigma_{ab} - d_a \log\sigma_a - d_b \log\sigma_b - (p_a + p_b - p_{ab}) \log(c\,\sigma_\times)
+
+with the noise :math:`\sigma` of a group from the deviations of its inner distances, :math:`\sigma_\times` from the
+distances across, and c times :math:`\sigma_\times` as the width of the prior of the relative motion. Groups with a
+negative cost are merged, the pair with the smallest deviation across first, until none is left. The criterion is
+scale-free: it needs no threshold in millimetres, neither for a rigid plate nor for soft tissue.
+"""
 
 from __future__ import annotations
 
@@ -132,7 +144,7 @@ SINGLE_PART = 1 / 3
 this part of what neighbouring limbs usually do. Skin moves markers that are no part of a rigid plate."""
 
 FEW_FREEDOMS = 3
-"""Merged groups with no more residual freedoms (up to three markers) cannot tell noise from motion by themselves."""
+"""Merged groups with no more residual freedoms (up to three markers) cannot distinguish noise from motion."""
 
 FULL_POSE = 3
 """Markers move only between limbs that have so many without them: then no limb's number of pose parameters changes."""
@@ -167,7 +179,7 @@ def rigid_groups(deviation: Floats, parameters: LimbParameters, weight: Floats |
     parameters : LimbParameters
         Their `motion_factor` (c) and `pair_limit`.
     weight : ndarray, shape (n_markers, n_markers), optional
-        How much each pair is to be believed, 0 where nothing is known of it; all alike by default.
+        Weight of each pair, 0 where it is never seen together; all alike by default.
 
     Returns
     -------
@@ -181,7 +193,7 @@ def rigid_groups(deviation: Floats, parameters: LimbParameters, weight: Floats |
     groups = PairSums(variance, weight)
     groups.merge_while(lambda: _merge_order(groups, noise, parameters))
     groups = PairSums(variance, weight, _moved_to_best(groups.members, variance, weight, noise))
-    usual = groups.usual_motion()
+    usual = groups.neighbour_motion()
     groups.merge_while(lambda: single_order(groups, usual))
     return groups.members.astype(np.intp)
 
@@ -206,7 +218,7 @@ class PairSums:
             self._across = np.where(hidden, np.inf, self.sums / np.where(hidden, 1.0, self.weights))
         return self._across
 
-    def usual_motion(self) -> float:
+    def neighbour_motion(self) -> float:
         """Median over limbs with several markers of the variance [mm^2] against their nearest neighbour."""
         several = self.sizes > 1
         if several.sum() < 2:
@@ -216,7 +228,15 @@ class PairSums:
         return float(np.median(nearest[np.isfinite(nearest)])) if np.isfinite(nearest).any() else 0.0
 
     def merge_while(self, order: Callable[[], Floats], least: int = 1) -> None:
-        """Merge the pair with the smallest order, again and again, until none is finite or `least` groups are left."""
+        """Merge the pair with the smallest order, again and again.
+
+        Parameters
+        ----------
+        order : callable
+            Returns the order of merging, shape (n_groups, n_groups), infinite for pairs that stay apart.
+        least : int
+            Number of groups at which merging stops.
+        """
         while len(self.sizes) > least:
             ranks = order()
             first, second = np.unravel_index(np.argmin(ranks), ranks.shape)
@@ -250,14 +270,42 @@ def _merge_order(groups: PairSums, noise: float, parameters: LimbParameters) -> 
 
 
 def single_order(groups: PairSums, usual: float) -> Floats:
-    """Mean variance across each single marker and a limb that it hardly moves against; infinite for other pairs."""
+    """Return the order of merging single markers with limbs that they hardly move against.
+
+    Parameters
+    ----------
+    groups : PairSums
+        The groups.
+    usual : float, mm^2
+        Usual variance against a neighbouring limb, see `PairSums.neighbour_motion`.
+
+    Returns
+    -------
+    ndarray, shape (n_groups, n_groups), mm^2
+        Mean variance across, infinite for other pairs.
+    """
     single = groups.sizes == 1
     joins = (single[:, np.newaxis] ^ single) & (groups.across < SINGLE_PART**2 * usual)
     return np.where(joins, groups.across, np.inf)
 
 
 def merge_costs(groups: PairSums, noise: float, parameters: LimbParameters) -> Floats:
-    """Cost of merging each two groups [nats per frame]; only the entries above the diagonal count."""
+    """Return the cost of merging each two groups.
+
+    Parameters
+    ----------
+    groups : PairSums
+        The groups.
+    noise : float, mm^2
+        Variance of the take's noise.
+    parameters : LimbParameters
+        Their `motion_factor` and `pair_limit`.
+
+    Returns
+    -------
+    ndarray, shape (n_groups, n_groups), nats per frame
+        Only the entries above the diagonal count.
+    """
     sums, weights, sizes = groups.sums, groups.weights, groups.sizes
     both = sizes[:, np.newaxis] + sizes
     across = np.where(np.isfinite(groups.across), groups.across, noise)

@@ -1,10 +1,20 @@
-r"""Join rigid pieces into limbs that are no more rigid than skin and plates are.
+r"""Merge rigid clusters into limbs that are no more rigid than skin and plates are.
 
-Two pieces become one limb if two tests agree. The first (`rigidity`) is scale-free: one body with a noise of its own
-must describe both better than two bodies do, by the variances of all distances. The second looks at the relative motion
-itself (`relative`): its principal variances, in units of what the noise of both pieces and the flexibility of a limb
-explain, may not tell of a joint. The first knows how rigid each limb is, the second sees motions that hardly change
-distances: of a hand about its long axis, of a small foot.
+Two clusters become one limb if two tests agree. The first (`distances`) is scale-free: one body with a noise of its own
+must describe both better than two bodies do, by the variances of all distances. The second (`relative_motion`) looks at
+the relative motion itself: its principal variances, in units of what the noise of both clusters and the flexibility of
+a limb explain, must not show a joint. The first takes account of how rigid each limb is, the second sees motions that
+hardly change distances: of a hand about its long axis, of a small foot.
+
+At last single markers move between limbs where two rigid bodies then explain the markers of both better. The markers of
+two limbs have 3 n - 6 coordinates beside the pose of the whole. The inner coordinates of each limb are noise of that
+limb's size, the relative motion may be anything. With Gaussians for all of them, two bodies cost
+
+.. math::
+    \tfrac12 d_a \log\sigma_a^2 + \tfrac12 d_b \log\sigma_b^2 + \tfrac12 \log\det S_{ab}
+
+nats per frame, whichever limb each marker is on. A marker near the axis of a hinge fits both limbs by its distances;
+here its limb is decided by what it adds to the noise of either limb, and by what it leaves of their relative motion.
 """
 
 from __future__ import annotations
@@ -28,33 +38,52 @@ from skelgen.stages.limbs.distances import (
 )
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Group, Movements, Spread
-from skelgen.stages.limbs.rigid_clusters import GAIN, LINKED, marker_noise, misfit, rigid_pieces
+from skelgen.stages.limbs.rigid_clusters import GAIN, LINKED, find_rigid_clusters, marker_noise, misfit
 
 BEND = 4.0
-"""Times what three markers or more are seen to bend: no more is allowed for a limb that they belong to."""
+"""Times the bending that three markers or more show: no more is allowed for a limb that they belong to."""
 
 LIMB = 5.0
 """nats by which a relative motion must be evident: with fewer, a foot that flexes is two; a hand has 25 and more."""
 
 PLATE = 3.0
-"""The same between pieces that have poses of their own: that each is rigid speaks for a joint already, while pairs of
-markers on soft tissue are rigid by nearness."""
+"""The same between clusters with poses of their own: that each is rigid is evidence of a joint already, while pairs of
+markers on soft tissue are rigid because they are near."""
 
 
 UNRELATED = 1e6
-"""Times the largest variance: what markers count between which nothing was seen. Finite, so that sums stay numbers."""
+"""Times the largest variance: for markers that are never seen together. Finite, so that sums stay numbers."""
+
+EXCHANGED = 10.0
+"""Largest variance of a distance to any marker of the other limb, in units of its noise, with which a move can pay."""
+
+LEAST_MOVE_GAIN = 0.1
+"""nats per frame that a move must gain: some 2 in all for a take worth 20 independent frames. A change of the number of
+inner coordinates must gain `GAIN` more for each."""
+
+NOISE_WEIGHT = 0.5
+"""Coordinates of the take's noise that are counted among a limb's own: two markers may be rigid by chance."""
+
+SEEN_PART = 0.5
+"""Of the sampled frames: what is seen less may be seen only while limbs rest against each other."""
+
+LEAST_MARKERS = 2
+"""No limb is left with fewer: a single marker has no inner coordinates, and with them no say."""
+
+MOST_MOVES = 100
+"""Ends a search that rounding might prolong."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """What is known of all distances between markers.
+    """How much all distances between markers vary.
 
     Attributes
     ----------
     variance : ndarray, shape (n_markers, n_markers), mm^2
         Half the variance of each distance: the mean noise of its ends if they are one body; 0 where unknown.
     weight : ndarray, shape (n_markers, n_markers)
-        How much each pair is to be believed, 0 where nothing is known of it.
+        Weight of each pair, 0 where it is never seen together.
     """
 
     variance: Floats
@@ -109,16 +138,16 @@ def rigid_bodies(
     noise = distances.noise
     own = marker_noise(np.where(distances.weight > 0, distances.variance, np.inf), noise)
     ratio = 2 * distances.bounded / (own[:, np.newaxis] + own)
-    pieces = rigid_pieces(movements, ratio, own, constraints)
-    groups = _Joiner(movements, distances, parameters, pieces, constraints.apart).joined(n_limbs)
-    groups = exchanged(movements, groups, ratio, noise, constraints)
+    clusters = find_rigid_clusters(movements, ratio, own, constraints)
+    groups = _Merger(movements, distances, parameters, clusters, constraints.apart).joined(n_limbs)
+    groups = _exchange_markers(movements, groups, ratio, noise, constraints)
     return _with_resting(movements, ratio, groups, own, constraints)
 
 
 def _with_resting(
     movements: Movements, ratio: Floats, groups: Ints, noise: Floats, constraints: MarkerConstraints
 ) -> Ints:
-    """Put markers that are seen only while their limb and others rest against each other on the nearest of these."""
+    """Move markers that are seen only while their limb and others rest against each other to the nearest of these."""
     groups = groups.copy()
     seen_part = movements.seen_part
     for marker in [block[0] for block in constraints.blocks if len(block) == 1 and seen_part[block[0]] < 1]:
@@ -155,24 +184,29 @@ def _cost(motion: Spread | None, noise: Floats) -> float:
     return misfit(ratios) - GAIN * len(ratios)
 
 
-class _Joiner:
+class _Merger:
     def __init__(
-        self, movements: Movements, distances: Distances, parameters: LimbParameters, pieces: list[Group], apart: Bools
+        self,
+        movements: Movements,
+        distances: Distances,
+        parameters: LimbParameters,
+        clusters: list[Group],
+        apart: Bools,
     ) -> None:
         members = np.empty(len(distances.variance), dtype=np.intp)
-        for index, piece in enumerate(pieces):
-            members[list(piece)] = index
+        for index, cluster in enumerate(clusters):
+            members[list(cluster)] = index
         self._movements, self._parameters, self._apart = movements, parameters, apart
         self._verdicts: dict[tuple[Group, Group], float] = {}
         self._noise = distances.noise
-        self._noise = max(self._noise, self._usual_noise(pieces))
+        self._noise = max(self._noise, self._usual_noise(clusters))
         self._groups = PairSums(distances.variance, distances.weight, members)
 
     def joined(self, n_limbs: int | None) -> Ints:
         groups = self._groups
         least = n_limbs or 1
         groups.merge_while(lambda: self._allowed(self._by_rigidity()), least)
-        usual = groups.usual_motion()
+        usual = groups.neighbour_motion()
         groups.merge_while(lambda: self._allowed(single_order(groups, usual)), least)
         if n_limbs is not None:
             groups.merge_while(self._all_evidence, least)
@@ -183,7 +217,7 @@ class _Joiner:
         return np.where(pays, self._groups.across, np.inf)
 
     def _allowed(self, order: Floats) -> Floats:
-        """Strike pairs whose relative motion tells of a joint from an order of merging, up to the first that stays."""
+        """Exclude pairs whose relative motion shows a joint from an order of merging, up to the first that stays."""
         while True:
             first, second = (int(index) for index in np.unravel_index(np.argmin(order), order.shape))
             if not np.isfinite(order[first, second]) or self._evidence(first, second) < 0:
@@ -201,10 +235,10 @@ class _Joiner:
         """Evidence [nats per frame] that two groups are two limbs."""
         one, other = (tuple(np.flatnonzero(self._groups.members == index).tolist()) for index in (first, second))
         if (one, other) not in self._verdicts:
-            self._verdicts[one, other] = self._tested(one, other)
+            self._verdicts[one, other] = self._tested_evidence(one, other)
         return self._verdicts[one, other]
 
-    def _tested(self, one: Group, other: Group) -> float:
+    def _tested_evidence(self, one: Group, other: Group) -> float:
         if self._apart[np.ix_(one, other)].any():
             return np.inf
         motion = self._movements.relative(one, other)
@@ -233,57 +267,20 @@ class _Joiner:
         freedoms = len(spread.covariance)
         return float((PRIOR_WEIGHT * self._noise + np.trace(spread.covariance)) / (PRIOR_WEIGHT + freedoms))
 
-    def _usual_noise(self, pieces: list[Group]) -> float:
-        """Median of the pieces' noise [mm^2], weighted by their inner coordinates."""
-        several = [piece for piece in pieces if len(piece) > 1 and self._movements.inner(piece) is not None]
+    def _usual_noise(self, clusters: list[Group]) -> float:
+        """Median of the clusters' noise [mm^2], weighted by their inner coordinates."""
+        several = [cluster for cluster in clusters if len(cluster) > 1 and self._movements.inner(cluster) is not None]
         if not several:
             return self._noise
-        noises = np.array([self._group_noise(piece) for piece in several])
+        noises = np.array([self._group_noise(cluster) for cluster in several])
         freedoms = np.cumsum([max(1, 3 * len(several[index]) - 6) for index in np.argsort(noises)])
         return float(np.sort(noises)[np.searchsorted(freedoms, freedoms[-1] / 2)])
 
 
-EXCHANGED = 10.0
-"""Largest variance of a distance to any marker of the other limb, in units of its noise, with which a move can pay."""
-
-LEAST_MOVE_GAIN = 0.1
-"""nats per frame that a move must gain: some 2 in all if a take tells as much as 20 frames that know nothing of each
-other. What changes the number of inner coordinates must gain `GAIN` more for each."""
-
-TAKE_WEIGHT = 0.5
-"""Coordinates of the take's noise that are counted among a limb's own: two markers may be rigid by chance."""
-
-SEEN_PART = 0.5
-"""Of the sampled frames: what is seen less may be seen only while limbs rest against each other."""
-
-LEAST_LEFT = 2
-"""No limb is left with fewer: a single marker has no inner coordinates, and with them no say."""
-
-MOST_MOVES = 100
-"""Ends a search that rounding might keep going."""
-
-
-def exchanged(movements: Movements, groups: Ints, ratio: Floats, noise: float, constraints: MarkerConstraints) -> Ints:
-    """Move markers, the most profitable first, for as long as that pays.
-
-    Parameters
-    ----------
-    movements : Movements
-        The take.
-    groups : ndarray of intp, shape (n_markers,)
-        Limb of each marker.
-    ratio : ndarray, shape (n_markers, n_markers)
-        Variance of each distance in units of its noise.
-    noise : float, mm^2
-        Variance of the take's noise.
-    constraints : MarkerConstraints
-        Which markers share a limb and which do not.
-
-    Returns
-    -------
-    ndarray of intp, shape (n_markers,)
-        As many limbs as before.
-    """
+def _exchange_markers(
+    movements: Movements, groups: Ints, ratio: Floats, noise: float, constraints: MarkerConstraints
+) -> Ints:
+    """Move markers between limbs, the most profitable first, for as long as that pays; `ratio` as in `_Exchange`."""
     search = _Exchange(movements, ratio, noise, constraints)
     groups = groups.copy()
     for _ in range(MOST_MOVES):
@@ -295,6 +292,8 @@ def exchanged(movements: Movements, groups: Ints, ratio: Floats, noise: float, c
 
 
 class _Exchange:
+    """Moves of markers between limbs, by variances of distances in units of their noise, `ratio`."""
+
     def __init__(self, movements: Movements, ratio: Floats, noise: float, constraints: MarkerConstraints) -> None:
         self._movements, self._ratio, self._noise, self._constraints = movements, ratio, noise, constraints
         self._costs: dict[tuple[Group, Group], float] = {}
@@ -307,10 +306,10 @@ class _Exchange:
         for block in self._constraints.blocks:
             own = members[int(groups[block[0]])]
             rest = tuple(marker for marker in own if marker not in block)
-            if len(rest) < LEAST_LEFT or seen[list(block)].min() < SEEN_PART:
+            if len(rest) < LEAST_MARKERS or seen[list(block)].min() < SEEN_PART:
                 continue
             for limb, other in members.items():
-                if other == own or len(other) < LEAST_LEFT or farthest[limb][list(block)].max() > EXCHANGED:
+                if other == own or len(other) < LEAST_MARKERS or farthest[limb][list(block)].max() > EXCHANGED:
                     continue
                 if not self._constraints.apart[np.ix_(block, other)].any():
                     yield self._gain((own, other), (rest, tuple(sorted(other + block)))), block, limb
@@ -330,7 +329,7 @@ class _Exchange:
         if relative is None:
             return np.inf
         size = len(relative.covariance)
-        motion = np.linalg.slogdet(relative.covariance / self._noise + TAKE_WEIGHT / size * np.eye(size))[1]
+        motion = np.linalg.slogdet(relative.covariance / self._noise + NOISE_WEIGHT / size * np.eye(size))[1]
         return self._of_one(first) + self._of_one(second) + float(motion) / 2
 
     def _of_one(self, group: Group) -> float:
@@ -338,7 +337,7 @@ class _Exchange:
         if inner is None:
             return np.inf
         size = len(inner.covariance)
-        variance = (TAKE_WEIGHT + np.trace(inner.covariance) / self._noise) / (TAKE_WEIGHT + size)
+        variance = (NOISE_WEIGHT + np.trace(inner.covariance) / self._noise) / (NOISE_WEIGHT + size)
         return float(size * np.log(variance) / 2)
 
 

@@ -22,7 +22,7 @@ class LimbParameters(StageParameters):
         "rigidity",
         "rigidity fits rigid bodies to groups of markers and merges those that move as one (a given number of limbs "
         "that is more than it finds is left to spectral); distances does the same by the variances of distances alone; "
-        "spectral is the seed's clustering; greedy its simple one",
+        "spectral is the clustering of the thesis, greedy its simple one",
         choices=("rigidity", "distances", "spectral", "greedy"),
         basic=True,
     )

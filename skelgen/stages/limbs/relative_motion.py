@@ -106,7 +106,13 @@ class Movements:
         return self._inner[group]
 
     def relative(self, first: Group, second: Group) -> Spread | None:
-        """Return the spread of the relative motion of two groups; None if too few frames show both."""
+        """Return the spread of the relative motion of two groups; None if too few frames show both.
+
+        Parameters
+        ----------
+        first, second : tuple of int
+            Markers of both groups.
+        """
         first, second = min(first, second), max(first, second)
         key = (first, second)
         if key not in self._relative:
@@ -114,7 +120,15 @@ class Movements:
         return self._relative[key]
 
     def distance(self, marker: int, others: Group) -> float:
-        """Return how far [mm] the nearest of some others usually is from a marker; infinite if none is seen with it."""
+        """Return the usual distance [mm] of a marker from the nearest of some others; infinite if none is seen with it.
+
+        Parameters
+        ----------
+        marker : int
+            The marker.
+        others : tuple of int
+            The others.
+        """
         common = self._sampled_seen[:, list(others)] & self._sampled_seen[:, [marker]]
         gaps = [
             float(np.median(np.linalg.norm(self._sampled[both, other] - self._sampled[both, marker], axis=1)))
@@ -164,8 +178,8 @@ class Movements:
 def _aligned(points: Floats, seen: Bools) -> tuple[Floats, Floats]:
     """Residuals from the mean shape, in its frame (0 where unseen), and the shape.
 
-    Frames are aligned to the fullest one. That it is noisy itself turns all frames alike, and small turns are no part
-    of the coordinates that are looked at: aligning again to the mean changes nothing that matters.
+    Frames are aligned to the fullest one. Its noise rotates all frames alike, and small rotations are no part of
+    the coordinates: aligning again to the mean changes nothing that matters.
     """
     weights = seen.astype(np.float64)
     counts = weights.sum(axis=0)
@@ -203,9 +217,9 @@ def _displacements(shape: Floats) -> Floats:
     """Three translations and three small rotations of points, of like size, shape (3 n, 6)."""
     from_middle = shape - shape.mean(axis=0)
     size = float(np.sqrt((from_middle**2).sum(axis=1).mean())) or 1.0
-    turns = np.cross(np.eye(3)[:, np.newaxis], from_middle / size)
-    shifts = np.broadcast_to(np.eye(3)[:, np.newaxis], turns.shape)
-    return np.concatenate([shifts, turns]).reshape(6, -1).T
+    rotations = np.cross(np.eye(3)[:, np.newaxis], from_middle / size)
+    translations = np.broadcast_to(np.eye(3)[:, np.newaxis], rotations.shape)
+    return np.concatenate([translations, rotations]).reshape(6, -1).T
 
 
 def _basis(columns: Floats) -> Floats:

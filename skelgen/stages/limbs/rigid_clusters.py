@@ -1,14 +1,14 @@
-r"""Part markers into pieces of limbs that move as one rigid body, as far as the noise of the take can tell.
+r"""Group markers into clusters that move as one rigid body, as far as the noise of the take can say.
 
-With the noise of every marker given, a piece costs, in nats per frame,
+With the noise of every marker given, a cluster costs, in nats per frame,
 
 .. math::
     \sum_k \tfrac12 (\lambda_k - 1 - \log\lambda_k)_{\lambda_k > 1} - \kappa\, d + P
 
 over its d inner coordinates with variances :math:`\lambda_k` in units of the noise: what a rigid body fails to explain
-is a cost, each coordinate that it explains a gain, each piece a cost. Complete linkage of the distances' variances
-gives a start; pieces are then merged, markers moved and small pieces parted anew for as long as the cost falls. Limbs
-that are less rigid than the take's noise stay in several pieces; joining those is the next step (`bodies`).
+is a cost, each coordinate that it explains a gain, each cluster a cost. Complete linkage of the distances' variances
+gives a start. Clusters are then merged, markers moved and small clusters regrouped for as long as the cost falls. Limbs
+that are less rigid than the take's noise stay in several clusters; joining those is the next step (`merging`).
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from skelgen.stages.limbs.constraints import MarkerConstraints
 from skelgen.stages.limbs.relative_motion import Group, Movements
 
 LINKED = 5.0
-"""Largest variance of a distance within a piece at the start, in units of its noise: soft tissue is rarely beyond."""
+"""Largest variance of a distance within a cluster at the start, in units of its noise: soft tissue is rarely beyond."""
 
 GAIN = 0.5
 """nats for each coordinate that a rigid body explains: a width of the prior of motions 1.6 times what is observed."""
 
-PIECE = 0.5
-"""nats for each piece."""
+CLUSTER_COST = 0.5
+"""nats."""
 
 MERGED = 12.0
 """Pieces with a distance across that varies more, in units of its noise, cannot pay to be merged."""
 
 MOVED = 10.0
-"""Likewise for a marker and the piece it might move to: it can win less."""
+"""The same for a marker and the cluster it might move to, which gains less."""
 
 SUSPICIOUS = 4.0
-"""A marker leaves its piece only if some inner distance varies more than this, in units of its noise."""
+"""A marker leaves its cluster only if some inner distance varies more than this, in units of its noise."""
 
-PARTED = 6
-"""Markers of two neighbouring pieces that are parted anew in all ways: 31 of them."""
+REGROUPED = 6
+"""Two neighbouring clusters with no more markers are regrouped in all ways: 31 of them."""
 
 MOST_CHANGES = 500
 """Ends a search that rounding might keep going."""
@@ -50,7 +50,7 @@ NOISE_RANGE = 6.0
 """The variance of one marker's noise is at most so many times that of the take."""
 
 FORBIDDEN = 1e9
-"""nats; the cost of a piece that may not be, or that no frames show: finite, so that differences stay numbers."""
+"""nats; the cost of a cluster that is not allowed, or that no frames show: finite, so that differences stay numbers."""
 
 TINY = 1e-9
 """nats; a smaller gain is rounding."""
@@ -63,7 +63,7 @@ def misfit(ratios: Floats) -> float:
 
 
 def marker_noise(variance: Floats, noise: float) -> Floats:
-    """Estimate the noise of each marker from its most rigid neighbour, shape (n_markers,), mm^2.
+    """Estimate the noise variance [mm^2] of each marker from its most rigid neighbour, shape (n_markers,).
 
     Parameters
     ----------
@@ -76,8 +76,10 @@ def marker_noise(variance: Floats, noise: float) -> Floats:
     return np.asarray(np.clip(nearest, noise, NOISE_RANGE * noise))
 
 
-def rigid_pieces(movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints) -> list[Group]:
-    """Part markers into rigid pieces.
+def find_rigid_clusters(
+    movements: Movements, ratio: Floats, noise: Floats, constraints: MarkerConstraints
+) -> list[Group]:
+    """Group markers into rigid clusters.
 
     Parameters
     ----------
@@ -88,19 +90,19 @@ def rigid_pieces(movements: Movements, ratio: Floats, noise: Floats, constraints
     noise : ndarray, shape (n_markers,), mm^2
         Variance of each marker's noise.
     constraints : MarkerConstraints
-        Which markers share a limb, hence a piece, and which do not.
+        Which markers share a limb, hence a cluster, and which do not.
     """
     search = _Search(movements, ratio, noise, constraints)
     for _ in range(MOST_CHANGES):
         change = search.best_change()
         if change is None:
             break
-        search.apply(*change)
-    return search.pieces
+        search.apply(change)
+    return search.clusters
 
 
 Change = tuple[tuple[int, ...], list[Group]]
-"""Numbers of the pieces that go, and the pieces that come."""
+"""Numbers of the clusters that are replaced, and the clusters that replace them."""
 
 
 class _Search:
@@ -108,18 +110,20 @@ class _Search:
         self._movements, self._ratio, self._noise, self._apart = movements, ratio, noise, constraints.apart
         self._block_of = {marker: block for block in constraints.blocks for marker in block}
         self._costs: dict[Group, float] = {}
-        self.pieces = _linked(ratio, constraints.blocks, constraints.apart)
+        self.clusters = _linkage(ratio, constraints.blocks, constraints.apart)
 
-    def apply(self, gone: tuple[int, ...], come: list[Group]) -> None:
-        self.pieces = [piece for index, piece in enumerate(self.pieces) if index not in gone] + come
+    def apply(self, change: Change) -> None:
+        """Replace clusters."""
+        replaced, added = change
+        self.clusters = [cluster for index, cluster in enumerate(self.clusters) if index not in replaced] + added
 
     def best_change(self) -> Change | None:
-        """The merge or move that saves most; if there is none, the new parting of two small pieces that does."""
-        for candidates in (self._merges_and_moves, self._partings):
+        """The merge or move that lowers the cost most; if none does, the best regrouping of two small clusters."""
+        for candidates in (self._merges_and_moves, self._regroupings):
             best: tuple[float, Change | None] = (-TINY, None)
-            for saving, gone, come in candidates():
-                if saving < best[0]:
-                    best = (saving, (gone, come))
+            for cost, replaced, added in candidates():
+                if cost < best[0]:
+                    best = (cost, (replaced, added))
             if best[1] is not None:
                 return best[1]
         return None
@@ -129,11 +133,11 @@ class _Search:
         to_piece = _largest(self._ratio, labels)
         across = _largest(to_piece.T, labels)
         for first, second in np.argwhere(np.triu(across <= MERGED, 1)).tolist():
-            whole = _union(self.pieces[first], self.pieces[second])
+            whole = _union(self.clusters[first], self.clusters[second])
             yield self._cost(whole) - self._now(first, second), (first, second), [whole]
-        for index, piece in enumerate(self.pieces):
-            for block in {self._block_of[marker] for marker in piece}:
-                if len(block) < len(piece):
+        for index, cluster in enumerate(self.clusters):
+            for block in {self._block_of[marker] for marker in cluster}:
+                if len(block) < len(cluster):
                     yield from self._moves(index, block, to_piece[list(block)].max(axis=0))
 
     def _moves(
@@ -142,24 +146,24 @@ class _Search:
         others = [other for other in np.flatnonzero(distance <= MOVED).tolist() if other != index]
         if not others and distance[index] <= SUSPICIOUS:
             return
-        rest = _without(self.pieces[index], block)
+        rest = _without(self.clusters[index], block)
         yield self._cost(rest) + self._cost(block) - self._now(index), (index,), [rest, block]
         for other in others:
-            longer = _union(self.pieces[other], block)
+            longer = _union(self.clusters[other], block)
             yield self._cost(rest) + self._cost(longer) - self._now(index, other), (index, other), [rest, longer]
 
-    def _partings(self) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
+    def _regroupings(self) -> Iterator[tuple[float, tuple[int, ...], list[Group]]]:
         labels = self._labels()
         nearest = -_largest(_largest(-self._ratio, labels).T, labels)
         for first, second in np.argwhere(np.triu(nearest <= SUSPICIOUS, 1)).tolist():
-            both = _union(self.pieces[first], self.pieces[second])
-            if len(both) > PARTED:
+            both = _union(self.clusters[first], self.clusters[second])
+            if len(both) > REGROUPED:
                 continue
             now = self._now(first, second)
-            for one, other in self._ways_to_part(both):
+            for one, other in self._ways_to_split(both):
                 yield self._cost(one) + self._cost(other) - now, (first, second), [one, other]
 
-    def _ways_to_part(self, markers: Group) -> Iterator[tuple[Group, Group]]:
+    def _ways_to_split(self, markers: Group) -> Iterator[tuple[Group, Group]]:
         blocks = sorted({self._block_of[marker] for marker in markers})
         for size in range(len(blocks) - 1):
             for added in combinations(blocks[1:], size):
@@ -170,19 +174,19 @@ class _Search:
 
     def _labels(self) -> Ints:
         labels = np.empty(len(self._ratio), dtype=np.intp)
-        for index, piece in enumerate(self.pieces):
-            labels[list(piece)] = index
+        for index, cluster in enumerate(self.clusters):
+            labels[list(cluster)] = index
         return labels
 
     def _widest(self, group: Group) -> float:
         return float(self._ratio[np.ix_(group, group)].max())
 
-    def _now(self, *pieces: int) -> float:
-        return sum(self._cost(self.pieces[index]) for index in pieces)
+    def _now(self, *clusters: int) -> float:
+        return sum(self._cost(self.clusters[index]) for index in clusters)
 
     def _cost(self, group: Group) -> float:
         if group not in self._costs:
-            self._costs[group] = PIECE + self._inner_cost(group)
+            self._costs[group] = CLUSTER_COST + self._inner_cost(group)
         return self._costs[group]
 
     def _inner_cost(self, group: Group) -> float:
@@ -200,7 +204,7 @@ class _Search:
         return misfit(ratios) - GAIN * len(ratios)
 
 
-def _linked(ratio: Floats, blocks: list[Group], apart: Bools) -> list[Group]:
+def _linkage(ratio: Floats, blocks: list[Group], apart: Bools) -> list[Group]:
     """Complete linkage of blocks up to `LINKED`."""
     if len(blocks) == 1:
         return list(blocks)

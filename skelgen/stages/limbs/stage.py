@@ -122,7 +122,15 @@ class _Grouping:
         self._n_limbs, self._seed = n_limbs, seed
 
     def voted(self, frames: Ints, deviations: Deviations) -> Ints:
-        """Group by one sampling after the other until one half of them and more agree; else take what most say."""
+        """Group by one sampling after the other until more than half agree; else take the majority of all pairs.
+
+        Parameters
+        ----------
+        frames : ndarray of intp
+            The first sampling.
+        deviations : Deviations
+            Of distances over these frames.
+        """
         votes = [self._grouped(frames, deviations)]
         n_samplings = self._parameters.samplings if self._parameters.method == "rigidity" else 1
         is_complete = len(frames) == len(self._positions)
@@ -251,7 +259,7 @@ def _is_outlier(groups: Ints, deviation: Floats) -> Bools:
     None if there are fewer than two limbs with several markers: nothing says how much limbs usually move.
     """
     known = ~np.isnan(deviation)
-    usual = PairSums(np.where(known, deviation, 0.0) ** 2 / 2, known.astype(np.float64), groups).usual_motion()
+    usual = PairSums(np.where(known, deviation, 0.0) ** 2 / 2, known.astype(np.float64), groups).neighbour_motion()
     others = np.where(known, deviation, np.inf) + np.diag(np.full(len(groups), np.inf))
     is_alone = np.bincount(groups)[groups] == 1
     return np.asarray(is_alone & (others.min(axis=1) ** 2 / 2 > OUTLIER**2 * usual) & (usual > 0))
