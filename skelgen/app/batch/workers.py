@@ -1,4 +1,8 @@
-"""Worker processes on this machine: each does one take after the other, and none can take the others down."""
+"""Who does the takes of a batch: processes on this machine, or the workers of an existing dask cluster.
+
+A process does one take after the other, and none can take the others down. On a cluster, files lie on storage that all
+machines share.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +20,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import skelgen
-from skelgen.app.batch.takes import Entry
-from skelgen.app.batch.work import Job, Outcome, blank_record, failed_record, work_on
 from skelgen.errors import InputError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
     from skelgen.app.batch.takes import Entry
-    from skelgen.app.batch.work import Outcome
+    from skelgen.app.batch.work import Job, Outcome
+
 
 TRIES = 2
 """A take whose worker dies is given to another one once: somebody may have killed it by mistake."""
@@ -196,6 +199,8 @@ def on_cluster(
     InputError
         If there is no scheduler or worker, a worker has another version, or does not see the files.
     """
+    from skelgen.app.batch.work import work_on  # noqa: PLC0415 - worker processes load it later
+
     with _connected(address, timeout) as client:
         _check_workers(client, address, shared)
         from distributed import as_completed  # noqa: PLC0415 - an extra
@@ -254,6 +259,8 @@ def _check_workers(client: Client, address: str, shared: Path) -> None:
 
 def _outcome(future: Future, entry: Entry, job: Job, address: str) -> Outcome:
     """What became of a take, or why that is not known."""
+    from skelgen.app.batch.work import Outcome, blank_record, failed_record  # noqa: PLC0415 - as above
+
     if future.status == "finished":
         return cast(Outcome, future.result())
     if future.status == "error":
