@@ -63,7 +63,7 @@ class KernelError(SkelgenError):
     """A kernel cannot be compiled, or its machine code cannot be kept."""
 
 
-class Cancelled(SkelgenError):  # noqa: N818 - not an error of the user's but an answer to his wish
+class Cancelled(SkelgenError):  # noqa: N818 - no error, but what the user asked for
     """The user asked for a stop; nothing half-written is left."""
 
     exit_code = 130

@@ -29,7 +29,7 @@ class Declaration:
     kind : type
         ``int``, ``float``, ``str`` or ``bool``.
     default : int, float, str or bool
-        Value when nobody says otherwise.
+        Value if none is given.
     help : str
         One sentence for the user.
     unit : str
@@ -141,7 +141,7 @@ def declare(default: Any, help: str, **facts: Unpack[Facts]) -> Any:
     Parameters
     ----------
     default : int, float, str or bool
-        Value when nobody says otherwise.
+        Value if none is given.
     help : str
         One sentence for the user.
     **facts

@@ -56,7 +56,7 @@ def advice_on(project: Project) -> tuple[str, ...]:
     Parameters
     ----------
     project : Project
-        With the account of its labels; otherwise there is no advice.
+        With or without `labelling`; without it there is no advice.
     """
     if not project.has_labelling or not project.trajectories.n_frames or not project.trajectories.n_markers:
         return ()
@@ -107,7 +107,7 @@ def _about_pieces(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
 
 def _about_rare_markers(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
     shares = markers.seen.mean(axis=0)
-    shares[[doubt.marker for doubt in labelling.doubts if doubt.kind in UNREAL]] = 0.0  # of which is spoken already
+    shares[[doubt.marker for doubt in labelling.doubts if doubt.kind in UNREAL]] = 0.0  # another sentence is about them
     rare = np.flatnonzero((shares < RARELY_SEEN) & (shares > 0))
     if len(rare):
         named = _named([f"{markers.names[one]} in {100 * shares[one]:.0f} %" for one in rare[np.argsort(shares[rare])]])

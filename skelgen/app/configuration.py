@@ -58,7 +58,7 @@ class FileParameters(StageParameters):
 class Settings:
     """The parameters of every stage.
 
-    Those that nobody gave are made from the defaults when they are asked for, so that stages that do not run are not
+    Those that nobody gave take their defaults when they are asked for, so that stages that do not run are not
     loaded.
 
     Parameters

@@ -54,7 +54,7 @@ def run_demo(folder: Path, *, seed: int = 0, n_jobs: int = 1, monitor: Monitor =
     n_jobs : int
         Number of processes.
     monitor : Monitor
-        Told of progress.
+        Receives progress.
     """
     from skelgen.evaluation import evaluate  # noqa: PLC0415 - loads scipy
     from skelgen.simulation import TRUTH_SUFFIX, simulate, write_truth  # noqa: PLC0415 - loads scipy

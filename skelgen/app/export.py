@@ -92,7 +92,13 @@ def export_formats() -> tuple[Format, ...]:
 
 
 def obstacle_to(project: Project, entry: Format, options: Mapping[str, object]) -> str:
-    """Return one sentence on why a project cannot be written in a format; empty if it can."""
+    """Return one sentence on why a project cannot be written in a format; empty if it can.
+
+    Parameters
+    ----------
+    project, entry, options
+        As for `export_project`.
+    """
     try:
         entry.check(project, options_of(entry, options))
     except SkelgenError as error:
@@ -102,6 +108,15 @@ def obstacle_to(project: Project, entry: Format, options: Mapping[str, object]) 
 
 def export_path(folder: Path, name: str, entry: Format) -> Path:
     """Return the path of an export, from which the format makes the names of its files.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files go.
+    name : str
+        Beginning of their names.
+    entry : Format
+        One of `export_formats`.
 
     Raises
     ------
@@ -136,7 +151,13 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
 
 
 def remarks_on(project: Project, entry: Format, path: Path, options: Options) -> tuple[str, ...]:
-    """Return sentences on what a format cannot hold of a project, and on what becomes of the rest; see `Preview`."""
+    """Return sentences on what a format cannot hold of a project, and on what becomes of the rest.
+
+    Parameters
+    ----------
+    project, entry, path, options
+        As for `export_project`.
+    """
     marking = (marking_sentence(entry, path) + ".",) if options.filled else ()
     return (*_lost(project, entry), *entry.remarks(project, options), *marking)
 
@@ -157,7 +178,7 @@ def export_project(
     options : mapping of str to value
         Options of the format's writer.
     monitor : Monitor
-        Told of progress; may cancel, which leaves what was there before.
+        Receives progress; may cancel, which leaves what was there before.
 
     Returns
     -------
@@ -200,7 +221,14 @@ def _contents(project: Project, entry: Format, rate: float) -> str:
 
 
 def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
-    """Fill the gaps of a project's markers; the monitor is told of progress and may cancel.
+    """Fill the gaps of a project's markers.
+
+    Parameters
+    ----------
+    project : Project
+        With a skeleton.
+    monitor : Monitor
+        Receives progress; may cancel.
 
     Raises
     ------
@@ -215,10 +243,17 @@ def fill_project(project: Project, monitor: Monitor = SILENT) -> Filled:
 def write_filled(filled: Filled, path: Path) -> tuple[list[Path], str]:
     """Write complete markers in the format of the suffix, and a table with a row per filled position.
 
+    Parameters
+    ----------
+    filled : Filled
+        From `fill_project`.
+    path : Path
+        File for markers, e.g. ``walk.c3d``.
+
     Returns
     -------
     tuple of list of Path and str
-        The files, and how filled positions are told from measured ones in them.
+        The files, and a sentence on how they mark filled positions.
 
     Raises
     ------

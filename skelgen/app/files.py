@@ -65,9 +65,9 @@ def open_input(
     identities : Path, optional
         File of identities stated by hand; by default those of the project file.
     monitor : Monitor
-        Told of progress where reading takes long; may cancel.
+        Receives progress where reading takes long; may cancel.
     **options
-        What the format's reader can be told.
+        Options of the format's reader.
 
     Returns
     -------
@@ -101,7 +101,13 @@ def given_identities(identities: Identities | Path | str | None) -> Identities |
 def write_any(
     value: Project | Take | Filled | CaptureSettings, path: Path | str, format: str | None = None, **options: Any
 ) -> list[Path]:
-    """Write any value of the public face in any format that holds it; see `skelgen.write`."""
+    """Write any value of the public face in any format that holds it.
+
+    Parameters
+    ----------
+    value, path, format, **options
+        As for `skelgen.write`.
+    """
     if isinstance(value, CaptureSettings):
         return [_write_capture_settings(value, Path(path))]
     if isinstance(value, Filled):
@@ -143,7 +149,7 @@ def convert_file(
     options : mapping of str to value
         For the reader what its format knows, for the writer all else; what that does not know is an error.
     monitor : Monitor
-        Told of progress where reading takes long; may cancel.
+        Receives progress where reading takes long; may cancel.
 
     Returns
     -------
@@ -220,7 +226,7 @@ def read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor:
     frames : int
         Pairs of images at most; 0 takes all.
     monitor : Monitor
-        Told of progress; may cancel.
+        Receives progress; may cancel.
 
     Returns
     -------
@@ -244,7 +250,15 @@ def read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor:
 
 
 def is_stereo(path: Path | str, format: str | None = None) -> bool:
-    """Whether a file is to be read as a stereo recording: it is named so, or begins as settings of a capture do."""
+    """Whether a file is read as a stereo recording.
+
+    Parameters
+    ----------
+    path : Path or str
+        A file; settings of a capture are known by their first bytes.
+    format : str, optional
+        Name of the format if the user gave one.
+    """
     if format is not None:
         return format == STEREO.name
     try:

@@ -62,7 +62,7 @@ def write_outputs(
     outputs : sequence of Output, optional
         Which files; `OUTPUTS` if left out.
     monitor : Monitor
-        Told of progress and of formats that cannot hold this project.
+        Receives progress, and a notice for each format that cannot hold this project.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What came out of a stage, in two or three sentences, and what to look at: for people who watch every step."""
+"""Stage summaries: what a stage has found in two or three sentences, and its warnings with the place to look at."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skelgen.app.drawing.wording import counted
 from skelgen.model import PointCloud, Poses, Project, Take
 
 MOST_POINTERS = 200
-"""Warnings that are listed; more help nobody."""
+"""Warnings that are listed; nobody reads more."""
 
 
 _LIMBS = re.compile(r"\blimbs? (\d+)(?: and (?:limb )?(\d+))?")
@@ -67,7 +67,15 @@ def stage_sentences(project: Project, stage: str) -> tuple[str, ...]:
 
 
 def stage_pointers(project: Project, stage: str) -> tuple[Pointer, ...]:
-    """Return the warnings of a stage, those that point somewhere in the order of their frames, then the others."""
+    """Return the warnings of a stage: those that point to frames first, in their order.
+
+    Parameters
+    ----------
+    project : Project
+        With or without results.
+    stage : str
+        ``labels``, ``limbs``, ``joints`` or ``skeleton``.
+    """
     if not project.has(stage):
         return ()
     found = [] if stage != "labels" else list(_label_pointers(project))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, cast
@@ -21,7 +21,7 @@ from skelgen.evaluation.joints import joint_distances
 from skelgen.kinematics.bodies.shape import fit_shape
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats
-from skelgen.progress import Monitor
+from skelgen.progress import Monitor, with_progress
 from skelgen.simulation import Structure, simulate
 from skelgen.simulation.take import SimulatedTake
 
@@ -45,7 +45,7 @@ _LABEL_CASES: tuple[tuple[str, str, dict[str, Any], float], ...] = (
 def measure_labels(effort: Effort, monitor: Monitor) -> Section:
     """Points without names: are they put together to the right markers?"""
     rows = []
-    for name, structure, options, wanted in _told(_LABEL_CASES, monitor):
+    for name, structure, options, wanted in with_progress(_LABEL_CASES, len(_LABEL_CASES), monitor, every=1):
         body = fifty_markers() if structure == "fifty" else structure
         found = [_labelled(body, seed, effort.n_label_frames, options) for seed in effort.seeds]
         scores = [score for score, _ in found if score.labels is not None]
@@ -68,7 +68,7 @@ def measure_labels(effort: Effort, monitor: Monitor) -> Section:
 def measure_exact(effort: Effort, monitor: Monitor) -> Section:
     """Takes without any fault: only rounding is left."""
     rows = []
-    for name in _told(STRUCTURES, monitor):
+    for name in with_progress(STRUCTURES, len(STRUCTURES), monitor, every=1):
         scores = [reconstructed(name, seed, n_frames=effort.n_frames) for seed in effort.seeds]
         marker = max((deviation or 0.0) for score in scores for deviation in score.limb_deviations.values())
         joint = max(score.worst_joint_error or 0.0 for score in scores)
@@ -83,7 +83,7 @@ def measure_exact(effort: Effort, monitor: Monitor) -> Section:
 def measure_joints(effort: Effort, monitor: Monitor) -> Section:
     """Noise and dropouts: limbs, tree, and joints beside the bound and beside SCoRE."""
     rows, points = [], []
-    for name in _told(STRUCTURES, monitor):
+    for name in with_progress(STRUCTURES, len(STRUCTURES), monitor, every=1):
         scores, peers = zip(*(_beside_score(name, seed, effort.n_frames, FAULTS) for seed in effort.seeds), strict=True)
         times = [score.times_bound or np.inf for score in scores]
         means = [float(np.mean([getattr(one, what) or np.nan for one in scores])) for what in _JOINT_FIGURES]
@@ -105,7 +105,7 @@ def measure_joints(effort: Effort, monitor: Monitor) -> Section:
         "Limbs, tree and joints under noise",
         f"0.5 mm noise, 5 % dropouts, {effort.n_frames} frames, {len(effort.seeds)} seeds. The bound is that of Cramer "
         "and Rao for the true chain, the same dropouts given: one seed may lie a little below. Coverage is the part of "
-        "the stated 95 % intervals that hold the truth. SCoRE (Ehrig et al. 2006) is told limbs and tree; joints of "
+        "the stated 95 % intervals that hold the truth. SCoRE (Ehrig et al. 2006) is given limbs and tree; joints of "
         "limbs with fewer than three markers are beyond it and not in its mean (classic-human).",
         (
             table(
@@ -122,9 +122,9 @@ _JOINT_FIGURES = ("mean_joint_error", "mean_joint_bound", "coverage")
 
 
 def measure_tissue(effort: Effort, monitor: Monitor) -> Section:
-    """Soft tissue: joints beside SCoRE, which is told limbs and tree."""
+    """Soft tissue: joints beside SCoRE, which is given limbs and tree."""
     rows = []
-    for seed in _told(effort.seeds, monitor):
+    for seed in with_progress(effort.seeds, len(effort.seeds), monitor, every=1):
         score, peer = _beside_score("human", seed, _TISSUE_FRAMES, SOFT_TISSUE)
         share = (score.mean_joint_error or np.inf) / peer
         figures = (figure_text(score.mean_joint_error), f"{peer:.3f}", f"{share:.3f}", figure_text(score.coverage))
@@ -145,7 +145,7 @@ def measure_stereo(effort: Effort, monitor: Monitor) -> Section:
     chance = 2 / np.sqrt(2 * effort.n_trials)  # two standard deviations of a root mean square
     rows = []
     curves: dict[str, list[float]] = {name: [] for name in stereo.WANTED}
-    for distance in _told(effort.distances, monitor):
+    for distance in with_progress(effort.distances, len(effort.distances), monitor, every=1):
         for name, errors in stereo.rig_errors(distance, effort.n_trials).items():
             found, predicted, covered = errors.row()
             limit = stereo.WANTED[name] if distance == stereo.WANTED_AT else np.inf
@@ -182,7 +182,7 @@ def measure_exports(effort: Effort, monitor: Monitor) -> Section:
     case = simulate("human", seed=0, n_frames=_EXPORTED_FRAMES, noise=0.5)
     project, rows = reconstruct(case.take), []
     with tempfile.TemporaryDirectory() as folder:
-        for judge in _told(JUDGES, monitor):
+        for judge in with_progress(JUDGES, len(JUDGES), monitor, every=1):
             wanted = f"<= {judge.tolerance}"
             if find_spec(judge.name) is None:
                 rows.append((judge.suffix, f"{judge.name} is not installed", "-", wanted, ""))
@@ -249,14 +249,6 @@ def _counts(scores: Sequence[Evaluation]) -> tuple[str, str]:
     limbs = sum(score.limbs is not None and score.limbs.is_exact for score in scores)
     trees = sum(score.topology is not None and score.topology.is_exact for score in scores)
     return f"{limbs} of {len(scores)}", f"{trees} of {len(scores)}"
-
-
-def _told(cases: Any, monitor: Monitor) -> Iterator[Any]:
-    """Yield the cases and tell the monitor how many are done."""
-    for done, case in enumerate(cases):
-        monitor.advance(done, len(cases))
-        yield case
-    monitor.advance(len(cases), len(cases))
 
 
 def score_error(case: SimulatedTake) -> float:

@@ -57,7 +57,7 @@ def run_benchmark(
     arrived : callable (sections) -> None
         Called after each suite with all that are done so far, in the order of the page.
     monitor : Monitor
-        Told how much of the whole is done, in percent.
+        Receives the percentage of the whole that is done.
 
     Returns
     -------

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from skelgen.cli.options import AsJson, Config, FormatName, Quiet, Seed
-from skelgen.cli.screen import Screen, show_files, show_project
+from skelgen.cli.screen import Screen, show_results
 from skelgen.errors import InputError
 
 if TYPE_CHECKING:
@@ -183,7 +183,6 @@ def skeleton(
     from skelgen.app.files import open_input
     from skelgen.app.outputs import stem_of, write_outputs
     from skelgen.app.several_takes import calibrate_together
-    from skelgen.app.tables import project_tables
 
     screen = Screen(quiet, as_json)
     stems = [stem_of(take) for take in takes]
@@ -198,7 +197,4 @@ def skeleton(
         files = write_outputs(found.skeleton, output, STEM, monitor=monitor)
         for stem, project in zip(stems, found.takes, strict=True):
             files += write_outputs(project, output / stem, stem, monitor=monitor)
-    tables: dict[str, Any] = project_tables(found.skeleton)
-    show_project(screen, tables)
-    show_files(screen, files)
-    screen.json({**tables, "files": [str(file) for file in files]})
+    show_results(screen, found.skeleton, files)

@@ -55,11 +55,11 @@ def motion_capture(
     from skelgen.cli.capture_output import Columns
     from skelgen.cli.keys import watched_interrupt, watched_keys
 
-    told = read_capture_settings(settings)
-    columns = Columns(told, poses=not no_poses, angles=not no_angles, errors=errors)
+    rig = read_capture_settings(settings)
+    columns = Columns(rig, poses=not no_poses, angles=not no_angles, errors=errors)
     prediction = PredictionParameters() if predict else None
-    stream = capture(told, source_of(told, source), record or (), prediction, n_frames=frames)
-    counts = _Counts(record or [], [body.name for body in told.bodies])
+    stream = capture(rig, source_of(rig, source), record or (), prediction, n_frames=frames)
+    counts = _Counts(record or [], [body.name for body in rig.bodies])
     try:
         with contextlib.ExitStack() as stack:
             stack.enter_context(contextlib.closing(stream))
@@ -105,9 +105,9 @@ def calibrate_body(
     from skelgen.capture.calibration.table import ball_rows
 
     screen = Screen(quiet, as_json)
-    told = read_capture_settings(settings)
+    rig = read_capture_settings(settings)
     with screen.watching() as monitor:
-        new, done = calibrate_body_of(told, source_of(told, source), name, balls, frames, monitor)
+        new, done = calibrate_body_of(rig, source_of(rig, source), name, balls, frames, monitor)
     write_settings(new, output or settings)
     screen.note(done.notices)
     screen.table(f"Target {name}", ball_rows(done.target))
@@ -151,10 +151,10 @@ def calibrate_joints(
     from skelgen.capture.calibration.table import joint_rows
 
     screen = Screen(quiet, as_json)
-    told = read_capture_settings(settings)
+    rig = read_capture_settings(settings)
     wishes = [_wish(text) for text in joints or ()]
     with screen.watching() as monitor:
-        new, done = calibrate_joints_of(told, source_of(told, source), wishes, frames, monitor)
+        new, done = calibrate_joints_of(rig, source_of(rig, source), wishes, frames, monitor)
     write_settings(new, output or settings)
     screen.note(done.notices)
     screen.table("Joints", joint_rows(done))

@@ -58,14 +58,14 @@ class Columns:
 
     def residuals(self, captured: Captured) -> str:
         """Residuals of one pair in words: of targets the distance of the balls, of joints that of its frames."""
-        told = []
+        parts = []
         for body in self.settings.bodies if self.poses else ():
             found = captured.bodies.get(body.name)
-            told.append(f"{body.name} not found" if found is None else f"{body.name} {found.rms:.2f} mm")
+            parts.append(f"{body.name} not found" if found is None else f"{body.name} {found.rms:.2f} mm")
         for joint in self.settings.joints if self.angles else ():
             angle = captured.angles.get(joint.name)
-            told.append(f"{joint.name} (joint) " + ("unknown" if angle is None else f"{angle.residual:.2f} mm"))
-        return f"{captured.pair.index}: " + (", ".join(told) or f"{len(captured.points)} points")
+            parts.append(f"{joint.name} (joint) " + ("unknown" if angle is None else f"{angle.residual:.2f} mm"))
+        return f"{captured.pair.index}: " + (", ".join(parts) or f"{len(captured.points)} points")
 
     def _with_errors(self, names: list[str]) -> list[str]:
         return [*names, *(f"{name} std" for name in names)] if self.errors else names

@@ -39,18 +39,18 @@ def watched_keys() -> Iterator[Keys]:
 @contextlib.contextmanager
 def watched_interrupt() -> Iterator[threading.Event]:
     """Yield what Ctrl-C sets beside raising `KeyboardInterrupt`: Python drops an error that meets a finalizer."""
-    wished = threading.Event()
+    interrupted = threading.Event()
 
     def stop(number: int, frame: FrameType | None) -> None:
-        wished.set()
+        interrupted.set()
         raise KeyboardInterrupt
 
     if threading.current_thread() is not threading.main_thread():  # where signals never arrive
-        yield wished
+        yield interrupted
         return
     before = signal.signal(signal.SIGINT, stop)
     try:
-        yield wished
+        yield interrupted
     finally:
         signal.signal(signal.SIGINT, before)
 

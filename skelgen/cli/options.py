@@ -107,8 +107,8 @@ FormatName = Annotated[
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show neither progress nor notes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
-_READER_PANEL = "What readers can be told"
-_WRITER_PANEL = "What writers can be told"
+_READER_PANEL = "Options of readers"
+_WRITER_PANEL = "Options of writers"
 
 
 def generated(function: Callable[..., None], options: Iterable[inspect.Parameter]) -> Callable[..., None]:

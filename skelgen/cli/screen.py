@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
     from skelgen.evaluation import Table
+    from skelgen.model import Project
 
 _REDRAW_SECONDS = 0.1  # a bar that moves ten times a second looks smooth and costs nothing
 _TELL_SECONDS = 10.0  # between two lines in a log
@@ -40,7 +41,7 @@ class Screen:
 
     @contextlib.contextmanager
     def watching(self) -> Iterator[Monitor]:
-        """Yield a monitor: bars on a terminal, plain notes elsewhere, silence if so wished."""
+        """Yield a monitor: bars on a terminal, plain notes elsewhere, silence if quiet."""
         if self._quiet or self.as_json:
             yield SILENT
         elif sys.stderr.isatty():
@@ -216,7 +217,7 @@ _TITLES = {
     "closed_loops": "Joints that close loops",
     "lengths": "Lengths between the joints of a limb",
 }
-_SPOKEN = ("not_determined",)  # sentences: they are said as notes while the stages run, and are too long for a column
+_LONG = ("not_determined",)  # sentences: they are said as notes while the stages run, and are too long for a column
 
 
 def show_take(screen: Screen, facts: Mapping[str, Any]) -> None:
@@ -231,7 +232,7 @@ def show_project(screen: Screen, tables: Mapping[str, Any]) -> None:
     if "labelling" in tables:
         _show_labelling(screen, tables["labelling"])
     for key, title in _TITLES.items():
-        screen.table(title, [_without(_SPOKEN, row) for row in tables.get(key, ())])
+        screen.table(title, [_without(_LONG, row) for row in tables.get(key, ())])
     if "residuals" in tables:
         screen.table("Residuals of all markers", [tables["residuals"]])
     times = ", ".join(f"{row['stage']} {row['seconds']:.2f} s" for row in tables["stages"])
@@ -259,6 +260,26 @@ def _show_labelling(screen: Screen, facts: Mapping[str, Any]) -> None:
     screen.say(f"labels: {'; '.join(parts)}")
     for sentence in facts["advice"]:
         screen.say(f"  try: {sentence}")
+
+
+def show_results(screen: Screen, project: Project, files: Sequence[Path]) -> None:
+    """Print what a run has found and written, as tables or as one JSON object.
+
+    Parameters
+    ----------
+    screen : Screen
+        Where to print.
+    project : Project
+        With results.
+    files : sequence of Path
+        What was written.
+    """
+    from skelgen.app.tables import project_tables
+
+    tables = project_tables(project)
+    show_project(screen, tables)
+    show_files(screen, files)
+    screen.json({**tables, "files": [str(file) for file in files]})
 
 
 def show_files(screen: Screen, files: Sequence[Path]) -> None:

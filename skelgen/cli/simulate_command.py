@@ -76,13 +76,14 @@ def simulate(
         raise ParameterError("give either a STRUCTURE, which moves at random, or --motion FILE")
     options, screen = given(values), Screen(quiet)
     stated = {"motion_skeleton": motion_skeleton, "motion_unit": motion_unit, "motion_rate": motion_rate}
-    wishes = {entry.name: options.pop(entry.name) for entry in BoneParameters.declarations() if entry.name in options}
+    of_bones = [entry.name for entry in BoneParameters.declarations() if entry.name in options]
+    bone_options = {name: options.pop(name) for name in of_bones}
     moved: RecordedBody | str
     if motion is None:
-        _refuse(given(stated) | wishes)
+        _refuse(given(stated) | bone_options)
         moved = str(structure)
     else:
-        moved = _recorded(motion, given(stated), wishes, options.get("rate"))
+        moved = _recorded(motion, given(stated), bone_options, options.get("rate"))
         screen.note(moved.notices)
     simulated = simulated_take(moved, seed=seed, **options)
     files = write(simulated.take, output)
@@ -97,13 +98,13 @@ def simulation_options() -> list[inspect.Parameter]:
     return [*parameter_options(SimulationParameters), *parameter_options(BoneParameters)]
 
 
-def _refuse(wishes: dict[str, Any]) -> None:
-    if wishes:
-        flag = "--" + next(iter(wishes)).replace("_", "-")
+def _refuse(bone_options: dict[str, Any]) -> None:
+    if bone_options:
+        flag = "--" + next(iter(bone_options)).replace("_", "-")
         raise ParameterError(f"{flag} belongs to a recorded motion: --motion FILE")
 
 
-def _recorded(motion: Path, stated: dict[str, Any], wishes: dict[str, Any], rate: float | None) -> RecordedBody:
+def _recorded(motion: Path, stated: dict[str, Any], bone_options: dict[str, Any], rate: float | None) -> RecordedBody:
     from skelgen_formats.registry import read_motion
 
     from skelgen.simulation import BoneParameters, SimulationParameters, recorded_body
@@ -111,4 +112,4 @@ def _recorded(motion: Path, stated: dict[str, Any], wishes: dict[str, Any], rate
     if rate is not None:
         rate = SimulationParameters(rate=rate).rate
     bones = read_motion(motion, **{name.removeprefix("motion_"): value for name, value in stated.items()})
-    return recorded_body(bones, BoneParameters.from_mapping(wishes), rate)
+    return recorded_body(bones, BoneParameters.from_mapping(bone_options), rate)

@@ -30,7 +30,7 @@ from skelgen.cli.options import (
     reader_options,
     stages_beginning,
 )
-from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project
+from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project, show_results
 from skelgen.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -249,7 +249,7 @@ def hierarchy_in(path: Path | None) -> dict[str, str] | None:
 
 
 def _folder_for(take: Path) -> Path:
-    """Return where results go when nobody says: a project grows in its place, a take gets a folder of its own."""
+    """Return where results go by default: a project grows in its place, a take gets a folder of its own."""
     from skelgen.app.outputs import stem_of
     from skelgen.app.project_file.archive import is_project_file
 
@@ -290,13 +290,9 @@ def _subject_run(skeleton: Path, settings: Settings) -> _Work:
 
 def _run_and_write(screen: Screen, project: Project, work: _Work, target: _Target) -> None:
     from skelgen.app.outputs import write_outputs
-    from skelgen.app.tables import project_tables
 
     screen.note(project.take.notices)
     with screen.watching() as monitor:
         project = work(project, monitor)
         files = write_outputs(project, target.folder, target.stem, result_name=target.result_name, monitor=monitor)
-    tables = project_tables(project)
-    show_project(screen, tables)
-    show_files(screen, files)
-    screen.json({**tables, "files": [str(file) for file in files]})
+    show_results(screen, project, files)

@@ -25,7 +25,15 @@ _VERSION = 1
 
 
 def write_json(data: Mapping[str, Any], path: Path) -> None:
-    """Write a JSON file, whole or not at all."""
+    """Write a JSON file, whole or not at all.
+
+    Parameters
+    ----------
+    data : mapping
+        Plain values.
+    path : Path
+        The file.
+    """
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="ascii")
 
@@ -99,13 +107,21 @@ def clear_unfinished(folder: Path) -> None:
 
 
 def manifest_of(job: Mapping[str, Any], records: Iterable[Record]) -> Record:
-    """Return the manifest of a batch."""
+    """Return the manifest of a batch.
+
+    Parameters
+    ----------
+    job : mapping
+        From `Job.as_mapping`.
+    records : iterable of dict
+        One per take.
+    """
     takes = list(records)
     counts = {outcome: sum(one["outcome"] == outcome for one in takes) for outcome in (DONE, FAILED, WAITING)}
     return {"format": _FORMAT, "version": _VERSION, "job": dict(job), "counts": counts, "takes": takes}
 
 
-def known_names(manifest: Path) -> dict[str, str]:
+def earlier_names(manifest: Path) -> dict[str, str]:
     """Return the names of takes by source that a manifest holds; none if it is none."""
     takes = (read_json(manifest) or {}).get("takes")
     try:

@@ -1,4 +1,4 @@
-"""A batch from its plan to its end: takes to workers, records to the manifest and the page."""
+"""A batch from its plan to its end: takes go to workers, their records into the manifest and onto the page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skelgen.app.batch.records import (
     MANIFEST,
     Record,
     clear_unfinished,
-    known_names,
+    earlier_names,
     manifest_of,
     read_json,
     write_json,
@@ -86,7 +86,7 @@ def run_batch(
     resume : bool
         Whether `output` may hold a batch: takes that are finished in it are kept.
     monitor : Monitor
-        Told how many takes are done, and of each that cannot be; may cancel.
+        Receives the number of takes that are done, and a notice for each that fails; may cancel.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def run_batch(
     manifest = output / MANIFEST
     if manifest.exists() and not resume:
         raise InputError(f"{output} holds a batch: continue it with --resume, or take another folder")
-    entries = find_entries(inputs, output, known_names(manifest))
+    entries = find_entries(inputs, output, earlier_names(manifest))
     gathered = _Gathered(entries, job, output)
     clear_unfinished(output)
     gathered.write()

@@ -43,7 +43,7 @@ class Entry:
         return stem_of(self.source)
 
 
-def find_entries(inputs: Iterable[Path | str], output: Path, known: Mapping[str, str] | None = None) -> list[Entry]:
+def find_entries(inputs: Iterable[Path | str], output: Path, earlier: Mapping[str, str] | None = None) -> list[Entry]:
     """Find the takes and name a folder for each.
 
     A take in a folder or of a pattern keeps its place below that folder, or below the part of the pattern without
@@ -56,7 +56,7 @@ def find_entries(inputs: Iterable[Path | str], output: Path, known: Mapping[str,
         Files, folders (searched with all below) and patterns such as ``in/**/*.c3d``.
     output : Path
         Folder of the batch; nothing in it is a take.
-    known : mapping of str to str, optional
+    earlier : mapping of str to str, optional
         Names that takes have from a batch before, by source.
 
     Raises
@@ -65,15 +65,15 @@ def find_entries(inputs: Iterable[Path | str], output: Path, known: Mapping[str,
         If an input does not exist, or there is no take at all.
     """
     output = _absolute(output)
-    wished: dict[str, str] = {}
+    wanted: dict[str, str] = {}
     for one in inputs:
         for path, name in _takes_of(str(one), output):
-            wished.setdefault(str(_absolute(path)), name)
-    if not wished:
+            wanted.setdefault(str(_absolute(path)), name)
+    if not wanted:
         raise InputError(
             f"there is no take in {', '.join(map(str, inputs)) or 'nothing'}; `skelgen formats` says what is"
         )
-    names = _distinct(wished, known or {})
+    names = _distinct(wanted, earlier or {})
     return [Entry(source, name, str(output / name)) for source, name in names.items()]
 
 
@@ -146,12 +146,12 @@ def _is_take(path: Path) -> bool:
     return any(entry.sniff(head, path) for entry in readable)
 
 
-def _distinct(wished: Mapping[str, str], known: Mapping[str, str]) -> dict[str, str]:
+def _distinct(wanted: Mapping[str, str], earlier: Mapping[str, str]) -> dict[str, str]:
     """Name of each source; names that differ in case alone count as one, as on some disks they are."""
-    names = {source: known[source] for source in wished if source in known}
+    names = {source: earlier[source] for source in wanted if source in earlier}
     taken = {name.casefold() for name in names.values()}
-    natural = {name.casefold() for name in wished.values()}
-    for source, name in wished.items():
+    natural = {name.casefold() for name in wanted.values()}
+    for source, name in wanted.items():
         if source in names:
             continue
         chosen, number = name, 1
@@ -160,4 +160,4 @@ def _distinct(wished: Mapping[str, str], known: Mapping[str, str]) -> dict[str, 
             chosen = f"{name}-{number}"
         names[source] = chosen
         taken.add(chosen.casefold())
-    return {source: names[source] for source in wished}
+    return {source: names[source] for source in wanted}

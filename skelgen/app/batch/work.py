@@ -1,4 +1,4 @@
-"""What is done with every take of a batch, as it is sent to the workers."""
+"""One take of a batch: what is done with it (`Job`), and the work from its file to its folder on any machine."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Job:
     format_name : str or None
         Format in which all takes are read; None finds it for each.
     reader_options : mapping of str to value
-        What readers are told.
+        Options of the readers.
     formats : tuple of str
         Formats that are written beside the usual files.
     subject : SubjectFile or None
@@ -216,7 +216,15 @@ def work_on(entry: Entry, job: Job) -> Outcome:
 
 
 def blank_record(entry: Entry, job: Job) -> Record:
-    """Return the record of a take that is not begun."""
+    """Return the record of a take that is not begun.
+
+    Parameters
+    ----------
+    entry : Entry
+        The take.
+    job : Job
+        What is done with it.
+    """
     return {
         "name": entry.name,
         "outcome": WAITING,
@@ -231,7 +239,17 @@ def blank_record(entry: Entry, job: Job) -> Record:
 
 
 def failed_record(entry: Entry, job: Job, error: str) -> Record:
-    """Return the record of a take that could not be done; its folder stays as it is."""
+    """Return the record of a take that could not be done; its folder stays as it is.
+
+    Parameters
+    ----------
+    entry : Entry
+        The take.
+    job : Job
+        What was to be done with it.
+    error : str
+        Why it could not be done.
+    """
     return blank_record(entry, job) | {"outcome": FAILED, "error": " ".join(error.split())}
 
 
@@ -268,9 +286,9 @@ def _done(entry: Entry, job: Job) -> Record:
     seconds = {name: report.seconds for name, report in project.reports.items()}
     timeless = {name: replace(report, seconds=0.0) for name, report in project.reports.items()}
     project = replace(project, reports=timeless)  # the same take gives the same bytes, whenever and wherever
-    said = CollectingMonitor(SILENT)
-    files = write_outputs(project, entry.folder, entry.stem, outputs=_outputs(job), monitor=said)
-    facts = _facts(project, said.notices)
+    collecting = CollectingMonitor(SILENT)
+    files = write_outputs(project, entry.folder, entry.stem, outputs=_outputs(job), monitor=collecting)
+    facts = _facts(project, collecting.notices)
     return {"facts": facts, "files": files_of(files), "run": {"stages": seconds, "host": socket.gethostname()}}
 
 
@@ -294,7 +312,7 @@ def _write_picture(project: Project, path: Path) -> None:
 def _facts(project: Project, notices: Sequence[str]) -> Record:
     """What the page of the batch shows of a take."""
     take = project.take
-    spoken = [*take.notices, *[line for report in project.reports.values() for line in report.notices], *notices]
+    every = [*take.notices, *[line for report in project.reports.values() for line in report.notices], *notices]
     facts: Record = {"frames": take.n_frames, "rate_hz": take.rate, "unlabelled": isinstance(take, PointCloud)}
     if project.has("labels"):
         facts["markers"] = project.trajectories.n_markers
@@ -306,7 +324,7 @@ def _facts(project: Project, notices: Sequence[str]) -> Record:
         residuals = project.motion.residuals
         known = residuals[~np.isnan(residuals)]
         facts["residual_mm"] = float(known.mean()) if len(known) else None
-    return facts | {"notices": list(dict.fromkeys(spoken))}
+    return facts | {"notices": list(dict.fromkeys(every))}
 
 
 def _is_of_disk(error: SkelgenError) -> bool:
@@ -315,7 +333,7 @@ def _is_of_disk(error: SkelgenError) -> bool:
 
 
 def _peak() -> int:
-    """Most memory that this process has held [bytes]; 0 where that is not told."""
+    """Most memory that this process has held [bytes]; 0 where the system does not say."""
     if sys.platform == "win32":
         return 0
     import resource  # noqa: PLC0415 - there is none on Windows

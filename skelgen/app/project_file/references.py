@@ -16,7 +16,17 @@ from skelgen.model.project import Source
 
 
 def source_of(path: Path, format_name: str, options: Mapping[str, Any]) -> Source:
-    """Return what is known of a recording that is about to be read."""
+    """Return what is known of a recording that is about to be read.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    format_name : str
+        Its format.
+    options : mapping of str to value
+        Options of the reader.
+    """
     facts = path.stat()
     return Source(str(path.absolute()), format_name, dict(options), facts.st_size, facts.st_mtime_ns)
 
@@ -45,6 +55,13 @@ def reference_to(project: Project) -> Source:
 
 def take_of(source: Source, project_file: Path) -> tuple[Take, Source]:
     """Read the recording that a project refers to, where it was or beside the project.
+
+    Parameters
+    ----------
+    source : Source
+        The recording, with its checksum.
+    project_file : Path
+        The project.
 
     Returns
     -------
