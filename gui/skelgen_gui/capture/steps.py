@@ -113,7 +113,7 @@ class Step(QWidget, Generic[_Shot]):
         Parameters
         ----------
         title : str
-            Progress is told under this name.
+            Progress is reported under this name.
         work : callable (monitor) -> result
             Runs on another thread.
         done : callable (result)
@@ -133,7 +133,7 @@ class Step(QWidget, Generic[_Shot]):
         Parameters
         ----------
         title : str
-            Progress is told under this name.
+            Progress is reported under this name.
         control : CollectingControl
             Stops the job.
         work : callable (monitor) -> result

@@ -43,7 +43,7 @@ _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
 _APART = 2  # px, between what is to be looked at
 
 _POINTER = Qt.ItemDataRole.UserRole
-_Told = tuple[tuple[str, ...], tuple[Pointer, ...]]
+_Outcome = tuple[tuple[str, ...], tuple[Pointer, ...]]
 
 
 class StagePage(QWidget):
@@ -215,10 +215,10 @@ class StagePage(QWidget):
         if project is None or not project.has(self._stage):
             self._show_result(((self.tr("This step has not run yet."),), ()))
         else:
-            self.deriver.derive(partial(_told, project, self._stage), self._show_result)
+            self.deriver.derive(partial(_outcome, project, self._stage), self._show_result)
 
-    def _show_result(self, told: _Told) -> None:
-        sentences, pointers = told
+    def _show_result(self, outcome: _Outcome) -> None:
+        sentences, pointers = outcome
         self.result.setText(" ".join(sentences))
         self.warnings.clear()
         for pointer in pointers:
@@ -236,7 +236,7 @@ class StagePage(QWidget):
             session.select(Selection(frozenset(pointer.markers)))
 
 
-def _told(project: Project, stage: str) -> _Told:
+def _outcome(project: Project, stage: str) -> _Outcome:
     return stage_sentences(project, stage), stage_pointers(project, stage)
 
 

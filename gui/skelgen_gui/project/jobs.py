@@ -40,7 +40,7 @@ class _JobMonitor:
     def __init__(self, jobs: Jobs) -> None:
         self._jobs = jobs
         self._name = ""
-        self._told = 0.0
+        self._reported_at = 0.0
         self.stop = threading.Event()
 
     def begin(self, name: str) -> None:
@@ -53,8 +53,8 @@ class _JobMonitor:
         """Report how much of the part is done."""
         self._look()
         now = time.monotonic()
-        if now - self._told >= PROGRESS_INTERVAL or done >= total:
-            self._told = now
+        if now - self._reported_at >= PROGRESS_INTERVAL or done >= total:
+            self._reported_at = now
             self._jobs.progressed.emit(self._name, done / total if total else 1.0)
 
     def notice(self, sentence: str) -> None:

@@ -37,8 +37,8 @@ def sentence_of(error: BaseException) -> str:
         return str(error)
     kind = type(error).__name__
     reason = " ".join(f"{kind}: {error}".split()) if str(error) else kind
-    told = translate("Errors", "The program has a fault ({0}). What is open stays open; please report the details.")
-    return told.format(reason)
+    sentence = translate("Errors", "The program has a fault ({0}). What is open stays open; please report the details.")
+    return sentence.format(reason)
 
 
 def details_of(error: BaseException) -> str:

@@ -93,9 +93,9 @@ class BoardCollector(_Collector):
         Parameters
         ----------
         title : str
-            Progress is told under this name.
+            Progress is reported under this name.
         monitor : Monitor
-            Is told how far it is.
+            Receives the progress.
 
         Raises
         ------
@@ -167,9 +167,9 @@ class TargetCollector(_Collector, Generic[_Progress]):
         Parameters
         ----------
         title : str
-            Progress is told under this name.
+            Progress is reported under this name.
         monitor : Monitor
-            Is told how far it is.
+            Receives the progress.
 
         Raises
         ------
@@ -260,7 +260,7 @@ class BodyCollector(TargetCollector[BodyProgress]):
         n_balls : int or None
             Its number of balls, if it is known.
         monitor : Monitor
-            Is told how far it is.
+            Receives the progress.
         """
         if self.settings is None:
             raise InputError("no frames of the target were taken yet")

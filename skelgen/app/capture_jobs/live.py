@@ -46,7 +46,7 @@ class LiveCapture:
     feed : Feed
         Where results go.
     title : str
-        Progress is told under this name.
+        Progress is reported under this name.
     """
 
     def __init__(
