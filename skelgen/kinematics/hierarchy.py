@@ -16,7 +16,7 @@ from skelgen.errors import InputError
 from skelgen.kinematics.bodies.relative_poses import RelativePoses, body_index, noise_size, relative_poses
 from skelgen.kinematics.joints.closed_form import fit_fixed_point
 from skelgen.kinematics.joints.fit import KindChoice, choose, fit_kind
-from skelgen.kinematics.joints.joint_type import KNOWN_KINDS, KindLimits
+from skelgen.kinematics.joints.joint_type import KNOWN_KINDS
 from skelgen.model import Poses
 from skelgen.model.arrays import Floats, Ints
 from skelgen.model.topology import outward_order, parents_from_names, spanning_forest
@@ -137,13 +137,11 @@ class _Place:
 
 def find_hierarchy(
     poses: Poses,
-    parents: Mapping[str, str | None] | None = None,
-    root: int | str | None = None,
+    tree: Mapping[str, str | None] | int | str | None = None,
     covariances: Floats | None = None,
     size: float | None = None,
     *,
     kinds: Mapping[str, str] | None = None,
-    limits: KindLimits | None = None,
     loops: Sequence[tuple[str, str]] | None = None,
 ) -> Hierarchy:
     """Find the hierarchy of bodies and fit its joints.
@@ -152,16 +150,13 @@ def find_hierarchy(
     ----------
     poses : Poses
         Bodies with orientation.
-    parents : mapping of str to str or None, optional
-        The parent of every body by name, None or empty for a root; found if left out.
-    root : int or str, optional
-        Root of a tree that is found; by default the body with most joints.
+    tree : mapping of str to str or None, or int or str, optional
+        The parent of every body by name, None or empty for a root. Or the root of a tree that is found, by index or
+        name; by default the body with most joints.
     covariances, size
         As for `fit_ball`.
     kinds : mapping of str to str, optional
         Types of joints that are stated, by the child's name.
-    limits : KindLimits, optional
-        Limits between the types.
     loops : sequence of pairs of str, optional
         Bodies that are joined beyond the tree, such as clasped hands; found if left out.
 
@@ -171,23 +166,23 @@ def find_hierarchy(
         If names are unknown, the parents form a cycle, or two bodies to be joined are not seen together.
     """
     gaps = joint_gaps(poses)
-    if parents is None:
-        tree = spanning_forest(gaps, root=None if root is None else body_index(poses, root))
+    if isinstance(tree, Mapping):
+        parents = parents_from_names(poses.names, tree)
     else:
-        tree = parents_from_names(poses.names, parents)
+        parents = spanning_forest(gaps, root=None if tree is None else body_index(poses, tree))
     wanted, size = _known_kinds(poses, kinds or {}), noise_size(poses) if size is None else size
 
     def relate(parent: int, child: int) -> RelativePoses:
         return relative_poses(poses, parent, child, covariances, size)
 
-    children = [int(child) for child in outward_order(tree) if tree[child] >= 0]
-    joints = {child: choose(relate(int(tree[child]), child), wanted.get(child), limits) for child in children}
-    found = Hierarchy(poses.names, tree, gaps, joints, ())
+    children = [int(child) for child in outward_order(parents) if parents[child] >= 0]
+    joints = {child: choose(relate(int(parents[child]), child), wanted.get(child)) for child in children}
+    found = Hierarchy(poses.names, parents, gaps, joints, ())
     if loops is None:
         pairs = _loops(found, relate)
     else:
         pairs = tuple((body_index(poses, first), body_index(poses, second)) for first, second in loops)
-    joined = tuple(choose(relate(first, second), None, limits) for first, second in pairs)
+    joined = tuple(choose(relate(first, second)) for first, second in pairs)
     return replace(found, loops=pairs, loop_joints=joined)
 
 

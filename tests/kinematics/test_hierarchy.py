@@ -68,7 +68,7 @@ def test_places_are_within_their_deviations(sensors):
 def test_root_is_the_body_with_most_joints_or_the_one_asked_for(sensors):
     poses = sensors("rods").poses
     assert poses.names[int(np.flatnonzero(find_hierarchy(poses).parents < 0)[0])] == "middle rod"
-    asked = find_hierarchy(poses, root="rear rod")
+    asked = find_hierarchy(poses, "rear rod")
     assert asked.parents[poses.names.index("rear rod")] == -1
 
 

@@ -330,7 +330,6 @@ def choose_kind(
     size: float | None = None,
     *,
     wanted: str | None = None,
-    limits: KindLimits | None = None,
 ) -> KindChoice:
     """Find the type of the joint between two bodies, and fit it.
 
@@ -340,8 +339,6 @@ def choose_kind(
         As for `fit_ball`.
     wanted : str, optional
         A type that is stated; it is fitted without question.
-    limits : KindLimits, optional
-        Limits between the types.
 
     Raises
     ------
@@ -358,7 +355,7 @@ def choose_kind(
     """
     if wanted is not None and wanted not in KNOWN_KINDS:
         raise InputError(f"there is no joint of kind {wanted!r}; kinds are {', '.join(KNOWN_KINDS)}")
-    return choose(relative_poses(poses, parent, child, covariances, size), wanted, limits)
+    return choose(relative_poses(poses, parent, child, covariances, size), wanted)
 
 
 def choose(measured: RelativePoses, wanted: str | None = None, limits: KindLimits | None = None) -> KindChoice:

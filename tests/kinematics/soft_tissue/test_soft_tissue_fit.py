@@ -16,7 +16,7 @@ from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_t
 from skelgen.kinematics.soft_tissue.model import soft_tissue_at_rest
 from skelgen.kinematics.soft_tissue.normal_equations import soft_tissue_equations
 
-TISSUE = 3.0  # mm, per coordinate; half of its variance follows the bends
+TISSUE = 3.0  # mm, per coordinate; half of its variance follows the flexions
 N_FRAMES = 600
 SEEDS = (0, 1, 2)
 
@@ -33,8 +33,8 @@ def joint_errors(case, last):
     return joint_distances(found, np.arange(case.truth.n_joints), case.truth)
 
 
-def test_size_of_the_slides_is_that_of_the_tissue_that_follows_bends(tissue):
-    """The variance of a limb that follows a joint, shared by the bends of that joint."""
+def test_size_of_the_displacements_is_that_of_the_tissue_that_follows_flexions(tissue):
+    """The variance of a limb that follows a joint, shared by the flexions of that joint."""
     sums = [fit_soft_tissue(last).variances[1:].sum(axis=1) for _, last in tissue]
     np.testing.assert_allclose(np.sqrt(np.median(np.concatenate(sums))), TISSUE / np.sqrt(2), rtol=0.25)
 
@@ -47,7 +47,7 @@ def test_limbs_follow_the_joint_that_they_are_simulated_to_follow(tissue):
         assert found.variances[~own].sum() < 0.2 * found.variances[own].sum()
 
 
-def test_joints_are_nearer_to_the_truth_without_the_slides(tissue):
+def test_joints_are_nearer_to_the_truth_without_the_displacements(tissue):
     before, after = [], []
     for case, last in tissue:
         settled = calibrate_soft_tissue(fit_soft_tissue(last), last.poses, case.positions).calibration
@@ -66,18 +66,18 @@ def test_information_of_joints_is_less_where_markers_may_slide(tissue):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_white_noise_shows_no_slides(true_chain, seed):
+def test_white_noise_shows_no_displacements(true_chain, seed):
     case = true_chain("tree:8", seed, n_frames=200, noise=1.0)
     assert fit_soft_tissue(calibrate(case.chain, case.poses, case.positions)) is None
 
 
-def test_exact_markers_show_no_slides(true_chain):
+def test_exact_markers_show_no_displacements(true_chain):
     case = true_chain("rods", n_frames=60)
     assert fit_soft_tissue(calibrate(case.chain, case.poses, case.positions)) is None
 
 
-def test_tissue_that_only_wanders_shows_no_slides_to_speak_of(true_chain):
-    """Smooth curves without any bend in them: what is found of slides is chance."""
+def test_tissue_that_only_wanders_shows_no_displacements_to_speak_of(true_chain):
+    """Smooth curves without any bend in them: what is found of displacements is chance."""
     case = true_chain("tree:8", n_frames=N_FRAMES, noise=0.3)
     times, random = np.arange(N_FRAMES) / 100, np.random.default_rng(0)
     frequency, phase = random.uniform(0.2, 2, case.chain.n_markers * 3), random.uniform(0, 6, case.chain.n_markers * 3)
@@ -89,7 +89,7 @@ def test_tissue_that_only_wanders_shows_no_slides_to_speak_of(true_chain):
 
 @pytest.mark.parametrize("dropouts", [0.0, 0.2])
 def test_rigid_displacements_tell_all_that_markers_tell(true_chain, dropouts):
-    """With all markers seen, the few numbers of each limb lose nothing; else but what bends clusters."""
+    """With all markers seen, the few numbers of each limb lose nothing; else but what flexions clusters."""
     case = true_chain("tree:8", n_frames=30, noise=0.3, dropouts=dropouts)
     chain, free = case.chain, Articulation.free(case.chain.n_limbs)
     tissue = soft_tissue_at_rest(chain, case.poses)
@@ -112,13 +112,15 @@ def test_gradient_is_the_slope_of_the_squares(true_chain):
     tissue = soft_tissue_at_rest(last.chain, last.poses)
     reach = tissue.reach(last.chain)
     system = soft_tissue_equations(last, tissue, reach, last.noise)
-    n_slides, step = len(system.rigid), 1e-4
-    for index in (0, n_slides // 2, n_slides - 1):
-        slides = np.zeros(n_slides)
-        slides[index] = step
+    n_displacements, step = len(system.rigid), 1e-4
+    for index in (0, n_displacements // 2, n_displacements - 1):
+        displacements = np.zeros(n_displacements)
+        displacements[index] = step
         squares = [
             ((case.positions - moved.displacements(last.chain, last.poses) - last.poses.markers(last.chain)) ** 2).sum()
-            for moved in (tissue.with_slopes(sign * system.slopes(slides, len(tissue.joints))) for sign in (1, -1))
+            for moved in (
+                tissue.with_slopes(sign * system.slopes(displacements, len(tissue.joints))) for sign in (1, -1)
+            )
         ]
         slope = (squares[1] - squares[0]) / (4 * step)
         assert system.gradient[system.n_constants + index] == pytest.approx(slope, rel=1e-3, abs=0.05)
@@ -134,7 +136,7 @@ def test_limbs_of_one_and_two_markers_take_part(true_chain):
     assert np.isfinite(settled.tissue.slopes).all()
 
 
-def test_same_input_gives_the_same_slides(tissue):
+def test_same_input_gives_the_same_displacements(tissue):
     _, last = tissue[1]
     first, second = (fit_soft_tissue(dataclasses.replace(last)) for _ in range(2))
     np.testing.assert_array_equal(first.tissue.slopes, second.tissue.slopes)

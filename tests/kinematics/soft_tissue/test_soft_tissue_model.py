@@ -39,12 +39,12 @@ def test_markers_may_follow_the_joints_of_their_limb_only(tree):
         assert set(tissue.joints[reach[limb]]) == {int(one) for one in (limb, *children) if one}
 
 
-def test_still_joints_carry_no_slides(true_chain):
+def test_still_joints_carry_no_displacements(true_chain):
     case = true_chain("tree:8", n_frames=100, motion_range=0.01)
     assert not len(soft_tissue_at_rest(case.chain, case.poses).joints)
 
 
-def test_slides_are_slopes_times_bends_in_the_limbs_axes(tree):
+def test_displacements_are_slopes_times_bends_in_the_limbs_axes(tree):
     random = np.random.default_rng(0)
     at_rest = soft_tissue_at_rest(tree.chain, tree.poses)
     tissue = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
@@ -55,7 +55,7 @@ def test_slides_are_slopes_times_bends_in_the_limbs_axes(tree):
         np.testing.assert_allclose(displacements[frame, marker], tree.poses.rotations[frame, limb] @ local)
 
 
-def test_slides_are_the_same_whatever_the_limbs_frames(tree):
+def test_displacements_are_the_same_whatever_the_limbs_frames(tree):
     chain, poses, random = tree.chain, tree.poses, np.random.default_rng(1)
     at_rest = soft_tissue_at_rest(chain, poses)
     tissue = at_rest.with_slopes(random.normal(size=at_rest.slopes.shape))
