@@ -82,7 +82,7 @@ def read_acclaim(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> 
         raise FormatError(path, "", "an ASF holds bones without motion; give the AMC, and this as --motion-skeleton")
     if unit != AUTO:
         raise ParameterError(f"{path}: its ASF states the unit; leave out --motion-unit")
-    asf = read_asf(skeleton or _skeleton_of(path))
+    asf = _read_asf(skeleton or _skeleton_of(path))
     values = _frames(path, asf)
     rotations = np.stack([_rotations(bone, values[bone.name], asf) for bone in asf.bones], axis=1)
     index_of = {bone.name: index for index, bone in enumerate(asf.bones)}
@@ -230,7 +230,7 @@ class Asf:
     radians: float
 
 
-def read_asf(path: Path) -> Asf:
+def _read_asf(path: Path) -> Asf:
     """Read the bones of an ASF file.
 
     Raises

@@ -111,13 +111,29 @@ def posed(links: Sequence[Link]) -> Floats:
 
 
 def markers_on(project: Project, limb: int) -> list[tuple[int, Floats]]:
-    """Return the markers of a limb: index, and place in its frame [mm]."""
+    """Return the markers of a limb: index, and place in its frame [mm].
+
+    Parameters
+    ----------
+    project : Project
+        Finished.
+    limb : int
+        Limb index.
+    """
     skeleton = project.skeleton
     return [(marker, skeleton.marker_offsets[marker]) for marker in skeleton.markers_of(limb).tolist()]
 
 
 def bones_of(project: Project, link: Link) -> list[Floats]:
-    """Return where the bones of a limb end, in its frame [mm]: at its children's joints, or amid its markers."""
+    """Return where the bones of a limb end, in its frame [mm]: at its children's joints, or amid its markers.
+
+    Parameters
+    ----------
+    project : Project
+        Finished.
+    link : Link
+        The limb.
+    """
     skeleton = project.skeleton
     ends = [joint.position_in_parent for joint in skeleton.joints if joint.parent == link.limb]
     if not ends and len(skeleton.markers_of(link.limb)):

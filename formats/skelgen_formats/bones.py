@@ -50,7 +50,15 @@ def parent_from_child(world_from_parent: Floats, world_from_child: Floats) -> tu
 
 
 def scaled_poses(poses: Floats, scale: float) -> Floats:
-    """Return poses, shape (..., 4, 4), with their translations multiplied by a factor."""
+    """Return poses, shape (..., 4, 4), with their translations multiplied by a factor.
+
+    Parameters
+    ----------
+    poses : ndarray, shape (..., 4, 4)
+        Rigid transforms.
+    scale : float
+        The factor.
+    """
     scaled = poses.copy()
     scaled[..., :3, 3] *= scale
     return scaled
@@ -148,7 +156,15 @@ _SHORTEST_TIP = 1.0  # mm: importers turn a bone of no length into none, or into
 
 
 def check_single_precision(project: Project, title: str) -> None:
-    """Raise `WriteError` if a coordinate of a project is beyond the numbers of a format with single precision."""
+    """Raise `WriteError` if a coordinate of a project is beyond the numbers of a format with single precision.
+
+    Parameters
+    ----------
+    project : Project
+        Finished.
+    title : str
+        Of the format, for the error.
+    """
     poses = (project.motion.world_from_limb, project.skeleton.reference_pose)
     if not all(float(np.abs(pose).max()) < _LARGEST for pose in poses):
         raise WriteError(f"a coordinate is beyond what {title}'s single precision can hold")
@@ -168,6 +184,13 @@ def bone_tip(skeleton: Skeleton, limb: int) -> Floats:
     """Return where a limb that carries no other ends, in its frame [mm], shape (3,): as far as its markers reach.
 
     The direction is that of the markers' centroid; a limb without markers ends a millimetre from its joint.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The limbs.
+    limb : int
+        One without further joints.
     """
     markers = skeleton.marker_offsets[skeleton.markers_of(limb)]
     centre = markers.mean(axis=0) if len(markers) else np.zeros(3)
@@ -178,7 +201,15 @@ def bone_tip(skeleton: Skeleton, limb: int) -> Floats:
 
 
 def lost_in_animations(project: Project, title: str) -> tuple[str, ...]:
-    """Say what of this project's skeleton no tree of bones holds: closed loops, and which frames are interpolated."""
+    """Say what of this project's skeleton no tree of bones holds: closed loops, and which frames are interpolated.
+
+    Parameters
+    ----------
+    project : Project
+        Finished.
+    title : str
+        Of the format.
+    """
     remarks = []
     if project.skeleton.loops:
         n_loops = len(project.skeleton.loops)

@@ -190,11 +190,11 @@ def _animation(project: Project, scale: float, data: _Data, monitor: Monitor) ->
         translation, rotation = bone_transforms(poses, parent, limb)
         if parent < 0:
             move(limb, "translation", translation * scale)
-        move(limb, "rotation", continuous(xyzw_from_matrix(rotation)))
+        move(limb, "rotation", _continuous(xyzw_from_matrix(rotation)))
     return {"name": "motion", "samplers": samplers, "channels": channels}
 
 
-def continuous(quaternions: Floats) -> Floats:
+def _continuous(quaternions: Floats) -> Floats:
     """Return the quaternions, shape (n_frames, 4), with signs such that each is the nearer one to that before."""
     flips = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0, -1.0, 1.0)
     return np.asarray(quaternions * np.cumprod(np.concatenate([[1.0], flips]))[:, np.newaxis])

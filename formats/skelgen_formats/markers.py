@@ -26,7 +26,17 @@ _NAMED_IN_NOTICE = 8  # names that a notice lists before it says how many more t
 
 
 def mm_per_unit(path: Path, place: str | int, unit: str) -> float:
-    """Return how many mm the named length unit has, or raise `FormatError` that lists the known ones."""
+    """Return how many mm the named length unit has, or raise `FormatError` that lists the known ones.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    place : str or int
+        Line, or another place in it, for errors.
+    unit : str
+        What the file says, in any case.
+    """
     factor = MM_PER_UNIT.get(unit.strip().lower())
     if factor is None:
         known = ", ".join(dict.fromkeys(MM_PER_UNIT))
@@ -101,23 +111,23 @@ def take_from_markers(
     ever: Bools = np.asarray(seen.any(axis=0))
     if not ever.any():
         raise FormatError(path, "", "no marker is seen in any frame: there is nothing to reconstruct from")
-    labelled = np.array([not is_unlabelled(name) for name in names])
+    labelled = np.array([not _is_unlabelled(name) for name in names])
     if not (labelled & ever).any():
         notices.append("all trajectories are unlabelled: they are taken as points without identity")
         return cloud_from_markers(positions, rate, path.name, notices)
     _note(notices, names, ~ever, "dropped because never seen")
     _note(notices, names, ever & ~labelled, "left out because unlabelled")
     keep = np.flatnonzero(ever & labelled).tolist()
-    kept_names = without_prefixes([names[index] for index in keep], notices)
+    kept_names = _without_prefixes([names[index] for index in keep], notices)
     return Trajectories(positions[:, keep], kept_names, rate, path.name, tuple(notices))
 
 
-def is_unlabelled(name: str) -> bool:
+def _is_unlabelled(name: str) -> bool:
     """Whether a name is one that capture programs invent for a trajectory without a label."""
     return _UNLABELLED.fullmatch(name.rpartition(":")[2].strip()) is not None
 
 
-def without_prefixes(names: Sequence[str], notices: list[str]) -> tuple[str, ...]:
+def _without_prefixes(names: Sequence[str], notices: list[str]) -> tuple[str, ...]:
     """Return names without a subject's prefix (``Nick01:LFHD``) if they stay distinct; say so in `notices`."""
     short = tuple(name.rpartition(":")[2].strip() for name in names)
     prefixes = list(dict.fromkeys(name.rpartition(":")[0] for name in names if ":" in name))
@@ -170,7 +180,19 @@ def trajectories_of(value: Writable, title: str) -> Trajectories:
 
 
 def check_frames(path: Path, place: str | int, announced: int, found: int, notices: list[str]) -> None:
-    """Compare the frames that a header announces with those found: fewer is an error, more a notice."""
+    """Compare the frames that a header announces with those found: fewer is an error, more a notice.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    place : str or int
+        Line, or another place in it, for errors.
+    announced, found : int
+        Numbers of frames.
+    notices : list of str
+        Gets a sentence if there are more.
+    """
     if found < announced:
         raise FormatError(path, place, f"{announced} frames are announced and {found} are there; the file is cut off")
     if found > announced:
@@ -180,7 +202,19 @@ def check_frames(path: Path, place: str | int, announced: int, found: int, notic
 def check_writable_names(
     path: Path, names: Sequence[str], forbidden: str, clean: Callable[[str], str] = str
 ) -> list[str]:
-    """Return the names as `clean` makes them; refuse those that the format cannot hold or that become equal."""
+    """Return the names as `clean` makes them; refuse those that the format cannot hold or that become equal.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    names : sequence of str
+        Of the markers.
+    forbidden : str
+        Characters that no name may hold, beside ends of lines.
+    clean : callable (name) -> str
+        Makes a name as it is written.
+    """
     cleaned = [clean(name) for name in names]
     for name in cleaned:
         if not name or any(character in name for character in forbidden + "\r\n\0"):
@@ -267,6 +301,13 @@ def write_table(markers: Trajectories | Filled, path: Path) -> list[Path]:
     """Write the table of filled positions beside a file of markers; nothing if these are measured.
 
     The table has a row per filled position: frame (from 0), marker, source and standard deviation [mm].
+
+    Parameters
+    ----------
+    markers : Trajectories or Filled
+        What was written.
+    path : Path
+        The file of markers.
     """
     if not isinstance(markers, Filled):
         return []
@@ -281,7 +322,15 @@ def write_table(markers: Trajectories | Filled, path: Path) -> list[Path]:
 
 
 def marker_files(path: Path, filled: bool) -> tuple[Path, ...]:
-    """Return the files that a writer of markers will make of a path."""
+    """Return the files that a writer of markers will make of a path.
+
+    Parameters
+    ----------
+    path : Path
+        The file of markers.
+    filled : bool
+        Whether filled positions are written.
+    """
     return (path, table_of(path)) if filled else (path,)
 
 

@@ -133,6 +133,17 @@ def write_frames(
 def frame_bytes(path: Path, time: float, markers: Markers, timestamp_unit: str = "us") -> bytes:
     """Return one frame as it stands in a file: its header, then its markers, which have the file's layout.
 
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    time : float, s
+        Time stamp.
+    markers : structured ndarray, shape (n_markers,)
+        One of `MARKER_DTYPES`.
+    timestamp_unit : str
+        Unit in which the time stamp is written.
+
     Raises
     ------
     WriteError
@@ -169,6 +180,15 @@ class Content:
 
 def find_id_width(path: Path, view: mmap.mmap, id_width: str) -> int:
     """Return the bytes of a unique id with which the whole file parses.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    view : mmap
+        Its bytes.
+    id_width : str
+        Bytes of a unique id, or ``auto``.
 
     Raises
     ------
@@ -210,6 +230,13 @@ class UnparsableError(Exception):
 
 def frame_headers(view: mmap.mmap | bytes, width: int) -> Iterator[tuple[int, int, int]]:
     """Yield, frame by frame, the byte of the first marker, the number of markers and the time stamp.
+
+    Parameters
+    ----------
+    view : mmap or bytes
+        The file, or its beginning.
+    width : int
+        Bytes of a unique id.
 
     Raises
     ------

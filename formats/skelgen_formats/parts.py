@@ -84,7 +84,15 @@ def finished_project(value: Writable, title: str) -> Project:
 
 
 def moving_project(value: Writable, title: str) -> Project:
-    """Return a finished project with at least one limb and one frame; parameters and errors as `finished_project`."""
+    """Return a finished project with at least one limb and one frame; parameters and errors as `finished_project`.
+
+    Parameters
+    ----------
+    value : Project, PointCloud, Trajectories, Poses or Filled
+        What is to be written.
+    title : str
+        Of the format, for errors.
+    """
     project = finished_project(value, title)
     if project.skeleton.n_limbs == 0 or project.motion.n_frames == 0:
         raise WriteError(f"{title} needs at least one limb and one frame")

@@ -219,6 +219,13 @@ def write_as(entry: Format, value: Writable, path: Path, options: Options, monit
 def format_for_writing(path: Path, format_name: str | None = None) -> Format:
     """Return the format that a file is written in: that of the name, or that of the suffix.
 
+    Parameters
+    ----------
+    path : Path
+        The file; `.poses.csv` says more than `.csv`.
+    format_name : str, optional
+        Name of the format.
+
     Raises
     ------
     WriteError
@@ -305,7 +312,15 @@ def read_motion(
 
 
 def marking_sentence(entry: Format, path: Path) -> str:
-    """Say how filled positions differ from measured ones in a file, for the user who exports it."""
+    """Say how filled positions differ from measured ones in a file, for the user who exports it.
+
+    Parameters
+    ----------
+    entry : Format
+        A format that offers `FILLED`.
+    path : Path
+        The file of markers.
+    """
     table = table_of(path).name
     if entry.filled_mark:
         return f"{path.name}: {entry.filled_mark}; {table} says from what they are filled and how surely"

@@ -62,7 +62,19 @@ def _decoded(path: Path, content: bytes) -> str:
 
 
 def split_cells(path: Path, line: str, number: int, delimiter: str) -> list[str]:
-    """Return the stripped cells of a header line that may hold quoted cells."""
+    """Return the stripped cells of a header line that may hold quoted cells.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    line : str
+        The line.
+    number : int
+        Its number, for errors.
+    delimiter : str
+        What separates cells.
+    """
     try:
         rows = list(csv.reader([line], delimiter=delimiter))
     except csv.Error as error:
@@ -79,7 +91,19 @@ def without_trailing_empty(cells: Sequence[str]) -> list[str]:
 
 
 def number_in(path: Path, place: str | int, text: str, what: str) -> float:
-    """Return a finite number that a header states, with a decimal point or comma, or raise `FormatError`."""
+    """Return a finite number that a header states, with a decimal point or comma, or raise `FormatError`.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    place : str or int
+        Line, or another place in it, for errors.
+    text : str
+        What stands there.
+    what : str
+        What it is, for errors.
+    """
     try:
         value = _parsed(_with_point(text))
     except ValueError as error:
@@ -90,7 +114,7 @@ def number_in(path: Path, place: str | int, text: str, what: str) -> float:
 
 
 def count_in(path: Path, place: str | int, text: str, what: str) -> int:
-    """Return a whole number of at least 0 that a header states, or raise `FormatError`."""
+    """Return a whole number of at least 0 that a header states, or raise `FormatError`; parameters as `number_in`."""
     value = number_in(path, place, text, what)
     if value < 0 or value != int(value):
         raise FormatError(path, place, f"{what} is {_shown(text)}; a whole number from 0 up belongs there")
@@ -98,7 +122,7 @@ def count_in(path: Path, place: str | int, text: str, what: str) -> int:
 
 
 def rate_in(path: Path, place: str | int, text: str, what: str) -> float:
-    """Return a frame rate above 0 [Hz] that a header states, or raise `FormatError`."""
+    """Return a frame rate above 0 [Hz] that a header states, or raise `FormatError`; parameters as `number_in`."""
     value = number_in(path, place, text, what)
     if value <= 0:
         raise FormatError(path, place, f"{what} is {value:g} Hz; it must be above 0")

@@ -55,6 +55,13 @@ def read_root(path: Path, root_name: str, file_name: str, largest: int) -> Any:
 def write_lines(path: Path, lines: Iterable[str]) -> None:
     """Write the lines of an XML document, its declaration before them, replacing the file as a whole.
 
+    Parameters
+    ----------
+    path : Path
+        The file.
+    lines : iterable of str
+        Without their ends.
+
     Raises
     ------
     WriteError
@@ -79,7 +86,15 @@ def write_tree(path: Path, root: Element) -> None:
 
 
 def closest_first(name: object, known: Sequence[str]) -> list[str]:
-    """Return known names, those that are most like a wrong one first."""
+    """Return known names, those that are most like a wrong one first.
+
+    Parameters
+    ----------
+    name : object
+        The wrong name.
+    known : sequence of str
+        The right ones.
+    """
 
     def likeness(one: str) -> float:
         return difflib.SequenceMatcher(None, str(name).lower(), one.lower()).ratio()

@@ -76,6 +76,13 @@ def write_points(take: Trajectories, path: Path, unit: str, source: Ints | None 
 def check_point_names(path: Path, names: Sequence[str]) -> list[str]:
     """Return names that a C3D file can hold, stripped.
 
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    names : sequence of str
+        Of the points.
+
     Raises
     ------
     WriteError

@@ -168,6 +168,13 @@ class Contents:
 def assemble(path: Path, contents: Contents) -> ClassicXml:
     """Build the values from what was read.
 
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    contents : Contents
+        What was read.
+
     Raises
     ------
     FormatError

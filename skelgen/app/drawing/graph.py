@@ -93,11 +93,11 @@ def find_cost_graph(project: Project) -> CostGraph:
         )
         for joint, (parent, child) in enumerate(topology.edges.tolist())
     )
-    pairs = tried_pairs(topology)
+    pairs = _tried_pairs(topology)
     return CostGraph(topology, joints, pairs, _strengths(topology.joint_costs[pairs[:, 0], pairs[:, 1]]))
 
 
-def tried_pairs(topology: Topology) -> Ints:
+def _tried_pairs(topology: Topology) -> Ints:
     """Return the limbs between which a joint was tried and not taken, the cheapest first, shape (n_pairs, 2)."""
     known = np.triu(~np.isnan(topology.joint_costs), 1)
     for parent, child in topology.edges.tolist():

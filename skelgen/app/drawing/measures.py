@@ -109,7 +109,7 @@ def limb_order(project: Project) -> list[int]:
     return list(range(project.limbs.n_limbs))
 
 
-def markers_by_limb(limb_of_marker: Ints, order: Iterable[int]) -> Ints:
+def _markers_by_limb(limb_of_marker: Ints, order: Iterable[int]) -> Ints:
     """Return marker indices, limb after limb in the given order, those left out at the end."""
     parts = [np.flatnonzero(limb_of_marker == limb) for limb in [*order, -1]]
     return np.concatenate(parts).astype(np.intp)
@@ -119,11 +119,23 @@ def subtree_markers(project: Project) -> Ints:
     """Return the marker order of every picture: by limb where limbs are known, otherwise by index."""
     if not project.has("limbs"):
         return np.arange(project.trajectories.n_markers)
-    return markers_by_limb(project.limbs.limb_of_marker, limb_order(project))
+    return _markers_by_limb(project.limbs.limb_of_marker, limb_order(project))
 
 
 def marker_deviations(trajectories: Trajectories, limbs: Limbs, motion: Motion, order: Ints) -> list[MarkerDeviation]:
-    """Return the deviation of every marker, in the given order."""
+    """Return the deviation of every marker, in the given order.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Measured markers.
+    limbs : Limbs
+        Their limbs.
+    motion : Motion
+        Of the fitted skeleton.
+    order : ndarray of intp, shape (n,)
+        Markers.
+    """
     seen = trajectories.seen.mean(axis=0) if trajectories.n_frames else np.zeros(trajectories.n_markers)
     rows = []
     for marker in order.tolist():
@@ -185,7 +197,17 @@ def _length(topology: Topology, limb: int, pair: tuple[int, int], rigid: tuple[f
 
 
 def bone_length(lengths: list[Length], topology: Topology, joint: int) -> float:
-    """Return the length [mm] of the parent limb from its own parent joint to `joint`; NaN where that is a root."""
+    """Return the length [mm] of the parent limb from its own parent joint to `joint`; NaN where that is a root.
+
+    Parameters
+    ----------
+    lengths : list of Length
+        From `joint_lengths`.
+    topology : Topology
+        The tree.
+    joint : int
+        Index of the joint.
+    """
     own = np.flatnonzero(topology.children == topology.edges[joint, 0])
     if not len(own):
         return np.nan

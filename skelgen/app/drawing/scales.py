@@ -19,7 +19,15 @@ def round_below(value: float) -> float:
 
 
 def ticks(low: float, high: float, wanted: int) -> list[float]:
-    """Return about `wanted` round values that lie in low .. high."""
+    """Return about `wanted` round values that lie in low .. high.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the axis.
+    wanted : int
+        How many.
+    """
     if not high > low:
         return [low]
     rough = (high - low) / wanted
@@ -152,6 +160,14 @@ def envelope(values: Floats, n_bins: int, upper: Floats | None = None) -> tuple[
 
 
 def bin_edges(n_frames: int, n_bins: int) -> tuple[Ints, Ints]:
-    """Return first frame and end of each of at most `n_bins` stretches of nearly equal length."""
+    """Return first frame and end of each of at most `n_bins` stretches of nearly equal length.
+
+    Parameters
+    ----------
+    n_frames : int
+        Frames in all.
+    n_bins : int
+        Stretches at most.
+    """
     edges = np.linspace(0, n_frames, min(n_frames, n_bins) + 1).astype(np.intp)
     return edges[:-1], edges[1:]

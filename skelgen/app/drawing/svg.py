@@ -26,22 +26,66 @@ def group(*children: Markup, **attributes: str | float) -> Markup:
 
 
 def line(x1: float, y1: float, x2: float, y2: float, cls: str, **attributes: str | float) -> Markup:
-    """Return a straight line [px]."""
+    """Return a straight line [px].
+
+    Parameters
+    ----------
+    x1, y1, x2, y2 : float, px
+        Both ends.
+    cls : str
+        Classes of the style sheet.
+    **attributes
+        See `tag`.
+    """
     return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, cls=cls, **attributes)
 
 
 def rect(x: float, y: float, width: float, height: float, cls: str, **attributes: str | float) -> Markup:
-    """Return a rectangle [px]."""
+    """Return a rectangle [px].
+
+    Parameters
+    ----------
+    x, y, width, height : float, px
+        Upper left corner and size.
+    cls : str
+        Classes of the style sheet.
+    **attributes
+        See `tag`.
+    """
     return tag("rect", x=x, y=y, width=width, height=height, cls=cls, **attributes)
 
 
 def circle(x: float, y: float, radius: float, cls: str, hint: str = "") -> Markup:
-    """Return a circle [px]; `hint` appears under the pointer."""
+    """Return a circle [px]; `hint` appears under the pointer.
+
+    Parameters
+    ----------
+    x, y, radius : float, px
+        Middle and radius.
+    cls : str
+        Classes of the style sheet.
+    hint : str
+        Appears under the pointer.
+    """
     return tag("circle", *([tag("title", hint)] if hint else []), cx=x, cy=y, r=radius, cls=cls)
 
 
 def text(x: float, y: float, content: str, cls: str = "", *, anchor: str = "start", turn: float = 0.0) -> Markup:
-    """Return a text [px], turned clockwise by `turn` degrees about its own place."""
+    """Return a text [px], turned clockwise by `turn` degrees about its own place.
+
+    Parameters
+    ----------
+    x, y : float, px
+        Where it stands on its line.
+    content : str
+        The text.
+    cls : str
+        Classes of the style sheet.
+    anchor : str
+        ``start``, ``middle`` or ``end``: which part of it stands there.
+    turn : float, degrees
+        Clockwise about its own place.
+    """
     place: dict[str, str | float] = {"x": x, "y": y, "text_anchor": anchor}
     if turn:
         place["transform"] = f"rotate({number(turn)} {number(x)} {number(y)})"
@@ -51,13 +95,35 @@ def text(x: float, y: float, content: str, cls: str = "", *, anchor: str = "star
 
 
 def image(x: float, y: float, width: float, height: float, uri: str, *, crisp: bool = True) -> Markup:
-    """Return an embedded picture stretched to a rectangle [px]."""
+    """Return an embedded picture stretched to a rectangle [px].
+
+    Parameters
+    ----------
+    x, y, width, height : float, px
+        Upper left corner and size.
+    uri : str
+        The picture.
+    crisp : bool
+        Whether pixels keep their edges.
+    """
     cls = "crisp" if crisp else "smooth"
     return tag("image", x=x, y=y, width=width, height=height, href=uri, preserveAspectRatio="none", cls=cls)
 
 
 def drawing(width: float, height: float, label: str, *children: Markup, least: float = 0.0) -> Markup:
-    """Return a complete drawing that scales with the page but not below `least` pixels of width (it scrolls then)."""
+    """Return a complete drawing that scales with the page but not below `least` pixels of width (it scrolls then).
+
+    Parameters
+    ----------
+    width, height : float, px
+        Its size.
+    label : str
+        What it shows, for those who do not see it.
+    *children
+        Elements.
+    least : float, px
+        Width below which it scrolls rather than shrinks.
+    """
     style = f"max-width:{number(width)}px;min-width:{number(least)}px"
     box = f"0 0 {number(width)} {number(height)}"
     inside = Markup("").join(children)
@@ -67,7 +133,13 @@ def drawing(width: float, height: float, label: str, *children: Markup, least: f
 
 
 def path_through(x: Floats, y: Floats) -> str:
-    """Return path data through points [px], broken where y is NaN."""
+    """Return path data through points [px], broken where y is NaN.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,), px
+        The points.
+    """
     words, drawing_on = [], False
     for across, down in zip(x.tolist(), y.tolist(), strict=True):
         if math.isnan(down):

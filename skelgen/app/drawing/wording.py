@@ -16,6 +16,13 @@ _SHORTEST = 1e-3  # s
 def digits(value: float, significant: int = _DIGITS) -> str:
     """Return a number with `significant` digits, but never fewer than its whole part has; a dash for NaN.
 
+    Parameters
+    ----------
+    value : float
+        The number.
+    significant : int
+        How many digits.
+
     Examples
     --------
     >>> digits(520.703), digits(1234.6), digits(0.00123), digits(0.0), digits(float("nan"))
@@ -62,7 +69,15 @@ def plain(value: float) -> str:
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with fixed decimals, a proper minus sign, and a dash for NaN."""
+    """Return a number with fixed decimals, a proper minus sign, and a dash for NaN.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    decimals : int
+        Digits behind the point.
+    """
     if not math.isfinite(value):
         return "–"
     shown = f"{value:.{decimals}f}"
@@ -87,6 +102,13 @@ def percent(share: float) -> str:
 def counted(count: int, singular: str, plural: str = "") -> str:
     """Return a count with its noun.
 
+    Parameters
+    ----------
+    count : int
+        How many.
+    singular, plural : str
+        The noun; the plural with an s if left out.
+
     Examples
     --------
     >>> counted(1, "limb"), counted(1200, "frame"), counted(0, "body", "bodies")
@@ -103,6 +125,13 @@ def listed(parts: Iterable[str]) -> str:
 
 def shortened(names: Sequence[str], room: int) -> str:
     """Return as many names as fit into `room` characters, and how many are left.
+
+    Parameters
+    ----------
+    names : sequence of str
+        At least one.
+    room : int
+        Characters.
 
     Examples
     --------
@@ -122,6 +151,13 @@ def shortened(names: Sequence[str], room: int) -> str:
 
 def clipped(name: str, room: int) -> str:
     """Return a name that fits into `room` characters; the middle goes, since names often differ at their end.
+
+    Parameters
+    ----------
+    name : str
+        The name.
+    room : int
+        Characters.
 
     Examples
     --------

@@ -51,7 +51,15 @@ def write_report(project: Project, path: Path, monitor: Monitor = SILENT) -> Pat
 
 
 def report_html(project: Project, monitor: Monitor = SILENT) -> str:
-    """Return the report as a text; see `write_report`."""
+    """Return the report as a text; see `write_report`.
+
+    Parameters
+    ----------
+    project : Project
+        Any project.
+    monitor : Monitor
+        Shows progress; may cancel.
+    """
     folder = resources.files(__name__)
     sources = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _TEMPLATES}
     environment = Environment(

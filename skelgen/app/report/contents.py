@@ -65,8 +65,8 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
         "tiles": _tiles(project),
         "taken": _taken(project),
         "notices": _notices(project),
-        "stages": stage_tables(project),
-        "versions": versions(),
+        "stages": _stage_tables(project),
+        "versions": _versions(),
         "seed": project.seed,
         "colours": _colours(project),
     }
@@ -304,7 +304,7 @@ Row = dict[str, Any]
 _LIBRARIES = ("numpy", "scipy")
 
 
-def stage_tables(project: Project) -> list[Row]:
+def _stage_tables(project: Project) -> list[Row]:
     """Return, for each stage that has run: its name, purpose, time, share of the whole time, and parameters."""
     whole = sum(report.seconds for report in project.reports.values())
     ran = [(stage, project.reports[stage]) for stage in STAGE_SUMMARIES if stage in project.reports]
@@ -320,7 +320,7 @@ def stage_tables(project: Project) -> list[Row]:
     ]
 
 
-def versions() -> list[tuple[str, str]]:
+def _versions() -> list[tuple[str, str]]:
     """Return the versions that the result depends on."""
     libraries = [(name, metadata.version(name)) for name in _LIBRARIES]
     return [("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())]

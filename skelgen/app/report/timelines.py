@@ -41,7 +41,15 @@ def row_height(n_rows: int) -> float:
 
 
 def row_labels(names: Sequence[str], values: Sequence[str], row: float) -> list[Markup]:
-    """Draw a name at the left and a value at the right of each row; nothing where rows are too low."""
+    """Draw a name at the left and a value at the right of each row; nothing where rows are too low.
+
+    Parameters
+    ----------
+    names, values : sequence of str, length n_rows
+        What stands at the left and at the right.
+    row : float, px
+        Height of a row.
+    """
     if row < _SMALLEST_LABELLED_ROW:
         return []
     labels = []
@@ -53,7 +61,15 @@ def row_labels(names: Sequence[str], values: Sequence[str], row: float) -> list[
 
 
 def time_axis(trajectories: Trajectories, height: float) -> Markup:
-    """Draw the axis in seconds below rows of a total height [px]."""
+    """Draw the axis in seconds below rows of a total height [px].
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Of what the rows show.
+    height : float, px
+        Of all rows.
+    """
     last = max(trajectories.n_frames - 1, 1) / trajectories.rate
     parts = [svg.line(LEFT, height + 2, LEFT + PLOT, height + 2, "axis")]
     for value in ticks(0.0, last, 8):
@@ -63,7 +79,15 @@ def time_axis(trajectories: Trajectories, height: float) -> Markup:
 
 
 def parted(pixels: NDArray[np.uint8], row: float) -> NDArray[np.uint8]:
-    """Leave a thin blank line under each row of a picture, unless rows are too low, shape (n, n_bins, 4)."""
+    """Leave a thin blank line under each row of a picture, unless rows are too low, shape (n, n_bins, 4).
+
+    Parameters
+    ----------
+    pixels : ndarray of uint8, shape (n_rows, n_bins, 4)
+        A line of pixels for each row.
+    row : float, px
+        Height of a row.
+    """
     if row < _SMALLEST_PARTED_ROW:
         return pixels
     lines = np.repeat(pixels, _LINES, axis=0)

@@ -41,7 +41,15 @@ _WHITE = 255
 
 
 def tracks_figure(project: Project, tracklets: Tracklets) -> Markup:
-    """Draw the tracks as points were followed."""
+    """Draw the tracks as points were followed.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    tracklets : Tracklets
+        Of its labels.
+    """
     n_frames = project.trajectories.n_frames
     lane, n_lanes = lanes(*tracklets.spans, room=max(1, _ROOM * n_frames // MOST_BINS))
     pixels = _painted(tracklets, lane[tracklets.track], n_lanes, n_frames, _colours(project, tracklets))
@@ -52,7 +60,15 @@ def tracks_figure(project: Project, tracklets: Tracklets) -> Markup:
 
 
 def owners_figure(project: Project, tracklets: Tracklets) -> Markup:
-    """Draw the same tracks in the rows of the markers that they went to, with the number of parts at the right."""
+    """Draw the same tracks in the rows of the markers that they went to, with the number of parts at the right.
+
+    Parameters
+    ----------
+    project : Project
+        With labels.
+    tracklets : Tracklets
+        Of its labels.
+    """
     order = measures.subtree_markers(project)
     row_of_marker = np.full(len(order) + 1, -1, dtype=np.intp)  # the last one is for what was left out
     row_of_marker[order] = np.arange(len(order))

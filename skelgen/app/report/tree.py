@@ -52,7 +52,15 @@ def tree_figure(project: Project, lengths: list[measures.Length]) -> Markup:
 
 
 def sign_figure(kind: str, x: float, y: float) -> Markup:
-    """Draw the sign of a joint kind, centred at a place [px]."""
+    """Draw the sign of a joint kind, centred at a place [px].
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the joint; empty where it is not known.
+    x, y : float, px
+        Its middle.
+    """
     parts = joint_sign(kind)
     outlines = [_sign_part(part, x, y, "sign") for part in parts]
     inside = [_sign_part(part, x, y, "sign", style="stroke:none") for part in parts]  # no seams where parts cross
