@@ -1,4 +1,4 @@
-"""Whether each marker is seen in every frame, and what is known of it where it is not: a lane of runs per marker."""
+"""Whether each marker is seen, filled, doubtful or unseen in every frame: a lane of runs per marker."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from skelgen.model.arrays import Floats, Ints
 
 
 class State(IntEnum):
-    """What is known of a marker in a frame."""
+    """State of a marker in a frame."""
 
     SEEN = 0
     FILLED = 1

@@ -1,4 +1,4 @@
-"""What the report states of a project, as plain numbers: orders, deviations, lengths."""
+"""What pictures and tables state of a project, as plain numbers: orders of limbs and markers, deviations, lengths."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def marker_deviations(trajectories: Trajectories, limbs: Limbs, motion: Motion, 
 
 
 def summary(values: Floats) -> tuple[float, float, float]:
-    """Return mean, root mean square and largest of known values; NaN three times where there are none."""
+    """Return mean, root mean square and largest of values; NaN three times where there are none."""
     if not len(values):
         return np.nan, np.nan, np.nan
     return float(values.mean()), float(np.sqrt((values**2).mean())), float(values.max())

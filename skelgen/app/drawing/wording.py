@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 _MINUS = "−"
 _FIXED_SPACE = "\N{NO-BREAK SPACE}"  # between a number and its unit
 _DIGITS = 3
-_TINY = 1e-5  # mm: far below what any camera measures; what is smaller is told as such
+_TINY = 1e-5  # mm: far below what any camera measures; what is smaller is said to be so
 _HUGE = 1e6
 _SHORTEST = 1e-3  # s
 

@@ -63,7 +63,7 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
         "title": project.name or "take without a name",
         "sentences": _sentences(project),
         "tiles": _tiles(project),
-        "taken": _taken(project),
+        "input": _input(project),
         "notices": _notices(project),
         "stages": _stage_tables(project),
         "versions": _versions(),
@@ -168,7 +168,7 @@ def _tiles(project: Project) -> list[tuple[str, str]]:
     return tiles
 
 
-def _taken(project: Project) -> Content:
+def _input(project: Project) -> Content:
     take = project.take
     facts = [("Name", take.name or "–"), ("Content", _KIND_WORDS[type(take).__name__])]
     suffix = PurePath(take.name).suffix
@@ -216,13 +216,13 @@ def _gap_facts(project: Project) -> list[tuple[str, str]]:
 
 
 def _notices(project: Project) -> list[tuple[str, str]]:
-    spoken = [("reading", sentence) for sentence in project.take.notices]
+    notices = [("reading", sentence) for sentence in project.take.notices]
     if project.has("labels"):
-        known = set(project.take.notices)
-        spoken += [("labels", sentence) for sentence in project.trajectories.notices if sentence not in known]
+        of_take = set(project.take.notices)
+        notices += [("labels", sentence) for sentence in project.trajectories.notices if sentence not in of_take]
     for stage, report in project.reports.items():
-        spoken += [(stage, sentence) for sentence in report.notices]
-    return list(dict.fromkeys(spoken))
+        notices += [(stage, sentence) for sentence in report.notices]
+    return list(dict.fromkeys(notices))
 
 
 def _colours(project: Project) -> list[tuple[int, str, str]]:

@@ -74,8 +74,8 @@ def _rival(joint: JointCost) -> str:
 def _fitted(joint: Joint) -> Content:
     axis = "" if joint.axis is None else ", ".join(fixed(value, 2) for value in joint.axis.tolist())
     axis_std = "" if joint.axis_std is None else _degrees(float(np.linalg.norm(joint.axis_std)))
-    known = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
-    stds = {"std": _place_std(joint, known), "child_std": _place_std(joint, joint.covariance_in_child)}
+    covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance
+    stds = {"std": _place_std(joint, covariance), "child_std": _place_std(joint, joint.covariance_in_child)}
     return {"kind": joint.kind, "axis": axis, "axis_std": axis_std} | stds
 
 

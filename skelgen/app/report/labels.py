@@ -7,7 +7,7 @@ from typing import Any
 from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
 from skelgen.app.drawing.wording import counted, duration, percent
 from skelgen.app.report.timelines import confidence_figure
-from skelgen.app.report.tracklets import owners_figure, tracks_figure
+from skelgen.app.report.tracklets import marker_tracks_figure, tracks_figure
 from skelgen.model import Labelling, PointCloud, Project
 from skelgen.model.labelling import Doubt, Finding, seen_runs
 
@@ -31,7 +31,9 @@ def labels_content(project: Project) -> dict[str, Any]:
         "more": len(labelling.doubts) - len(shown),
         "confidence": confidence_figure(project),
         "tracks": tracks_figure(project, tracklets) if tracklets is not None and tracklets.n_parts else "",
-        "owners": owners_figure(project, tracklets) if tracklets is not None and tracklets.n_parts else "",
+        "marker_tracks": marker_tracks_figure(project, tracklets)
+        if tracklets is not None and tracklets.n_parts
+        else "",
         "classic": _comparison(project, labelling),
     }
 
@@ -51,7 +53,7 @@ def _facts(project: Project) -> list[tuple[str, str]]:
         facts.append(("Points left out", left_out))
     facts.append(("Doubtful spans", str(len(labelling.doubts))))
     facts.append(("Doubtful positions", percent(doubtful_share(labelling))))
-    facts.append(("Pairs no distance tells apart", str(len(labelling.twins))))
+    facts.append(("Pairs that no distance distinguishes", str(len(labelling.twins))))
     return facts
 
 

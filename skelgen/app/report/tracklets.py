@@ -1,7 +1,7 @@
 """Tracklets before and after: how points were followed, and what the markers were made of.
 
 Above, every track lies in a lane, coloured by the limb of the marker that it went to, grey if it was left out; below,
-the same tracks in a row per marker. Two shades take turns, so that tracks that follow each other are told apart.
+the same tracks in a row per marker. Two shades take turns, so that tracks that follow each other look different.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def tracks_figure(project: Project, tracklets: Tracklets) -> Markup:
     return svg.drawing(WIDTH, height + BOTTOM, "Tracks as points were followed", picture, axis, least=LEAST_WIDTH)
 
 
-def owners_figure(project: Project, tracklets: Tracklets) -> Markup:
+def marker_tracks_figure(project: Project, tracklets: Tracklets) -> Markup:
     """Draw the same tracks in the rows of the markers that they went to, with the number of parts at the right.
 
     Parameters
