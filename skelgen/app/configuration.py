@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _P = TypeVar("_P", bound=StageParameters)
 
-Wanted = Mapping[str, StageParameters | Mapping[str, Any]] | Path | str | None
+ParameterValues = Mapping[str, StageParameters | Mapping[str, Any]] | Path | str | None
 """Parameters as a caller gives them: by stage, or a ``config.xml``."""
 
 
@@ -77,7 +77,7 @@ class Settings:
     0.2
     """
 
-    def __init__(self, wanted: Wanted = None) -> None:
+    def __init__(self, wanted: ParameterValues = None) -> None:
         values = _from_file(Path(wanted)) if isinstance(wanted, Path | str) else dict(wanted or {})
         self._parameters = {name: _checked(name, value) for name, value in values.items()}
 

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skelgen.app.configuration import Settings, Wanted
+from skelgen.app.configuration import ParameterValues, Settings
 from skelgen.app.constraints import RunOptions
 from skelgen.app.corrections import place_of, with_correction
 from skelgen.app.files import given_identities, open_input, write_any
@@ -111,7 +111,7 @@ def reconstruct(
     n_markers: int | None = None,
     n_limbs: int | None = None,
     seed: int = 0,
-    parameters: Wanted = None,
+    parameters: ParameterValues = None,
     monitor: Monitor | None = None,
     *,
     until: str | None = None,
@@ -189,7 +189,7 @@ def reconstruct(
 def apply_subject(
     take: Take,
     subject: Project | Path | str,
-    parameters: Wanted = None,
+    parameters: ParameterValues = None,
     monitor: Monitor | None = None,
 ) -> Project:
     """Label and pose a take by a skeleton that was calibrated on another take of the same body.
@@ -231,7 +231,7 @@ def apply_subject(
 
 
 def calibrate_together(
-    takes: Sequence[Take], seed: int = 0, parameters: Wanted = None, monitor: Monitor | None = None
+    takes: Sequence[Take], seed: int = 0, parameters: ParameterValues = None, monitor: Monitor | None = None
 ) -> SharedSkeleton:
     """Find one skeleton from several takes of a body, and the motion of each.
 

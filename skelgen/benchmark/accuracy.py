@@ -43,7 +43,15 @@ _LABEL_CASES: tuple[tuple[str, str, dict[str, Any], float], ...] = (
 
 
 def measure_labels(effort: Effort, monitor: Monitor) -> Section:
-    """Points without names: are they put together to the right markers?"""
+    """Points without names: are they put together to the right markers?
+
+    Parameters
+    ----------
+    effort : Effort
+        How many seeds and frames are measured.
+    monitor : Monitor
+        Receives the progress.
+    """
     rows = []
     for name, structure, options, wanted in with_progress(_LABEL_CASES, len(_LABEL_CASES), monitor, every=1):
         body = fifty_markers() if structure == "fifty" else structure
@@ -66,7 +74,15 @@ def measure_labels(effort: Effort, monitor: Monitor) -> Section:
 
 
 def measure_exact(effort: Effort, monitor: Monitor) -> Section:
-    """Takes without any fault: only rounding is left."""
+    """Takes without any fault: only rounding is left.
+
+    Parameters
+    ----------
+    effort : Effort
+        How many seeds and frames are measured.
+    monitor : Monitor
+        Receives the progress.
+    """
     rows = []
     for name in with_progress(STRUCTURES, len(STRUCTURES), monitor, every=1):
         scores = [reconstructed(name, seed, n_frames=effort.n_frames) for seed in effort.seeds]
@@ -81,7 +97,15 @@ def measure_exact(effort: Effort, monitor: Monitor) -> Section:
 
 
 def measure_joints(effort: Effort, monitor: Monitor) -> Section:
-    """Noise and dropouts: limbs, tree, and joints beside the bound and beside SCoRE."""
+    """Noise and dropouts: limbs, tree, and joints beside the bound and beside SCoRE.
+
+    Parameters
+    ----------
+    effort : Effort
+        How many seeds and frames are measured.
+    monitor : Monitor
+        Receives the progress.
+    """
     rows, points = [], []
     for name in with_progress(STRUCTURES, len(STRUCTURES), monitor, every=1):
         scores, peers = zip(*(_beside_score(name, seed, effort.n_frames, FAULTS) for seed in effort.seeds), strict=True)
@@ -122,7 +146,15 @@ _JOINT_FIGURES = ("mean_joint_error", "mean_joint_bound", "coverage")
 
 
 def measure_tissue(effort: Effort, monitor: Monitor) -> Section:
-    """Soft tissue: joints beside SCoRE, which is given limbs and tree."""
+    """Soft tissue: joints beside SCoRE, which is given limbs and tree.
+
+    Parameters
+    ----------
+    effort : Effort
+        How many seeds and frames are measured.
+    monitor : Monitor
+        Receives the progress.
+    """
     rows = []
     for seed in with_progress(effort.seeds, len(effort.seeds), monitor, every=1):
         score, peer = _beside_score("human", seed, _TISSUE_FRAMES, SOFT_TISSUE)
@@ -136,7 +168,15 @@ def measure_tissue(effort: Effort, monitor: Monitor) -> Section:
 
 
 def measure_stereo(effort: Effort, monitor: Monitor) -> Section:
-    """The stereo rig: errors of poses and joint angles beside what is predicted."""
+    """The stereo rig: errors of poses and joint angles beside what is predicted.
+
+    Parameters
+    ----------
+    effort : Effort
+        How many seeds and frames are measured.
+    monitor : Monitor
+        Receives the progress.
+    """
     if find_spec("cv2") is None:
         text = "Not measured: it needs OpenCV, pip install 'skelgen[capture]'."
         return Section("stereo", "Two cameras", text, ())
@@ -177,7 +217,15 @@ def measure_stereo(effort: Effort, monitor: Monitor) -> Section:
 
 
 def measure_exports(effort: Effort, monitor: Monitor) -> Section:
-    """Exports: what the programs that own the formats pose, beside our motion."""
+    """Exports: what the programs that own the formats pose, beside our motion.
+
+    Parameters
+    ----------
+    effort : Effort
+        How many seeds and frames are measured.
+    monitor : Monitor
+        Receives the progress.
+    """
     del effort  # files are the same at any effort
     case = simulate("human", seed=0, n_frames=_EXPORTED_FRAMES, noise=0.5)
     project, rows = reconstruct(case.take), []

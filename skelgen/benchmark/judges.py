@@ -49,14 +49,30 @@ class Judge:
     of_joints: bool = False
 
     def deviation(self, files: Sequence[Path], project: Project) -> float:
-        """Return the largest distance [mm] along an axis between what the judge poses and the project's motion."""
+        """Return the largest distance [mm] along an axis between what the judge poses and the project's motion.
+
+        Parameters
+        ----------
+        files : sequence of Path
+            The export.
+        project : Project
+            What was exported.
+        """
         motion = project.motion
         truth = motion.joint_positions if self.of_joints else motion.world_from_limb[..., :3, 3]
         return float(np.nanmax(np.abs(self.places(files, project) - truth)))
 
 
 def bones_of_bvh(path: Path, n_frames: int) -> Bones:
-    """Return the poses that bvhio gives the bones of a BVH file."""
+    """Return the poses that bvhio gives the bones of a BVH file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    n_frames : int
+        Number of its frames.
+    """
     import bvhio  # noqa: PLC0415 - a judge, installed with the extra `dev`
 
     root = bvhio.readAsHierarchy(str(path))
@@ -154,7 +170,17 @@ def opensim_columns(path: Path) -> dict[str, Floats]:
 
 
 def opensim_postures(model: Any, motion: dict[str, Floats], frames: Sequence[int]) -> Any:
-    """Yield each frame and OpenSim's state in it, its coordinates as in the columns of the motion."""
+    """Yield each frame and OpenSim's state in it.
+
+    Parameters
+    ----------
+    model : opensim.Model
+        Loaded and initialised.
+    motion : dict of str to ndarray, each of shape (n_frames,)
+        Coordinates of the model by the columns of the motion file.
+    frames : sequence of int
+        Which frames.
+    """
     import opensim  # noqa: PLC0415
 
     state = model.initSystem()

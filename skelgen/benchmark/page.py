@@ -100,7 +100,17 @@ class Section:
 
 
 def table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]]) -> Table:
-    """Return a table whose last column, without a heading, is the verdict."""
+    """Return a table whose last column, without a heading, is the verdict.
+
+    Parameters
+    ----------
+    title : str
+        What the table shows and what is wanted.
+    columns : iterable of str
+        Headings of all columns but the last.
+    rows : iterable of iterable of str
+        Cells, the verdict last.
+    """
     return Table(title, (*columns, ""), tuple(tuple(row) for row in rows))
 
 
@@ -110,7 +120,15 @@ def verdict(is_reached: bool) -> str:
 
 
 def figure_text(value: float | None, digits: int = 3) -> str:
-    """Return a number for a table; a dash where there is none."""
+    """Return a number for a table; a dash where there is none.
+
+    Parameters
+    ----------
+    value : float or None
+        The number.
+    digits : int
+        Digits behind the point.
+    """
     return "-" if value is None else f"{value:.{digits}f}"
 
 

@@ -27,7 +27,15 @@ _STAGES = ("limbs", "joints", "skeleton")
 
 
 def measure_speed(effort: Effort, monitor: Monitor) -> Section:
-    """Time and memory of all stages, on one core."""
+    """Time and memory of all stages, on one core.
+
+    Parameters
+    ----------
+    effort : Effort
+        How many seeds and frames are measured.
+    monitor : Monitor
+        Receives the progress.
+    """
     named = f"A human of {LONG_TAKE_MARKERS} markers at 200 Hz, 2 mm soft tissue"
     cloud = "A human of 50 markers before 8 cameras, without names"
     trees = f"Random trees, {_TREE_FRAMES} frames, 0.5 mm noise, 5 % dropouts"
@@ -140,11 +148,19 @@ def _measured(
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     take = make(*given)
     with threadpool_limits(limits=1):
-        return [run_stages(take, solver) for _ in range(n_runs)]
+        return [time_stages(take, solver) for _ in range(n_runs)]
 
 
-def run_stages(take: PointCloud | Trajectories, solver: str = "") -> Run:
-    """Run the stages that a take needs, and return what they took; modules load where they are first needed."""
+def time_stages(take: PointCloud | Trajectories, solver: str = "") -> Run:
+    """Run the stages that a take needs and measure each; modules load where they are first needed.
+
+    Parameters
+    ----------
+    take : PointCloud or Trajectories
+        With defaults for everything.
+    solver : str
+        How joints are sought; empty as is the default.
+    """
     times = [time.process_time()]
     if isinstance(take, PointCloud):
         from skelgen.stages.labels import LabelParameters, label_markers  # noqa: PLC0415

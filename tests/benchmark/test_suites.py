@@ -18,7 +18,7 @@ from skelgen.benchmark.accuracy import measure_exports, measure_joints, reconstr
 from skelgen.benchmark.judges import JUDGES
 from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
 from skelgen.benchmark.page import MISSED, QUICK, REACHED, Effort, Figure, Series, draw, table
-from skelgen.benchmark.speed import Run, fifty_markers, long_take, measure_runs, run_stages, ten_limbs, thirty_limbs
+from skelgen.benchmark.speed import Run, fifty_markers, long_take, measure_runs, ten_limbs, thirty_limbs, time_stages
 from skelgen.benchmark.suites import SECONDS, load_state, save_state
 from skelgen.cli import main
 from skelgen.errors import InputError, SkelgenError, WriteError
@@ -92,14 +92,14 @@ def test_runs_are_measured_in_a_process_of_their_own_whose_memory_is_its_own():
 
 
 def test_stages_are_timed_in_this_process_too():
-    assert run_stages(rods(), "conjugate-gradient").joints > 0
+    assert time_stages(rods(), "conjugate-gradient").joints > 0
 
 
 def test_labels_are_timed_where_there_are_no_names():
-    run = run_stages(simulate("rods", n_frames=100, labelled=False).take)
+    run = time_stages(simulate("rods", n_frames=100, labelled=False).take)
     assert run.labels > 0
     assert run.seconds == pytest.approx(run.labels + run.limbs + run.joints + run.skeleton)
-    assert run_stages(rods()).labels < run.labels
+    assert time_stages(rods()).labels < run.labels
 
 
 def test_process_that_ends_without_an_answer_is_an_error():
