@@ -78,9 +78,9 @@ def _heed_signals(app: QApplication, window: Window) -> None:
 
 
 def _begin(window: Window, files: Sequence[str]) -> None:
-    for remains in find_recovery_entries():
+    for entry in find_recovery_entries():
         if not window.jobs.is_busy:  # one of them is being restored: the others are offered next time
-            window.offer(remains)
+            window.offer(entry)
     if files and not window.jobs.is_busy:
         window.open(Path(files[0]))
 

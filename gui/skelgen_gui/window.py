@@ -93,14 +93,14 @@ class Window(QMainWindow):
         """Open a recording or a project."""
         self.files.open(path)
 
-    def offer(self, remains: RecoveryEntry) -> None:
+    def offer(self, entry: RecoveryEntry) -> None:
         """Ask whether to restore the unsaved work of a window that crashed."""
         question = self.tr("skelgen ended without saving {0} (kept at {1:%X}, {1:%x}). Restore it?")
-        question = question.format(remains.name, remains.when)
+        question = question.format(entry.name, entry.when)
         if QMessageBox.question(self, self.tr("Recovery"), as_rich_text(question)) == QMessageBox.StandardButton.Yes:
-            self.files.restore(remains)
+            self.files.restore(entry)
         else:
-            remains.forget()
+            entry.forget()
 
     def end_without_asking(self) -> None:
         """End at once: what runs is cancelled, and unsaved work is put aside for the next window to offer."""

@@ -94,15 +94,15 @@ class FileActions(QObject):
         """Overlay the result of another project."""
         self._read(path, partial(_opened, path), self._document.session.compare_with)
 
-    def restore(self, remains: RecoveryEntry) -> None:
+    def restore(self, entry: RecoveryEntry) -> None:
         """Open the unsaved work of a window that crashed; it stays unsaved until the user saves it."""
 
         def done(project: Project) -> None:
             self._document.open(project)
             self.opened.emit(project)
-            self.restored.emit(remains)
+            self.restored.emit(entry)
 
-        self._read(remains.folder, lambda _: remains.project(), done)
+        self._read(entry.folder, lambda _: entry.project(), done)
 
     def save(self, then: Callable[[], None] | None = None) -> None:
         """Save in the project's file; ask for one if there is none."""

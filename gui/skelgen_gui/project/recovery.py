@@ -70,13 +70,13 @@ def find_recovery_entries(folder: Path | None = None) -> tuple[RecoveryEntry, ..
         try:
             note = json.loads((each / _NOTE).read_text(encoding="utf-8"))
             path = Path(note["path"]) if note["path"] else None
-            remains = RecoveryEntry(each, str(note["name"]), path, datetime.fromisoformat(note["time"]))
+            entry = RecoveryEntry(each, str(note["name"]), path, datetime.fromisoformat(note["time"]))
             is_alive = _is_alive(int(note["process"]))
         except (OSError, ValueError, KeyError, TypeError):
             continue  # being written just now, or not ours
         if not is_alive and (each / _PROJECT).is_file():
-            found.append(remains)
-    return tuple(sorted(found, key=lambda remains: remains.when, reverse=True))
+            found.append(entry)
+    return tuple(sorted(found, key=lambda entry: entry.when, reverse=True))
 
 
 class Autosave(QObject):
@@ -135,9 +135,9 @@ class Autosave(QObject):
         self._thread = threading.Thread(target=self._keep, args=(project, self._session.path))
         self._thread.start()
 
-    def take_over(self, remains: RecoveryEntry) -> None:
+    def take_over(self, entry: RecoveryEntry) -> None:
         """Keep what was restored, which is open now, and only then remove what it was restored from."""
-        self._inherited.append(remains)
+        self._inherited.append(entry)
         self.save()
 
     def _drop_what_is_saved(self) -> None:
@@ -194,8 +194,8 @@ class Autosave(QObject):
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _forget_inherited(self) -> None:
-        for remains in self._inherited:
-            remains.forget()
+        for entry in self._inherited:
+            entry.forget()
         self._inherited.clear()
 
 
