@@ -1,7 +1,7 @@
-"""The limbs that a recorded motion's bones make: bones that move as one are one limb, joints are points.
+"""Limbs from the bones of a recorded motion: bones that move as one are one limb, and joints are points.
 
-Animation files hold bones that no skeleton has: a frame of the room in which the hips slide, bones without length that
-share the turns of one joint, bones that are fixed to their parents. Here they are folded away, one rule after another.
+Animation files hold bones that no skeleton has: a fixed frame in which the hips slide, bones without length that share
+the rotation of one joint, bones that are fixed to their parents. Here they are removed, one rule after another.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.takes import BoneMotion
 
 STILL_MM = 0.1
-"""What moves its farthest point by less than this does not move: files hold angles to a hundredth of a degree."""
+"""mm; a bone that moves its farthest point by less does not move: files hold angles to a hundredth of a degree."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,11 @@ class BoneTree:
     root_places : ndarray, shape (n_frames, 3), mm
         The root's origin in the world.
     joints : ndarray, shape (n_limbs, 3), mm
-        Each limb's origin in its parent; the root's is its mean place.
+        Each limb's origin in its parent; of the root, its mean position.
     points : tuple of ndarray, length n_limbs, shape (n_points, 3), mm
-        What a limb reaches from its origin: ends of its bones, joints of its children; the origin is the first.
+        Points of each limb: its origin first, then ends of its bones and joints of its children.
     notices : tuple of str
-        Where limbs differ from bones.
+        Differences of limbs from bones.
     """
 
     names: tuple[str, ...]
@@ -54,6 +54,23 @@ class BoneTree:
         """Number of limbs."""
         return len(self.names)
 
+    def forward_kinematics(self, rotations: Floats, root_places: Floats) -> Floats:
+        """Return the poses of the limbs, shape (n_frames, n_limbs, 4, 4), translations in mm.
+
+        Parameters
+        ----------
+        rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
+            Parent from limb.
+        root_places : ndarray, shape (n_frames, 3), mm
+            The root's origin.
+        """
+        poses = transform_from(rotations, np.broadcast_to(self.joints, (*rotations.shape[:2], 3)))
+        poses[:, 0, :3, 3] = root_places
+        for limb, parent in enumerate(self.parents.tolist()):
+            if parent >= 0:
+                poses[:, limb] = poses[:, parent] @ poses[:, limb]
+        return poses
+
 
 def bone_tree(motion: BoneMotion, root: str = "", shortest: float = 0.0) -> BoneTree:
     """Return the limbs of a motion.
@@ -63,26 +80,26 @@ def bone_tree(motion: BoneMotion, root: str = "", shortest: float = 0.0) -> Bone
     motion : BoneMotion
         The bones.
     root : str
-        Bone from which on they are taken; empty for all.
+        Bone whose branch is taken; empty for all.
     shortest : float, mm
-        Bones that carry no other and are shorter are left out.
+        Bones without children that are shorter are left out.
 
     Raises
     ------
     InputError
-        If there is no such bone, nothing turns, or there are several bodies.
+        If there is no such bone, no joint rotates, or there are several bodies.
     """
-    tree = _Folding(motion, root)
-    tree.leave_the_room()
-    tree.fold_still()
-    tree.fold_pointless()
-    tree.fold_still()
-    tree.drop_short(shortest)
+    tree = _BoneReduction(motion, root)
+    tree.remove_fixed_roots()
+    tree.merge_fixed()
+    tree.remove_zero_length()
+    tree.merge_fixed()
+    tree.remove_short(shortest)
     return tree.finished(motion.name)
 
 
-class _Folding:
-    """A tree that loses bones; those that are left are the keys of `parents`."""
+class _BoneReduction:
+    """A tree of bones from which some are removed; those that are left are the keys of `parents`."""
 
     def __init__(self, motion: BoneMotion, root: str) -> None:
         self.names = motion.names
@@ -115,14 +132,14 @@ class _Folding:
         return np.array([np.zeros(3), *self.tips[bone], *joints])
 
     def below(self, bone: int) -> list[int]:
-        """Return a bone and all that hang on it, parents first."""
+        """Return a bone and all of its branch, parents first."""
         found = [bone]
         for other in found:
             found += self.children(other)
         return found
 
     def reach(self, bone: int) -> float:
-        """Return how far [mm] anything that hangs on a bone can be from its origin, at most."""
+        """Return the largest possible distance [mm] of a point of a bone's branch from its origin."""
         away = {bone: 0.0}
         for other in self.below(bone)[1:]:
             away[other] = away[self.parents[other]] + float(np.linalg.norm(self.places[other], axis=1).max())
@@ -136,33 +153,33 @@ class _Folding:
         angles = np.linalg.norm(vector_from_matrix(first.T @ self.rotations[bone]), axis=1)
         return bool(angles.max() * self.reach(bone) > STILL_MM)
 
-    def leave_the_room(self) -> None:
-        """Make roots of what slides in a root that stays where it is, and forget what is left of that root."""
+    def remove_fixed_roots(self) -> None:
+        """Make roots of the bones that slide in a fixed root, and remove roots whose branches do not move."""
         for room in [bone for bone, parent in self.parents.items() if parent < 0]:
             if self.slides(room) or self.turns(room):
                 continue
             for child in [child for child in self.children(room) if self.slides(child)]:
-                self._hang(child, -1, room)
+                self._attach(child, -1, room)
         if any(self._moves(root) for root in self.children(-1)):
             for root in [root for root in self.children(-1) if not self._moves(root)]:
-                self._forget(root)
+                self._remove_branch(root)
 
     def _moves(self, root: int) -> bool:
         return any(self.slides(bone) or self.turns(bone) for bone in self.below(root))
 
-    def _forget(self, root: int) -> None:
+    def _remove_branch(self, root: int) -> None:
         for bone in self.below(root):
             del self.parents[bone]
 
-    def _hang(self, bone: int, parent: int, through: int) -> None:
-        """Hang a bone on another, as seen through the one on which it hangs."""
+    def _attach(self, bone: int, parent: int, through: int) -> None:
+        """Attach a bone to another parent; `through` is its parent so far, given in the new one."""
         turn = self.rotations[through]
         self.places[bone] = (turn @ self.places[bone][..., np.newaxis])[..., 0] + self.places[through]
         self.rotations[bone] = turn @ self.rotations[bone]
         self.parents[bone] = parent
 
-    def fold_still(self) -> None:
-        """Make bones that neither turn nor slide in their parent part of it."""
+    def merge_fixed(self) -> None:
+        """Merge bones that neither rotate nor slide with their parents."""
         for bone in list(self.parents):
             parent = self.parents[bone]
             if parent < 0 or self.slides(bone) or self.turns(bone):
@@ -171,24 +188,24 @@ class _Folding:
             self.rotations[bone] = np.broadcast_to(turn, self.rotations[bone].shape)
             self.tips[parent] += [turn @ tip + place for tip in (np.zeros(3), *self.tips[bone])]
             for child in self.children(bone):
-                self._hang(child, parent, bone)
+                self._attach(child, parent, bone)
             del self.parents[bone]
 
-    def fold_pointless(self) -> None:
-        """Hand the turns of bones without length on to those that begin where they do."""
+    def remove_zero_length(self) -> None:
+        """Remove bones without length; their rotations pass to their children, which begin at the same point."""
         for bone in list(self.parents):
             children = self.children(bone)
             if not children or np.abs(self.points(bone)).max() > STILL_MM or any(map(self.slides, children)):
                 continue
             if self.parents[bone] < 0:
-                self._give_way(bone, children)
+                self._replace_root(bone, children)
             else:
                 for child in children:
-                    self._hang(child, self.parents[bone], bone)
+                    self._attach(child, self.parents[bone], bone)
             del self.parents[bone]
 
-    def _give_way(self, root: int, children: list[int]) -> None:
-        """Make the child that reaches farthest the root, on which the others hang."""
+    def _replace_root(self, root: int, children: list[int]) -> None:
+        """Make the child with the largest reach the root, and the parent of the others."""
         heir = max(children, key=self.reach)
         back = self.rotations[heir].swapaxes(-1, -2)
         for child in children:
@@ -197,10 +214,10 @@ class _Folding:
                 self.places[child] = (back @ apart[..., np.newaxis])[..., 0]
                 self.rotations[child] = back @ self.rotations[child]
                 self.parents[child] = heir
-        self._hang(heir, -1, root)
+        self._attach(heir, -1, root)
 
-    def drop_short(self, shortest: float) -> None:
-        """Leave out short bones that carry no other, until there is none."""
+    def remove_short(self, shortest: float) -> None:
+        """Remove short bones without children, until there is none."""
         dropped: list[str] = []
         while short := [
             bone for bone, parent in self.parents.items() if parent >= 0 and self._is_short(bone, shortest)
@@ -217,7 +234,7 @@ class _Folding:
         return not self.children(bone) and _extent(points) < shortest
 
     def finished(self, name: str) -> BoneTree:
-        """Return what is left, joints held at their mean places."""
+        """Return the limbs, joints fixed at their mean positions."""
         roots = self.children(-1)
         if len(roots) > 1:
             bodies = ", ".join(self.names[root] for root in roots)
@@ -227,7 +244,7 @@ class _Folding:
         order = [roots[0]]
         for bone in order:
             order += self.children(bone)
-        self._tell_slides(order[1:])
+        self._notice_slides(order[1:])
         index_of = {bone: index for index, bone in enumerate(order)}
         return BoneTree(
             names=tuple(self.names[bone] for bone in order),
@@ -239,7 +256,7 @@ class _Folding:
             notices=tuple(self.notices),
         )
 
-    def _tell_slides(self, bones: list[int]) -> None:
+    def _notice_slides(self, bones: list[int]) -> None:
         sliding = {self.names[bone]: _spread(self.places[bone]) for bone in bones if self.slides(bone)}
         if sliding:
             most = max(sliding, key=lambda name: sliding[name])
@@ -247,34 +264,8 @@ class _Folding:
             self.notices.append(f"{notice}; most: {most}, by up to {sliding[most]:.1f} mm")
 
 
-def world_from_limbs(parents: Ints, rotations: Floats, joints: Floats, root_places: Floats) -> Floats:
-    """Return poses of limbs that turn in fixed joints.
-
-    Parameters
-    ----------
-    parents : ndarray of intp, shape (n_limbs,)
-        Parents, before their children; -1 for the root, which is the first.
-    rotations : ndarray, shape (n_frames, n_limbs, 3, 3)
-        Parent from limb.
-    joints : ndarray, shape (n_limbs, 3), mm
-        Each limb's origin in its parent.
-    root_places : ndarray, shape (n_frames, 3), mm
-        The root's origin.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
-    """
-    poses = transform_from(rotations, np.broadcast_to(joints, (*rotations.shape[:2], 3)))
-    poses[:, 0, :3, 3] = root_places
-    for limb, parent in enumerate(parents.tolist()):
-        if parent >= 0:
-            poses[:, limb] = poses[:, parent] @ poses[:, limb]
-    return poses
-
-
 def _spread(places: Floats) -> float:
-    """Farthest distance [mm] from the mean place."""
+    """Largest distance [mm] from the mean position."""
     return float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
 
 

@@ -377,7 +377,7 @@ def duplicates(observed: Floats, per_frame: float, rng: np.random.Generator) -> 
 def shuffled_points(
     positions: Floats, more: tuple[Ints, Ints, Floats], rng: np.random.Generator
 ) -> tuple[Floats, Ints, Ints]:
-    """Return seen markers and what is seen besides as points in random order within each frame.
+    """Return seen markers and false points in random order within each frame.
 
     Parameters
     ----------

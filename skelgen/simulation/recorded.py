@@ -1,8 +1,8 @@
-"""A body that moves as somebody did: markers are put on the bones of a recorded motion.
+"""A body that moves as recorded: markers are put on the bones of a recorded motion.
 
-Bones that never turn against their parent are one limb with it, and a bone without length hands its turn on to those
-that begin where it does. What slides in its joint is held at its mean place, so that limbs are rigid and joints are
-points: the truth of a simulated take is exact, and near to the motion as recorded.
+Bones that never rotate against their parent are one limb with it, and the rotation of a bone without length passes to
+its children. What slides in its joint is fixed at its mean position. So limbs are rigid and joints are points: the
+truth of a simulated take is exact, and near to the motion as recorded.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen.parameters import StageParameters, declare
 from skelgen.simulation.articulated import MARKER_STANDOFF, LimbModel, Structure, markers_around
-from skelgen.simulation.bone_tree import STILL_MM, BoneTree, bone_tree, world_from_limbs
+from skelgen.simulation.bone_tree import STILL_MM, BoneTree, bone_tree
 
 _RADIUS_PER_LENGTH = 0.16  # thighs, shanks and arms of the simulated human have 0.12 to 0.17
 _REFINEMENTS = 8  # Gauss-Newton from a few degrees to rounding takes five
@@ -30,7 +30,7 @@ _RADII = (8.0, 110.0)  # mm: a finger's and a chest's
 
 @dataclass(frozen=True)
 class BoneParameters(StageParameters):
-    """How limbs with markers are made of a recorded motion's bones."""
+    """Parameters of the limbs and markers that are made from the bones of a recorded motion."""
 
     stage: ClassVar[str] = "simulate --motion"
 
@@ -57,7 +57,7 @@ class RecordedBody:
     structure : Structure
         Limbs, joints of the kinds that the motion shows, and markers. Amplitudes and offsets are those of the motion.
     angles : tuple of ndarray, shape (n_frames, n_angles), rad
-        How each limb is turned in its joint; the root and balls by rotation vectors.
+        Angles of each limb in its joint; of the root and of balls the rotation vector.
     world_from_limb : ndarray, shape (n_frames, n_limbs, 4, 4), translations in mm
         Poses of the limbs; joints are points of both of their limbs in every frame.
     rate : float, Hz
@@ -65,7 +65,7 @@ class RecordedBody:
     name : str
         Name of the motion.
     notices : tuple of str
-        Where the body differs from the bones.
+        Differences of the body from the bones.
     """
 
     structure: Structure
@@ -88,25 +88,25 @@ def recorded_body(
     parameters : BoneParameters, optional
         How; the defaults if left out.
     rate : float, Hz, optional
-        Frame rate of the result: between two frames the root goes straight, and limbs turn evenly in their joints. By
-        default that of the motion.
+        Frame rate of the result, by default that of the motion. Between two frames the root moves along a line, and
+        joints rotate at a constant rate.
 
     Raises
     ------
     InputError
-        If there is no body that moves, or more than one.
+        If no body moves, or more than one.
     """
-    wishes = parameters or BoneParameters()
-    tree = bone_tree(motion, wishes.motion_root, wishes.shortest_bone)
+    settings = parameters or BoneParameters()
+    tree = bone_tree(motion, settings.motion_root, settings.shortest_bone)
     wanted = rate or motion.rate
     turns = [_turn(tree, limb).at_rate(motion.rate, wanted) for limb in range(tree.n_limbs)]
     roots = vectors_at_rate(tree.root_places, motion.rate, wanted)
-    poses = world_from_limbs(tree.parents, np.stack([turn.rotations for turn in turns], axis=1), tree.joints, roots)
-    limbs = [_limb(tree, limb, turn, wishes.markers_per_limb) for limb, turn in enumerate(turns)]
+    poses = tree.forward_kinematics(np.stack([turn.rotations for turn in turns], axis=1), roots)
+    limbs = [_limb(tree, limb, turn, settings.markers_per_limb) for limb, turn in enumerate(turns)]
     return RecordedBody(
         structure=Structure(motion.name or "motion", tuple(limbs)),
         angles=tuple(turn.angles for turn in turns),
-        world_from_limb=turned_poses(poses, wishes.motion_axes),
+        world_from_limb=turned_poses(poses, settings.motion_axes),
         rate=wanted,
         name=motion.name,
         notices=(*motion.notices, *tree.notices),
@@ -115,7 +115,7 @@ def recorded_body(
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """How a limb turns in its joint: rotations parent from limb, (n_frames, 3, 3), and what they are made of."""
+    """Rotation of a limb in its joint: parent from limb, (n_frames, 3, 3), and its angles about axes."""
 
     kind: str
     rotations: Floats
@@ -124,7 +124,7 @@ class _Turn:
     rotation: HingeRotation | UniversalRotation | None = None
 
     def at_rate(self, recorded: float, rate: float) -> _Turn:
-        """Turn evenly between frames: about the axes where there are some, else by the shortest way."""
+        """Interpolate to another rate [Hz]: angles about the axes if there are some, else by the shortest rotation."""
         if rate == recorded:
             return self
         if self.rotation is None:
@@ -148,16 +148,16 @@ def _turn(tree: BoneTree, limb: int) -> _Turn:
 
 
 def _missing(rotation: HingeRotation | UniversalRotation, rotations: Floats) -> Floats:
-    """Turns [rad] in the parent's axes that lead from a joint's rotations to the given ones, shape (n_frames, 3)."""
+    """Rotation vectors [rad] in the parent's axes from a joint's rotations to the given ones, shape (n_frames, 3)."""
     return vector_from_matrix(rotations @ rotation.rotations().swapaxes(-1, -2))
 
 
 def _refined(rotation: UniversalRotation, rotations: Floats) -> UniversalRotation:
-    """Gauss-Newton steps on axes and angles: the closed form ends before the tenth of a millimetre that is asked."""
+    """Refine axes and angles by Gauss-Newton steps, as the closed form is not exact to `STILL_MM`."""
     for _ in range(_REFINEMENTS):
         missing, (of_constants, of_angles) = _missing(rotation, rotations)[..., np.newaxis], rotation.slopes()
         back = np.linalg.pinv(of_angles)
-        beside = np.eye(3) - of_angles @ back  # what the angles of a frame cannot do
+        beside = np.eye(3) - of_angles @ back  # projector on what the angles of a frame cannot explain
         left, right = (beside @ of_constants).reshape(-1, rotation.n_constants), (beside @ missing).reshape(-1)
         constants = np.asarray(np.linalg.lstsq(left, right, rcond=None)[0], dtype=np.float64)
         angles = back @ (missing - (of_constants @ constants)[..., np.newaxis])

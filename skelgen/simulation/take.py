@@ -37,7 +37,7 @@ _UNLABELLED = ("ghosts", "merged", "duplicates")  # faults whose points cannot c
 
 @dataclass(frozen=True)
 class SimulationParameters(StageParameters):
-    """How a structure is moved, and how badly it is seen."""
+    """Parameters of the motion, and of the faults of the tracker."""
 
     stage: ClassVar[str] = "simulate"
 
@@ -139,7 +139,7 @@ def simulate(
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """A body in motion, before anybody looks at it."""
+    """A body in motion, before it is measured."""
 
     body: Structure
     settings: SimulationParameters

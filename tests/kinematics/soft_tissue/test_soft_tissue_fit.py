@@ -116,11 +116,10 @@ def test_gradient_is_the_slope_of_the_squares(true_chain):
     for index in (0, n_displacements // 2, n_displacements - 1):
         displacements = np.zeros(n_displacements)
         displacements[index] = step
+        slopes = system.slopes(displacements, len(tissue.joints))
         squares = [
             ((case.positions - moved.displacements(last.chain, last.poses) - last.poses.markers(last.chain)) ** 2).sum()
-            for moved in (
-                tissue.with_slopes(sign * system.slopes(displacements, len(tissue.joints))) for sign in (1, -1)
-            )
+            for moved in (tissue.with_slopes(sign * slopes) for sign in (1, -1))
         ]
         slope = (squares[1] - squares[0]) / (4 * step)
         assert system.gradient[system.n_constants + index] == pytest.approx(slope, rel=1e-3, abs=0.05)
