@@ -33,13 +33,13 @@ from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
 
-SPREAD = 30.0
+CHANCE_SPREAD = 30.0
 """Distance [px] from an epipolar line at which unrelated balls lie, in order of magnitude."""
 
-WORST = 9.0
+MAX_LOSS = 9.0
 """Largest loss of log likelihood by a misfit: balls that are partly hidden exceed all noise."""
 
-MISSED = 3.0
+MISMATCH = 3.0
 """Evidence [nats] of a frame in which two tracks do not fit against them: a true pair does not fit in one frame of
 twenty, as balls are hidden in part."""
 
@@ -231,7 +231,7 @@ def evidence_over_time(candidates: Candidates, pairs: TrackPairs, noise: float) 
     together = pairs.last.min(axis=1) - pairs.first.max(axis=1) + 1
     fits = _log_likelihood_ratios(candidates.misfit.astype(np.float64), noise)
     counts = np.bincount(pairs.of_candidate, minlength=len(pairs))
-    return np.asarray(np.bincount(pairs.of_candidate, fits, len(pairs)) - MISSED * (together - counts))
+    return np.asarray(np.bincount(pairs.of_candidate, fits, len(pairs)) - MISMATCH * (together - counts))
 
 
 def typical_misfit(misfit: Floats) -> float:
@@ -242,7 +242,7 @@ def typical_misfit(misfit: Floats) -> float:
 def _log_likelihood_ratios(misfit: Floats, noise: float) -> Floats:
     """Log likelihood ratio [nats] of one marker against chance for each misfit."""
     deviation = max(typical_misfit(misfit), noise)
-    return np.asarray(np.log(SPREAD / deviation) - np.minimum((misfit / deviation) ** 2 / 2, WORST))
+    return np.asarray(np.log(CHANCE_SPREAD / deviation) - np.minimum((misfit / deviation) ** 2 / 2, MAX_LOSS))
 
 
 def accept_best_first(pairs: TrackPairs, evidence: Floats) -> Bools:

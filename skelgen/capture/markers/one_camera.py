@@ -188,7 +188,7 @@ class _TwoCameraMarkers:
         self.motion = self._typical_motion(names[index], rig.left)
         spread = candidates.covariance(index)
         usual = float(np.median(np.sqrt(np.trace(spread, axis1=1, axis2=2)))) if len(index) else 0.0
-        self._most_std = MAX_STD * usual
+        self._max_std = MAX_STD * usual
 
     def runs(self, balls: tuple[ImageBalls, ImageBalls], side: int, camera: Camera) -> Iterator[_OneCameraRun]:
         """Yield the runs of frames in which only one camera sees a marker."""
@@ -215,7 +215,7 @@ class _TwoCameraMarkers:
         """Return the points of a run that are certain enough: the depths are solved for along the lines of sight."""
         pose = camera.camera_from_world
         eye = -pose[:3, :3].T @ pose[:3, 3]
-        slopes = np.column_stack([run.rays, np.ones(len(run.rays))]) @ pose[:3, :3]
+        directions = np.column_stack([run.rays, np.ones(len(run.rays))]) @ pose[:3, :3]
         anchors = np.flatnonzero(run.both >= 0)
         chain = self._chain(len(run.frames))
         depths_known = self._candidates.points[run.both[anchors]] @ pose[2, :3] + pose[2, 3]
@@ -224,30 +224,32 @@ class _TwoCameraMarkers:
         neighbours = self._rigid_neighbours(run)
         depths = np.interp(np.arange(len(run.frames)), anchors, depths_known)
         for _ in range(MAX_STEPS):
-            normal, slope = chain.copy(), chain @ depths
+            normal, gradient = chain.copy(), chain @ depths
             normal[anchors, anchors] += weights
-            slope[anchors] += weights * (depths[anchors] - depths_known)
-            residuals, along, precision = neighbours.misfits(eye, slopes, depths, self._noise / camera.matrix[0, 0])
+            gradient[anchors] += weights * (depths[anchors] - depths_known)
+            residuals, along, precision = neighbours.misfits(eye, directions, depths, self._noise / camera.matrix[0, 0])
             robust = precision / (1 + residuals**2 * precision / FREEDOM)
             np.add.at(normal, (neighbours.at, neighbours.at), along**2 * robust)
-            np.add.at(slope, neighbours.at, along * residuals * robust)
-            step = np.clip(np.linalg.solve(normal, slope), -MAX_STEP, MAX_STEP)
+            np.add.at(gradient, neighbours.at, along * residuals * robust)
+            step = np.clip(np.linalg.solve(normal, gradient), -MAX_STEP, MAX_STEP)
             depths = depths - step
             if np.abs(step).max() < CONVERGED:
                 break
-        std = np.sqrt(np.diag(np.linalg.inv(normal))) * np.linalg.norm(slopes, axis=1)
+        std = np.sqrt(np.diag(np.linalg.inv(normal))) * np.linalg.norm(directions, axis=1)
         fits = not len(residuals) or float((residuals**2 * precision).mean()) <= GATE**2
         n_neighbours = np.bincount(neighbours.at, minlength=len(depths))
-        is_known = (n_neighbours >= MIN_NEIGHBOURS) & (std <= self._most_std) & (depths > 0)
+        is_known = (n_neighbours >= MIN_NEIGHBOURS) & (std <= self._max_std) & (depths > 0)
         good = np.flatnonzero((run.both < 0) & is_known & fits)
-        return OneCameraPoints(run.frames[good], eye + slopes[good] * depths[good, np.newaxis], std[good] / self._scale)
+        return OneCameraPoints(
+            run.frames[good], eye + directions[good] * depths[good, np.newaxis], std[good] / self._scale
+        )
 
-    def _seen(self, balls: ImageBalls, side: int) -> _Balls:
+    def _seen(self, balls: ImageBalls, side: int) -> _MarkerBalls:
         names = self._marker_of_track[side]
         tracks, of_ball = np.unique(balls.tracks, return_inverse=True)
         markers = np.array([names.get(track, -1) for track in tracks.tolist()], dtype=np.intp)
         frames = np.repeat(np.arange(len(balls.per_frame)), balls.per_frame)
-        return _Balls(frames, balls.tracks.astype(np.intp), markers[of_ball] if len(of_ball) else markers)
+        return _MarkerBalls(frames, balls.tracks.astype(np.intp), markers[of_ball] if len(of_ball) else markers)
 
     def _candidate(self, keys: Ints) -> Ints:
         """The kept candidate of each frame and marker, -1 where there is none."""
@@ -292,7 +294,7 @@ class _TwoCameraMarkers:
         return normal
 
 
-class _Balls(NamedTuple):
+class _MarkerBalls(NamedTuple):
     """Frames, tracks and markers of balls, shape (n,) each; -1 for balls of no marker."""
 
     frames: Ints
@@ -321,14 +323,14 @@ class _RigidNeighbours(NamedTuple):
     lengths: Floats
     variances: Floats
 
-    def misfits(self, eye: Floats, slopes: Floats, depths: Floats, blur: float) -> tuple[Floats, Floats, Floats]:
+    def misfits(self, eye: Floats, directions: Floats, depths: Floats, blur: float) -> tuple[Floats, Floats, Floats]:
         """Return distances minus known ones [mm], their derivatives by the depth, and their precisions [1 / mm^2]."""
-        away = eye + slopes[self.at] * depths[self.at, np.newaxis] - self.places
+        away = eye + directions[self.at] * depths[self.at, np.newaxis] - self.places
         lengths = np.linalg.norm(away, axis=1)
         along = away / lengths[:, np.newaxis]
         variances = np.einsum("ni,nij,nj->n", along, self.spread, along) + self.variances
         variances += (blur * depths[self.at]) ** 2
-        return lengths - self.lengths, (along * slopes[self.at]).sum(axis=1), 1 / variances
+        return lengths - self.lengths, (along * directions[self.at]).sum(axis=1), 1 / variances
 
 
 def _anchored(both: Ints, begin: int, end: int, low: int, high: int) -> tuple[int, int]:
