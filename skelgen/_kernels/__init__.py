@@ -27,24 +27,34 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 _announce: ContextVar[Callable[[str], None] | None] = ContextVar("who is told what is compiled", default=None)
 _making = threading.Lock()
 
+_NO_ENTRY = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""What only kernels call needs no entry from Python or C."""
+
 
 def kernel(function: _Function) -> _Function:
     """Return a function that is compiled at its first call; it runs without Python's lock, so that threads run abreast.
 
     What it calls must be a kernel or a part of one. Divisions by zero give infinities and NaN, as NumPy's do.
-    Compiling takes a second or two for each sort, set or array expression of NumPy's: loops over numbers take none.
-    A call raises `KernelError` if numba cannot be imported, cannot compile, or finds no folder to write to.
+    Compiling takes a second or two for each sort, slice that is written to, or array expression of NumPy's: loops over
+    numbers take a tenth of that. A call raises `KernelError` if numba cannot be imported, cannot compile, or finds no
+    folder to write to.
     """
-    return cast(_Function, Kernel(function, is_part=False))
+    return cast(_Function, Kernel(function, _kept_on_disk))
 
 
 def kernel_part(function: _Function) -> _Function:
-    """Return a function that only kernels call: it is compiled into each of them, and cannot be called from Python.
+    """Return a function that only kernels call: it works in arrays that it is given, and makes and returns none.
 
-    Numbers that are given to it should not be written out, nor be names of Python's whole numbers: it would be compiled
-    anew for each of them. Names of NumPy's are not; see `fixed`.
+    So numba need not count references in it, which takes a sixth of the time. Numbers that are given to it should not
+    be written out, nor be names of Python's whole numbers: it would be compiled anew for each of them. Names of NumPy's
+    are not; see `fixed`.
     """
-    return cast(_Function, Kernel(function, is_part=True))
+    return cast(_Function, Kernel(function, _part))
+
+
+def array_part(function: _Function) -> _Function:
+    """Return a function that only kernels call, and that may make arrays; see `kernel_part`."""
+    return cast(_Function, Kernel(function, _part_that_makes_arrays))
 
 
 class Kernel:
@@ -54,13 +64,13 @@ class Kernel:
     ----------
     function : callable
         What is compiled.
-    is_part : bool
-        Only kernels call it: numba makes no entry from Python, and nothing is kept on disk.
+    compile_with : callable
+        Gives what numba makes of it; called once.
     """
 
-    def __init__(self, function: Callable[..., Any], *, is_part: bool) -> None:
+    def __init__(self, function: Callable[..., Any], compile_with: Callable[[Callable[..., Any]], Any]) -> None:
         self.function = function
-        self._is_part = is_part
+        self._compile_with = compile_with
         self._compiled: Any = None
         self.__doc__, self.__name__, self.__module__ = function.__doc__, function.__name__, function.__module__
 
@@ -91,7 +101,7 @@ class Kernel:
         if self._compiled is None:
             with _making:
                 if self._compiled is None:
-                    self._compiled = _without_cache(self.function) if self._is_part else _with_cache(self.function)
+                    self._compiled = self._compile_with(self.function)
         return self._compiled
 
 
@@ -120,12 +130,16 @@ def announce_compiling(announce: Callable[[str], None]) -> Iterator[None]:
         _announce.reset(token)
 
 
-def _without_cache(function: Callable[..., Any]) -> Any:
-    return _njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+def _part(function: Callable[..., Any]) -> Any:
+    return _njit(**_NO_ENTRY, _nrt=False, pipeline_class=_part_compiler())(function)
 
 
-def _with_cache(function: Callable[..., Any]) -> Any:
-    compiled = _njit()(function)
+def _part_that_makes_arrays(function: Callable[..., Any]) -> Any:
+    return _njit(**_NO_ENTRY, pipeline_class=_part_compiler())(function)
+
+
+def _kept_on_disk(function: Callable[..., Any]) -> Any:
+    compiled = _njit(no_cfunc_wrapper=True)(function)
     if hasattr(compiled, "py_func"):  # else NUMBA_DISABLE_JIT is set
         try:
             compiled._cache = _cache_class()(function)
@@ -137,7 +151,7 @@ def _with_cache(function: Callable[..., Any]) -> Any:
     return compiled
 
 
-def _njit(**options: bool) -> Any:
+def _njit(**options: Any) -> Any:
     try:
         import numba  # noqa: PLC0415 - half a second
     except Exception as error:  # it refuses versions of NumPy that it does not know, in several ways
@@ -185,6 +199,44 @@ def _cache_class() -> Any:
     locators = [type(folder.__name__, (AllSources, folder), {}) for folder in folders]
     implementation = type("Implementation", (caching.CompileResultCacheImpl,), {"_locator_classes": locators})
     return type("Cache", (caching.FunctionCache,), {"_impl_class": implementation})
+
+
+@cache
+def _part_compiler() -> Any:
+    """Return numba's compiler, but for the last step: a part becomes machine code within its kernel only.
+
+    numba would optimise each part and make machine code of it, which nobody calls, before it does so for the kernel
+    that the part is linked into.
+    """
+    from numba.core.codegen import JITCodeLibrary  # noqa: PLC0415 - half a second
+    from numba.core.compiler import Compiler  # noqa: PLC0415 - half a second
+
+    class PartLibrary(JITCodeLibrary):
+        def finalize(self) -> None:
+            for library in dict.fromkeys(self._linking_libraries):
+                self._reload_init.update(library._reload_init)
+                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+            self._finalize_dynamic_globals()
+            self._finalized = True
+
+        def get_pointer_to_function(self, name: str) -> int:
+            self._ensure_finalized()
+            return 0  # as numba says of what has no entry from Python
+
+        @property
+        def codegen(self) -> Any:
+            return self
+
+        def set_env(self, name: str, environment: object) -> None:
+            """Do nothing: only what Python calls looks into its environment."""
+
+    class PartCompiler(Compiler):
+        def define_pipelines(self) -> Any:
+            self.state.library = PartLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+            self.state.library.enable_object_caching()
+            return super().define_pipelines()
+
+    return PartCompiler
 
 
 @cache

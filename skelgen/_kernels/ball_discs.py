@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.small_matrices import factorise, solve
 from skelgen.model.arrays import Floats
 
@@ -94,7 +94,7 @@ def fit_discs(window: Floats, guess: Floats, limit: float) -> Fit:
     return _fit_with_deviations(unknowns, normal, cost, n_pixels)
 
 
-@kernel_part
+@array_part
 def _first_unknowns(window: Floats, guess: Floats) -> Floats:
     """Return the unknowns that a fit starts from."""
     peak = 0.0
@@ -126,7 +126,7 @@ def _take_step(unknowns: Floats, step: Floats, tried: Floats) -> float:
     return longest
 
 
-@kernel_part
+@array_part
 def _fit_with_deviations(unknowns: Floats, normal: Floats, cost: float, n_pixels: int) -> Fit:
     """Return the discs with the deviations of their centres."""
     n_discs, n_free = len(unknowns) // N_UNKNOWNS, n_pixels - len(unknowns)

@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen.model.arrays import Floats
 
 FULL = 4096
@@ -188,7 +188,7 @@ def _join(parents: NDArray[np.int64], ranks: NDArray[np.int64], one: int, other:
         ranks[one] += 1
 
 
-@kernel_part
+@array_part
 def _sums_of_spots(runs: SpotTable, parents: NDArray[np.int64], min_area: int) -> SpotTable:
     """Return the sums of each spot that is large enough, in the order of their first runs."""
     for run in range(len(runs)):

@@ -4,9 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
-from skelgen._kernels.information import Columns, tilted
-from skelgen._kernels.posing import ChainTable, Place, new_place, put
+from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels.information import FIRST, N_TILTS, Columns, tilted
+from skelgen._kernels.posing import (
+    ARM,
+    ERROR,
+    FREE,
+    FREEDOMS,
+    LINK,
+    N_ARM,
+    N_PLACE,
+    ORIGIN,
+    PARENT,
+    ROOT,
+    ROTATION,
+    START,
+    ChainTable,
+    Place,
+    copy_rotations,
+    put,
+)
 from skelgen._kernels.small_matrices import (
     Vector,
     add_vector,
@@ -14,7 +31,6 @@ from skelgen._kernels.small_matrices import (
     dot,
     matrix,
     plus,
-    set_matrix,
     set_vector,
     times,
     transposed,
@@ -22,6 +38,9 @@ from skelgen._kernels.small_matrices import (
     vector,
 )
 from skelgen.model.arrays import Floats
+
+FORCE, MOMENT = fixed(0, 3)
+"""Columns of the sums over a limb and all beyond it."""
 
 
 @kernel
@@ -34,53 +53,79 @@ def add_pulls(
     weights: Floats,
     total: Floats,
 ) -> None:
-    """Add the pull of some frames; forces and torques are summed from the leaves to the root."""
-    n_limbs = len(table.parents)
-    place, sums = new_place(n_limbs, len(table.markers)), np.empty((n_limbs, 6))
-    for frame in range(len(weights)):
-        for axis in range(3):
-            place.root[axis] = roots[frame, axis]
+    """Add the gradient of some frames; forces and torques are summed from the leaves to the root.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    columns : Columns
+        Where the constants stand.
+    roots : ndarray, shape (n_frames, 3), mm
+        World positions of the root's origin.
+    rotations : ndarray, shape (n_frames * n_limbs, 9)
+        World from limb by its rows, frame by frame.
+    positions : ndarray, shape (n_frames * n_markers, 3), mm
+        Measured markers; any number where the weight is 0.
+    weights : ndarray, shape (n_frames * n_markers,)
+        Of the squared distances.
+    total : ndarray, shape (n_constants,)
+        What is added to.
+    """
+    n_limbs, n_markers = len(table.joints), len(table.markers)
+    place = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
+    sums = np.empty((n_limbs, 6))
+    for frame in range(len(roots)):
+        first = frame * n_markers
+        set_vector(place.limbs, ROOT, ORIGIN, vector(roots, frame, ROOT))
+        copy_rotations(rotations, frame * n_limbs, place.limbs)
         for limb in range(n_limbs):
-            set_matrix(place.rotations, limb, matrix(rotations[frame], limb))
             for column in range(6):
                 sums[limb, column] = 0.0
-        put(table, positions[frame], weights[frame], place)
+        put(table, positions, weights, first, place)
         for limb in range(n_limbs - 1, -1, -1):
-            pull_at_offsets(table, columns, weights[frame], place, limb, sums, total)
+            pull_at_offsets(table, columns, weights, first, place, limb, sums, total)
             if limb > 0:
                 pull_at_joint(table, columns, place, limb, sums, total)
 
 
 @kernel_part
 def pull_at_offsets(
-    table: ChainTable, columns: Columns, weights: Floats, place: Place, limb: int, sums: Floats, total: Floats
+    table: ChainTable,
+    columns: Columns,
+    weights: Floats,
+    first: int,
+    place: Place,
+    limb: int,
+    sums: Floats,
+    total: Floats,
 ) -> None:
     """Add the pull at the offsets of a limb's markers, and what their residuals do to the limb."""
-    column = columns.first[limb] + columns.n_tilts[limb] + (3 if limb > 0 else 0)
-    axes = transposed(matrix(place.rotations, limb))
-    force, torque = vector(sums, limb, 0), vector(sums, limb, 3)
-    for own in range(table.starts[limb], table.starts[limb + 1]):
-        weight = weights[table.markers[own]]
+    column = columns.limbs[limb, FIRST] + columns.limbs[limb, N_TILTS] + (3 if limb > 0 else 0)
+    axes = transposed(matrix(place.limbs, limb, ROTATION))
+    force, torque = vector(sums, limb, FORCE), vector(sums, limb, MOMENT)
+    for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
+        weight = weights[first + table.markers[own]]
         if weight > 0.0:
-            pull = times(weight, vector(place.errors, own, 0))
+            pull = times(weight, vector(place.markers, own, ERROR))
             add_to(total, column, turned(axes, pull))
-            force, torque = plus(force, pull), plus(torque, cross(vector(place.arms, own, 0), pull))
+            force, torque = plus(force, pull), plus(torque, cross(vector(place.markers, own, ARM), pull))
         column += 3
-    set_vector(sums, limb, 0, force)
-    set_vector(sums, limb, 3, torque)
+    set_vector(sums, limb, FORCE, force)
+    set_vector(sums, limb, MOMENT, torque)
 
 
 @kernel_part
 def pull_at_joint(table: ChainTable, columns: Columns, place: Place, limb: int, sums: Floats, total: Floats) -> None:
     """Add the pull at a limb's joint and axes, and what it does to the parent."""
-    parent, force, torque = table.parents[limb], vector(sums, limb, 0), vector(sums, limb, 3)
-    add_to(total, columns.first[limb], turned(transposed(matrix(place.rotations, parent)), force))
-    for tilt in range(columns.n_tilts[limb]):
-        total[columns.first[limb] + 3 + tilt] += dot(tilted(table, columns, place, limb, tilt), torque)
-    add_vector(sums, parent, 0, force)
-    add_vector(sums, parent, 3, cross(vector(place.links, limb, 0), force))
-    if table.freedoms[limb] < 3:
-        add_vector(sums, parent, 3, torque)
+    parent, force, torque = table.limbs[limb, PARENT], vector(sums, limb, FORCE), vector(sums, limb, MOMENT)
+    add_to(total, columns.limbs[limb, FIRST], turned(transposed(matrix(place.limbs, parent, ROTATION)), force))
+    for tilt in range(columns.limbs[limb, N_TILTS]):
+        total[columns.limbs[limb, FIRST] + 3 + tilt] += dot(tilted(table, columns, place, limb, tilt), torque)
+    add_vector(sums, parent, FORCE, force)
+    add_vector(sums, parent, MOMENT, cross(vector(place.limbs, limb, LINK), force))
+    if table.limbs[limb, FREEDOMS] < FREE:
+        add_vector(sums, parent, MOMENT, torque)
 
 
 @kernel_part

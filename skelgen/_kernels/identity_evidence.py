@@ -54,7 +54,8 @@ def evidence_of(
     n_seen = np.zeros((n_frames, n_markers), dtype=np.int8)
     lengths, own = np.empty(mates.shape[1]), np.empty(mates.shape[1])
     gain = np.empty((n_markers, rivals.shape[1] + 1))
-    law = _law(distance, spread)
+    law = np.empty((n_markers, n_markers, 3))
+    _write_law(distance, spread, law)
     for frame in range(n_frames):
         for marker in range(n_markers):
             n_seen[frame, marker] = _fill_lengths(lengths, positions[frame], marker, mates[marker])
@@ -78,15 +79,13 @@ def evidence_of(
 
 
 @kernel_part
-def _law(distance: Floats, spread: Floats) -> Floats:
-    """Middle, inverse width, and density at the middle but for foul distances, of each distance; NaN if unknown."""
-    law = np.empty((*distance.shape, 3))
+def _write_law(distance: Floats, spread: Floats, law: Floats) -> None:
+    """Write middle, inverse width, and density at the middle but for foul ones, of each distance; NaN if unknown."""
     for marker in range(len(distance)):
         for other in range(len(distance)):
             law[marker, other, 0] = distance[marker, other]
             law[marker, other, 1] = 1.0 / spread[marker, other]
             law[marker, other, 2] = (1.0 - FOUL_PART) * PEAK / spread[marker, other]
-    return law
 
 
 @kernel_part
@@ -168,21 +167,25 @@ def probabilities(
         Probabilities that a marker is right when it is first seen, and that another one is taken for it after a break.
     """
     n_frames, n_markers = seen.shape
-    total = np.empty((n_frames, n_markers))
-    state = np.full(n_markers, math.log(right / (1.0 - right)))
+    total, state = np.empty((n_frames, n_markers)), np.empty(n_markers)
+    for marker in range(n_markers):
+        state[marker] = math.log(right / (1.0 - right))
     for frame in range(n_frames):
         for marker in range(n_markers):
             if frame > 0:
-                state[marker] = _passed(state[marker], breaks[frame, marker], lost, True)
+                lose, find = (lost, FOUND) if breaks[frame, marker] else (CHANGE, CHANGE)
+                state[marker] = _passed(state[marker], lose, find, find, lose)
             odds = _odds(evidence, share, seen, stated, frame, marker)
             state[marker] = total[frame, marker] = _bounded(state[marker] + odds)
-    state[:] = 0.0  # from now on: log likelihood ratio of what follows
+    for marker in range(n_markers):
+        state[marker] = 0.0  # from now on: log likelihood ratio of what follows
     for frame in range(n_frames - 1, -1, -1):
         for marker in range(n_markers):
             sure = 1.0 / (1.0 + math.exp(-_bounded(total[frame, marker] + state[marker])))
             total[frame, marker] = sure if seen[frame, marker] else math.nan
-            odds = _odds(evidence, share, seen, stated, frame, marker)
-            state[marker] = _passed(_bounded(state[marker] + odds), breaks[frame, marker], lost, False)
+            lose, find = (lost, FOUND) if breaks[frame, marker] else (CHANGE, CHANGE)
+            odds = _bounded(state[marker] + _odds(evidence, share, seen, stated, frame, marker))
+            state[marker] = _passed(odds, lose, find, lose, find)
     return total
 
 
@@ -200,10 +203,7 @@ def _bounded(nats: float) -> float:
 
 
 @kernel_part
-def _passed(state: float, broken: bool, lost: float, forwards: bool) -> float:
+def _passed(state: float, lose: float, find: float, gained: float, spoiled: float) -> float:
     """Log odds a frame later, or the log likelihood ratio of all that follows a frame earlier."""
-    lose, find = (lost, FOUND) if broken else (CHANGE, CHANGE)
     ratio = math.exp(state)
-    if forwards:
-        return math.log((ratio * (1.0 - lose) + find) / (ratio * lose + 1.0 - find))
-    return math.log((ratio * (1.0 - lose) + lose) / (ratio * find + 1.0 - find))
+    return math.log((ratio * (1.0 - lose) + gained) / (ratio * spoiled + 1.0 - find))

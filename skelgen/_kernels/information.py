@@ -22,18 +22,29 @@ import numpy as np
 
 from skelgen._kernels import fixed, kernel, kernel_part
 from skelgen._kernels.posing import (
+    ARM,
     BY_SHIFT,
     BY_TURN,
+    FREE,
+    FREEDOMS,
+    LINK,
     MIXED,
+    N_ARM,
     N_AXIS,
     N_FORM,
+    N_PLACE,
+    PARENT,
+    ROOT,
+    ROTATION,
     SHIFT,
+    START,
+    TURN,
     VARIANCE,
     ChainTable,
     Place,
     carry_form,
+    copy_rotations,
     find_forms,
-    new_place,
     put,
     take_axis,
     world_axis,
@@ -48,7 +59,6 @@ from skelgen._kernels.small_matrices import (
     dot,
     matrix,
     plus,
-    set_matrix,
     symmetric,
     times,
     transposed,
@@ -63,8 +73,14 @@ PARALLEL = 1e-9
 POSE_RIDGE = 1e-12
 """Relative ridge under a frame's normal matrix: for turns that no marker determines."""
 
+FIRST_AXIS, SECOND_AXIS = fixed(0, 1)
+
 TORQUES, FORCES, ROWS = fixed(0, 3, 6)
 """Rows of the table of columns: T, F, and what a turn that is minimised out leaves."""
+
+
+ORDER, FIRST, LAST, N_TILTS = fixed(0, 1, 2, 3)
+"""Columns of `Columns.limbs`."""
 
 
 class Columns(NamedTuple):
@@ -72,52 +88,61 @@ class Columns(NamedTuple):
 
     Attributes
     ----------
-    order : ndarray of intp, shape (n_limbs,)
-        Limbs, each before all beyond it.
-    first, last : ndarray of intp, shape (n_limbs,)
-        Where the constants of each limb and of those beyond it begin and end: joint, tilts, offsets, limbs beyond.
-    n_tilts : ndarray of intp, shape (n_limbs,)
-        Constants of the axis of each limb's joint.
-    across : ndarray, shape (n_limbs, 2, 3)
-        Directions in the parent about which axes are tilted.
+    limbs : ndarray of intp, shape (n_limbs, 4)
+        The limbs in an order in which each comes before all beyond it; for each limb, where its constants and those
+        beyond it begin and end: joint, tilts, offsets, limbs beyond; and the constants of the axis of its joint.
+    across : ndarray, shape (2 * n_limbs, 3)
+        Two directions in the parent of each limb about which axes are tilted.
     """
 
-    order: Ints
-    first: Ints
-    last: Ints
-    n_tilts: Ints
+    limbs: Ints
     across: Floats
 
 
 @kernel
 def add_frames(table: ChainTable, columns: Columns, rotations: Floats, weights: Floats, total: Floats) -> None:
-    """Add what some frames tell to the upper half of S."""
-    n_limbs, n_markers = len(table.parents), len(table.markers)
-    place, nowhere = new_place(n_limbs, n_markers), np.zeros((n_markers, 3))  # what is measured does not count
+    """Add what some frames tell to the upper half of S.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    columns : Columns
+        Where the constants stand.
+    rotations : ndarray, shape (n_frames * n_limbs, 9)
+        World from limb by its rows, frame by frame.
+    weights : ndarray, shape (n_frames * n_markers,)
+        Of the squared distances, 0 where unseen.
+    total : ndarray, shape (n_constants, n_constants)
+        S, of which the upper half is added to.
+    """
+    n_limbs, n_markers = len(table.joints), len(table.markers)
+    place = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
+    nowhere = np.zeros((len(weights), 3))  # what is measured does not count
     forms, whole, solved = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS))
     work = np.zeros((ROWS + 3, len(total)))
-    for axis in range(3):
-        place.root[axis] = 0.0
-    for frame in range(len(weights)):
-        for limb in range(n_limbs):
-            set_matrix(place.rotations, limb, matrix(rotations[frame], limb))
-        put(table, nowhere, weights[frame], place)
-        all_weights, _ = find_forms(table, weights[frame], place, forms)
+    for root in range(0, len(rotations), n_limbs):
+        marker = root // n_limbs * n_markers
+        copy_rotations(rotations, root, place.limbs)
+        put(table, nowhere, weights, marker, place)
+        all_weights, _ = find_forms(table, weights, marker, place, forms)
         level = ridge(mean_turn(table, place, forms, whole))
-        for entry in range(n_limbs - 1, 0, -1):
-            limb = columns.order[entry]
-            add_offsets(table, columns, weights[frame], place, limb, work, total)
-            if table.freedoms[limb] == 3:
-                take_free_turn(forms, limb, level, work, columns.first[limb] + 3, columns.last[limb], total)
+        for entry in range(n_limbs - 1, -1, -1):
+            limb = columns.limbs[entry, ORDER]
+            add_offsets(table, columns, weights, marker, place, limb, work, total)
+            if table.limbs[limb, FREEDOMS] == FREE:
+                own = 3 if limb > 0 else 0
+                take_free_turn(
+                    forms, limb, level, work, columns.limbs[limb, FIRST] + own, columns.limbs[limb, LAST], total
+                )
             else:
                 add_tilts(table, columns, place, forms, limb, work, total)
                 take_axes(table, columns, place, forms, limb, level, solved, work, total)
-            add_joint(columns, matrix(place.rotations, table.parents[limb]), forms, limb, work, total)
-            carry_columns(table, columns, place, forms, limb, work)
-        add_offsets(table, columns, weights[frame], place, 0, work, total)
-        take_free_turn(forms, 0, level, work, 0, len(total), total)
-        factor = inverse_root(symmetric(forms, 0, SHIFT), ridge(all_weights))
-        take_rows(factor, work, FORCES, 0, len(total), total)
+            if limb > 0:
+                add_joint(columns, place, table.limbs[limb, PARENT], forms, limb, work, total)
+                carry_columns(table, columns, place, forms, limb, work)
+        factor = inverse_root(symmetric(forms, ROOT, SHIFT), ridge(all_weights))
+        take_rows(factor, work, FORCES, ROOT, len(total), total)
 
 
 @kernel_part
@@ -134,12 +159,12 @@ def mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> 
         for column in range(N_FORM):
             whole[limb, column] = forms[limb, column]
     for limb in range(len(forms) - 1, -1, -1):
-        turn = symmetric(whole, limb, 0)
-        n_turns += table.freedoms[limb]
-        if table.freedoms[limb] == 3:
+        turn = symmetric(whole, limb, TURN)
+        n_turns += table.limbs[limb, FREEDOMS]
+        if table.limbs[limb, FREEDOMS] == FREE:
             total += turn[0] + turn[3] + turn[5]
         else:
-            for which in range(table.freedoms[limb]):
+            for which in range(table.limbs[limb, FREEDOMS]):
                 axis = world_axis(table, place, limb, which)
                 total += dot(axis, by_symmetric(turn, axis))
         if limb > 0:
@@ -149,16 +174,23 @@ def mean_turn(table: ChainTable, place: Place, forms: Floats, whole: Floats) -> 
 
 @kernel_part
 def add_offsets(
-    table: ChainTable, columns: Columns, weights: Floats, place: Place, limb: int, work: Floats, total: Floats
+    table: ChainTable,
+    columns: Columns,
+    weights: Floats,
+    first: int,
+    place: Place,
+    limb: int,
+    work: Floats,
+    total: Floats,
 ) -> None:
     """Let the offsets of a limb's markers come in."""
-    column = columns.first[limb] + columns.n_tilts[limb] + (3 if limb > 0 else 0)
-    axes = transposed(matrix(place.rotations, limb))
-    for own in range(table.starts[limb], table.starts[limb + 1]):
-        weight = weights[table.markers[own]]
+    column = columns.limbs[limb, FIRST] + columns.limbs[limb, N_TILTS] + (3 if limb > 0 else 0)
+    axes = transposed(matrix(place.limbs, limb, ROTATION))
+    for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
+        weight = weights[first + table.markers[own]]
         for axis in range(3):
             force = times(weight, axes[axis])
-            torque = cross(vector(place.arms, own, 0), force) if weight > 0.0 else force
+            torque = cross(vector(place.markers, own, ARM), force) if weight > 0.0 else force
             set_column(work, FORCES, column, force)
             set_column(work, TORQUES, column, torque)
             total[column, column] += weight
@@ -171,40 +203,44 @@ def add_tilts(
 ) -> None:
     """Let the constants of the axis of a limb's joint come in: they turn it."""
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
-    for tilt in range(columns.n_tilts[limb] - 1, -1, -1):
+    for tilt in range(columns.limbs[limb, N_TILTS] - 1, -1, -1):
         change = tilted(table, columns, place, limb, tilt)
-        column = columns.first[limb] + 3 + tilt
-        set_column(work, TORQUES, column, by_symmetric(symmetric(forms, limb, 0), change))
+        column = columns.limbs[limb, FIRST] + 3 + tilt
+        set_column(work, TORQUES, column, by_symmetric(symmetric(forms, limb, TURN), change))
         set_column(work, FORCES, column, (dot(a, change), dot(b, change), dot(c, change)))
-        mix(total, column, 1.0, change, work, TORQUES, column, columns.last[limb])
+        mix(total, column, 1.0, change, work, TORQUES, column, columns.limbs[limb, LAST])
 
 
 @kernel_part
 def tilted(table: ChainTable, columns: Columns, place: Place, limb: int, tilt: int) -> Vector:
     """Return how a constant of the axis of a limb's joint turns the limb; see `Articulation.axes_of`."""
     if tilt < 2:
-        return turned(matrix(place.rotations, table.parents[limb]), vector(columns.across[limb], tilt, 0))
-    normal = cross(world_axis(table, place, limb, 0), world_axis(table, place, limb, 1))
+        return turned(
+            matrix(place.limbs, table.limbs[limb, PARENT], ROTATION), vector(columns.across, 2 * limb + tilt, ROOT)
+        )
+    normal = cross(world_axis(table, place, limb, FIRST_AXIS), world_axis(table, place, limb, SECOND_AXIS))
     size = math.sqrt(dot(normal, normal))
     return times(1.0 / size if size > PARALLEL else 0.0, normal)
 
 
 @kernel_part
-def add_joint(columns: Columns, parent: Matrix, forms: Floats, limb: int, work: Floats, total: Floats) -> None:
+def add_joint(
+    columns: Columns, place: Place, parent: int, forms: Floats, limb: int, work: Floats, total: Floats
+) -> None:
     """Let the joint above a limb come in: it shifts the origin."""
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
-    axes = transposed(parent)
+    axes = transposed(matrix(place.limbs, parent, ROTATION))
     for axis in range(2, -1, -1):
-        column, shift = columns.first[limb] + axis, axes[axis]
+        column, shift = columns.limbs[limb, FIRST] + axis, axes[axis]
         set_column(work, FORCES, column, by_symmetric(symmetric(forms, limb, SHIFT), shift))
         set_column(work, TORQUES, column, plus(plus(times(shift[0], a), times(shift[1], b)), times(shift[2], c)))
-        mix(total, column, 1.0, shift, work, FORCES, column, columns.last[limb])
+        mix(total, column, 1.0, shift, work, FORCES, column, columns.limbs[limb, LAST])
 
 
 @kernel_part
 def take_free_turn(forms: Floats, limb: int, level: float, work: Floats, first: int, last: int, total: Floats) -> None:
     """Minimise a free turn out."""
-    factor = inverse_root(symmetric(forms, limb, 0), level)
+    factor = inverse_root(symmetric(forms, limb, TURN), level)
     a = turned(factor, vector(forms, limb, MIXED))
     b = turned(factor, vector(forms, limb, MIXED + 3))
     c = turned(factor, vector(forms, limb, MIXED + 6))
@@ -239,10 +275,10 @@ def take_axes(
     total: Floats,
 ) -> None:
     """Minimise the turns about the axes of a limb's joint out, the outer first."""
-    first, last = columns.first[limb] + 3, columns.last[limb]
-    for place_of_axis in range(table.freedoms[limb] - 1, -1, -1):
+    first, last = columns.limbs[limb, FIRST] + 3, columns.limbs[limb, LAST]
+    for place_of_axis in range(table.limbs[limb, FREEDOMS] - 1, -1, -1):
         axis = world_axis(table, place, limb, place_of_axis)
-        take_axis(forms, limb, axis, level, solved, 0)
+        take_axis(forms, limb, axis, level, solved, ROOT)
         root = math.sqrt(solved[limb, VARIANCE])
         by_turn, by_shift = vector(solved, limb, BY_TURN), vector(solved, limb, BY_SHIFT)
         mix(work, ROWS, 0.0, times(root, axis), work, TORQUES, first, last)
@@ -256,10 +292,10 @@ def take_axes(
 @kernel_part
 def carry_columns(table: ChainTable, columns: Columns, place: Place, forms: Floats, limb: int, work: Floats) -> None:
     """Carry a limb's form with its columns to its parent."""
-    first, last = columns.first[limb], columns.last[limb]
-    kept = 0.0 if table.freedoms[limb] == 3 else 1.0
+    first, last = columns.limbs[limb, FIRST], columns.limbs[limb, LAST]
+    kept = 0.0 if table.limbs[limb, FREEDOMS] == FREE else 1.0
     carry_form(table, place, forms, limb)
-    x, y, z = vector(place.links, limb, 0)
+    x, y, z = vector(place.limbs, limb, LINK)
     mix(work, TORQUES, kept, (0.0, -z, y), work, FORCES, first, last)
     mix(work, TORQUES + 1, kept, (z, 0.0, -x), work, FORCES, first, last)
     mix(work, TORQUES + 2, kept, (-y, x, 0.0), work, FORCES, first, last)

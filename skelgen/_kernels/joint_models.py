@@ -6,11 +6,13 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import fixed, kernel, kernel_part
 from skelgen._kernels.small_matrices import (
     SMALL_ANGLE,
     TINY,
+    sum_of_squares,
     turn_to_axes,
+    write_copy,
     write_inverse_root,
     write_product,
     write_times_transposed,
@@ -32,15 +34,27 @@ UNIVERSAL_RIDGE = 1e-6
 Parts = tuple[Floats, Floats, float, Floats]
 """Joint's frames in the parent and in the child, shape (3, 3), the angle between the axes, and the frames' angles."""
 
+N_ROOM = 6
+"""Matrices of room that `_linearise` works in."""
+
+PARENT, CHILD = fixed(0, 1)
+"""Limbs of a joint."""
+
+ABOUT_Z, ABOUT_X = fixed(0, 1)
+"""Axes of `_turn`, by the first of the two that it turns."""
+
 Eliminated = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Floats]
 
 
 @kernel
 def whitened(covariances: Floats) -> Floats:
     """Return matrices W with W^T W = covariance^-1, shape (n_frames, n, n)."""
-    out, room = np.zeros_like(covariances), np.empty_like(covariances[0])
+    size = covariances.shape[1]
+    out, room = np.empty(covariances.shape), np.empty((size, size))
     for frame in range(len(covariances)):
-        room[:] = covariances[frame]
+        for i in range(size):
+            for j in range(size):
+                room[i, j] = covariances[frame, i, j]
         write_inverse_root(room, out[frame])
     return out
 
@@ -62,35 +76,64 @@ def eliminate(residuals: Floats, constants: Floats, angles: Floats) -> Eliminate
         constants' slopes and the residuals that they leave, shapes (n_frames, n_rows, n_constants) and
         (n_frames, n_rows); the constants' normal matrix and right-hand side.
     """
-    n_frames, n_rows, n_constants = constants.shape
+    n_frames, _, n_constants = constants.shape
     n_angles = angles.shape[2]
-    inverse, follow = np.zeros((n_frames, n_angles, n_angles)), np.zeros((n_frames, n_angles, n_constants))
-    alone, reduced, left = np.zeros((n_frames, n_angles)), constants.copy(), residuals.copy()
-    normal, pull = np.zeros((n_constants, n_constants)), np.zeros(n_constants)
+    inverse, follow = np.empty((n_frames, n_angles, n_angles)), np.empty((n_frames, n_angles, n_constants))
+    alone, reduced, left = np.empty((n_frames, n_angles)), np.empty(constants.shape), np.empty(residuals.shape)
+    normal, pull = np.empty((n_constants, n_constants)), np.empty(n_constants)
+    _eliminate(residuals, constants, angles, inverse, follow, alone, reduced, left, normal, pull)
+    return inverse, follow, alone, reduced, left, normal, pull
+
+
+@kernel_part
+def _eliminate(
+    residuals: Floats,
+    constants: Floats,
+    angles: Floats,
+    inverse: Floats,
+    follow: Floats,
+    alone: Floats,
+    reduced: Floats,
+    left: Floats,
+    normal: Floats,
+    pull: Floats,
+) -> None:
+    """Write what `eliminate` returns."""
+    n_frames, n_rows, n_constants = constants.shape
+    for c in range(n_constants):
+        pull[c] = 0.0
+        for d in range(n_constants):
+            normal[c, d] = 0.0
     for frame in range(n_frames):
         _invert_own(angles[frame], inverse[frame])
         _follow(angles[frame], inverse[frame], constants[frame], residuals[frame], follow[frame], alone[frame])
         for row in range(n_rows):
-            for a in range(n_angles):
-                left[frame, row] -= angles[frame, row, a] * alone[frame, a]
-                for c in range(n_constants):
-                    reduced[frame, row, c] -= angles[frame, row, a] * follow[frame, a, c]
+            rest = residuals[frame, row]
+            for a in range(angles.shape[2]):
+                rest -= angles[frame, row, a] * alone[frame, a]
+            left[frame, row] = rest
             for c in range(n_constants):
-                pull[c] += reduced[frame, row, c] * left[frame, row]
+                slope = constants[frame, row, c]
+                for a in range(angles.shape[2]):
+                    slope -= angles[frame, row, a] * follow[frame, a, c]
+                reduced[frame, row, c] = slope
+                pull[c] += slope * rest
                 for d in range(c + 1):
-                    normal[c, d] += reduced[frame, row, c] * reduced[frame, row, d]
+                    normal[c, d] += slope * reduced[frame, row, d]
     for c in range(n_constants):
         for d in range(c):
             normal[d, c] = normal[c, d]
-    return inverse, follow, alone, reduced, left, normal, pull
 
 
 @kernel_part
 def _follow(
     angles: Floats, inverse: Floats, constants: Floats, residuals: Floats, follow: Floats, alone: Floats
 ) -> None:
-    """Add how a frame's own unknowns follow the constants, and what they are without."""
+    """Write how a frame's own unknowns follow the constants, and what they are without."""
     for a in range(len(alone)):
+        alone[a] = 0.0
+        for c in range(constants.shape[1]):
+            follow[a, c] = 0.0
         for row in range(len(residuals)):
             gain = 0.0
             for b in range(len(alone)):
@@ -150,16 +193,38 @@ def linearised(
     n_frames, n_angles = angles.shape
     residuals = np.empty((n_frames, 3))
     constants, own = np.empty((n_frames, 3, 3 + n_angles)), np.empty((n_frames, 3, n_angles))
-    first, both, model, error = in_parent.copy(), in_parent.copy(), np.empty((3, 3)), np.empty((3, 3))
-    columns, vector = np.empty((3, 3 + 2 * n_angles)), np.empty(3)
+    room = np.empty((N_ROOM, 3, 3 + 2 * n_angles))
+    _linearise(in_parent, in_child, between, angles, rotations, weight, room, residuals, constants, own)
+    return residuals, constants, own
+
+
+@kernel_part
+def _linearise(
+    in_parent: Floats,
+    in_child: Floats,
+    between: float,
+    angles: Floats,
+    rotations: Floats,
+    weight: Floats,
+    room: Floats,
+    residuals: Floats,
+    constants: Floats,
+    own: Floats,
+) -> None:
+    """Write what `linearised` returns; there is `room` to work in."""
+    n_angles = angles.shape[1]
+    first, both, model, error, columns = room[0], room[1], room[2], room[3], room[4]
+    vector = room[5, 0]
+    write_copy(in_parent, first)
+    write_copy(in_parent, both)
     cosine, sine = math.cos(between), math.sin(between)
-    for frame in range(n_frames):
+    for frame in range(len(angles)):
         if n_angles > 0:
-            _turn(in_parent, 0, math.cos(angles[frame, 0]), math.sin(angles[frame, 0]), both)
+            _turn(in_parent, ABOUT_Z, math.cos(angles[frame, 0]), math.sin(angles[frame, 0]), both)
         if n_angles == 2:
             first, both = both, first
-            _turn(first, 1, cosine, sine, both)
-            _turn(both, 0, math.cos(angles[frame, 1]), math.sin(angles[frame, 1]), both)
+            _turn(first, ABOUT_X, cosine, sine, both)
+            _turn(both, ABOUT_Z, math.cos(angles[frame, 1]), math.sin(angles[frame, 1]), both)
         write_times_transposed(both, in_child, model)
         write_times_transposed(rotations[frame], model, error)
         _write_vector(error, vector)
@@ -174,7 +239,6 @@ def linearised(
                     constants[frame, i, column] = value
                 else:
                     own[frame, i, column - 3 - n_angles] = value
-    return residuals, constants, own
 
 
 @kernel
@@ -202,56 +266,78 @@ def descended(
     tuple
         `Turning.parts` of the joint that comes nearest.
     """
-    state = (in_parent, in_child, between, angles)
-    residuals, constants, own = linearised(in_parent, in_child, between, angles, rotations, weight)
-    squares = (residuals**2).sum()
+    n_frames, n_angles = angles.shape
+    size = 3 + n_angles
+    parent, child, turns = np.empty((3, 3)), np.empty((3, 3)), np.empty((n_frames, n_angles))
+    next_parent, next_child, next_turns = np.empty((3, 3)), np.empty((3, 3)), np.empty((n_frames, n_angles))
+    residuals, constants, own = (
+        np.empty((n_frames, 3)),
+        np.empty((n_frames, 3, size)),
+        np.empty((n_frames, 3, n_angles)),
+    )
+    inverse, follow = np.empty((n_frames, n_angles, n_angles)), np.empty((n_frames, n_angles, size))
+    alone, reduced, left = np.empty((n_frames, n_angles)), np.empty((n_frames, 3, size)), np.empty((n_frames, 3))
+    normal, pull, step = np.empty((size, size)), np.empty(size), np.empty(size)
+    matrices, room = np.empty((2, size, size)), np.empty((N_ROOM, 3, 3 + 2 * n_angles))
+    write_copy(in_parent, parent)
+    write_copy(in_child, child)
+    write_copy(angles, turns)
+    _linearise(parent, child, between, turns, rotations, weight, room, residuals, constants, own)
+    squares = sum_of_squares(residuals)
     for _ in range(max_rounds):
-        _, follow, alone, _, _, normal, pull = eliminate(residuals, constants, own)
-        step = _solved(normal, pull)
-        for frame in range(len(alone)):
-            for a in range(alone.shape[1]):
-                for c in range(len(step)):
+        _eliminate(residuals, constants, own, inverse, follow, alone, reduced, left, normal, pull)
+        _write_step(normal, pull, matrices[0], matrices[1], step)
+        for frame in range(n_frames):
+            for a in range(n_angles):
+                for c in range(size):
                     alone[frame, a] -= follow[frame, a, c] * step[c]
-        better = False
+        reached, next_between = math.inf, between
         for part in STEP_PARTS:
-            trial = _stepped(state[0], state[1], state[2], state[3], part * step, part * alone)
-            residuals, constants, own = linearised(trial[0], trial[1], trial[2], trial[3], rotations, weight)
-            reached = (residuals**2).sum()
-            better = reached <= squares
-            if better:
+            for frame in range(n_frames):
+                for a in range(n_angles):
+                    next_turns[frame, a] = turns[frame, a] + part * alone[frame, a]
+            if n_angles == 2:
+                next_between = between + part * step[4]
+            _write_stepped(parent, child, n_angles, step, part, room[0], next_parent, next_child)
+            _linearise(
+                next_parent, next_child, next_between, next_turns, rotations, weight, room, residuals, constants, own
+            )
+            reached = sum_of_squares(residuals)
+            if reached <= squares:
                 break
-        if not better:
+        if not reached <= squares:
             break
-        gain = squares - reached
-        settled = gain <= least_gain * squares
-        state, squares = trial, reached
+        settled = squares - reached <= least_gain * squares
+        parent, next_parent = next_parent, parent
+        child, next_child = next_child, child
+        turns, next_turns = next_turns, turns
+        between, squares = next_between, reached
         if settled:
             break
-    return state
+    return parent, child, between, turns
 
 
 @kernel_part
-def _stepped(
-    in_parent: Floats, in_child: Floats, between: float, angles: Floats, constants: Floats, own: Floats
-) -> Parts:
-    """Return the parts of a joint after a step, as `Turning.stepped` does."""
-    parent, child = np.empty((3, 3)), in_child.copy()
-    n_angles = angles.shape[1]
+def _write_stepped(
+    in_parent: Floats,
+    in_child: Floats,
+    n_angles: int,
+    step: Floats,
+    part: float,
+    turn: Floats,
+    parent: Floats,
+    child: Floats,
+) -> None:
+    """Write a joint's frames after a part of a step, as `stepped` of the joint rotations does; `turn` is room."""
     if n_angles == 0:
-        turn = np.empty((3, 3))
-        _write_turn(constants[0], constants[1], constants[2], turn)
+        _write_turn(part * step[0], part * step[1], part * step[2], turn)
         write_product(turn, in_parent, parent)
-        return parent, child, between, angles
-    _tilt(in_parent, constants[0], constants[1], parent)
-    _tilt(in_child, constants[2], constants[3], child)
-    return parent, child, between + (constants[4] if n_angles == 2 else 0.0), angles + own
-
-
-@kernel_part
-def _tilt(frame: Floats, about_x: float, about_y: float, out: Floats) -> None:
-    turn = np.empty((3, 3))
-    _write_turn(about_x, about_y, 0.0, turn)
-    write_product(frame, turn, out)
+        write_copy(in_child, child)
+    else:
+        _write_turn(part * step[0], part * step[1], 0.0, turn)
+        write_product(in_parent, turn, parent)
+        _write_turn(part * step[2], part * step[3], 0.0, turn)
+        write_product(in_child, turn, child)
 
 
 @kernel_part
@@ -266,15 +352,13 @@ def _write_turn(x: float, y: float, z: float, out: Floats) -> None:
 
 
 @kernel_part
-def _solved(normal: Floats, pull: Floats) -> Floats:
-    """Solve for a step along the directions that are determined; see `arrow.pseudo_inverse`."""
+def _write_step(normal: Floats, pull: Floats, matrix: Floats, vectors: Floats, out: Floats) -> None:
+    """Solve for a step along the directions that are determined; both matrices are room to work in."""
     size = len(pull)
-    matrix, vectors, scale, out = np.empty((size, size)), np.empty((size, size)), np.empty(size), np.zeros(size)
     for i in range(size):
-        scale[i] = math.sqrt(max(normal[i, i], TINY))
-    for i in range(size):
+        out[i] = 0.0
         for j in range(size):
-            matrix[i, j] = normal[i, j] / (scale[i] * scale[j])
+            matrix[i, j] = normal[i, j] / (_scale(normal, i) * _scale(normal, j))
     turn_to_axes(matrix, vectors, size)
     largest = TINY
     for k in range(size):
@@ -283,10 +367,15 @@ def _solved(normal: Floats, pull: Floats) -> Floats:
         if matrix[k, k] > RANK_TOLERANCE * largest:
             along = 0.0
             for i in range(size):
-                along += vectors[i, k] * pull[i] / scale[i]
+                along += vectors[i, k] * pull[i] / _scale(normal, i)
             for i in range(size):
-                out[i] += vectors[i, k] * along / (matrix[k, k] * scale[i])
-    return out
+                out[i] += vectors[i, k] * along / (matrix[k, k] * _scale(normal, i))
+
+
+@kernel_part
+def _scale(normal: Floats, i: int) -> float:
+    """Return the root of a diagonal element: millimetres and radians stand beside each other."""
+    return math.sqrt(max(normal[i, i], TINY))
 
 
 @kernel_part
@@ -364,8 +453,10 @@ def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> 
 
     Parameters
     ----------
-    moments, mean
-        See `universal.best_partners`.
+    moments : ndarray, shape (9, 9)
+        Covariance of the rotations' elements, row by row.
+    mean : ndarray, shape (9,)
+        Their means.
     starts : ndarray, shape (n, 3)
         First guesses of the axis in the child.
     n_rounds : int
@@ -376,40 +467,44 @@ def alternated(moments: Floats, mean: Floats, starts: Floats, n_rounds: int) -> 
     tuple of ndarray, shapes (n, 3) and (n,)
         The axes in the child before the last round, and the angles' variances after it.
     """
-    before, variances = starts.copy(), np.empty(len(starts))
-    first, second = np.empty(3), np.empty(3)
-    room = np.empty((4, 3, 3))
+    before, variances = np.empty(starts.shape), np.empty(len(starts))
+    second, room = np.empty(3), np.empty((4, 3, 3))
+    first, middle = np.empty(3), np.empty(3)
     for start in range(len(starts)):
-        second[:] = starts[start]
+        for i in range(3):
+            second[i] = starts[start, i]
         for _ in range(n_rounds):
-            before[start] = second
-            _write_partner(moments, mean, second, False, room, first)
-            variances[start] = _write_partner(moments, mean, first, True, room, second)
+            for i in range(3):
+                before[start, i] = second[i]
+            _write_partner(moments, mean, second, PARENT, room, middle, first)
+            variances[start] = _write_partner(moments, mean, first, CHILD, room, middle, second)
     return before, variances
 
 
 @kernel_part
-def _write_partner(moments: Floats, mean: Floats, known: Floats, back: bool, room: Floats, out: Floats) -> float:
-    """Write the axis that keeps its angle to a known one best, and return the angle's variance."""
+def _write_partner(
+    moments: Floats, mean: Floats, known: Floats, of: int, room: Floats, middle: Floats, out: Floats
+) -> float:
+    """Write the axis of one limb that keeps its angle to a known one of the other best; return the angle's variance."""
     spread, root, turned, vectors = room[0], room[1], room[2], room[3]
-    middle = np.zeros(3)
+    own, other = (3, 1) if of == PARENT else (1, 3)  # steps in tables whose rows are elements of matrices
     for i in range(3):
+        middle[i] = 0.0
         for a in range(3):
-            middle[i] += (mean[a, i] if back else mean[i, a]) * known[a]
+            middle[i] += mean[own * i + other * a] * known[a]
     for i in range(3):
         for j in range(3):
             spread[i, j] = 0.0
             root[i, j] = (1.0 + UNIVERSAL_RIDGE if i == j else 0.0) - middle[i] * middle[j]
             for a in range(3):
                 for b in range(3):
-                    value = moments[a, i, b, j] if back else moments[i, a, j, b]
-                    spread[i, j] += value * known[a] * known[b]
+                    spread[i, j] += moments[own * i + other * a, own * j + other * b] * known[a] * known[b]
     write_inverse_root(root, turned)
     for i in range(3):
         for j in range(3):
             root[i, j] = turned[i, 0] * spread[0, j] + turned[i, 1] * spread[1, j] + turned[i, 2] * spread[2, j]
     write_times_transposed(root, turned, spread)
-    turn_to_axes(spread, vectors, 3)
+    turn_to_axes(spread, vectors, len(spread))
     least = 0
     for i in range(1, 3):
         if spread[i, i] < spread[least, least]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_part, kernel
 from skelgen._kernels.rigid_body_pose import move_pose
 from skelgen._kernels.small_matrices import factorise, solve
 from skelgen.model.arrays import Floats
@@ -83,7 +83,7 @@ def predict(state: BodyState, power: Floats, step: float) -> BodyState:
     return BodyState(pose, rates, covariance)
 
 
-@kernel_part
+@array_part
 def _carry_rows(matrix: Floats, step: float) -> Floats:
     """Return the transpose of F matrix, with the transition F of the state, so that two calls carry a covariance."""
     half, carried = step * step / 2.0, np.empty((N_STATE, N_STATE))
@@ -139,7 +139,7 @@ def correct(state: BodyState, found: Floats, spread: Floats) -> tuple[BodyState,
     return BodyState(pose, rates, after), Innovation(deviation, rotation, shift)
 
 
-@kernel_part
+@array_part
 def _pose_error(pose: Floats, found: Floats) -> Floats:
     """Return the rotation about the world's axes and the shift from one pose to another, shape (6,)."""
     turned, error = np.zeros((3, 3)), np.empty(6)
@@ -157,7 +157,7 @@ def _pose_error(pose: Floats, found: Floats) -> Floats:
     return error
 
 
-@kernel_part
+@array_part
 def _squared_deviation(error: Floats, covariance: Floats) -> float:
     """Return error^T covariance^-1 error."""
     factor, weighted, total = covariance.copy(), error.copy(), 0.0

@@ -37,22 +37,25 @@ def jumps(series: Floats) -> Floats:
     """
     n_frames, n_series = series.shape
     result, sums = np.zeros((n_frames, n_series)), np.empty((5, n_series))
-    result[:1] = math.nan  # nothing is before it
+    for column in range(n_series if n_frames > 0 else 0):
+        result[0, column] = math.nan  # nothing is before it
     for first in range(1 - LINE_FRAMES, n_frames):
         _fill_sums(sums, series, first)
         beyond = first + LINE_FRAMES
         for column in range(n_series):
             if first >= 0:
-                result[first, column] += _line_end(sums[:, column], 0.5)
+                result[first, column] += _line_end(sums, column, 0.5)
             if beyond < n_frames:
-                result[beyond, column] -= _line_end(sums[:, column], 0.5 - LINE_FRAMES)
+                result[beyond, column] -= _line_end(sums, column, 0.5 - LINE_FRAMES)
     return result
 
 
 @kernel_part
 def _fill_sums(sums: Floats, series: Floats, first: int) -> None:
     """Number of known values in the frames from one on, sums of their times from 0, squares, values, and products."""
-    sums[:] = 0.0
+    for row in range(len(sums)):
+        for column in range(sums.shape[1]):
+            sums[row, column] = 0.0
     for time in range(LINE_FRAMES):
         if 0 <= first + time < len(series):
             for column in range(sums.shape[1]):
@@ -67,14 +70,14 @@ def _fill_sums(sums: Floats, series: Floats, first: int) -> None:
 
 
 @kernel_part
-def _line_end(sums: Floats, start: float) -> float:
+def _line_end(sums: Floats, column: int, start: float) -> float:
     """Value at time 0 of the line through frames of which the first is at `start`; NaN if too few are known."""
-    n = sums[0]
+    n = sums[0, column]
     if n < LEAST_LINE:
         return math.nan
-    t, tx = sums[1] + start * n, sums[4] + start * sums[3]
-    tt = sums[2] + start * (sums[1] + t)
-    return float((tt * sums[3] - t * tx) / (n * tt - t * t))
+    t, tx = sums[1, column] + start * n, sums[4, column] + start * sums[3, column]
+    tt = sums[2, column] + start * (sums[1, column] + t)
+    return float((tt * sums[3, column] - t * tx) / (n * tt - t * t))
 
 
 @kernel
@@ -169,16 +172,16 @@ def relative_steps(steps: Floats, marker: int, others: Ints) -> Floats:
 def _lower_median(values: Floats) -> float:
     """Median of few known values, the lower one of two; NaN if none is known."""
     n_known = 0
-    for value in values:
-        n_known += value == value  # noqa: PLR0124 - not so of NaN
+    for index in range(len(values)):
+        n_known += not math.isnan(values[index])
     wanted = (n_known - 1) // 2
-    for value in values:
+    for index in range(len(values)):
         n_below, n_like = 0, 0
-        for other in values:
-            n_below += other < value
-            n_like += other == value
+        for other in range(len(values)):
+            n_below += values[other] < values[index]
+            n_like += values[other] == values[index]
         if n_below <= wanted < n_below + n_like:
-            return float(value)
+            return float(values[index])
     return math.nan
 
 
@@ -206,12 +209,17 @@ def expected_places(positions: Floats, chosen: Ints, neighbours: Ints, longest: 
     """
     n_frames = len(positions)
     places, ages = np.empty((n_frames, len(chosen), 3)), np.empty((n_frames, len(chosen)))
-    places[:], ages[:] = math.nan, math.inf
-    values = np.empty(neighbours.shape[1])
+    values, travelled, then = np.empty(neighbours.shape[1]), np.empty(3), np.empty(3)
     for column in range(len(chosen)):
         marker, last = chosen[column], -1
-        travelled, then = np.zeros(3), np.zeros(3)
-        for frame in range(1, n_frames):
+        for axis in range(3):
+            travelled[axis] = then[axis] = 0.0
+        for frame in range(n_frames):
+            ages[frame, column] = math.inf
+            for axis in range(3):
+                places[frame, column, axis] = math.nan
+            if frame == 0:
+                continue
             if not math.isnan(positions[frame - 1, marker, 0]):
                 last = frame - 1
                 for axis in range(3):
@@ -297,8 +305,9 @@ def fitted_steps(
     result = np.empty((len(sudden), 3))
     normal, towards = np.empty((3, 3)), np.empty(3)
     for frame in range(len(sudden)):
-        normal[:] = 0.0
         for axis in range(3):
+            for other in range(axis):
+                normal[axis, other] = 0.0
             normal[axis, axis] = direct
             result[frame, axis] = direct * seen[frame, axis]
         for mate in range(len(weights)):

@@ -15,15 +15,23 @@ from skelgen._kernels.posing import (
     BY_TURN,
     COVARIANCE,
     FOLLOW,
+    FREE,
+    FREEDOMS,
+    LINK,
+    N_ARM,
     N_AXIS,
     N_FORM,
+    N_PLACE,
+    PARENT,
+    ROOT,
+    ROTATION,
     SHIFT,
     VARIANCE,
     ChainTable,
     Place,
+    copy_rotations,
     eliminate,
     find_forms,
-    new_place,
     put,
 )
 from skelgen._kernels.small_matrices import (
@@ -45,51 +53,67 @@ from skelgen._kernels.small_matrices import (
 )
 from skelgen.model.arrays import Floats
 
-TURN, MIXED = fixed(0, 1)
-"""Which of a limb's covariances: of its turn, and of turn and origin."""
+OF_TURN, OF_BOTH, N_KNOWN = fixed(0, 9, 18)
+"""Where a limb's covariances begin: of its turn, and of turn and origin."""
 
 
 @kernel
 def walk_outward(
     table: ChainTable, rotations: Floats, weights: Floats, levels: tuple[float, float], places: Floats, turns: Floats
 ) -> None:
-    """Write the covariances of some frames."""
-    n_limbs, n_markers = len(table.parents), len(table.markers)
-    place, nowhere = new_place(n_limbs, n_markers), np.zeros((n_markers, 3))  # what is measured does not count
-    forms, solved, known = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS)), np.empty((n_limbs, 2, 3, 3))
-    for axis in range(3):
-        place.root[axis] = 0.0
-    for frame in range(len(weights)):
-        for limb in range(n_limbs):
-            set_matrix(place.rotations, limb, matrix(rotations[frame], limb))
-        put(table, nowhere, weights[frame], place)
-        find_forms(table, weights[frame], place, forms)
+    """Write the covariances of some frames for noise 1.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    rotations : ndarray, shape (n_frames * n_limbs, 9)
+        World from limb by its rows, frame by frame.
+    weights : ndarray, shape (n_frames * n_markers,)
+        Of the squared distances, 0 where unseen.
+    levels : tuple of float
+        Information on turns and on the root's place that is there without any marker.
+    places, turns : ndarray, shape (n_frames * n_limbs, 9)
+        Receive the covariances of the limbs' origins in the world, and of their turns against the parents, in the
+        parents' axes; of the root, in the world.
+    """
+    n_limbs, n_markers = len(table.joints), len(table.markers)
+    place = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
+    nowhere = np.zeros((len(weights), 3))  # what is measured does not count
+    forms, solved, known = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS)), np.empty((n_limbs, N_KNOWN))
+    for root in range(0, len(rotations), n_limbs):
+        first = root // n_limbs * n_markers
+        copy_rotations(rotations, root, place.limbs)
+        put(table, nowhere, weights, first, place)
+        find_forms(table, weights, first, place, forms)
         eliminate(table, place, forms, levels[0], solved)
-        set_matrix(places[frame], 0, whole(inverse(symmetric(forms, 0, SHIFT), levels[1])))
-        keep_free_turn(solved, 0, matrix(places[frame], 0), known)
-        set_matrix(turns[frame], 0, matrix(known[0], TURN))
+        set_matrix(places, root, ROTATION, whole(inverse(symmetric(forms, ROOT, SHIFT), levels[1])))
+        keep_free_turn(solved, ROOT, matrix(places, root, ROTATION), known)
+        set_matrix(turns, root, ROTATION, matrix(known, ROOT, OF_TURN))
         for limb in range(1, n_limbs):
-            relative = limb_outward(table, place, solved, limb, places[frame], known)
-            parent = matrix(place.rotations, table.parents[limb])
-            set_matrix(turns[frame], limb, product(transposed(parent), product(relative, parent)))
+            relative = limb_outward(table, place, solved, limb, places, root, known)
+            parent = matrix(place.limbs, table.limbs[limb, PARENT], ROTATION)
+            set_matrix(turns, root + limb, ROTATION, product(transposed(parent), product(relative, parent)))
 
 
 @kernel_part
-def limb_outward(table: ChainTable, place: Place, solved: Floats, limb: int, places: Floats, known: Floats) -> Matrix:
+def limb_outward(
+    table: ChainTable, place: Place, solved: Floats, limb: int, places: Floats, root: int, known: Floats
+) -> Matrix:
     """Carry covariances from a parent to a limb; return that of the turn between them, in the world."""
-    parent, lever = table.parents[limb], cross_matrix(vector(place.links, limb, 0))
-    before, mixed = matrix(known[parent], TURN), matrix(known[parent], MIXED)
+    parent, lever = table.limbs[limb, PARENT], cross_matrix(vector(place.limbs, limb, LINK))
+    before, mixed = matrix(known, parent, OF_TURN), matrix(known, parent, OF_BOTH)
     at_link = added(mixed, product(before, lever))
-    origin = added(matrix(places, parent), product(transposed(mixed), lever))
+    origin = added(matrix(places, root + parent, ROTATION), product(transposed(mixed), lever))
     origin = taken(origin, product(lever, at_link))
-    set_matrix(places, limb, origin)
-    if table.freedoms[limb] == 3:
+    set_matrix(places, root + limb, ROTATION, origin)
+    if table.limbs[limb, FREEDOMS] == FREE:
         keep_free_turn(solved, limb, origin, known)
         with_parent = negative(product(follow_of(solved, limb), transposed(at_link)))
     else:
-        with_parent = keep_axis_turns(solved, limb, table.freedoms[limb], before, at_link, origin, known)
+        with_parent = keep_axis_turns(solved, limb, table.limbs[limb, FREEDOMS], before, at_link, origin, known)
     both = added(with_parent, transposed(with_parent))
-    return taken(added(matrix(known[limb], TURN), before), both)
+    return taken(added(matrix(known, limb, OF_TURN), before), both)
 
 
 @kernel_part
@@ -98,8 +122,8 @@ def keep_free_turn(solved: Floats, limb: int, origin: Matrix, known: Floats) -> 
     follow = follow_of(solved, limb)
     mixed = negative(product(follow, origin))
     turn = taken(whole(symmetric(solved, limb, COVARIANCE)), product(mixed, transposed(follow)))
-    set_matrix(known[limb], TURN, turn)
-    set_matrix(known[limb], MIXED, mixed)
+    set_matrix(known, limb, OF_TURN, turn)
+    set_matrix(known, limb, OF_BOTH, mixed)
 
 
 @kernel_part
@@ -118,8 +142,8 @@ def keep_axis_turns(
         side = outer(axis, own)
         turn = added(added(turn, outer(times(variance, axis), axis)), added(side, transposed(side)))
         mixed, with_parent = added(mixed, outer(axis, place)), added(with_parent, outer(axis, parent))
-    set_matrix(known[limb], TURN, turn)
-    set_matrix(known[limb], MIXED, mixed)
+    set_matrix(known, limb, OF_TURN, turn)
+    set_matrix(known, limb, OF_BOTH, mixed)
     return with_parent
 
 

@@ -65,8 +65,20 @@ STEP_TOLERANCE = 1e-10
 GAIN_TOLERANCE = 1e-9
 """Frames are settled when a step lowers the sum of squares by less than this part."""
 
-MIXED, SHIFT, TORQUE, PULL, N_FORM = fixed(6, 15, 21, 24, 27)
-"""Where the parts of a form begin, and its length."""
+PARENT, FREEDOMS, START = fixed(0, 1, 2)
+"""Columns of `ChainTable.limbs`."""
+
+IN_PARENT, IN_CHILD, JOINT = fixed(0, 3, 6)
+"""Where the vectors in `ChainTable.joints` begin."""
+
+ROTATION, ORIGIN, LINK, N_PLACE = fixed(0, 9, 12, 15)
+"""Where the parts of a limb's place begin, and its length."""
+
+ARM, ERROR, N_ARM = fixed(0, 3, 6)
+"""The same of a marker's."""
+
+TURN, MIXED, SHIFT, TORQUE, PULL, N_FORM = fixed(0, 6, 15, 21, 24, 27)
+"""The same of a form."""
 
 FOLLOW, FREE_REST, COVARIANCE = fixed(0, 9, 12)
 """Where the parts of a free turn that is minimised out begin: columns of follow, rest, covariance."""
@@ -74,66 +86,86 @@ FOLLOW, FREE_REST, COVARIANCE = fixed(0, 9, 12)
 AXIS, BY_TURN, BY_SHIFT, REST, VARIANCE, N_AXIS = fixed(0, 3, 6, 9, 10, 11)
 """Where the parts of a turn about an axis that is minimised out begin; those of a second axis follow."""
 
+STEP_TURN, STEP_SHIFT, SPIN, N_STEP = fixed(0, 3, 6, 15)
+"""Where the parts of a limb's step begin, and its length: turn and shift, and the turn as a rotation."""
+
+ROOT, FREE = fixed(0, 3)
+"""The root's limb, and the freedoms of a turn that nothing restricts."""
+
 
 class ChainTable(NamedTuple):
     """A chain with what its joints allow; markers are sorted by limb.
 
     Attributes
     ----------
-    parents, freedoms : ndarray of intp, shape (n_limbs,)
-        Parent of each limb, and how many turns its joint allows.
-    in_parent, in_child, joints : ndarray, shape (n_limbs, 3)
-        Of `Articulation` and `Chain`.
+    limbs : ndarray of intp, shape (n_limbs + 1, 3)
+        Parent of each limb, how many turns its joint allows, and where its markers begin; the last row ends them.
+    joints : ndarray, shape (n_limbs, 9)
+        Axes in parent and child, of `Articulation`, and the joint in the parent [mm], of `Chain`.
     markers : ndarray of intp, shape (n_markers,)
         Markers in the order of their limbs.
-    starts : ndarray of intp, shape (n_limbs + 1,)
-        Where those of each limb begin among them.
     offsets : ndarray, shape (n_markers, 3), mm
-        Of the markers in this order.
+        Of the markers in this order, in their limbs.
     """
 
-    parents: Ints
-    freedoms: Ints
-    in_parent: Floats
-    in_child: Floats
+    limbs: Ints
     joints: Floats
     markers: Ints
-    starts: Ints
     offsets: Floats
 
 
 class Place(NamedTuple):
-    """Where a chain is in one frame: pose, links, origins, and each limb's markers from there and off the measured."""
+    """Where a chain is in one frame.
 
-    root: Floats
-    rotations: Floats
-    links: Floats
-    origins: Floats
-    arms: Floats
-    errors: Floats
+    Attributes
+    ----------
+    limbs : ndarray, shape (n_limbs, 15)
+        World from limb by its rows, origin in the world [mm], and the way to it from the parent's [mm].
+    markers : ndarray, shape (n_markers, 6), mm
+        Each limb's markers from its origin, and how far off the measured ones are.
+    """
+
+    limbs: Floats
+    markers: Floats
 
 
 @kernel
 def settle_frames(
     table: ChainTable, positions: Floats, weights: Floats, roots: Floats, rotations: Floats, max_steps: int
 ) -> None:
-    """Step each frame's pose until it does not gain; poses are replaced."""
-    n_limbs = len(table.parents)
-    here, there = new_place(n_limbs, len(table.markers)), new_place(n_limbs, len(table.markers))
+    """Step each frame's pose until it does not gain.
+
+    Parameters
+    ----------
+    table : ChainTable
+        The limbs, and what their joints allow.
+    positions : ndarray, shape (n_frames * n_markers, 3), mm
+        Measured markers, frame by frame; any number where the weight is 0.
+    weights : ndarray, shape (n_frames * n_markers,)
+        Of the squared distances.
+    roots : ndarray, shape (n_frames, 3), mm
+        Where the root's origin starts, replaced by where it fits best.
+    rotations : ndarray, shape (n_frames * n_limbs, 9)
+        The same of the limbs' rotations, world from limb by their rows; they obey the joints.
+    max_steps : int
+        Steps at most.
+    """
+    n_limbs, n_markers = len(table.joints), len(table.markers)
+    here = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
+    there = Place(np.zeros((n_limbs, N_PLACE)), np.empty((n_markers, N_ARM)))
     forms, solved = np.empty((n_limbs, N_FORM)), np.empty((n_limbs, 2 * N_AXIS))
-    steps, spins = np.empty((n_limbs, 6)), np.empty((n_limbs, 3, 3))
-    for frame in range(len(positions)):
-        for axis in range(3):
-            here.root[axis] = roots[frame, axis]
-        for limb in range(n_limbs):
-            set_matrix(here.rotations, limb, matrix(rotations[frame], limb))
-        squares = put(table, positions[frame], weights[frame], here)
+    steps = np.empty((n_limbs, N_STEP))
+    for frame in range(len(roots)):
+        first = frame * n_markers
+        set_vector(here.limbs, ROOT, ORIGIN, vector(roots, frame, ROOT))
+        copy_rotations(rotations, frame * n_limbs, here.limbs)
+        squares = put(table, positions, weights, first, here)
         damping = DAMPING
         for _ in range(max_steps):
-            total, trace = find_forms(table, weights[frame], here, forms)
+            total, trace = find_forms(table, weights, first, here, forms)
             eliminate(table, here, forms, max(damping * trace / (3 * n_limbs), LEAST_RIDGE), solved)
-            size = walk(table, here, forms, max(damping * total, LEAST_RIDGE), solved, steps, spins, there)
-            after = put(table, positions[frame], weights[frame], there)
+            size = walk(table, here, forms, max(damping * total, LEAST_RIDGE), solved, steps, there)
+            after = put(table, positions, weights, first, there)
             gain = squares - after
             is_settled = size < STEP_TOLERANCE or 0.0 <= gain <= GAIN_TOLERANCE * squares
             if gain >= 0.0:
@@ -143,66 +175,60 @@ def settle_frames(
                 damping *= 100
             if is_settled or damping >= GIVE_UP_DAMPING:
                 break
-        for axis in range(3):
-            roots[frame, axis] = here.root[axis]
+        set_vector(roots, frame, ROOT, vector(here.limbs, ROOT, ORIGIN))
         for limb in range(n_limbs):
-            set_matrix(rotations[frame], limb, proper(matrix(here.rotations, limb)))
+            set_matrix(rotations, frame * n_limbs + limb, ROTATION, proper(matrix(here.limbs, limb, ROTATION)))
 
 
 @kernel_part
-def new_place(n_limbs: int, n_markers: int) -> Place:
-    """Room for one frame."""
-    return Place(
-        np.empty(3),
-        np.empty((n_limbs, 3, 3)),
-        np.zeros((n_limbs, 3)),
-        np.empty((n_limbs, 3)),
-        np.empty((n_markers, 3)),
-        np.empty((n_markers, 3)),
-    )
+def copy_rotations(rotations: Floats, first: int, limbs: Floats) -> None:
+    """Copy the rotations of a frame, of which the first is in a given row."""
+    for limb in range(len(limbs)):
+        for column in range(9):
+            limbs[limb, column] = rotations[first + limb, column]
 
 
 @kernel_part
-def put(table: ChainTable, positions: Floats, weights: Floats, place: Place) -> float:
-    """Place limbs and markers by root and rotations; return the weighted sum of squares."""
+def put(table: ChainTable, positions: Floats, weights: Floats, first: int, place: Place) -> float:
+    """Place limbs and markers by the root's origin and rotations; return the weighted sum of squares."""
     squares = 0.0
-    for limb in range(len(table.parents)):
-        rotation, origin = matrix(place.rotations, limb), (place.root[0], place.root[1], place.root[2])
+    for limb in range(len(table.joints)):
+        rotation, origin = matrix(place.limbs, limb, ROTATION), vector(place.limbs, limb, ORIGIN)
         if limb > 0:
-            parent = table.parents[limb]
-            link = turned(matrix(place.rotations, parent), vector(table.joints, limb, 0))
-            origin = plus(vector(place.origins, parent, 0), link)
-            set_vector(place.links, limb, 0, link)
-        set_vector(place.origins, limb, 0, origin)
-        for own in range(table.starts[limb], table.starts[limb + 1]):
-            marker = table.markers[own]
-            if weights[marker] > 0.0:
-                arm = turned(rotation, vector(table.offsets, own, 0))
-                error = minus(minus(vector(positions, marker, 0), arm), origin)
-                set_vector(place.arms, own, 0, arm)
-                set_vector(place.errors, own, 0, error)
-                squares += weights[marker] * dot(error, error)
+            parent = table.limbs[limb, PARENT]
+            link = turned(matrix(place.limbs, parent, ROTATION), vector(table.joints, limb, JOINT))
+            origin = plus(vector(place.limbs, parent, ORIGIN), link)
+            set_vector(place.limbs, limb, LINK, link)
+            set_vector(place.limbs, limb, ORIGIN, origin)
+        for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
+            row = first + table.markers[own]
+            if weights[row] > 0.0:
+                arm = turned(rotation, vector(table.offsets, own, ROOT))
+                error = minus(minus(vector(positions, row, ROOT), arm), origin)
+                set_vector(place.markers, own, ARM, arm)
+                set_vector(place.markers, own, ERROR, error)
+                squares += weights[row] * dot(error, error)
     return squares
 
 
 @kernel_part
-def find_forms(table: ChainTable, weights: Floats, place: Place, forms: Floats) -> tuple[float, float]:
+def find_forms(table: ChainTable, weights: Floats, first: int, place: Place, forms: Floats) -> tuple[float, float]:
     """Write what each limb's markers say by themselves; return sum of weights and trace of the turns' matrices."""
     all_weights, all_traces = 0.0, 0.0
-    for limb in range(len(table.parents)):
+    for limb in range(len(table.joints)):
         total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         moment, torque, pull = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        for own in range(table.starts[limb], table.starts[limb + 1]):
-            weight = weights[table.markers[own]]
+        for own in range(table.limbs[limb, START], table.limbs[limb + 1, START]):
+            weight = weights[first + table.markers[own]]
             if weight > 0.0:
-                arm, force = vector(place.arms, own, 0), times(weight, vector(place.errors, own, 0))
+                arm, force = vector(place.markers, own, ARM), times(weight, vector(place.markers, own, ERROR))
                 x, y, z = arm
                 total += weight
                 xx, xy, xz = xx + weight * x * x, xy + weight * x * y, xz + weight * x * z
                 yy, yz, zz = yy + weight * y * y, yz + weight * y * z, zz + weight * z * z
                 moment, pull = plus(moment, times(weight, arm)), plus(pull, force)
                 torque = plus(torque, cross(arm, force))
-        set_symmetric(forms, limb, 0, (yy + zz, -xy, -xz, xx + zz, -yz, xx + yy))
+        set_symmetric(forms, limb, TURN, (yy + zz, -xy, -xz, xx + zz, -yz, xx + yy))
         x, y, z = moment
         set_vector(forms, limb, MIXED, (0.0, z, -y))
         set_vector(forms, limb, MIXED + 3, (-z, 0.0, x))
@@ -218,20 +244,20 @@ def find_forms(table: ChainTable, weights: Floats, place: Place, forms: Floats) 
 @kernel_part
 def eliminate(table: ChainTable, place: Place, forms: Floats, level: float, solved: Floats) -> None:
     """Minimise all turns out, from the leaves to the root; of the root's form, what is said of its shift is left."""
-    for limb in range(len(table.parents) - 1, 0, -1):
-        if table.freedoms[limb] == 3:
+    for limb in range(len(table.joints) - 1, 0, -1):
+        if table.limbs[limb, FREEDOMS] == FREE:
             take_turn(forms, limb, level, solved)
         else:
-            for axis in range(table.freedoms[limb] - 1, -1, -1):
+            for axis in range(table.limbs[limb, FREEDOMS] - 1, -1, -1):
                 take_axis(forms, limb, world_axis(table, place, limb, axis), level, solved, N_AXIS * axis)
         carry_form(table, place, forms, limb)
-    take_turn(forms, 0, level, solved)
+    take_turn(forms, ROOT, level, solved)
 
 
 @kernel_part
 def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
     """Minimise a free turn out of a limb's form."""
-    covariance = inverse(symmetric(forms, limb, 0), level)
+    covariance = inverse(symmetric(forms, limb, TURN), level)
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
     p, q, r = by_symmetric(covariance, a), by_symmetric(covariance, b), by_symmetric(covariance, c)
     torque = vector(forms, limb, TORQUE)
@@ -248,14 +274,14 @@ def take_turn(forms: Floats, limb: int, level: float, solved: Floats) -> None:
 def world_axis(table: ChainTable, place: Place, limb: int, axis: int) -> Vector:
     """Return an axis of a limb's joint in the world, the first fixed in the parent, a second in the limb."""
     if axis == 0:
-        return turned(matrix(place.rotations, table.parents[limb]), vector(table.in_parent, limb, 0))
-    return turned(matrix(place.rotations, limb), vector(table.in_child, limb, 0))
+        return turned(matrix(place.limbs, table.limbs[limb, PARENT], ROTATION), vector(table.joints, limb, IN_PARENT))
+    return turned(matrix(place.limbs, limb, ROTATION), vector(table.joints, limb, IN_CHILD))
 
 
 @kernel_part
 def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floats, first: int) -> None:
     """Minimise a turn about an axis out of a limb's form."""
-    along = by_symmetric(symmetric(forms, limb, 0), axis)
+    along = by_symmetric(symmetric(forms, limb, TURN), axis)
     sideways = (
         dot(axis, vector(forms, limb, MIXED)),
         dot(axis, vector(forms, limb, MIXED + 3)),
@@ -268,7 +294,7 @@ def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floa
     set_vector(solved, limb, first + BY_TURN, by_turn)
     set_vector(solved, limb, first + BY_SHIFT, by_shift)
     solved[limb, first + REST], solved[limb, first + VARIANCE] = rest, variance
-    add_symmetric(forms, limb, 0, upper_of_product(along, times(-1.0, by_turn)))
+    add_symmetric(forms, limb, TURN, upper_of_product(along, times(-1.0, by_turn)))
     for column in range(3):
         add_vector(forms, limb, MIXED + 3 * column, times(-by_shift[column], along))
     add_symmetric(forms, limb, SHIFT, upper_of_product(sideways, times(-1.0, by_shift)))
@@ -279,11 +305,11 @@ def take_axis(forms: Floats, limb: int, axis: Vector, level: float, solved: Floa
 @kernel_part
 def carry_form(table: ChainTable, place: Place, forms: Floats, limb: int) -> None:
     """Add what is said of a limb to what is said of its parent."""
-    link = vector(place.links, limb, 0)
-    if table.freedoms[limb] == 3:
-        carry_point(forms, limb, table.parents[limb], link)
+    link = vector(place.limbs, limb, LINK)
+    if table.limbs[limb, FREEDOMS] == FREE:
+        carry_point(forms, limb, table.limbs[limb, PARENT], link)
     else:
-        carry(forms, limb, table.parents[limb], link)
+        carry(forms, limb, table.limbs[limb, PARENT], link)
 
 
 @kernel_part
@@ -293,7 +319,7 @@ def carry_point(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     a, b, c, d, e, f = shift
     p, q, r = cross(link, (a, b, c)), cross(link, (b, d, e)), cross(link, (c, e, f))
     x, y, z = levered(link, p, q, r)
-    add_symmetric(forms, parent, 0, (x[0], x[1], x[2], y[1], y[2], z[2]))
+    add_symmetric(forms, parent, TURN, (x[0], x[1], x[2], y[1], y[2], z[2]))
     add_columns(forms, parent, p, q, r)
     add_symmetric(forms, parent, SHIFT, shift)
     add_vector(forms, parent, TORQUE, cross(link, pull))
@@ -306,8 +332,8 @@ def carry(forms: Floats, limb: int, parent: int, link: Vector) -> None:
     carry_point(forms, limb, parent, link)
     a, b, c = vector(forms, limb, MIXED), vector(forms, limb, MIXED + 3), vector(forms, limb, MIXED + 6)
     x, y, z = levered(link, a, b, c)
-    add_symmetric(forms, parent, 0, symmetric(forms, limb, 0))
-    add_symmetric(forms, parent, 0, (2 * x[0], x[1] + y[0], x[2] + z[0], 2 * y[1], y[2] + z[1], 2 * z[2]))
+    add_symmetric(forms, parent, TURN, symmetric(forms, limb, TURN))
+    add_symmetric(forms, parent, TURN, (2 * x[0], x[1] + y[0], x[2] + z[0], 2 * y[1], y[2] + z[1], 2 * z[2]))
     add_columns(forms, parent, a, b, c)
     add_vector(forms, parent, TORQUE, vector(forms, limb, TORQUE))
 
@@ -332,39 +358,32 @@ def add_columns(forms: Floats, limb: int, a: Vector, b: Vector, c: Vector) -> No
 
 @kernel_part
 def walk(
-    table: ChainTable,
-    here: Place,
-    forms: Floats,
-    level: float,
-    solved: Floats,
-    steps: Floats,
-    spins: Floats,
-    there: Place,
+    table: ChainTable, here: Place, forms: Floats, level: float, solved: Floats, steps: Floats, there: Place
 ) -> float:
     """Find the steps from the root outward, and the pose after them; return the largest number of a step."""
     size = 0.0
-    for limb in range(len(table.parents)):
-        parent = max(table.parents[limb], 0)
+    for limb in range(len(table.joints)):
+        parent = max(table.limbs[limb, PARENT], ROOT)
         if limb == 0:
-            shift = by_symmetric(inverse(symmetric(forms, 0, SHIFT), level), vector(forms, 0, PULL))
-            for axis in range(3):
-                there.root[axis] = here.root[axis] + shift[axis]
+            shift = by_symmetric(inverse(symmetric(forms, ROOT, SHIFT), level), vector(forms, ROOT, PULL))
+            set_vector(there.limbs, ROOT, ORIGIN, plus(vector(here.limbs, ROOT, ORIGIN), shift))
             size = largest(shift)
         else:
-            shift = plus(vector(steps, parent, 3), cross(vector(steps, parent, 0), vector(here.links, limb, 0)))
-        if table.freedoms[limb] == 3:
+            away = cross(vector(steps, parent, STEP_TURN), vector(here.limbs, limb, LINK))
+            shift = plus(vector(steps, parent, STEP_SHIFT), away)
+        if table.limbs[limb, FREEDOMS] == FREE:
             turn = free_turn(solved, limb, shift)
             spin = rotation_by(turn)
         else:
-            turn, spin = vector(steps, parent, 0), matrix(spins, parent)
-            for first in range(0, table.freedoms[limb] * N_AXIS, N_AXIS):
+            turn, spin = vector(steps, parent, STEP_TURN), matrix(steps, parent, SPIN)
+            for first in range(0, table.limbs[limb, FREEDOMS] * N_AXIS, N_AXIS):
                 about = turn_about(solved, limb, first, turn, shift)
                 turn, spin = plus(turn, about), product(spin, rotation_by(about))
         size = max(size, largest(turn))
-        set_vector(steps, limb, 0, turn)
-        set_vector(steps, limb, 3, shift)
-        set_matrix(spins, limb, spin)
-        set_matrix(there.rotations, limb, product(spin, matrix(here.rotations, limb)))
+        set_vector(steps, limb, STEP_TURN, turn)
+        set_vector(steps, limb, STEP_SHIFT, shift)
+        set_matrix(steps, limb, SPIN, spin)
+        set_matrix(there.limbs, limb, ROTATION, product(spin, matrix(here.limbs, limb, ROTATION)))
     return size
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.absolute_orientation import fast_rotations
 from skelgen._kernels.small_matrices import (
     Symmetric,
@@ -180,7 +180,7 @@ def chi_squared_limit(n_free: int, gate: float) -> float:
     return float(n_free * (1.0 - spread + gate * spread**0.5) ** 3)
 
 
-@kernel_part
+@array_part
 def fit_pose(target: TargetTable, scene: PointTable, matched: Ints) -> tuple[Floats, Floats]:
     """Return the most likely pose, shape (4, 4), and its covariance, shape (6, 6)."""
     pose = _first_pose(target.points, scene.points, matched)
@@ -208,7 +208,7 @@ def fit_pose(target: TargetTable, scene: PointTable, matched: Ints) -> tuple[Flo
     return pose, covariance
 
 
-@kernel_part
+@array_part
 def _first_pose(balls: Floats, points: Floats, matched: Ints) -> Floats:
     """Return the best rigid motion in the plain least squares sense (Umeyama 1991)."""
     centre, middle, n = np.zeros(3), np.zeros(3), 0

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import fixed, kernel, kernel_part
+from skelgen._kernels import array_part, fixed, kernel, kernel_part
 from skelgen._kernels.rigid_body_pose import PointTable, SearchRules, TargetTable
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -156,7 +156,7 @@ def _is_near(difference: float, variance: float, n_balls: int, rules: SearchRule
     return difference <= math.sqrt(2.0 * n_balls) * rules.max_distance
 
 
-@kernel_part
+@array_part
 def _edge_matches(search: Search) -> tuple[Floats, Ints]:
     """Return the differences of all pairs of distances within tolerance, and their two balls and two points."""
     target, scene, allowed, rules = search.target, search.scene, search.allowed, search.rules
@@ -180,7 +180,7 @@ def _edge_matches(search: Search) -> tuple[Floats, Ints]:
     return differences[:n], edges[:n]
 
 
-@kernel_part
+@array_part
 def _doubled(differences: Floats, edges: Ints) -> tuple[Floats, Ints]:
     """Return both tables with twice the room."""
     n = len(differences)
@@ -192,7 +192,7 @@ def _doubled(differences: Floats, edges: Ints) -> tuple[Floats, Ints]:
     return more_differences, more_edges
 
 
-@kernel_part
+@array_part
 def _heap_of(keys: Floats) -> Ints:
     """Return the indices of the keys as a binary heap, the smallest first."""
     heap = np.arange(len(keys))
@@ -217,7 +217,7 @@ def _sink(heap: Ints, keys: Floats, place: int, size: int) -> None:
         place = least
 
 
-@kernel_part
+@array_part
 def _extend(  # noqa: PLR0912 - one loop instead of recursion
     search: Search, edge: Ints, first: float, best: Ints, best_cost: float
 ) -> float:
@@ -284,7 +284,7 @@ def _is_part(matched: Ints, known: Ints) -> bool:
     return bool(is_known)
 
 
-@kernel_part
+@array_part
 def _others(n_balls: int, i: int, j: int) -> Ints:
     """Return all balls but two."""
     others, n_others = np.empty(n_balls - 2, dtype=np.intp), 0

@@ -65,21 +65,17 @@ def add_symmetric(table: Floats, row: int, first: int, value: Symmetric) -> None
 
 
 @kernel_part
-def matrix(matrices: Floats, place: int) -> Matrix:
-    """One of some matrices."""
-    return (
-        (matrices[place, 0, 0], matrices[place, 0, 1], matrices[place, 0, 2]),
-        (matrices[place, 1, 0], matrices[place, 1, 1], matrices[place, 1, 2]),
-        (matrices[place, 2, 0], matrices[place, 2, 1], matrices[place, 2, 2]),
-    )
+def matrix(table: Floats, row: int, first: int) -> Matrix:
+    """Nine numbers of a table: a matrix by its rows."""
+    return vector(table, row, first), vector(table, row, first + 3), vector(table, row, first + 6)
 
 
 @kernel_part
-def set_matrix(matrices: Floats, place: int, value: Matrix) -> None:
-    """Write one of some matrices."""
-    for row in range(3):
-        for column in range(3):
-            matrices[place, row, column] = value[row][column]
+def set_matrix(table: Floats, row: int, first: int, value: Matrix) -> None:
+    """Write nine numbers into a table."""
+    set_vector(table, row, first, value[0])
+    set_vector(table, row, first + 3, value[1])
+    set_vector(table, row, first + 6, value[2])
 
 
 @kernel_part
@@ -266,6 +262,24 @@ def _rotate(matrix: Floats, vectors: Floats, size: int, p: int, q: int) -> None:
         matrix[p, k], matrix[q, k] = cosine * first - sine * second, sine * first + cosine * second
         first, second = vectors[k, p], vectors[k, q]
         vectors[k, p], vectors[k, q] = cosine * first - sine * second, sine * first + cosine * second
+
+
+@kernel_part
+def write_copy(matrix: Floats, out: Floats) -> None:
+    """Write a matrix into another one, which may be larger."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            out[i, j] = matrix[i, j]
+
+
+@kernel_part
+def sum_of_squares(matrix: Floats) -> float:
+    """Return the sum of the squares of all elements."""
+    total = 0.0
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            total += matrix[i, j] * matrix[i, j]
+    return total
 
 
 @kernel_part

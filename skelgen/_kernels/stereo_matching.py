@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.camera import Pair, rays_of_pixels
 from skelgen.model.arrays import Floats, Ints
 
@@ -259,7 +259,7 @@ def _cost(pencil: _Pencil, t: float) -> float:
     return t * t / (1.0 + f * f * t * t) + q * q / (p * p + g * g * q * q)
 
 
-@kernel_part
+@array_part
 def _best_root(pencil: _Pencil) -> float:
     """Return the best of all six roots of equation 3.12 and of the line at infinity."""
     a, b, c, d, f, g = pencil

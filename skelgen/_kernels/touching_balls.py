@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.ball_discs import BRIGHTNESS, RADIUS, STD, Fit, X, Y, fit_discs
 from skelgen._kernels.bright_spots import FULL
 from skelgen.model.arrays import Bools, Floats, Ints
@@ -90,7 +90,7 @@ def find_discs(window: Floats, noise: float, at_border: Borders) -> Fit:
     return _better_fit(window, inscribed, limit, _better_fit(window, halves, limit, best))
 
 
-@kernel_part
+@array_part
 def _better_fit(window: Floats, guess: Floats, limit: float, best: Fit) -> Fit:
     """Return the discs from one more guess, if they are more and leave much less than the best so far."""
     if math.isfinite(best[2]) and len(guess) <= len(best[0]):
@@ -99,7 +99,7 @@ def _better_fit(window: Floats, guess: Floats, limit: float, best: Fit) -> Fit:
     return found if found[2] < BETTER * best[2] else best
 
 
-@kernel_part
+@array_part
 def _fit_balls(window: Floats, guess: Floats, limit: float) -> Fit:
     """Return discs fitted from a guess, if they leave little and are plausible; without one that only fills a gap."""
     while True:
@@ -133,7 +133,7 @@ def _are_balls(discs: Floats, width: float, seen: Floats) -> bool:
     return bool(are_plain and smallest >= max(MIN_RADIUS, width / MAX_WIDTH) and largest <= MAX_UNLIKE * smallest)
 
 
-@kernel_part
+@array_part
 def _parts_seen(discs: Floats) -> Floats:
     """Return the part of each disc that no other one covers, on a grid of points, shape (n_discs,)."""
     seen = np.zeros(len(discs))
@@ -149,7 +149,7 @@ def _parts_seen(discs: Floats) -> Floats:
     return seen
 
 
-@kernel_part
+@array_part
 def _light(window: Floats) -> tuple[float, float, Floats]:
     """Return sum and largest value of a window, and its mean x and y and second moments xx, xy, yy."""
     light, peak, moments = 0.0, 0.0, np.zeros(5)
@@ -172,7 +172,7 @@ def _light(window: Floats) -> tuple[float, float, Floats]:
     return light, peak, moments
 
 
-@kernel_part
+@array_part
 def _pixels_above(window: Floats, limit: float) -> Bools:
     """Return the pixels that are at least as bright as a limit."""
     inside = np.empty(window.shape, dtype=np.bool_)
@@ -182,7 +182,7 @@ def _pixels_above(window: Floats, limit: float) -> Bools:
     return inside
 
 
-@kernel_part
+@array_part
 def _whole(light: float, moments: Floats) -> Floats:
     """Return one disc as large as a window's light."""
     disc = np.empty((1, 3))
@@ -190,7 +190,7 @@ def _whole(light: float, moments: Floats) -> Floats:
     return disc
 
 
-@kernel_part
+@array_part
 def _halves(moments: Floats) -> tuple[Floats, float]:
     """Return two equal discs with the second moments of a window, and its longest axis over its shortest."""
     x, y, xx, xy, yy = moments[0], moments[1], moments[2], moments[3], moments[4]
@@ -278,7 +278,7 @@ def _added(disc: Floats, chosen: Floats, places: Floats, is_held: Bools) -> tupl
     return added, held
 
 
-@kernel_part
+@array_part
 def _candidates(inside: Bools, distance: Floats) -> tuple[Floats, Floats]:
     """Return discs about the pixels that are farthest in around, shape (n, 3), and all pixels inside, (n_inside, 2)."""
     height, width = inside.shape
@@ -299,7 +299,7 @@ def _candidates(inside: Bools, distance: Floats) -> tuple[Floats, Floats]:
     return discs[:n_discs], places[:n_places]
 
 
-@kernel_part
+@array_part
 def _distance_from_outline(inside: Bools, at_border: Borders) -> Floats:
     """Return the distance [px] of each pixel's centre from the nearest edge of a pixel outside, about.
 

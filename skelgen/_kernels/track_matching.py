@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.tracks import MOST_OPTIMAL_PAIRS, MOST_PAIRS, Rules
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -75,7 +75,7 @@ def find_pairs(
     return pairs[:n_pairs], gains[:n_pairs], False
 
 
-@kernel_part
+@array_part
 def _with_more_room(pairs: Ints, gains: Floats) -> tuple[Ints, Floats]:
     """The same pairs in arrays of twice the size."""
     more_pairs, more_gains = np.empty((2 * len(pairs), 2), dtype=np.intp), np.empty(2 * len(gains))
@@ -118,7 +118,7 @@ def match(pairs: Ints, gains: Floats, n_tracks: int, n_points: int, optimal: boo
     return point_of_track
 
 
-@kernel_part
+@array_part
 def _clusters(pairs: Ints, n_tracks: int, n_points: int) -> Ints:
     """A track for each track that those which compete share, directly or through others."""
     parent = np.arange(n_tracks + n_points)
@@ -136,7 +136,7 @@ def _clusters(pairs: Ints, n_tracks: int, n_points: int) -> Ints:
     return parent
 
 
-@kernel_part
+@array_part
 def _by_root(pairs: Ints, root: Ints) -> tuple[Ints, Ints]:
     """Where each cluster's pairs begin among all, in `order`, which keeps them as they come."""
     starts = np.zeros(len(root) + 2, dtype=np.intp)
@@ -152,7 +152,7 @@ def _by_root(pairs: Ints, root: Ints) -> tuple[Ints, Ints]:
     return starts, order
 
 
-@kernel_part
+@array_part
 def _match_cluster(
     pairs: Ints,
     gains: Floats,
@@ -190,7 +190,7 @@ def _match_cluster(
             point_of_track[tracks[column if turned else row]] = points[row if turned else column]
 
 
-@kernel_part
+@array_part
 def _match_greedy(pairs: Ints, gains: Floats, own: Ints, point_of_track: Ints, taken: Ints) -> None:
     """Pair tracks with points, largest gain first; `taken` is room to note who is."""
     losses = np.empty(len(own))
@@ -204,7 +204,7 @@ def _match_greedy(pairs: Ints, gains: Floats, own: Ints, point_of_track: Ints, t
             taken[point] = track
 
 
-@kernel_part
+@array_part
 def _assign(gain: Floats) -> Ints:
     """Pair rows with columns for the largest total gain: the Hungarian method by shortest augmenting paths.
 
@@ -231,7 +231,7 @@ def _assign(gain: Floats) -> Ints:
     return row_of_column[:n_columns]
 
 
-@kernel_part
+@array_part
 def _place(start: int, gain: Floats, row_price: Floats, column_price: Floats, row_of_column: Ints) -> None:
     """Give one more row a column by the shortest path along which others change theirs."""
     n_columns = gain.shape[1]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from skelgen._kernels import kernel, kernel_part
+from skelgen._kernels import array_part, kernel, kernel_part
 from skelgen._kernels.track_matching import (
     difference,
     find_doubts,
@@ -61,7 +61,7 @@ def _keep_as(motion: Floats, counters: Ints, track: int, place: int) -> None:
         counters[place, column] = counters[track, column]
 
 
-@kernel_part
+@array_part
 def _expect(tracks: _State, step: int, rules: Rules) -> tuple[Floats, Floats]:
     """Where each track is expected; and its reach, gain there, squared width, and exponent."""
     motion, counters, totals = tracks
@@ -123,7 +123,7 @@ def _own(counters: Ints, track: int) -> int:
     return int(counters[track, IDENTITY])
 
 
-@kernel_part
+@array_part
 def _continue_tracks(
     points: Floats,
     weights: Floats,
@@ -203,7 +203,7 @@ def _begin(tracks: _State, n_old: int, track: int, points: Floats, point: int, s
     counters[track, MISSED] = 0
 
 
-@kernel_part
+@array_part
 def _begin_tracks(points: Floats, order: Ints, placed: Bools, tracks: _State, rules: Rules, identities: Ints) -> Ints:
     """Begin a track at each point that has none and is not the double of one that has; returns these points."""
     _, counters, totals = tracks

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen._kernels.gradient import add_pulls
-from skelgen._kernels.information import POSE_RIDGE, Columns, add_frames
+from skelgen._kernels.information import FIRST, LAST, N_TILTS, ORDER, POSE_RIDGE, Columns, add_frames
 from skelgen.geometry.rotations import cross_matrix
 from skelgen.kinematics.chain.articulation import AXIS_CONSTANTS, Articulation, across
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, world_arms
-from skelgen.kinematics.chain.observed_chain import ObservedChain, writable
+from skelgen.kinematics.chain.observed_chain import ObservedChain, rows, writable
 from skelgen.model.arrays import Bools, Floats, Ints
 
 CHUNK_FLOATS = 1_000_000
@@ -181,7 +181,7 @@ def total_information(observed: ObservedChain) -> Floats:
     for first in range(0, observed.n_frames, CHUNK_FRAMES):
         part = observed.at(slice(first, first + CHUNK_FRAMES))
         found = np.zeros_like(total)
-        add_frames(table, columns, writable(part.poses.rotations), writable(part.weights), found)
+        add_frames(table, columns, rows(part.poses.rotations, 9), writable(part.weights).ravel(), found)
         total[np.ix_(order, order)] += np.triu(found) + np.triu(found, 1).T
     return total
 
@@ -201,9 +201,9 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     total = np.zeros(len(order))
     for first in range(0, observed.n_frames, CHUNK_FRAMES):
         part = observed.at(slice(first, first + CHUNK_FRAMES))
-        pose = writable(part.poses.root), writable(part.poses.rotations)
+        pose = writable(part.poses.root), rows(part.poses.rotations, 9)
         found = np.zeros_like(total)
-        add_pulls(table, columns, *pose, writable(part.positions), writable(part.weights), found)
+        add_pulls(table, columns, *pose, rows(part.positions, 3), writable(part.weights).ravel(), found)
         total[order] += found
     return total
 
@@ -229,15 +229,16 @@ def columns_of(chain: Chain, articulation: Articulation) -> tuple[Columns, Ints]
         markers = np.flatnonzero(chain.limb_of_marker == limb)
         own.append(np.concatenate([joint, tilts, (3 * markers[:, np.newaxis] + np.arange(3)).ravel()]))
     sizes = np.array([len(one) for one in own])
-    first = np.empty(n_limbs, dtype=np.intp)
-    first[order] = np.cumsum(sizes[order]) - sizes[order]
+    limbs = np.zeros((n_limbs, 4), dtype=np.intp)
+    limbs[:, ORDER] = order
+    limbs[order, FIRST] = np.cumsum(sizes[order]) - sizes[order]
+    limbs[:, LAST] = limbs[:, FIRST] + below @ sizes
+    limbs[:, N_TILTS] = [AXIS_CONSTANTS[kind] for kind in articulation.kinds]
     directions = np.zeros((n_limbs, 2, 3))
-    n_tilts = np.array([AXIS_CONSTANTS[kind] for kind in articulation.kinds], dtype=np.intp)
-    for limb in np.flatnonzero(n_tilts).tolist():
+    for limb in np.flatnonzero(limbs[:, N_TILTS]).tolist():
         directions[limb] = across(articulation.in_parent[limb]).T
-    last = first + below @ sizes
     places = np.concatenate([own[limb] for limb in order]).astype(np.intp)
-    return Columns(np.array(order, dtype=np.intp), first, last.astype(np.intp), n_tilts, directions), places
+    return Columns(limbs, directions.reshape(-1, 3)), places
 
 
 def normal_equations(chain: Chain, poses: ChainPoses, positions: Floats, weights: Floats) -> tuple[Floats, Floats]:

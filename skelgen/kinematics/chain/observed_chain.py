@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen._kernels.posing import ChainTable
-from skelgen.kinematics.chain.articulation import FREEDOMS, Articulation
+from skelgen._kernels.posing import FREEDOMS, PARENT, START, ChainTable
+from skelgen.kinematics.chain.articulation import FREEDOMS as FREEDOMS_OF_TYPE
+from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.model.arrays import Bools, Floats, Ints
 
@@ -97,17 +98,17 @@ def chain_table(chain: Chain, articulation: Articulation) -> ChainTable:
         What their joints allow.
     """
     markers = np.argsort(chain.limb_of_marker, kind="stable").astype(np.intp)
-    limbs = np.arange(chain.n_limbs + 1)
-    return ChainTable(
-        parents=np.array(chain.parents, dtype=np.intp),
-        freedoms=np.array([FREEDOMS[kind] for kind in articulation.kinds], dtype=np.intp),
-        in_parent=writable(articulation.in_parent),
-        in_child=writable(articulation.in_child),
-        joints=writable(chain.joints),
-        markers=markers,
-        starts=np.searchsorted(chain.limb_of_marker[markers], limbs).astype(np.intp),
-        offsets=writable(chain.offsets[markers]),
-    )
+    limbs = np.zeros((chain.n_limbs + 1, 3), dtype=np.intp)
+    limbs[:-1, PARENT] = chain.parents
+    limbs[:-1, FREEDOMS] = [FREEDOMS_OF_TYPE[kind] for kind in articulation.kinds]
+    limbs[:, START] = np.searchsorted(chain.limb_of_marker[markers], np.arange(chain.n_limbs + 1))
+    joints = np.concatenate([articulation.in_parent, articulation.in_child, chain.joints], axis=1)
+    return ChainTable(limbs, writable(joints), markers, writable(chain.offsets[markers]))
+
+
+def rows(values: Floats, length: int) -> Floats:
+    """Return values of all frames one below the other, in rows of some length: a copy that may be written to."""
+    return writable(values).reshape(-1, length)
 
 
 def writable(values: Floats) -> Floats:

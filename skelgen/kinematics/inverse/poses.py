@@ -13,7 +13,7 @@ from skelgen._kernels.pose_covariances import walk_outward
 from skelgen._kernels.posing import settle_frames
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, seen_weights
-from skelgen.kinematics.chain.observed_chain import ObservedChain, chain_table, writable
+from skelgen.kinematics.chain.observed_chain import ObservedChain, chain_table, rows, writable
 from skelgen.model.arrays import Floats
 
 MAX_STEPS = 15
@@ -55,8 +55,9 @@ def fit_poses(
     """
     articulation = articulation or Articulation.free(chain.n_limbs)
     fitted = ChainPoses(writable(start.root), writable(start.rotations))
-    measured = writable(positions), writable(seen_weights(positions, weights))
-    settle_frames(chain_table(chain, articulation), *measured, fitted.root, fitted.rotations, max_steps)
+    measured = rows(positions, 3), writable(seen_weights(positions, weights)).ravel()
+    rotations = fitted.rotations.reshape(-1, 9)
+    settle_frames(chain_table(chain, articulation), *measured, fitted.root, rotations, max_steps)
     return fitted
 
 
@@ -88,9 +89,9 @@ def pose_covariances(observed: ObservedChain, noise: float) -> PoseCovariances:
     """
     known = max(noise, LEAST_NOISE)
     levels = (known / UNKNOWN_TURN) ** 2, (known / UNKNOWN_SHIFT) ** 2
-    rotations, weights = writable(observed.poses.rotations), writable(observed.weights)
-    origins, turns = np.empty(rotations.shape), np.empty(rotations.shape)
-    walk_outward(observed.table, rotations, weights, levels, origins, turns)
+    rotations, weights = rows(observed.poses.rotations, 9), writable(observed.weights).ravel()
+    origins, turns = np.empty(observed.poses.rotations.shape), np.empty(observed.poses.rotations.shape)
+    walk_outward(observed.table, rotations, weights, levels, origins.reshape(-1, 9), turns.reshape(-1, 9))
     return PoseCovariances(noise**2 * origins, noise**2 * turns)
 
 

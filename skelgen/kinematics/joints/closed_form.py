@@ -251,8 +251,9 @@ def nearest_universal(rotations: Floats) -> UniversalRotation:
     """
     mean = rotations.mean(axis=0)
     flat = (rotations - mean).reshape(len(rotations), 9)
-    moments = (flat.T @ flat / len(flat)).reshape(3, 3, 3, 3)
-    second, variances = alternated(moments, mean, _half_sphere(N_STARTS), N_ROUNDS)
+    moments = flat.T @ flat / len(flat)
+    second, variances = alternated(moments, mean.ravel(), _half_sphere(N_STARTS), N_ROUNDS)
+    moments = moments.reshape(3, 3, 3, 3)
     best = int(np.argmin(variances))
     first, _ = best_partners(moments, mean, second[best : best + 1])
     second, _ = best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen._kernels import contiguous
 from skelgen._kernels import marker_steps as kernels
 from skelgen.geometry.pairs import pair_lengths
 from skelgen.geometry.robust import SIGMA_OF_MEDIAN
@@ -214,11 +215,13 @@ def jumping_cycles(positions: Floats, neighbours: Ints, rate: float) -> tuple[Cy
     for start in range(1, n_frames, step):
         begin = max(0, start - overlap)
         part = positions[begin : start + step]
-        expected, _ = kernels.expected_places(part, np.arange(n_markers), neighbours, BRIDGED_SECONDS * rate)
-        jumped, target = kernels.strayed(part[start - begin :], expected[start - begin :], FARTHER)
+        part, markers, beside = contiguous(part, np.arange(n_markers), neighbours)
+        expected, _ = kernels.expected_places(part, markers, beside, BRIDGED_SECONDS * rate)
+        part, expected = contiguous(part[start - begin :], expected[start - begin :])
+        jumped, target = kernels.strayed(part, expected, FARTHER)
         for frame in np.flatnonzero(jumped.any(axis=1)):
-            markers = np.flatnonzero(jumped[frame])
-            found.update(_cycles(dict(zip(markers.tolist(), target[frame, markers].tolist(), strict=True))))
+            moved = np.flatnonzero(jumped[frame])
+            found.update(_cycles(dict(zip(moved.tolist(), target[frame, moved].tolist(), strict=True))))
     return tuple(cycle for cycle, _ in sorted(found.items(), key=lambda item: (-item[1], item[0])))
 
 

@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 
+from skelgen._kernels import contiguous
 from skelgen._kernels import marker_steps as kernels
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Floats, Ints
@@ -134,7 +135,7 @@ def find_slips(trajectories: Trajectories, seconds: float = 1.0, factor: float =
     window = round(seconds * trajectories.rate)
     if trajectories.n_markers < 3 or trajectories.n_frames < 2 * window or window < 2:
         return ()
-    positions, names = trajectories.positions, trajectories.names
+    (positions,), names = contiguous(trajectories.positions), trajectories.names
     near = neighbours_of(positions, NEAREST)
     steps = kernels.jumps(positions.reshape(len(positions), -1)).reshape(positions.shape)
     found: list[_Found] = []
@@ -240,7 +241,8 @@ def _leaps_of(
 def _pace(positions: Floats, marker: int, beside: Ints) -> Floats:
     """Step of a marker from the frame before [mm], less the median one of those beside it, shape (n_frames, 3)."""
     paces = np.diff(positions[:, [marker, *beside]], axis=0, prepend=np.nan)
-    relative: Floats = kernels.relative_steps(paces, 0, np.arange(1, len(beside) + 1))
+    (paces,) = contiguous(paces)
+    relative = kernels.relative_steps(paces, 0, np.arange(1, len(beside) + 1))
     return relative
 
 
