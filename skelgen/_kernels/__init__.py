@@ -208,10 +208,12 @@ def _part_compiler() -> Any:
     numba would optimise each part and make machine code of it, which nobody calls, before it does so for the kernel
     that the part is linked into.
     """
-    from numba.core.codegen import JITCodeLibrary  # noqa: PLC0415 - half a second
-    from numba.core.compiler import Compiler  # noqa: PLC0415 - half a second
+    from numba.core import codegen, compiler  # noqa: PLC0415 - half a second
 
-    class PartLibrary(JITCodeLibrary):
+    library_base: Any = codegen.JITCodeLibrary  # numba gives these no types
+    compiler_base: Any = compiler.Compiler
+
+    class PartLibrary(library_base):  # type: ignore[misc]
         def finalize(self) -> None:
             for library in dict.fromkeys(self._linking_libraries):
                 self._reload_init.update(library._reload_init)
@@ -230,7 +232,7 @@ def _part_compiler() -> Any:
         def set_env(self, name: str, environment: object) -> None:
             """Do nothing: only what Python calls looks into its environment."""
 
-    class PartCompiler(Compiler):
+    class PartCompiler(compiler_base):  # type: ignore[misc]
         def define_pipelines(self) -> Any:
             self.state.library = PartLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
             self.state.library.enable_object_caching()
