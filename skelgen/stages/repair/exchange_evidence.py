@@ -92,6 +92,7 @@ def find_evidence(positions: Floats, cycle: Cycle, model: RigidModel, neighbours
     before, after = misfits(positions, cycle, model)
     gain = np.nan_to_num(_nats(before)).sum(axis=1) - np.nan_to_num(_nats(after)).sum(axis=1)
     markers = np.array(cycle)
+    positions, markers, neighbours = contiguous(positions, markers, neighbours)
     places, ages = kernels.expected_places(positions, markers, neighbours, BRIDGED_SECONDS * rate)
     own = positions[:, markers]
     sigma = _steps(own, places, ages)
