@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from skelgen_formats import usd
 from skelgen_formats.options import Options
 from skelgen_formats.registry import find_format, write_file
 from skelgen_formats.usd import write_usd
@@ -114,7 +114,7 @@ def test_marker_that_is_never_seen_hinders_nothing(small_project, tmp_path):
 
 
 def test_missing_library_is_said_before_and_while_writing(small_project, tmp_path, monkeypatch):
-    monkeypatch.setattr(usd, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "pxr", None)
     for attempt in (
         lambda: find_format("usd").check(small_project, Options()),
         lambda: write_usd(small_project, tmp_path / "w.usdc"),
