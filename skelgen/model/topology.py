@@ -165,7 +165,7 @@ class Topology:
     @property
     def children(self) -> Ints:
         """The child limb of each joint, from the roots outward (breadth first), shape (n_joints,)."""
-        return outward_order(self.parents)[len(self.roots) :]
+        return joint_children(self.parents)
 
     @property
     def edges(self) -> Ints:
@@ -256,6 +256,11 @@ def outward_order(parents: Ints) -> Ints:
     for limb in order:  # the list grows while it is walked: that is the breadth-first search
         order.extend(int(child) for child in np.flatnonzero(parents == limb))
     return np.array(order, dtype=np.intp)
+
+
+def joint_children(parents: Ints) -> Ints:
+    """Return the child limb of each joint, from the roots outward, shape (n_joints,); `parents` as above."""
+    return outward_order(parents)[(parents < 0).sum() :]
 
 
 def cheapest_rivals(parents: Ints, costs: Floats) -> dict[int, tuple[tuple[int, int], float]]:

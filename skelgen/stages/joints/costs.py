@@ -12,7 +12,7 @@ small gaps wherever the joint is thought to be. The distance d to the markers de
 what joints of this take usually wander (soft tissue that moves as a whole), estimated from the tree itself, as is
 what the ratio of s to e usually is, which says how much of it is chance.
 
-Where the axes of two hinges meet, the two outer limbs turn about that point as well: no gap tells which two of the
+Where the axes of two hinges meet, the two outer limbs turn about that point as well: no gap says which two of the
 three joints are there. The rotations do: a hinge leaves nothing but noise across its axis. It costs less by the factor
 eta.
 """

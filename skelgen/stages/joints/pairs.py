@@ -36,7 +36,7 @@ USUAL_TURN = 0.2
 """rad, each axis; what limbs of a moving body turn against each other."""
 
 MIN_COMMON = 5
-"""Frames that must show both limbs before a joint between them can be judged."""
+"""Frames that must show both limbs for a joint between them."""
 
 LEAST_VARIANCE = 1e-4
 """mm^2; what rounding and the ridge of the closed forms leave of exact takes."""
@@ -52,18 +52,19 @@ class JointGuess:
     Attributes
     ----------
     positions : ndarray, shape (n_frames, 3), mm
-        World positions, NaN where neither limb tells.
+        World positions, NaN where neither limb gives one.
     square : float, mm^2
         How far the joint is from being fixed in both limbs: mean square per coordinate of the distance of its two
         images, or mean variance of distances; infinite if the limbs are never seen together.
     expected : float, mm^2
-        What the noise of both limbs lets expect for it.
+        Its expectation from the noise of both limbs.
     distance : float, mm
         Mean distance from the markers of both limbs.
     turn : float, rad
         Root mean square of how far the limbs turn about the joint beyond noise, each axis; NaN without poses.
     wobble : float
-        Mean square of the turns across the axis that turns most, in units of what noise lets expect; NaN without poses.
+        Mean square of the rotations across the axis that turns most, in units of its expectation from noise; NaN
+        without poses.
     n_frames : int
         Frames that it rests on.
     n_iterations : int
@@ -86,7 +87,7 @@ class JointGuess:
 
     @property
     def doubt(self) -> float:
-        """What noise could hide, per motion: of two ways to find one joint the lower tells more."""
+        """What noise could hide, per motion [mm^2]: of two guesses of one joint the lower is surer."""
         return self.square + self.hidden_part * self.expected * (USUAL_TURN / max(self.turn, LEAST_TURN)) ** 2
 
     def cost(self, alpha: float) -> float:
@@ -104,7 +105,7 @@ def guess_joint(
     first, second : Segment
         Both limbs.
     typical : float, mm^2
-        Variance of a marker's coordinate, for limbs that do not tell theirs.
+        Variance of a marker's coordinate, for limbs whose own is not known.
     alpha : float, mm
         Weight of the mean distance in the joint cost, for limbs without poses.
     parameters : JointParameters
@@ -124,7 +125,7 @@ def guess_joint(
 
 
 def _closed_form(first: Segment, second: Segment, typical: float) -> JointGuess:
-    """By the poses of both; where few frames have both, by those of one, if that tells more."""
+    """By the poses of both; where few frames have both, by those of one, if that is surer."""
     by_poses = _from_poses(first, second, typical)
     if by_poses is not None and by_poses.n_frames >= ENOUGH_FRAMES:
         return by_poses
@@ -135,14 +136,8 @@ def _closed_form(first: Segment, second: Segment, typical: float) -> JointGuess:
     return min(found, key=lambda guess: guess.doubt)
 
 
-def images(shape: LimbShape, point: Floats) -> Floats:
-    """World positions of a point of a limb's frame, shape (n_frames, 3); NaN without a pose."""
-    poses = shape.world_from_limb
-    return np.asarray(poses[:, :3, :3] @ point + poses[:, :3, 3])
-
-
 def _from_poses(first: Segment, second: Segment, typical: float) -> JointGuess | None:
-    """Fit twice: the first place tells how well each frame knows it, and which frames are in error."""
+    """Fit twice: the first fit gives the weight of each frame, and which frames are in error."""
     poses, near = (first.shape.world_from_limb, second.shape.world_from_limb), (first.centre, second.centre)
     fit = fit_fixed_point(*poses, *near)
     if fit is None or fit.n_frames < MIN_COMMON:
@@ -209,8 +204,14 @@ def _from_sphere(body: Segment, other: Segment, typical: float) -> JointGuess | 
     freedom = n_values / max(n_values - points.shape[1] - 3, 0.5)
     expected = float(of_body[used].mean()) + max(typical, LEAST_VARIANCE)
     turn = _turn(body, points, fit.centre)
-    positions = images(body.shape, fit.centre)
+    positions = _images_of(body.shape, fit.centre)
     return JointGuess(positions, freedom * fit.variance, expected, turn=turn, n_frames=int(used.sum()) // 3 + 1)
+
+
+def _images_of(shape: LimbShape, point: Floats) -> Floats:
+    """World positions of a point of a limb's frame, shape (n_frames, 3); NaN without a pose."""
+    poses = shape.world_from_limb
+    return np.asarray(poses[:, :3, :3] @ point + poses[:, :3, 3])
 
 
 def _turn(body: Segment, points: Floats, centre: Floats) -> float:

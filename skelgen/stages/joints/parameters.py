@@ -22,7 +22,7 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class JointParameters(DescentParameters):
-    """How joints and the tree of limbs are found (seed, tables 4.15 and 4.16)."""
+    """How joints and the tree of limbs are found (Schönauer 2007, tables 4.15 and 4.16)."""
 
     stage: ClassVar[str] = "joints"
     config_section: ClassVar[str] = "JointFinder/JC"
@@ -30,7 +30,7 @@ class JointParameters(DescentParameters):
     solver: str = declare(
         "closed-form",
         "closed-form solves limbs with poses directly and leaves the rest to conjugate gradients; "
-        "conjugate-gradient minimises the joint cost of every pair, as the seed does",
+        "conjugate-gradient minimises the joint cost of every pair, the classic method",
         choices=("closed-form", "conjugate-gradient"),
     )
     alpha: float = declare(

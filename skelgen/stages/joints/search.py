@@ -11,7 +11,7 @@ import numpy as np
 from skelgen.kinematics.bodies.shape import LimbShape
 from skelgen.model import Limbs
 from skelgen.model.arrays import Floats, Ints, evenly_spread
-from skelgen.model.topology import outward_order
+from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.pairs import JointGuess, guess_joint
 from skelgen.stages.joints.parameters import JointParameters, Pair
@@ -196,19 +196,33 @@ def place_in_blocks(
         Joints from the roots outward.
     """
     n_frames = len(positions)
-    children = outward_order(parents)[(parents < 0).sum() :]
-    raw = np.empty((n_frames, len(children), 3))
+    raw = np.empty((n_frames, int((parents >= 0).sum()), 3))
     ends = np.linspace(0, n_frames, -(-n_frames // BLOCK_FRAMES) + 1).astype(np.intp)
     for first, last in pairwise(ends.tolist()):
         block = positions[first:last]
         frames = sample_frames(len(block), parameters)
         segments = make_segments([block[:, limbs.markers_of(limb)] for limb in range(limbs.n_limbs)], frames)
         kept, _ = place_joints(segments, frames, parents, parameters, seed, SILENT)
-        for column, child in enumerate(children.tolist()):
-            raw[first:last, column] = kept[child].positions
+        raw[first:last] = side_by_side(kept, parents, len(block))
         monitor.advance(last, n_frames)
     raw.flags.writeable = False
     return raw
+
+
+def side_by_side(joints: dict[int, JointGuess], parents: Ints, n_frames: int) -> Floats:
+    """Return the positions of joints [mm], shape (n_frames, n_joints, 3), from the roots outward.
+
+    Parameters
+    ----------
+    joints : dict of int to JointGuess
+        By child limb.
+    parents : ndarray of intp, shape (n_limbs,)
+        The tree, -1 for roots.
+    n_frames : int
+        Number of frames.
+    """
+    positions = [joints[child].positions for child in joint_children(parents).tolist()]
+    return np.stack(positions, axis=1) if positions else np.zeros((n_frames, 0, 3))
 
 
 def _extent(segments: list[Segment], frames: Ints) -> float:

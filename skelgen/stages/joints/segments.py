@@ -73,7 +73,15 @@ class PoseNoise:
         return float(shares @ np.trace(self.covariances[:, 3:, 3:], axis1=1, axis2=2)) / 3
 
     def of_rotation_across(self, axis: Floats, shares: Floats) -> float:
-        """Mean variance [rad^2] of rotations about the two axes across one, together, given the `shares` of frames."""
+        """Mean variance [rad^2] of rotations about the two axes across one, together.
+
+        Parameters
+        ----------
+        axis : ndarray, shape (3,)
+            Unit vector in the limb's frame.
+        shares : ndarray, shape (n_patterns,)
+            Parts of the frames, from `shares`.
+        """
         turns = self.covariances[:, 3:, 3:]
         return float(shares @ (np.trace(turns, axis1=1, axis2=2) - turns @ axis @ axis))
 

@@ -10,13 +10,11 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.model import Limbs, Topology, Trajectories
-from skelgen.model.arrays import Floats, Ints
-from skelgen.model.topology import outward_order
+from skelgen.model.topology import joint_children
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.joints.costs import comparable_costs
-from skelgen.stages.joints.pairs import MIN_COMMON
 from skelgen.stages.joints.parameters import JointConstraints, JointParameters
-from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints
+from skelgen.stages.joints.search import PairSearch, place_in_blocks, place_joints, side_by_side
 from skelgen.stages.joints.segments import make_segments, markers_of_limbs, sample_frames
 from skelgen.stages.joints.tree import find_tree, loop_joints, tree_notices, undetermined_limb_notices, usual_radius
 
@@ -30,9 +28,7 @@ def find_joints(
     seed: int = 0,
     monitor: Monitor = SILENT,
 ) -> Topology:
-    """Find joints and topology.
-
-    Many pairs of limbs without poses are shared among the processes of a surrounding `joblib.parallel_config`.
+    """Find joints and topology; descents are shared among the processes of a surrounding `joblib.parallel_config`.
 
     Parameters
     ----------
@@ -56,43 +52,30 @@ def find_joints(
     """
     parameters = parameters or JointParameters()
     monitor.begin("joints")
-    if limbs.n_limbs == 0:
+    if not limbs.n_limbs:
         raise InputError(f"{trajectories.name or 'the take'}: no marker belongs to a limb, so there are no joints")
     stated = (constraints or JointConstraints()).with_parameters(parameters, trajectories.names, limbs)
     markers = markers_of_limbs(trajectories.positions, limbs, int(parameters.samples))
-    frames = sample_frames(len(markers[0]), parameters)
+    n_frames, frames = len(markers[0]), sample_frames(len(markers[0]), parameters)
     segments = make_segments(markers, frames)
     guesses = PairSearch(segments, frames, parameters, seed, monitor).guesses()
     costs = comparable_costs(guesses, limbs.n_limbs, parameters.alpha)
-    radius = usual_radius([own[frames] for own in markers]) if parameters.separate else None
-    tree = find_tree(costs, guesses, [own.shape[1] for own in markers], stated, radius)
-    _check_parents(tree.parents, costs.comparable)
+    radius = usual_radius(segments, frames) if parameters.separate else None
+    tree = find_tree(costs, guesses, [segment.n_markers for segment in segments], stated, radius)
     joints, segments = place_joints(segments, frames, tree.parents, parameters, seed, monitor)
-    children = outward_order(tree.parents)[(tree.parents < 0).sum() :].tolist()
-    if len(markers[0]) < trajectories.n_frames:
+    raw = side_by_side(joints, tree.parents, n_frames)
+    if n_frames < trajectories.n_frames:
         raw = place_in_blocks(trajectories.positions, limbs, tree.parents, parameters, seed, monitor)
-    else:
-        raw = np.array([joints[child].positions for child in children]).reshape(-1, trajectories.n_frames, 3)
-        raw = np.ascontiguousarray(raw.swapaxes(0, 1))
+    in_order = [joints[child] for child in joint_children(tree.parents)]
     topology = Topology(
         parents=tree.parents,
         joint_costs=tree.costs,
         raw_joint_positions=raw,
-        n_iterations=np.array([joints[child].n_iterations for child in children], dtype=np.intp),
-        values=np.array([joints[child].cost(parameters.alpha_final) for child in children]),
+        n_iterations=np.array([joint.n_iterations for joint in in_order], dtype=np.intp),
+        values=np.array([joint.cost(parameters.alpha_final) for joint in in_order]),
         alpha=parameters.alpha,
         loops=loop_joints(tree.parents, costs),
     )
     for notice in (*tree_notices(topology, costs, guesses, tree.cut), *undetermined_limb_notices(segments)):
         monitor.notice(notice)
     return topology
-
-
-def _check_parents(parents: Ints, costs: Floats) -> None:
-    if len(parents) != len(costs):
-        raise InputError(f"the hierarchy has {len(parents)} limbs, the take {len(costs)}")
-    for child in np.flatnonzero(parents >= 0):
-        if not np.isfinite(costs[child, parents[child]]):
-            raise InputError(
-                f"limbs {parents[child]} and {child} are to be joined, but no {MIN_COMMON} frames show both of them"
-            )

@@ -1,4 +1,4 @@
-"""The tree of limbs: which joints span it, which of its edges are no joints, which loops it leaves open, and doubts.
+"""The tree of limbs: which joints span it, which of its edges are no joints, which loops it leaves open.
 
 A spanning tree joins whatever is seen together: two persons, a person and a chair. Such an edge wobbles as limbs do
 that have nothing to do with each other; or it is much dearer than joints of this take are, lies far from all markers,
@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelgen.errors import InputError
 from skelgen.model import Topology
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.topology import cheapest_rivals, spanning_forest
 from skelgen.stages.joints.costs import CHANCE, JointCosts
-from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess
+from skelgen.stages.joints.pairs import LEAST_TURN, MIN_COMMON, JointGuess
 from skelgen.stages.joints.parameters import JointConstraints, Pair
 from skelgen.stages.joints.segments import ENOUGH_FRAMES, Segment
 
@@ -88,10 +89,16 @@ def find_tree(
         What the user states.
     radius : float, mm, optional
         Usual radius of a limb, NaN if unknown: edges that are no joints are cut. None keeps them.
+
+    Raises
+    ------
+    InputError
+        If the constraints contradict each other or what is seen.
     """
     allowed = constraints.applied(costs.comparable)
     known = np.where(np.isfinite(allowed), costs.comparable, np.nan)
     if constraints.parents is not None:
+        _check_parents(constraints.parents, costs.comparable)
         return Tree(constraints.parents, known, [])
     markers = np.array(sizes, dtype=np.intp)
     parents = spanning_forest(allowed, markers, constraints.root)
@@ -125,16 +132,24 @@ def _false_joints(parents: Ints, costs: JointCosts, guesses: Mapping[Pair, Joint
     return [(int(parent), int(child)) for parent, child in zip(above[false], children[false], strict=True)]
 
 
-def usual_radius(markers: list[Floats]) -> float:
-    """Median over limbs of the root mean square distance [mm] of the markers from their middle; NaN if none has any.
+def usual_radius(segments: Sequence[Segment], frames: Ints) -> float:
+    """Return the median over limbs of the root mean square distance [mm] of their markers from their middle.
 
     Parameters
     ----------
-    markers : list of ndarray, shape (n_frames, n_markers, 3), mm
-        Markers of each limb, NaN where unseen.
+    segments : sequence of Segment
+        All limbs.
+    frames : ndarray of intp
+        Sampled frames.
+
+    Returns
+    -------
+    float, mm
+        NaN if no limb shows all its markers, or all have one.
     """
     found = []
-    for positions in markers:
+    for segment in segments:
+        positions = segment.markers[frames]
         whole = positions[~np.isnan(positions).any(axis=(1, 2))]
         if len(whole):
             found.append(float(np.sqrt(((whole - whole.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean())))
@@ -242,5 +257,15 @@ def _weak_joint(parent: int, child: int, guess: JointGuess) -> Iterator[str]:
             f"limb {parent} and limb {child} hardly turn against each other ({np.rad2deg(guess.turn):.1f} deg): where "
             "their joint is, is not determined"
         )
-    if 0 < guess.n_frames < ENOUGH_FRAMES / 3:  # of a single point, a frame tells a third
+    if 0 < guess.n_frames < ENOUGH_FRAMES / 3:  # a frame of a single point counts a third
         yield f"the joint between limb {parent} and limb {child} rests on few frames; more motion would make it surer"
+
+
+def _check_parents(parents: Ints, costs: Floats) -> None:
+    if len(parents) != len(costs):
+        raise InputError(f"the hierarchy has {len(parents)} limbs, the take {len(costs)}")
+    for child in np.flatnonzero(parents >= 0):
+        if not np.isfinite(costs[child, parents[child]]):
+            raise InputError(
+                f"limbs {parents[child]} and {child} are to be joined, but no {MIN_COMMON} frames show both of them"
+            )

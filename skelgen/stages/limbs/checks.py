@@ -62,7 +62,8 @@ def limb_notices(trajectories: Trajectories, limb_of_marker: Ints, frames: Ints)
         if n_mirrored:
             yield (
                 f"limb {limb} ({', '.join(names[marker] for marker in markers)}) looks like its mirror image in "
-                f"{n_mirrored} of {len(frames)} sampled frames, which no rotation explains: labels may be exchanged there"
+                f"{n_mirrored} of {len(frames)} sampled frames, which no rotation explains: labels may be "
+                "exchanged there"
             )
 
 

@@ -68,7 +68,7 @@ def find_limbs(
     Returns
     -------
     Limbs
-        Limbs numbered in the order of their first marker. Markers that belong nowhere are left out, with a notice.
+        Numbered in the order of their first marker. Markers that belong nowhere are left out, with a notice.
 
     Raises
     ------
@@ -82,12 +82,7 @@ def find_limbs(
     frames = sample_frames(trajectories.n_frames, parameters, seed)
     every = distance_deviations(trajectories.positions, frames)
     usable = _usable(every.plain, stated)
-    if len(usable) < 2:
-        raise InputError(
-            f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
-        )
-    if n_limbs is not None and not 1 <= n_limbs <= len(usable):
-        raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
+    _check_number(len(usable), n_limbs, trajectories)
     alone = np.setdiff1d(np.arange(trajectories.n_markers), usable)
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
     deviations, stated = every.of(usable), stated.of(usable)
@@ -99,8 +94,7 @@ def find_limbs(
         outliers = usable[_is_outlier(groups, deviations.steady) & ~stated.is_named]
         limb_of_marker[outliers] = -1
         _notice_left_out(trajectories, outliers, "moving against all limbs like none of them", monitor)
-    on_limb = limb_of_marker >= 0
-    limb_of_marker[on_limb] = _numbered_by_first(limb_of_marker[on_limb])
+    limb_of_marker[limb_of_marker >= 0] = _numbered_by_first(limb_of_marker[limb_of_marker >= 0])
     for notice in limb_notices(trajectories, limb_of_marker, frames):
         monitor.notice(notice)
     monitor.advance(1, 1)
@@ -272,6 +266,15 @@ def _usable(deviation: Floats, constraints: MarkerConstraints) -> Ints:
     for block in constraints.blocks:
         has_company[list(block)] = has_company[list(block)].any()
     return np.flatnonzero(has_company)
+
+
+def _check_number(n_markers: int, n_limbs: int | None, trajectories: Trajectories) -> None:
+    if n_markers < 2:
+        raise InputError(
+            f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
+        )
+    if n_limbs is not None and not 1 <= n_limbs <= n_markers:
+        raise InputError(f"{n_limbs} limbs cannot be made of {n_markers} markers")
 
 
 def _complete(deviation: Floats) -> Floats:

@@ -17,7 +17,7 @@ from skelgen.model import Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.skeleton.assembly import Body, StructuredTake
-from skelgen.stages.skeleton.fitting import fit_body
+from skelgen.stages.skeleton.fitting import FittedBody, fit_body
 from skelgen.stages.skeleton.long_takes import fitted_frames, play_back
 from skelgen.stages.skeleton.loops import loop_notices, stated_loops
 from skelgen.stages.skeleton.parameters import SkeletonParameters
@@ -68,14 +68,7 @@ def fit_skeleton(
         monitor.notice("loops stay open: only the fit of the whole chain closes them")
     frames = fitted_frames(take)
     some = take.at(frames)
-    fitted = []
-    for index, body in enumerate(some.bodies()):
-        if np.isnan(body.positions[:, :, 0]).all():
-            raise InputError(
-                f"{trajectories.name or 'the take'}: no marker of limb {body.limbs[0]} is seen in any frame"
-            )
-        fitted.append(fit_body(body, parameters, _loops_of(body, loops), are_poses))
-        monitor.advance(index + 1, len(topology.roots))
+    fitted = _fitted(some, loops, parameters, are_poses, monitor)
     skeleton = make_skeleton(fitted, limbs, some.topology)
     motion = make_motion(fitted, some.trajectories, skeleton)
     observed = observed_joints(skeleton, motion)
@@ -90,6 +83,25 @@ def fit_skeleton(
     for notice in (*notices, *(joint.sentence for joint in observed if joint.sentence)):
         monitor.notice(notice)
     return skeleton, motion
+
+
+def _fitted(
+    take: StructuredTake,
+    loops: tuple[tuple[int, int], ...],
+    parameters: SkeletonParameters,
+    are_poses: bool,
+    monitor: Monitor,
+) -> list[FittedBody]:
+    """Fit all trees of a take."""
+    bodies = take.bodies()
+    fitted = []
+    for index, body in enumerate(bodies):
+        if np.isnan(body.positions[:, :, 0]).all():
+            name = take.trajectories.name or "the take"
+            raise InputError(f"{name}: no marker of limb {body.limbs[0]} is seen in any frame")
+        fitted.append(fit_body(body, parameters, _loops_of(body, loops), are_poses))
+        monitor.advance(index + 1, len(bodies))
+    return fitted
 
 
 def _loops_of(body: Body, loops: tuple[tuple[int, int], ...]) -> Ints:
