@@ -1,7 +1,7 @@
 """Identities from unlabelled clouds beside what else there is: ``python tests/benchmarks/labels.py --help``.
 
 Simulated takes seen by few cameras, whose truth is known, and recordings whose labels are removed; each is labelled by
-rigidity (the default), by the seed's sets, and by trackpy and LapTrack (development extra) on the same points.
+rigidity (the default), by the classic Marker Sets, and by trackpy and LapTrack (development extra) on the same points.
 """
 
 from __future__ import annotations

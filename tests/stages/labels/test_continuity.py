@@ -1,4 +1,4 @@
-"""Marker Sets that go on where others ended."""
+"""Tracklets that go on where others ended."""
 
 from __future__ import annotations
 

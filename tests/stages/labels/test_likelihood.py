@@ -1,4 +1,4 @@
-"""Marker Sets joined by the likelihood of their distances, at once and window by window."""
+"""Tracklets merged by the likelihood of their distances, at once and window by window."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def test_dropouts_cost_points_but_hardly_ever_identities(structure):
     simulated = simulate(structure, labelled=False, n_frames=800, noise=0.5, dropouts=0.05, seed=0)
     trajectories = label_markers(simulated.take, DEFAULTS)[0]
     labelled, right = agreement(trajectories, simulated.take, simulated.truth.marker_of_point)
-    assert labelled > 0.95  # the ends of Marker Sets and the shortest ones are dropped on purpose
+    assert labelled > 0.95  # the ends of tracklets and the shortest ones are dropped on purpose
     assert right > 0.99
     assert trajectories.n_markers == len(simulated.truth.marker_names)
 
