@@ -1,0 +1,78 @@
+"""The walk through the code in docs/architecture.md names the files through which a take goes, and no others."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+WAIT = 300  # s, of which most is compiling where nothing is compiled yet
+FOLLOW = """
+    import sys
+    import threading
+    from pathlib import Path
+    import skelgen
+
+    called = set()
+
+    def watch(frame, event, argument):
+        if event == "call" and frame.f_code.co_name != "<module>":
+            called.add(frame.f_code.co_filename)
+
+    cloud = skelgen.simulate("human", n_frames=300, noise=0.3, dropouts=0.05, labelled=False).take
+    skelgen.write(cloud, "walk.mfml")
+    skelgen.write(skelgen.reconstruct(cloud), "walk.bvh")  # importing modules calls the bodies of their classes
+    threading.setprofile(watch)
+    sys.setprofile(watch)
+    project = skelgen.reconstruct(skelgen.read("walk.mfml"))
+    skelgen.write(project, "walk.bvh")
+    sys.setprofile(None)
+    for name in sorted(called):
+        print(name)
+"""
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory) -> set[str]:
+    """Files of the project in which a function was called, from reading an unlabelled take to writing its animation."""
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(FOLLOW)],
+        cwd=tmp_path_factory.mktemp("walk"),
+        env={"PYTHONPATH": ":".join(str(ROOT / name) for name in (".", "formats")), "PATH": ""},
+        capture_output=True,
+        text=True,
+        timeout=WAIT,
+        check=True,
+    )
+    paths = [Path(line) for line in done.stdout.splitlines()]
+    return {
+        path.relative_to(ROOT).as_posix() for path in paths if path.is_relative_to(ROOT) and ".venv" not in path.parts
+    }
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+
+
+def test_every_file_on_the_way_is_named(walked, page):
+    named = set(re.findall(r"\*\*((?:skelgen|formats)/[\w/]+\.py)\*\*", page))
+    assert len(walked) > 50
+    assert sorted(walked - named) == []
+    assert sorted(named - walked - {"skelgen/__init__.py"}) == []
+
+
+def test_every_path_on_the_page_exists(page):
+    paths = re.findall(r"`((?:skelgen|formats|gui|tests|docs)/[\w/.]+)`", page)
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+
+
+def test_every_room_is_on_the_page(page):
+    rooms = {path.parent for root in ("skelgen", "formats", "gui") for path in (ROOT / root).rglob("__init__.py")}
+    missing = [room for room in rooms if room.name not in page]
+    assert sorted(path.as_posix() for path in missing) == []
