@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
 from skelgen.app.drawing import measures, svg
+from skelgen.app.drawing.axes import LEFT, RIGHT, Axes
 from skelgen.app.drawing.measures import Length
-from skelgen.app.drawing.scales import envelope, ticks
-from skelgen.app.drawing.wording import clipped, digits, plain
+from skelgen.app.drawing.scales import envelope
+from skelgen.app.drawing.wording import clipped, digits
 from skelgen.model import Motion, PointCloud
 from skelgen.model.arrays import Floats
 
 _WIDTH, _HEIGHT = 900.0, 260.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 10.0, 22.0, 36.0
+_BOTTOM = 36.0
 _MOST_BINS = 760  # about one per pixel
 _LEAST_WIDTH = 560.0
 _HEADROOM = 1.05
@@ -24,55 +24,6 @@ _LEAST_BAR_WIDTH = 290.0  # px, for the title of the axis
 _BAR_STEP, _WIDEST_BAR_STEP = 14.0, 40.0
 _CHARACTER = 6.2  # px of a marker name below its bar, turned upright
 _NAME_ROOM = 16
-
-
-@dataclass(frozen=True)
-class Axes:
-    """A plot area with linear axes.
-
-    Attributes
-    ----------
-    width, height, bottom : float, px
-        The whole drawing, and the space below the plot area.
-    last_x, last_y : float
-        Largest values on the axes.
-    first_y : float
-        Value at the foot of the y axis.
-    """
-
-    width: float
-    height: float
-    bottom: float
-    last_x: float
-    last_y: float
-    first_y: float = 0.0
-
-    def x(self, value: float) -> float:
-        """Return the place [px] of a value on the x axis."""
-        return _LEFT + (self.width - _LEFT - _RIGHT) * value / self.last_x
-
-    def y(self, value: float) -> float:
-        """Return the place [px] of a value on the y axis."""
-        share = (value - self.first_y) / (self.last_y - self.first_y)
-        return self.height - self.bottom - (self.height - self.bottom - _TOP) * share
-
-    def frame(self, y_title: str, x_title: str = "") -> Markup:
-        """Draw grid, tick labels and titles; without a title the x axis has no ticks."""
-        right, floor = self.width - _RIGHT, self.height - self.bottom
-        parts = [svg.text(4, 12, y_title, "small")]
-        for value in ticks(self.first_y, self.last_y, 4):
-            parts += [
-                svg.line(_LEFT, self.y(value), right, self.y(value), "grid"),
-                svg.text(_LEFT - 6, self.y(value) + 3.5, plain(value), "small", anchor="end"),
-            ]
-        if x_title:
-            parts += [
-                svg.text(self.x(value), floor + 15, plain(value), "small", anchor="middle")
-                for value in ticks(0.0, self.last_x, 8)
-            ]
-            parts.append(svg.text((_LEFT + right) / 2, floor + 31, x_title, "small", anchor="middle"))
-        parts.append(svg.line(_LEFT, floor, right, floor, "axis"))
-        return svg.group(*parts)
 
 
 def residual_figure(motion: Motion) -> Markup:
@@ -116,19 +67,19 @@ def _curve(axes: Axes, values: Floats, rate: float, cls: str) -> Markup:
 def _legend(axes: Axes, entries: Sequence[tuple[str, str]]) -> Markup:
     parts = []
     for index, (cls, name) in enumerate(entries):
-        x = axes.width - _RIGHT - 330 + 170 * index
+        x = axes.width - RIGHT - 330 + 170 * index
         parts += [svg.line(x, 8, x + 18, 8, f"{cls} curve thick"), svg.text(x + 24, 12, name, "small")]
     return svg.group(*parts)
 
 
 def deviation_bars(rows: Sequence[measures.MarkerDeviation]) -> Markup:
     """Draw the mean deviation of every marker as a bar in its limb's colour, the root mean square as a tick."""
-    step = min(max(_BAR_STEP, (_WIDTH - _LEFT - _RIGHT) / len(rows)), _WIDEST_BAR_STEP)
-    width = _LEFT + _RIGHT + step * len(rows)
+    step = min(max(_BAR_STEP, (_WIDTH - LEFT - RIGHT) / len(rows)), _WIDEST_BAR_STEP)
+    width = LEFT + RIGHT + step * len(rows)
     highest = max((row.rms for row in rows if not np.isnan(row.rms)), default=0.0)
     labels = 14 + _CHARACTER * min(max(len(row.name) for row in rows), _NAME_ROOM)
     axes = Axes(max(width, _LEAST_BAR_WIDTH), _HEIGHT + labels, labels, 1.0, _HEADROOM * highest or 1.0)
-    bars = [_bar(axes, row, _LEFT + step * index, step) for index, row in enumerate(rows)]
+    bars = [_bar(axes, row, LEFT + step * index, step) for index, row in enumerate(rows)]
     parts = [axes.frame("deviation [mm]: bar = mean, tick = root mean square"), *bars]
     return svg.drawing(axes.width, axes.height, "Deviation of every marker", *parts, least=0.8 * axes.width)
 
