@@ -15,10 +15,10 @@ import numpy as np
 from skelgen.capture.angles import JointAngle
 from skelgen.capture.bodies import propose_targets
 from skelgen.capture.error_propagation import angle_covariance, pose_covariances
-from skelgen.capture.errors_by_distance import places_before, typical_joints, typical_pair
+from skelgen.capture.errors_by_distance import typical_joints, typical_pair
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.optics.matching import match_and_triangulate
-from skelgen.capture.optics.projection import project
+from skelgen.capture.optics.projection import project, view_centre
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies
 from skelgen.capture.values import Balls, FoundBody
@@ -85,7 +85,7 @@ def _trials_of(
     rig: StereoRig, joint: TargetJoint, distance: float, rng: np.random.Generator, n_trials: int, is_rendered: bool
 ) -> Iterator[_Trial | None]:
     """Both targets in random attitudes, the joint bent at random; None where one was not found."""
-    place = places_before(rig, np.array([distance]))[0]
+    place = view_centre(rig, distance)
     with MotionCapture(CaptureSettings(rig, _TARGETS, [joint]), threads=False) as capture:
         for _ in range(n_trials):
             turn = matrix_from_quaternion((q := rng.normal(size=4)) / np.linalg.norm(q))

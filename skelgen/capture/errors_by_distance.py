@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.capture.error_propagation import HINGE, angle_covariance, point_covariances, pose_covariances, seen_by_both
+from skelgen.capture.optics.projection import view_centre
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_quaternion, matrix_from_vector, transform_from
 from skelgen.model.arrays import Floats
@@ -97,7 +98,7 @@ def errors_by_distance(
     away = np.asarray(distances, dtype=np.float64)
     if not away.size or not np.isfinite(away).all() or away.min() <= 0:
         raise InputError("distances of the errors must be above 0 mm")
-    places = places_before(settings.rig, away)
+    places = view_centre(settings.rig, away)
     quaternions = np.random.default_rng(seed).normal(size=(N_TURNS, 4))
     turns = matrix_from_quaternion(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
     bodies = settings.bodies or (typical_target("typical target"),)
@@ -108,23 +109,6 @@ def errors_by_distance(
         curves += _of_body(settings.rig, body, places, turns)
     curves += [_of_joint(settings.rig, joint, targets, places, turns) for joint in joints]
     return RigErrors(away, settings.rig.noise, tuple(curves))
-
-
-def places_before(rig: StereoRig, distances: Floats) -> Floats:
-    """Return points in the middle of both views, shape (n_distances, 3), mm, in the world.
-
-    Parameters
-    ----------
-    rig : StereoRig
-        The cameras.
-    distances : ndarray, shape (n_distances,), mm
-        From the middle between the cameras.
-    """
-    world_from_left = np.linalg.inv(rig.left.camera_from_world)
-    world_from_right = np.linalg.inv(rig.right.camera_from_world)
-    middle = (world_from_left[:3, 3] + world_from_right[:3, 3]) / 2
-    along = world_from_left[:3, 2] + world_from_right[:3, 2]
-    return np.asarray(middle + np.outer(distances, along / np.linalg.norm(along)))
 
 
 def typical_target(name: str) -> BodyTarget:

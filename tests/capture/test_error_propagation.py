@@ -8,12 +8,11 @@ from skelgen.capture.error_propagation import angle_covariance, point_covariance
 from skelgen.capture.errors_by_distance import (
     ARM,
     errors_by_distance,
-    places_before,
     typical_joints,
     typical_target,
 )
 from skelgen.capture.optics.matching import match_and_triangulate
-from skelgen.capture.optics.projection import project
+from skelgen.capture.optics.projection import project, view_centre
 from skelgen.capture.optics.triangulation import triangulate
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.values import Balls
@@ -42,7 +41,7 @@ def pose_at(place, turn=(0.3, -0.5, 0.8)) -> np.ndarray:
 
 
 def middle(distance: float = 1000.0) -> np.ndarray:
-    return places_before(reference_rig(), np.array([distance]))[0]
+    return view_centre(reference_rig(), distance)
 
 
 def random_covariance(rng) -> np.ndarray:

@@ -7,10 +7,10 @@ import pytest
 
 from skelgen.capture.bodies import propose_targets
 from skelgen.capture.error_propagation import angle_covariance, pose_covariances
-from skelgen.capture.errors_by_distance import places_before, typical_joints, typical_pair
+from skelgen.capture.errors_by_distance import typical_joints, typical_pair
 from skelgen.capture.live import MotionCapture
 from skelgen.capture.optics.matching import match_and_triangulate
-from skelgen.capture.optics.projection import project
+from skelgen.capture.optics.projection import project, view_centre
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.values import Balls
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
@@ -26,7 +26,7 @@ def poses_of(joint, rng):
     """Both targets in a random attitude, their joint one metre away and bent; and by how much."""
     bend = rng.uniform(-0.8, 0.8, 3) * ([0.0, 0.0, 1.0] if joint.kind == "hinge" else [1.0, 1.0, 1.0])
     turn = matrix_from_vector(rng.normal(size=3) * 2)
-    place = places_before(RIG, np.array([1000.0]))[0]
+    place = view_centre(RIG, 1000.0)
     parent = transform_from(turn, place - turn @ joint.parent_from_joint[:3, 3])
     bent = transform_from(matrix_from_vector(bend), np.zeros(3))
     return (parent, parent @ joint.parent_from_joint @ bent @ np.linalg.inv(joint.child_from_joint)), bend

@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen._kernels import camera as _kernels_camera
 from skelgen.model.arrays import Bools, Floats
-from skelgen.model.rig import Camera
+from skelgen.model.rig import Camera, StereoRig
 
 
 def project(camera: Camera, points: Floats) -> Floats:
@@ -146,6 +146,21 @@ def in_image(camera: Camera, pixels: Floats) -> Bools:
     x, y = pixels[..., 0], pixels[..., 1]
     with np.errstate(invalid="ignore"):
         return np.asarray((x >= -0.5) & (y >= -0.5) & (x <= camera.width - 0.5) & (y <= camera.height - 0.5))
+
+
+def view_centre(rig: StereoRig, distances: float | Floats) -> Floats:
+    """Return points of the world in the middle of both views, shape (..., 3), mm.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        The cameras.
+    distances : float or ndarray, shape (...), mm
+        From the middle between the cameras.
+    """
+    left, right = (np.linalg.inv(camera.camera_from_world) for camera in (rig.left, rig.right))
+    ahead = left[:3, 2] + right[:3, 2]
+    return np.asarray((left[:3, 3] + right[:3, 3]) / 2 + np.multiply.outer(distances, ahead) / np.linalg.norm(ahead))
 
 
 def folding_radius(camera: Camera) -> float:

@@ -10,7 +10,6 @@ from skelgen.capture.simulated_rig.scene import (
     hand_held_target,
     scene_of_bodies,
     scene_of_structure,
-    view_centre,
     wandering_poses,
 )
 from skelgen.capture.simulated_rig.source import SimulatedRig, simulated_rig, suited_parameters
@@ -36,6 +35,5 @@ __all__ = [
     "scene_of_structure",
     "simulated_rig",
     "suited_parameters",
-    "view_centre",
     "wandering_poses",
 ]

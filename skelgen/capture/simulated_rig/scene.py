@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from skelgen.capture.optics.projection import in_image, project
+from skelgen.capture.optics.projection import in_image, project, view_centre
 from skelgen.capture.reference_rig import reference_arm
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector
@@ -285,22 +285,6 @@ def wandering_poses(
         shifts[:, 0] += motion.spread * aside[body]
         poses[:, body, :3, 3] = view_centre(rig, motion.distance) + shifts
     return poses
-
-
-def view_centre(rig: StereoRig, distance: float) -> Floats:
-    """Return the point of the world in the middle of both views, shape (3,), mm.
-
-    Parameters
-    ----------
-    rig : StereoRig
-        The cameras.
-    distance : float, mm
-        From the middle between the cameras.
-    """
-    poses = [np.linalg.inv(camera.camera_from_world) for camera in (rig.left, rig.right)]
-    middle = (poses[0][:3, 3] + poses[1][:3, 3]) / 2
-    ahead = poses[0][:3, 2] + poses[1][:3, 2]
-    return np.asarray(middle + distance * ahead / np.linalg.norm(ahead))
 
 
 def _near_place(points: Floats, rig: StereoRig) -> Floats:
