@@ -205,7 +205,7 @@ class StagePage(QWidget):
             self.number.set_value(None if project is None else stated_number(project, kind))
             self.number.show_found(_found(project, kind))
         self._follow_result(project)
-        if not (self._context.runner.holds(self._stage) or self.form.problem()):
+        if not (self._context.runner.has_entered(self._stage) or self.form.problem()):
             self._follow_values()  # those that the stage ran with; what somebody is entering stays
         self._follow_jobs()
 

@@ -62,7 +62,7 @@ class Runner(QObject):
         """
         self._values[stage] = dict(values)
 
-    def holds(self, stage: str) -> bool:
+    def has_entered(self, stage: str) -> bool:
         """Return whether parameters of a stage were entered, other than those that it ran with."""
         return stage in self._values
 
