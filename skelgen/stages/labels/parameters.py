@@ -1,13 +1,11 @@
-"""What a user can set about labelling (names of Schönauer 2007, tables 4.13-4.16), and the task of one run."""
+"""What a user can set about labelling (names of Schönauer 2007, tables 4.13-4.16)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from skelgen.model import PointCloud
 from skelgen.parameters import StageParameters, declare
-from skelgen.stages.labels.user_labels.statements import PointConstraints
 from skelgen.stages.repair import RepairParameters
 
 
@@ -193,34 +191,3 @@ class LabelParameters(StageParameters):
     def repair_parameters(self) -> RepairParameters:
         """What the search for errors of given labels needs."""
         return RepairParameters(self.repair, self.swap_evidence, self.slips, self.slip_seconds, self.slip_evidence)
-
-
-@dataclass(frozen=True, eq=False)
-class LabelTask:
-    """What one run of the stage knows of its take when points have been followed.
-
-    Attributes
-    ----------
-    cloud : PointCloud
-        The unlabelled take.
-    rate : float, Hz
-        Frame rate.
-    spacing : float, mm
-        Typical distance of a point to its nearest neighbour.
-    parameters : LabelParameters
-        How to label.
-    n_markers : int or None
-        Number of markers, if the user knows it.
-    constraints : PointConstraints or None
-        What the user states of some points.
-    seed : int
-        Random seed.
-    """
-
-    cloud: PointCloud
-    rate: float
-    spacing: float
-    parameters: LabelParameters
-    n_markers: int | None = None
-    constraints: PointConstraints | None = None
-    seed: int = 0

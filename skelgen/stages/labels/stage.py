@@ -24,8 +24,8 @@ from skelgen.stages.labels.confidence.label_quality import (
 )
 from skelgen.stages.labels.input_checks import check_cloud, frame_rate, guessed_identities, too_few_wanted, with_jitter
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
-from skelgen.stages.labels.model_fit.refine import refine_labels
-from skelgen.stages.labels.parameters import LabelParameters, LabelTask
+from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
+from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import (
     all_positions,
     counts_together,

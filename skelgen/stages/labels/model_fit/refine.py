@@ -14,9 +14,11 @@ turn starts from the markers that the likelihood of distances gives (`merging.li
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from skelgen.model import Trajectories
+from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import Monitor
 from skelgen.stages.labels.merging.markers import merge_again
@@ -29,7 +31,7 @@ from skelgen.stages.labels.model_fit.assignment import (
     split_where_marker_changes,
 )
 from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerModel, fit_model
-from skelgen.stages.labels.parameters import LabelTask
+from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import (
     Block,
     Scores,
@@ -43,7 +45,7 @@ from skelgen.stages.labels.point_labels import (
     seen_together,
 )
 from skelgen.stages.labels.tracking.take import point_weights
-from skelgen.stages.labels.user_labels.statements import constrained_scores, markers_of_names
+from skelgen.stages.labels.user_labels.statements import PointConstraints, constrained_scores, markers_of_names
 
 MODEL_FRAMES = 600
 """Frames that the skeleton is fitted to, spread over the take."""
@@ -56,6 +58,37 @@ PRIOR_SCORE = 0.3
 
 UNCHANGED = 0.0005
 """Part of all points; when fewer change their marker, the turns end."""
+
+
+@dataclass(frozen=True, eq=False)
+class LabelTask:
+    """What one run of the stage knows of its take when points have been followed.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        The unlabelled take.
+    rate : float, Hz
+        Frame rate.
+    spacing : float, mm
+        Typical distance of a point to its nearest neighbour.
+    parameters : LabelParameters
+        How to label.
+    n_markers : int or None
+        Number of markers, if the user knows it.
+    constraints : PointConstraints or None
+        What the user states of some points.
+    seed : int
+        Random seed.
+    """
+
+    cloud: PointCloud
+    rate: float
+    spacing: float
+    parameters: LabelParameters
+    n_markers: int | None = None
+    constraints: PointConstraints | None = None
+    seed: int = 0
 
 
 def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, monitor: Monitor) -> Ints:
