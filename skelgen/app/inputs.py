@@ -111,19 +111,8 @@ def limbs_from_poses(poses: Poses, trajectories: Trajectories) -> Limbs:
         Their virtual markers, from `trajectories_from_poses`.
     """
     limb_of_marker = np.repeat(np.arange(poses.n_bodies), len(_BODY_POINTS))
-    return Limbs(limb_of_marker, _distance_deviation(trajectories.positions))
-
-
-def _distance_deviation(positions: Floats) -> Floats:
-    """Standard deviation [mm] of every distance, shape (n_markers, n_markers); row by row, which bounds the memory."""
-    rows = []
-    for marker in range(positions.shape[1]):
-        distances = np.linalg.norm(positions - positions[:, marker : marker + 1], axis=2)
-        seen = ~np.isnan(distances)
-        count = np.where(seen.any(axis=0), seen.sum(axis=0), np.nan)
-        mean = np.where(seen, distances, 0.0).sum(axis=0) / count
-        rows.append(np.sqrt((np.where(seen, distances - mean, 0.0) ** 2).sum(axis=0) / count))
-    return np.array(rows)
+    columns = [_deviations(trajectories.positions, marker) for marker in range(trajectories.n_markers)]
+    return Limbs(limb_of_marker, np.array(columns))
 
 
 def _check_n_frames(take: Take) -> None:

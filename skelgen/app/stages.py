@@ -256,7 +256,7 @@ def _processes(n_jobs: int) -> AbstractContextManager[object]:
     """Share work that can be shared among processes."""
     if n_jobs == 1:
         return nullcontext()
-    from joblib import parallel_config  # noqa: PLC0415 - only wanted with several processes
+    from joblib import parallel_config  # noqa: PLC0415 - several processes are rare
 
     return cast(AbstractContextManager[object], parallel_config("loky", n_jobs=n_jobs, inner_max_num_threads=1))
 

@@ -25,7 +25,6 @@ from skelgen.progress import Monitor, with_progress
 from skelgen.simulation import Structure, simulate
 from skelgen.simulation.take import SimulatedTake
 
-STRUCTURES = ("human", "classic-human", "quadruped", "rods", "tree:8")
 FAULTS: dict[str, Any] = {"noise": 0.5, "dropouts": 0.05}  # mm, part of all positions
 WANTED_TIMES_BOUND = 1.05  # the Cramer-Rao bound of the true chain, the same dropouts given
 WANTED_OF_SCORE = 0.9  # of SCoRE's error under soft tissue
@@ -84,7 +83,7 @@ def measure_exact(effort: Effort, monitor: Monitor) -> Section:
         Receives the progress.
     """
     rows = []
-    for name in with_progress(STRUCTURES, len(STRUCTURES), monitor, every=1):
+    for name in with_progress(effort.structures, len(effort.structures), monitor, every=1):
         scores = [reconstructed(name, seed, n_frames=effort.n_frames) for seed in effort.seeds]
         marker = max((deviation or 0.0) for score in scores for deviation in score.limb_deviations.values())
         joint = max(score.worst_joint_error or 0.0 for score in scores)
@@ -107,7 +106,7 @@ def measure_joints(effort: Effort, monitor: Monitor) -> Section:
         Receives the progress.
     """
     rows, points = [], []
-    for name in with_progress(STRUCTURES, len(STRUCTURES), monitor, every=1):
+    for name in with_progress(effort.structures, len(effort.structures), monitor, every=1):
         scores, peers = zip(*(_beside_score(name, seed, effort.n_frames, FAULTS) for seed in effort.seeds), strict=True)
         times = [score.times_bound or np.inf for score in scores]
         means = [float(np.mean([getattr(one, what) or np.nan for one in scores])) for what in _JOINT_FIGURES]

@@ -41,6 +41,8 @@ class Effort:
         Lengths of the takes without names.
     limbs : tuple of int
         Sizes of the random trees whose time is measured.
+    structures : tuple of str
+        What moves in the takes whose accuracy is measured.
     """
 
     seeds: tuple[int, ...] = (0, 1, 2)
@@ -51,6 +53,7 @@ class Effort:
     frames: tuple[int, ...] = (500, 1000, 2000, 6000, 24_000, 72_000)
     cloud_frames: tuple[int, ...] = (500, 1000, 2000, 6000)
     limbs: tuple[int, ...] = (5, 10, 20, 30)
+    structures: tuple[str, ...] = ("human", "classic-human", "quadruped", "rods", "tree:8")
 
 
 QUICK = Effort(

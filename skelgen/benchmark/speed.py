@@ -26,7 +26,7 @@ _WARMING_LIMBS = 8
 _STAGES = ("limbs", "joints", "skeleton")
 
 
-def measure_speed(effort: Effort, monitor: Monitor) -> Section:
+def measure_speed(effort: Effort, monitor: Monitor, measure: Callable[..., list[Run]] | None = None) -> Section:
     """Time and memory of all stages, on one core.
 
     Parameters
@@ -35,7 +35,10 @@ def measure_speed(effort: Effort, monitor: Monitor) -> Section:
         How many seeds and frames are measured.
     monitor : Monitor
         Receives the progress.
+    measure : callable (make, size) -> list of Run, optional
+        Measures one take; `measure_runs` if left out.
     """
+    measure = measure or measure_runs
     named = f"A human of {LONG_TAKE_MARKERS} markers at 200 Hz, 2 mm soft tissue"
     cloud = "A human of 50 markers before 8 cameras, without names"
     trees = f"Random trees, {_TREE_FRAMES} frames, 0.5 mm noise, 5 % dropouts"
@@ -46,14 +49,14 @@ def measure_speed(effort: Effort, monitor: Monitor) -> Section:
     )
     tables: list[Table] = []
     figures: list[Figure] = []
-    measure_runs(tree_take, _WARMING_LIMBS)  # compiles what is compiled, which is once on a machine
+    measure(tree_take, _WARMING_LIMBS)  # compiles what is compiled, which is once on a machine
     done, total = 0, sum(len(sizes) for _, _, _, sizes, _ in kinds)
     for title, axis, make, sizes, stages in kinds:
         runs = []
         for size in sizes:
             monitor.advance(done, total)
             shown = size if axis == "frames" else tree_take(size).n_markers
-            runs.append((shown, measure_runs(make, size)[0]))
+            runs.append((shown, measure(make, size)[0]))
             done += 1
         columns = (axis, *(f"{stage} [s]" for stage in stages), "all [s]", "peak [GB]")
         tables.append(table(title, columns, [_row(*one, stages) for one in runs]))

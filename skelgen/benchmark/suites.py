@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,9 @@ from skelgen.evaluation import Table
 from skelgen.files import replacing
 from skelgen.progress import SILENT, Cancelled, Monitor
 
-SUITES: dict[str, Callable[[Effort, Monitor], Section]] = {
+Suite = Callable[[Effort, Monitor], Section]
+
+SUITES: dict[str, Suite] = {
     "labels": accuracy.measure_labels,
     "exact": accuracy.measure_exact,
     "joints": accuracy.measure_joints,
@@ -43,6 +45,7 @@ def run_benchmark(
     known: Sequence[Section] = (),
     arrived: Callable[[list[Section]], None] = lambda sections: None,
     monitor: Monitor = SILENT,
+    suites: Mapping[str, Suite] | None = None,
 ) -> list[Section]:
     """Measure accuracy, speed and memory on this machine, on one core.
 
@@ -58,6 +61,8 @@ def run_benchmark(
         Called after each suite with all that are done so far, in the order of the page.
     monitor : Monitor
         Receives the percentage of the whole that is done.
+    suites : mapping of str to callable, optional
+        What there is to measure; `SUITES` if left out.
 
     Returns
     -------
@@ -69,6 +74,7 @@ def run_benchmark(
     InputError
         If there is no suite of a name.
     """
+    suites = SUITES if suites is None else suites
     for name in names:
         if name not in SUITES:
             raise InputError(f"there is no suite {name!r}; suites are {', '.join(SUITES)}")
@@ -78,7 +84,7 @@ def run_benchmark(
     whole = _Whole(missing, monitor)
     with threadpool_limits(limits=1):
         for name in missing:
-            done[name] = _measured(name, QUICK if quick else Effort(), whole.part(name))
+            done[name] = _measured(name, suites[name], QUICK if quick else Effort(), whole.part(name))
             arrived([done[one] for one in wanted if one in done])
     return [done[name] for name in wanted]
 
@@ -88,10 +94,10 @@ def chosen(names: Sequence[str]) -> list[str]:
     return [name for name in SUITES if not names or name in names]
 
 
-def _measured(name: str, effort: Effort, monitor: Monitor) -> Section:
+def _measured(name: str, suite: Suite, effort: Effort, monitor: Monitor) -> Section:
     """A suite's section; what goes wrong in it must not cost the others."""
     try:
-        return SUITES[name](effort, monitor)
+        return suite(effort, monitor)
     except Cancelled:
         raise
     except SkelgenError as error:

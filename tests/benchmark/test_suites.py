@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -12,13 +13,23 @@ import pytest
 from markupsafe import Markup
 from skelgen_formats.registry import write_file
 
+import skelgen
 from skelgen.app.face import reconstruct
 from skelgen.benchmark import SUITES, Section, run_benchmark, write_benchmark_page
 from skelgen.benchmark.accuracy import measure_exports, measure_joints, reconstructed, rotation_centre, score_error
 from skelgen.benchmark.judges import JUDGES
 from skelgen.benchmark.machine import in_own_process, machine_line, peak_gigabytes
 from skelgen.benchmark.page import MISSED, QUICK, REACHED, Effort, Figure, Series, draw, table
-from skelgen.benchmark.speed import Run, fifty_markers, long_take, measure_runs, ten_limbs, thirty_limbs, time_stages
+from skelgen.benchmark.speed import (
+    Run,
+    fifty_markers,
+    long_take,
+    measure_runs,
+    measure_speed,
+    ten_limbs,
+    thirty_limbs,
+    time_stages,
+)
 from skelgen.benchmark.suites import SECONDS, load_state, save_state
 from skelgen.cli import main
 from skelgen.errors import InputError, SkelgenError, WriteError
@@ -27,6 +38,7 @@ from skelgen.progress import SILENT
 from skelgen.simulation import simulate
 
 SMALL = Effort(
+    structures=("rods",),
     seeds=(0,),
     n_frames=200,
     n_label_frames=200,
@@ -118,13 +130,13 @@ def test_judges_see_a_motion_that_is_not_ours(judge, tmp_path):
 
 
 def test_exports_without_their_judge_are_not_judged(monkeypatch):
-    monkeypatch.setattr("skelgen.benchmark.accuracy.find_spec", lambda name: None)
+    for judge in JUDGES:
+        monkeypatch.setitem(sys.modules, judge.name, None)  # as if it were not installed
     [judged] = measure_exports(QUICK, SILENT).tables
     assert all("not installed" in row[1] and row[-1] == "" for row in judged.rows)
 
 
-def test_joints_are_laid_beside_the_bound_and_score(monkeypatch):
-    monkeypatch.setattr("skelgen.benchmark.accuracy.STRUCTURES", ("rods",))
+def test_joints_are_laid_beside_the_bound_and_score():
     section = measure_joints(SMALL, SILENT)
     [row] = section.tables[0].rows
     assert row[:3] == ("rods", "1 of 1", "1 of 1")
@@ -133,12 +145,16 @@ def test_joints_are_laid_beside_the_bound_and_score(monkeypatch):
     assert "SCoRE" in section.figures[0].drawing
 
 
+def measured_at_once():
+    """The suite of time and memory with figures that need no measuring."""
+    return measure_speed(SMALL, SILENT, lambda *given: [Run(1.0, 2.0, 3.0, 0.4, 5.0)])
+
+
 @pytest.mark.parametrize("name", ["stereo", "speed"])
-def test_rows_have_a_text_for_every_column(name, monkeypatch):
-    monkeypatch.setattr("skelgen.benchmark.speed.measure_runs", lambda *given: [Run(1.0, 2.0, 3.0, 0.4, 5.0)])
+def test_rows_have_a_text_for_every_column(name):
     if name == "stereo":
         pytest.importorskip("cv2", reason="OpenCV is not installed: pip install 'skelgen[capture]'")
-    section = SUITES[name](SMALL, SILENT)
+    section = measured_at_once() if name == "speed" else SUITES[name](SMALL, SILENT)
     for measured in section.tables:
         assert {len(row) for row in measured.rows} == {len(measured.columns)}
         assert len(set(measured.columns)) == len(measured.columns)
@@ -151,53 +167,56 @@ def test_suite_that_does_not_exist_is_refused_before_anything_runs():
 
 
 @pytest.fixture
-def begun(monkeypatch):
-    """Suites that only note that they run, and that tell half of their way."""
-    begun = []
+def begun():
+    """Notes which suites run."""
+    return []
 
-    def noting(effort, monitor, name):
+
+@pytest.fixture
+def noting(begun):
+    """Suites that only note that they run, and report half of their way."""
+
+    def suite(effort, monitor, name):
         begun.append((name, effort))
         monitor.advance(1, 2)
         return Section(name, name, "", ())
 
-    for name in SUITES:
-        monkeypatch.setitem(SUITES, name, partial(noting, name=name))
-    return begun
+    return {name: partial(suite, name=name) for name in SUITES}
 
 
-def test_suites_run_by_name_in_the_order_of_the_page(begun):
-    run_benchmark(["speed", "labels"], quick=True)
+def test_suites_run_by_name_in_the_order_of_the_page(begun, noting):
+    run_benchmark(["speed", "labels"], quick=True, suites=noting)
     assert begun == [("labels", QUICK), ("speed", QUICK)]
 
 
-def test_suites_that_are_known_are_not_measured_again(begun):
+def test_suites_that_are_known_are_not_measured_again(begun, noting):
     arrived = []
     known = [Section("labels", "", "", ())]
+    names = ["labels", "exact", "speed"]
     sections = run_benchmark(
-        ["labels", "exact", "speed"], known=known, arrived=lambda done: arrived.append([one.name for one in done])
+        names, known=known, arrived=lambda done: arrived.append([one.name for one in done]), suites=noting
     )
     assert [name for name, _ in begun] == ["exact", "speed"]
     assert [section.name for section in sections] == ["labels", "exact", "speed"]
     assert arrived == [["labels", "exact"], ["labels", "exact", "speed"]]
 
 
-def test_progress_is_that_of_the_whole_by_what_suites_take(begun):
+def test_progress_is_that_of_the_whole_by_what_suites_take(noting):
     told = []
     monitor = SimpleNamespace(begin=lambda name: None, advance=lambda *given: told.append(given))
-    run_benchmark(["exact", "joints"], monitor=monitor)
+    run_benchmark(["exact", "joints"], monitor=monitor, suites=noting)
     whole = SECONDS["exact"] + SECONDS["joints"]
     wanted = [SECONDS["exact"] / 2 / whole, (SECONDS["exact"] + SECONDS["joints"] / 2) / whole]
     assert told == [(pytest.approx(100 * part, abs=0.5), 100) for part in wanted]
 
 
-def test_suite_that_cannot_be_measured_says_why_and_stops_nothing(begun, monkeypatch):
+def test_suite_that_cannot_be_measured_says_why_and_stops_nothing(noting):
     def broken(effort, monitor):
         raise SkelgenError("memory is short")
 
-    monkeypatch.setitem(SUITES, "exact", broken)
     notices = []
     monitor = SimpleNamespace(begin=lambda name: None, advance=lambda *given: None, notice=notices.append)
-    first, second = run_benchmark(["exact", "joints"], monitor=monitor)
+    first, second = run_benchmark(["exact", "joints"], monitor=monitor, suites=noting | {"exact": broken})
     assert first.text == "Not measured: memory is short."
     assert second.name == "joints"
     assert notices == ["exact: memory is short"]
@@ -220,12 +239,13 @@ def test_page_counts_what_is_reached_and_escapes_what_it_shows(sections, tmp_pat
     assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
 
 
-def test_what_is_measured_is_kept_beside_the_page(sections, tmp_path, monkeypatch):
+def test_what_is_measured_is_kept_beside_the_page(sections, tmp_path):
     page = tmp_path / "b.html"
     save_state(sections, page, quick=True, seconds=12.5)
     assert load_state(page, quick=True) == (sections, 12.5)
     assert load_state(page, quick=False) == ([], 0.0)  # another effort
-    monkeypatch.setattr("skelgen.__version__", "0.0")
+    state = (tmp_path / "b.json").read_text().replace(f'"version": "{skelgen.__version__}"', '"version": "0.0"')
+    (tmp_path / "b.json").write_text(state)
     assert load_state(page, quick=True) == ([], 0.0)  # another version
 
 
@@ -261,18 +281,22 @@ def run(capsys):
 
 
 def test_command_writes_the_page_and_prints_json(run, monkeypatch, tmp_path, sections):
-    monkeypatch.setattr("skelgen.benchmark.run_benchmark", lambda names, **options: sections)
-    code, output, _ = run("benchmark", "--quick", "--json", "-o", str(tmp_path / "b.html"))
+    monkeypatch.setitem(SUITES, "speed", lambda effort, monitor: sections[0])  # the registry of suites
+    code, output, _ = run("benchmark", "--quick", "--json", "--suite", "speed", "-o", str(tmp_path / "b.html"))
     told = json.loads(output)
     assert code == 0
     assert told["sections"]["speed"][0]["rows"][0] == ["a<b", "1", REACHED]
     assert "skelgen benchmark --quick" in (tmp_path / "b.html").read_text()
 
 
-def test_interrupted_benchmark_leaves_a_page_of_what_is_done_and_goes_on(run, monkeypatch, tmp_path, sections, begun):
+def test_interrupted_benchmark_leaves_a_page_of_what_is_done_and_goes_on(
+    run, monkeypatch, tmp_path, sections, begun, noting
+):
     def interrupted(effort, monitor):
         raise KeyboardInterrupt
 
+    for name, suite in noting.items():
+        monkeypatch.setitem(SUITES, name, suite)  # the registry of suites, which the command has no option for
     monkeypatch.setitem(SUITES, "labels", lambda effort, monitor: replace(sections[0], name="labels"))
     monkeypatch.setitem(SUITES, "joints", interrupted)
     page = tmp_path / "b.html"
@@ -290,16 +314,15 @@ def test_interrupted_benchmark_leaves_a_page_of_what_is_done_and_goes_on(run, mo
 
 
 def test_command_refuses_a_page_that_cannot_be_written_before_it_measures(run, monkeypatch, tmp_path):
-    monkeypatch.setattr("skelgen.benchmark.run_benchmark", lambda *given, **options: pytest.fail("it measured"))
+    monkeypatch.setitem(SUITES, "labels", lambda effort, monitor: pytest.fail("it measured"))
     (tmp_path / "file").write_text("")
     code, _, said = run("benchmark", "-o", str(tmp_path / "file" / "b.html"))
     assert code == 2
     assert "cannot be written" in said
 
 
-def test_time_and_memory_are_drawn_against_frames_and_markers(monkeypatch):
-    monkeypatch.setattr("skelgen.benchmark.speed.measure_runs", lambda *given: [Run(1.0, 2.0, 3.0, 0.4, 5.0)])
-    section = SUITES["speed"](SMALL, SILENT)
+def test_time_and_memory_are_drawn_against_frames_and_markers():
+    section = measured_at_once()
     named, cloud, trees = section.tables
     assert (named.columns[0], cloud.columns[:2], trees.columns[0]) == ("frames", ("frames", "labels [s]"), "markers")
     assert cloud.rows[0] == ("200", "5.00", "1.00", "2.00", "3.00", "11.00", "0.40", "")

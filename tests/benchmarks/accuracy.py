@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from shown import show, show_machine, verdict
 
-from skelgen.benchmark.accuracy import FAULTS, STRUCTURES, WANTED_EXACT, WANTED_TIMES_BOUND, reconstructed
+from skelgen.benchmark.accuracy import FAULTS, WANTED_EXACT, WANTED_TIMES_BOUND, reconstructed
+from skelgen.benchmark.page import Effort
 
 N_FRAMES = 1000
 SEEDS = (0, 1, 2)
@@ -34,7 +35,7 @@ def main() -> None:
 def show_exact() -> None:
     """Takes without any fault: markers and joints against the truth."""
     rows = []
-    for name in STRUCTURES:
+    for name in Effort().structures:
         found = outcome(name)
         is_reached = found.marker <= WANTED_EXACT["marker"] and found.worst_joint <= WANTED_EXACT["joint"]
         figures = (f"{found.marker:.2g}", f"{found.worst_joint:.2g}")
@@ -51,7 +52,7 @@ def show_exact() -> None:
 def show_noisy() -> None:
     """Takes with noise and dropouts: structure and joints against the truth."""
     rows = []
-    for name in STRUCTURES:
+    for name in Effort().structures:
         found = outcome(name, **FAULTS)
         is_reached = all_exact(found) and max(found.times_bound) <= WANTED_TIMES_BOUND
         figures = (" ".join(f"{one:.3f}" for one in series) for series in (found.mean_joints, found.times_bound))
