@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
@@ -84,33 +84,48 @@ class Settings:
     @property
     def files(self) -> FileParameters:
         """Names of files that commands use when none is given."""
-        return self._typed(FileParameters)
+        return self._of(FileParameters)
 
     @property
     def labels(self) -> LabelParameters:
         """Parameters of the stage ``labels``."""
-        return self._typed(_label_parameters())
+        from skelgen.stages.labels import LabelParameters  # noqa: PLC0415 - each stage is loaded when it is used
+
+        return self._of(LabelParameters)
 
     @property
     def limbs(self) -> LimbParameters:
         """Parameters of the stage ``limbs``."""
-        return self._typed(_limb_parameters())
+        from skelgen.stages.limbs import LimbParameters  # noqa: PLC0415 - each stage is loaded when it is used
+
+        return self._of(LimbParameters)
 
     @property
     def joints(self) -> JointParameters:
         """Parameters of the stage ``joints``."""
-        return self._typed(_joint_parameters())
+        from skelgen.stages.joints import JointParameters  # noqa: PLC0415 - each stage is loaded when it is used
+
+        return self._of(JointParameters)
 
     @property
     def skeleton(self) -> SkeletonParameters:
         """Parameters of the stage ``skeleton``."""
-        return self._typed(_skeleton_parameters())
+        from skelgen.stages.skeleton import SkeletonParameters  # noqa: PLC0415 - each stage is loaded when it is used
+
+        return self._of(SkeletonParameters)
 
     def of(self, stage: str) -> StageParameters:
-        """Return the parameters of a stage by its name; ``files`` holds names of files."""
-        if stage not in self._parameters:
-            self._parameters[stage] = parameters_class(stage)()
-        return self._parameters[stage]
+        """Return the parameters of a stage by its name; ``files`` holds names of files.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such stage.
+        """
+        known = (*STAGES, FileParameters.stage)
+        if stage not in known:
+            raise ParameterError(f"there is no stage {stage!r}; stages are {', '.join(known)}")
+        return cast(StageParameters, getattr(self, stage))
 
     def as_mapping(self) -> dict[str, dict[str, Any]]:
         """Return names and values by stage, of the stages that somebody gave or asked for."""
@@ -132,8 +147,8 @@ class Settings:
         new = parameters_class(stage).from_mapping({**old, **values}, where)
         return Settings({**self._parameters, stage: new})
 
-    def _typed(self, declared: type[_P]) -> _P:
-        return cast(_P, self.of(declared.stage))
+    def _of(self, declared: type[_P]) -> _P:
+        return cast(_P, self._parameters.setdefault(declared.stage, declared()))
 
 
 def parameters_class(stage: str) -> type[StageParameters]:
@@ -144,10 +159,7 @@ def parameters_class(stage: str) -> type[StageParameters]:
     ParameterError
         If there is no such stage.
     """
-    if stage not in _CLASSES:
-        known = ", ".join((*STAGES, FileParameters.stage))
-        raise ParameterError(f"there is no stage {stage!r}; stages are {known}")
-    return _CLASSES[stage]()
+    return type(Settings().of(stage))
 
 
 def all_parameter_classes() -> tuple[type[StageParameters], ...]:
@@ -217,36 +229,3 @@ def _checked(stage: str, value: StageParameters | Mapping[str, Any]) -> StagePar
             raise ParameterError(f"the stage {stage!r} takes {cls.__name__}, not {type(value).__name__}")
         return value
     return cls.from_mapping(value, stage)
-
-
-def _label_parameters() -> type[LabelParameters]:
-    from skelgen.stages.labels import LabelParameters  # noqa: PLC0415 - each stage is loaded when it is used
-
-    return LabelParameters
-
-
-def _limb_parameters() -> type[LimbParameters]:
-    from skelgen.stages.limbs import LimbParameters  # noqa: PLC0415
-
-    return LimbParameters
-
-
-def _joint_parameters() -> type[JointParameters]:
-    from skelgen.stages.joints import JointParameters  # noqa: PLC0415
-
-    return JointParameters
-
-
-def _skeleton_parameters() -> type[SkeletonParameters]:
-    from skelgen.stages.skeleton import SkeletonParameters  # noqa: PLC0415
-
-    return SkeletonParameters
-
-
-_CLASSES: Mapping[str, Callable[[], type[StageParameters]]] = {
-    FileParameters.stage: lambda: FileParameters,
-    "labels": _label_parameters,
-    "limbs": _limb_parameters,
-    "joints": _joint_parameters,
-    "skeleton": _skeleton_parameters,
-}
