@@ -1,4 +1,9 @@
-"""Joint models fitted on limb poses; each kind is usable alone on `Poses`."""
+"""Kinematics: the articulated chain, rigid bodies, joints, inverse kinematics, calibration, soft tissue, gap filling.
+
+What is exported here can be used alone, on bodies with orientation (`Poses`) or on a calibrated skeleton. Its rooms are
+`chain`, `bodies`, `joints`, `inverse`, `calibration`, `soft_tissue`, `gap_filling` and `hierarchy`; each imports only
+those before it.
+"""
 
 from skelgen.kinematics.bodies.relative_poses import pose_covariance
 from skelgen.kinematics.bodies.rigid_body import RigidBody, calibrate_rigid_body, limb_bodies

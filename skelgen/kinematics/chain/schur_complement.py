@@ -193,26 +193,30 @@ def pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
     return root @ root.T, unknown / np.linalg.norm(unknown, axis=0)
 
 
-def effective_frames(residuals: Floats, *, of_squares: bool = False) -> float:
+def effective_frames(residuals: Floats) -> float:
     """Return the number of independent frames that correlated residuals are worth.
 
-    The correlation times are summed over lags as long as two neighbouring ones add up to more than nothing (Geyer
-    1992, *Practical Markov chain Monte Carlo*, 3.3), so that independent residuals count in full.
+    The autocorrelation is summed over pairs of neighbouring lags while their sum is positive (Geyer 1992, *Practical
+    Markov chain Monte Carlo*, 3.3). So independent residuals count in full.
 
     Parameters
     ----------
     residuals : ndarray, shape (n_frames, n_rows)
         In the order of time; of any unit.
-    of_squares : bool
-        Count frames for the variance instead of the mean: the squares of normal numbers decorrelate twice as fast.
     """
-    return _effective(_correlation(residuals), len(residuals), of_squares)
+    return _effective(_correlation(residuals), len(residuals))
 
 
 def effective_frames_of_both(residuals: Floats) -> tuple[float, float]:
-    """Return the number of independent frames for the mean and for the variance; residuals as `effective_frames`."""
+    """Return the number of independent frames for the mean and for the variance; residuals as `effective_frames`.
+
+    The squares of normal numbers decorrelate twice as fast as the numbers themselves.
+    """
     correlation = _correlation(residuals)
-    return _effective(correlation, len(residuals), False), _effective(correlation, len(residuals), True)
+    return (
+        _effective(correlation, len(residuals)),
+        _effective(correlation * np.abs(correlation), len(residuals)),
+    )
 
 
 def _correlation(residuals: Floats) -> Floats:
@@ -238,7 +242,5 @@ def _correlation(residuals: Floats) -> Floats:
     return np.asarray(correlation[: 2 * ends[0] if len(ends) else None])
 
 
-def _effective(correlation: Floats, n_frames: int, of_squares: bool) -> float:
-    if of_squares:
-        correlation = correlation * np.abs(correlation)
+def _effective(correlation: Floats, n_frames: int) -> float:
     return float(n_frames / max(2 * correlation.sum() - 1, 1.0))
