@@ -22,17 +22,23 @@ from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
 
-# A rotation needs three points off a line; of the shared points' scatter the second axis must have this share.
-_LEAST_SHARED = 3
-_LEAST_FLATNESS = 0.01
-# Bounds the number of compared frame pairs, to its square.
-_MOST_SAMPLES = 100
-# Only distances to the nearest few sets can matter for grouping, and are worth refining.
-_REFINED_NEIGHBOURS = 4
-# Points aligned at once, so that memory stays below some 100 MB.
-_POINTS_PER_BATCH = 400_000
-# The refinement looks at this many frames on the way from one sample before the best to one behind it.
-_REFINED_FRAMES = 9
+LEAST_SHARED = 3
+"""Points that a rotation needs."""
+
+LEAST_FLATNESS = 0.01
+"""Share of the shared points' scatter that lies across its first axis: points on a line do not fix a rotation."""
+
+MOST_SAMPLES = 100
+"""Frames that are compared with each other: bounds the number of pairs to its square."""
+
+REFINED_NEIGHBOURS = 4
+"""Nearest sets whose distances are refined: only these matter for grouping."""
+
+POINTS_PER_BATCH = 400_000
+"""Points that are aligned at once, so that memory stays below some 100 MB."""
+
+REFINED_FRAMES = 9
+"""Frames that the refinement compares, from one sample before the best to one behind it."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +130,7 @@ def find_distances(
 
 def _sample_frames(sets: TrackletPoints, sampling: int) -> Ints:
     """Frames at the sampling interval, wider if they became too many, and the middle of each set between them."""
-    step = max(sampling, -(-sets.n_frames // _MOST_SAMPLES))
+    step = max(sampling, -(-sets.n_frames // MOST_SAMPLES))
     regular = np.arange(0, sets.n_frames, step)
     found = (sets.indices_at(regular) >= 0).any(axis=0)
     middles = sets.frames[(sets.starts[:-1] + sets.starts[1:]) // 2]
@@ -148,12 +154,12 @@ def _compare_with_all(poses: Floats, frames: Ints, a: int, allowed: Bools, align
 
 def _refine(points: Floats, sets: TrackletPoints, alignment: Alignment, best: _Best) -> None:
     """Look around the best samples of the nearest sets: first at the frames next to a, then at those next to b."""
-    nearest = np.argsort(best.distance, axis=1, kind="stable")[:, :_REFINED_NEIGHBOURS]
+    nearest = np.argsort(best.distance, axis=1, kind="stable")[:, :REFINED_NEIGHBOURS]
     i = np.repeat(np.arange(len(sets)), nearest.shape[1])
     j = nearest.ravel()
     known = np.isfinite(best.distance[i, j])
     i, j = i[known], j[known]
-    offsets = np.unique(np.linspace(-alignment.sampling, alignment.sampling, _REFINED_FRAMES).astype(np.intp))
+    offsets = np.unique(np.linspace(-alignment.sampling, alignment.sampling, REFINED_FRAMES).astype(np.intp))
     many_i, many_j = np.repeat(i, len(offsets)), np.repeat(j, len(offsets))
     move = np.tile(offsets, len(i))
     for move_a, move_b in ((move, 0), (0, move)):
@@ -205,7 +211,7 @@ def _align(source: Floats, target: Floats, centre: Floats, alignment: Alignment)
     left = source @ np.swapaxes(rotation, 1, 2) - target
     misfit = alignment.misfit_weight * np.sum(left * left, axis=(1, 2)) / np.maximum(n_shared, 1)
     shift = target_centre - (rotation @ source_centre[..., np.newaxis])[..., 0]
-    shift[(n_shared < _LEAST_SHARED) | _on_a_line(source) | _on_a_line(target)] = np.nan
+    shift[(n_shared < LEAST_SHARED) | _on_a_line(source) | _on_a_line(target)] = np.nan
     return _Motions(rotation, shift, misfit)
 
 
@@ -230,10 +236,10 @@ def _on_a_line(centred: Floats) -> Bools:
     scatter = np.swapaxes(centred, 1, 2) @ centred
     trace = np.trace(scatter, axis1=1, axis2=2)
     second = 0.5 * (trace**2 - np.sum(scatter**2, axis=(1, 2)))
-    return np.asarray(second <= _LEAST_FLATNESS * trace**2)
+    return np.asarray(second <= LEAST_FLATNESS * trace**2)
 
 
 def _batches(n_rows: int, n_columns: int) -> Iterator[slice]:
     """Cut rows of so many points into batches of bounded size."""
-    size = max(1, _POINTS_PER_BATCH // max(n_columns, 1))
+    size = max(1, POINTS_PER_BATCH // max(n_columns, 1))
     return (slice(first, first + size) for first in range(0, n_rows, size))

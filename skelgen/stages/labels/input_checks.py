@@ -84,7 +84,7 @@ def frame_rate(cloud: PointCloud, parameters: LabelParameters) -> tuple[float, t
 
 
 def _odd_times(cloud: PointCloud) -> tuple[str, ...]:
-    """Notices of time stamps that jump or repeat: frames are taken as evenly spaced all the same."""
+    """Notices of time stamps that jump or repeat: frames are taken as evenly spaced nevertheless."""
     steps = np.diff(cloud.times)
     rising = steps[steps > 0]
     if not len(rising):

@@ -25,7 +25,7 @@ class RepairParameters:
     repair : bool
         Whether anything is looked for.
     swap_evidence : float, nats
-        By how much distances must speak for an exchange of labels.
+        Least evidence of distances for an exchange of labels.
     slips : bool
         Whether slips are looked for.
     slip_seconds : float, s

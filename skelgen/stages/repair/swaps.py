@@ -118,7 +118,7 @@ def find_swaps(
     trajectories : Trajectories
         Labelled markers; gaps are fine.
     least_evidence : float, nats
-        By how much distances must speak for an exchange.
+        Least evidence of distances for an exchange.
     limbs : Limbs, optional
         Rigid groups; found robustly if left out.
     monitor : Monitor

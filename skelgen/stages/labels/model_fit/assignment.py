@@ -290,8 +290,8 @@ class NewMarkers:
     def found(self, n_frames: int) -> list[Ints]:
         """Points of each new marker, of those that are seen in enough of the take's `n_frames`."""
         least = max(LEAST_FRAMES, LEAST_SHARE * n_frames)
-        everybody = itertools.chain.from_iterable(self._found.values())
-        return [np.concatenate(one.points) for one in everybody if one.n_points >= least]
+        all_places = itertools.chain.from_iterable(self._found.values())
+        return [np.concatenate(one.points) for one in all_places if one.n_points >= least]
 
     def _add_to_place(self, place: tuple[int, Floats], block: Block, members: Ints) -> None:
         """Add a track's points to those of its place; tracks of earlier blocks are in other frames anyway."""

@@ -61,12 +61,12 @@ def point_weights(cloud: PointCloud) -> Floats:
     Parameters
     ----------
     cloud : PointCloud
-        The take; its attributes ``reprojection_error`` and ``n_blobs`` are looked at.
+        The take; its attributes ``reprojection_error`` and ``n_blobs`` count.
 
     Returns
     -------
     ndarray, shape (n_points,)
-        Between `LEAST_WEIGHT` and 1; all 1 where the file says nothing, or the same of all points. Read-only.
+        Between `LEAST_WEIGHT` and 1; all 1 where the file has neither, or the same for all points. Read-only.
     """
     error, n_blobs = cloud.attributes.get("reprojection_error"), cloud.attributes.get("n_blobs")
     if cloud.n_points == 0 or (error is None and n_blobs is None):

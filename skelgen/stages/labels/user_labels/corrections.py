@@ -137,7 +137,7 @@ class _Editor:
             self.names[markers[0]] = self.names.pop()
 
     def delete(self, correction: Correction, markers: list[int]) -> None:
-        """Positions that are nobody's; a marker without any is gone."""
+        """Leave positions out; a marker without any left is removed."""
         self.source[_frames(correction), markers] = -1
         self._drop([marker for marker in markers if (self.source[:, marker] < 0).all()])
 
