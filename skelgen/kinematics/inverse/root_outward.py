@@ -122,6 +122,36 @@ def pose_outward(
     return ChainPoses(origins[:, 0].copy(), rotations), fixed
 
 
+def pose_by_own_markers(chain: Chain, positions: Floats, flatness: float = FLATNESS) -> tuple[Floats, Bools]:
+    """Pose every limb by its own markers alone, where these fix a pose.
+
+    Parameters
+    ----------
+    chain : Chain
+        The limbs.
+    positions : ndarray, shape (n_frames, n_markers, 3), mm
+        Measured markers, NaN where unseen.
+    flatness : float
+        Points whose second extent is below this part of the first fix no rotation.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n_frames, n_limbs, 4, 4), and ndarray of bool, shape (n_frames, n_limbs)
+        World from limb, NaN where the limb's markers fix no pose, and where they do.
+    """
+    seen = ~np.isnan(positions[:, :, 0])
+    poses = np.full((len(positions), chain.n_limbs, 4, 4), np.nan)
+    fixed = np.zeros(poses.shape[:2], dtype=bool)
+    for limb in range(chain.n_limbs):
+        markers = np.flatnonzero(chain.limb_of_marker == limb)
+        points = chain.offsets[markers]
+        fixed[:, limb] = determines_pose(points, seen[:, markers], flatness)
+        frames = np.flatnonzero(fixed[:, limb])
+        block = np.ix_(frames, markers)
+        poses[frames, limb] = fit_transform(points, positions[block], seen[block])
+    return poses, fixed
+
+
 def _against_parents(chain: Chain, rotations: Floats) -> Floats:
     """Rotations of limbs in the frames of their parents, shape (n_limbs, 3, 3); those of roots stay."""
     above = np.where((chain.parents >= 0)[:, np.newaxis, np.newaxis], rotations[chain.parents], np.eye(3))

@@ -19,7 +19,7 @@ eta.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,13 +87,13 @@ def comparable_costs(guesses: Mapping[Pair, JointGuess], n_limbs: int, alpha: fl
     alpha : float, mm
         Weight of the mean distance between joint and markers.
     """
-    squares = _table({pair: guess.square for pair, guess in guesses.items()}, n_limbs)
+    squares = _table(guesses, lambda guess: guess.square, n_limbs, np.inf)
     possible = np.isfinite(squares)
-    noise = np.where(possible, _table({pair: guess.expected for pair, guess in guesses.items()}, n_limbs), 0.0)
-    hidden = np.where(possible, _table({pair: guess.hidden_part for pair, guess in guesses.items()}, n_limbs), 0.0)
-    far = alpha * np.where(possible, _table({pair: guess.distance for pair, guess in guesses.items()}, n_limbs), 0.0)
-    turns = np.where(possible, _table({pair: guess.turn for pair, guess in guesses.items()}, n_limbs), np.nan)
-    wobbles = np.where(possible, _table({pair: guess.wobble for pair, guess in guesses.items()}, n_limbs), np.nan)
+    noise = _table(guesses, lambda guess: guess.expected, n_limbs, 0.0)
+    hidden = _table(guesses, lambda guess: guess.hidden_part, n_limbs, 0.0)
+    far = alpha * _table(guesses, lambda guess: guess.distance, n_limbs, 0.0)
+    turns = _table(guesses, lambda guess: guess.turn, n_limbs, np.nan)
+    wobbles = _table(guesses, lambda guess: guess.wobble, n_limbs, np.nan)
     kinds = np.where((wobbles <= CHANCE) & (turns >= LEAST_TURN), HINGE_PART, 1.0)
     stillness = _stillness(turns, possible)
     wandering, chance, costs, expected = 0.0, CHANCE, squares, noise
@@ -129,9 +129,13 @@ def _stillness(turns: Floats, possible: Bools) -> Floats:
     return np.asarray(np.maximum(1.0, (usual / moves) ** 2))
 
 
-def _table(values: Mapping[Pair, float], n_limbs: int) -> Floats:
-    table = np.full((n_limbs, n_limbs), np.inf)
+def _table(
+    guesses: Mapping[Pair, JointGuess], value: Callable[[JointGuess], float], n_limbs: int, impossible: float
+) -> Floats:
+    """One value of each joint, shape (n_limbs, n_limbs), 0 on the diagonal."""
+    table = np.full((n_limbs, n_limbs), impossible)
     np.fill_diagonal(table, 0.0)
-    for (first, second), value in values.items():
-        table[first, second] = table[second, first] = value
+    for (first, second), guess in guesses.items():
+        if np.isfinite(guess.square):
+            table[first, second] = table[second, first] = value(guess)
     return table

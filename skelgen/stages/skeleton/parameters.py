@@ -18,6 +18,7 @@ class SkeletonParameters(StageParameters):
 
     stage: ClassVar[str] = "skeleton"
     config_section: ClassVar[str] = "SkeletonFitter"
+    retired: ClassVar[Mapping[str, str]] = {"pi": "JointFinder/PI"}
 
     rotation: str = declare(
         "horn",
@@ -101,14 +102,6 @@ class SkeletonParameters(StageParameters):
         low=1e-15,
         high=1e-2,
         config_name="POLYEPS",
-        config_section="JointFinder",
-    )
-    pi: float = declare(
-        3.141592653589793,
-        "the mathematical constant, kept so that the classic program's files can be read; it changes nothing",
-        low=3.14159,
-        high=3.1416,
-        config_name="PI",
         config_section="JointFinder",
     )
     kind_doubt: float = declare(

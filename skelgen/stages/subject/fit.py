@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skelgen.model import Limbs, Motion, PointCloud, Project, Skeleton, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import LabelParameters
 from skelgen.stages.skeleton import SkeletonParameters
@@ -192,10 +192,11 @@ def _compared(
     Returns the comparison, the markers that moved, and the joints with more freedoms than before.
     """
     skeleton = with_free_joints(subject.skeleton)
-    shown = _some(subject.trajectories.positions, TESTED_FRAMES)
+    every = subject.trajectories.positions
+    shown = every[evenly_spread(np.arange(len(every)), TESTED_FRAMES)]
     calibrated = pose_subject(skeleton, shown, posing)
     before = span_means(calibrated.local(skeleton, shown))
-    some = _some(positions, TESTED_FRAMES)
+    some = positions[evenly_spread(np.arange(len(positions)), TESTED_FRAMES)]
     moved, errors = list(at_first), place_errors(skeleton)
     while True:
         poses = pose_subject(skeleton, _without(some, tuple(moved)), posing)
@@ -205,13 +206,6 @@ def _compared(
         if not candidates.any() or len(moved) >= OTHER_SUBJECT * test.n_tested:
             return test, tuple(sorted(moved)), freer_joints(subject.skeleton, calibrated, poses)
         moved.append(int(np.argmax(candidates)))
-
-
-def _some(values: Floats, count: int) -> Floats:
-    """At most `count` frames, spread."""
-    if len(values) <= count:
-        return values
-    return values[np.linspace(0, len(values) - 1, count).astype(np.intp)]
 
 
 def _replaced(skeleton: Skeleton, poses: SubjectPoses, positions: Floats, moved: tuple[int, ...]) -> Skeleton:

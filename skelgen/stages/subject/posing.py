@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import transform_from
-from skelgen.kinematics.bodies.shape import determines_pose
-from skelgen.kinematics.chain.chain import Chain, ChainPoses
+from skelgen.kinematics.chain.chain import ChainPoses
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.kinematics.inverse.motion import MotionAngles
+from skelgen.kinematics.inverse.root_outward import pose_by_own_markers
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
 from skelgen.model import Motion, Skeleton
 from skelgen.model.arrays import Bools, Floats
@@ -119,7 +118,9 @@ def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters
     """Poses, whether rotations rest on markers of the frame, and the positions that are explained."""
     chain = tree.chain
     held = ConstrainedChain(chain, tree.articulation, tree.loops)
-    joints = _joints_of_limbs(chain, positions, parameters.flatness)
+    own, _ = pose_by_own_markers(chain, positions, parameters.flatness)
+    joints = own[..., :3, 3]  # they place limbs that show too little: a pelvis without markers between its neighbours
+    joints[:, 0] = np.nan
     body = Body(tree.limbs, chain.parents, tree.markers, chain.limb_of_marker, positions, joints)
     inliers, start, fixed = without_outliers(body, chain, parameters)
     poses = held.fit_in_time(held.projected(start), inliers, fixed)
@@ -128,21 +129,6 @@ def _posed(tree: SkeletonTree, positions: Floats, parameters: SkeletonParameters
         inliers = np.where(outliers[..., np.newaxis], np.nan, inliers)
         poses = held.fit(poses, inliers)
     return poses, fixed, inliers
-
-
-def _joints_of_limbs(chain: Chain, positions: Floats, flatness: float) -> Floats:
-    """Joint above each limb that its own markers pose [mm], shape (n_frames, n_limbs, 3), else NaN.
-
-    They place limbs that show too little, or nothing at all: a pelvis without markers between its neighbours.
-    """
-    seen = ~np.isnan(positions[:, :, 0])
-    joints = np.full((len(positions), chain.n_limbs, 3), np.nan)
-    for limb in range(1, chain.n_limbs):
-        markers = np.flatnonzero(chain.limb_of_marker == limb)
-        frames = np.flatnonzero(determines_pose(chain.offsets[markers], seen[:, markers], flatness))
-        block = np.ix_(frames, markers)
-        joints[frames, limb] = fit_transform(chain.offsets[markers], positions[block], seen[block])[:, :3, 3]
-    return joints
 
 
 def subject_motion(skeleton: Skeleton, poses: SubjectPoses, measured: Floats, rate: float) -> Motion:

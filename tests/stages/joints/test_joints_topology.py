@@ -1,4 +1,4 @@
-"""The tree of limbs: margins, rings, separate bodies, wishes, and takes that say too little."""
+"""The tree of limbs: margins, loops, separate bodies, constraints, and takes that show too little."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def test_joint_that_is_refused_is_not_in_the_tree(simulated, true_limbs):
 
 
 @pytest.mark.parametrize(
-    ("wishes", "said"),
+    ("stated", "message"),
     [
         ({"joined": "limb0"}, "two limbs belong"),
         ({"joined": "limb0, nobody"}, "no limb or marker 'nobody'"),
@@ -208,10 +208,10 @@ def test_joint_that_is_refused_is_not_in_the_tree(simulated, true_limbs):
         ({"joined": "limb0, limb1; limb1, limb2; limb0, limb2"}, "closes a loop"),
     ],
 )
-def test_wishes_that_cannot_be_are_refused(simulated, true_limbs, wishes, said):
+def test_constraints_that_cannot_be_are_refused(simulated, true_limbs, stated, message):
     case = simulated("rods")
-    with pytest.raises(InputError, match=said):
-        find_joints(case.take, true_limbs(case), JointParameters(**wishes))
+    with pytest.raises(InputError, match=message):
+        find_joints(case.take, true_limbs(case), JointParameters(**stated))
 
 
 def is_finite(topology):

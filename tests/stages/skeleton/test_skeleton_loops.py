@@ -1,4 +1,4 @@
-"""Rings of limbs in the skeleton: closed as the user wishes, nearer to the truth, and said."""
+"""Kinematic loops in the skeleton: closed as the user states, nearer to the truth, with notices."""
 
 from __future__ import annotations
 

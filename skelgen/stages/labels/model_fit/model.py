@@ -12,11 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.geometry.orientation import fit_transform
 from skelgen.geometry.rotations import transform_from
-from skelgen.kinematics.bodies.shape import FLATNESS, determines_pose
 from skelgen.kinematics.chain.chain import Chain
-from skelgen.kinematics.inverse.root_outward import pose_outward
+from skelgen.kinematics.inverse.root_outward import pose_by_own_markers, pose_outward
 from skelgen.model import Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.stages.joints import JointParameters, find_joints
@@ -263,30 +261,13 @@ def _pose(trees: list[Tree], positions: Floats) -> LimbPoses:
     by_own, posed = np.zeros((2, len(positions), n_limbs), dtype=bool)
     for tree in trees:
         places = positions[:, tree.markers]
-        own, by_own[:, tree.limbs] = _own_poses(tree.chain, places)
+        own, by_own[:, tree.limbs] = pose_by_own_markers(tree.chain, places)
         joints = own[..., :3, 3].copy()  # a limb's origin is the joint to its parent
         joints[:, 0] = np.nan
         found, posed[:, tree.limbs] = pose_outward(tree.chain, places, joints)
         chained = transform_from(found.rotations, found.origins(tree.chain))
         poses[:, tree.limbs] = np.where(by_own[:, tree.limbs, np.newaxis, np.newaxis], own, chained)
     return LimbPoses(poses, by_own, _extended(posed | by_own, STEADY_FRAMES))
-
-
-def _own_poses(chain: Chain, positions: Floats) -> tuple[Floats, Bools]:
-    """LimbPoses of limbs that show three of their own markers, and which these are; NaN for others."""
-    seen = ~np.isnan(positions[:, :, 0])
-    poses = np.full((len(positions), chain.n_limbs, 4, 4), np.nan)
-    by_own = np.zeros(poses.shape[:2], dtype=bool)
-    for limb in range(chain.n_limbs):
-        markers = np.flatnonzero(chain.limb_of_marker == limb)
-        if len(markers) < 3:
-            continue
-        points = chain.offsets[markers]
-        by_own[:, limb] = determines_pose(points, seen[:, markers], FLATNESS)
-        frames = np.flatnonzero(by_own[:, limb])
-        block = np.ix_(frames, markers)
-        poses[frames, limb] = fit_transform(points, positions[block], seen[block])
-    return poses, by_own
 
 
 def _extended(known: Bools, frames: int) -> Bools:
