@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -127,7 +128,7 @@ def reconstruct(
     Parameters
     ----------
     take : PointCloud, Trajectories, Poses or Project
-        From `read`, or made by hand. A project from `load`, `correct` or an earlier call keeps its seed and identities
+        From `read`, or made by hand. A project from `load`, `correct` or an earlier call keeps its seed
         and goes on after its last result; a finished one runs again from the start.
     n_markers : int, optional
         Number of physical markers in an unlabelled take; found if left out.
@@ -175,7 +176,7 @@ def reconstruct(
     (100, 2, 3)
     """
     if isinstance(take, Project):
-        project = take
+        project = replace(take, identities=given_identities(identities) or take.identities)
     elif isinstance(take, PointCloud | Trajectories | Poses):
         project = Project(take, seed, identities=given_identities(identities))
     else:

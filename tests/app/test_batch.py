@@ -214,6 +214,12 @@ class TestResume:
         assert finished_record(tmp_path / "out/wave0", Job().fingerprint, source) == record
         assert finished_record(tmp_path / "out/wave0", Job(version="0.0.9").fingerprint, source) is None
 
+    def test_batches_of_version_0_1_0_are_continued(self):
+        options = dict.fromkeys(("n_markers", "n_limbs", "hierarchy", "root")) | {"n_jobs": 1}
+        facts = dict.fromkeys(("seed", "until", "format_name", "skeleton"))
+        before = facts | {"settings": {}, "reader_options": {}, "wishes": options, "formats": ()}
+        assert Job().as_mapping() == before | {"version": skelgen.__version__}
+
 
 class TestWriting:
     def test_a_full_disk_stops_the_batch_and_keeps_what_is_finished(self, waves, tmp_path, monkeypatch):
