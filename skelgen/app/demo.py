@@ -1,4 +1,4 @@
-"""The demonstration: simulate a human with a known skeleton, find the skeleton, compare."""
+"""The demonstration: simulate a human, find its skeleton, compare both."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skelgen.progress import SILENT, Monitor
+from skelgen.progress import SILENT, Monitor, SilentMonitor
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -73,7 +73,15 @@ class Screen:
             print(text)
 
     def table(self, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Print rows as a table on stdout unless JSON is wanted; the keys of the first row are the columns."""
+        """Print rows as a table on stdout unless JSON is wanted.
+
+        Parameters
+        ----------
+        title : str
+            Stands above the table.
+        rows : sequence of mapping
+            Cells by column; the keys of the first row are the columns.
+        """
         if self.as_json or not rows:
             return
         from rich.console import Console
@@ -94,14 +102,8 @@ class Screen:
             print(json.dumps(data, indent=1, ensure_ascii=False))
 
 
-class _NoteMonitor:
+class _NoteMonitor(SilentMonitor):
     """Prints notices, ignores progress: for logs and pipes."""
-
-    def begin(self, name: str) -> None:
-        pass
-
-    def advance(self, done: float, total: float) -> None:
-        pass
 
     def notice(self, sentence: str) -> None:
         _print_note(sentence)
@@ -221,13 +223,29 @@ _LONG = ("not_determined",)  # sentences: they are said as notes while the stage
 
 
 def show_take(screen: Screen, facts: Mapping[str, Any]) -> None:
-    """Print one line about a take."""
+    """Print one line about a take.
+
+    Parameters
+    ----------
+    screen : Screen
+        Where to print.
+    facts : mapping
+        From `take_facts`.
+    """
     count = f"{facts['count']} {facts['kind'] if facts['kind'] != 'poses' else 'bodies'}"
     screen.say(f"{facts['name']}: {count}, {facts['frames']} frames at {facts['rate_hz']:g} Hz")
 
 
 def show_project(screen: Screen, tables: Mapping[str, Any]) -> None:
-    """Print what a project holds: take, limbs, joints, lengths, residuals, times."""
+    """Print what a project holds: take, limbs, joints, lengths, residuals, times.
+
+    Parameters
+    ----------
+    screen : Screen
+        Where to print.
+    tables : mapping
+        From `project_tables`.
+    """
     show_take(screen, tables["take"])
     if "labelling" in tables:
         _show_labelling(screen, tables["labelling"])
@@ -283,11 +301,27 @@ def show_results(screen: Screen, project: Project, files: Sequence[Path]) -> Non
 
 
 def show_files(screen: Screen, files: Sequence[Path]) -> None:
-    """Print which files were written."""
+    """Print which files were written.
+
+    Parameters
+    ----------
+    screen : Screen
+        Where to print.
+    files : sequence of Path
+        The files.
+    """
     screen.say("written: " + ", ".join(str(file) for file in files))
 
 
 def show_evaluation(screen: Screen, tables: Iterable[Table]) -> None:
-    """Print scores against the truth."""
+    """Print scores against the truth.
+
+    Parameters
+    ----------
+    screen : Screen
+        Where to print.
+    tables : iterable of Table
+        From `evaluation_tables`.
+    """
     for table in tables:
         screen.table(table.title, [dict(zip(table.columns, row, strict=True)) for row in table.rows])

@@ -67,7 +67,7 @@ def simulate(
     quiet: Quiet = False,
     **values: Any,
 ) -> None:
-    """Simulate a take with known skeleton; the truth goes beside it as <name>.truth.npz."""
+    """Simulate a take of a given skeleton; the truth goes beside it as <name>.truth.npz."""
     from skelgen.app.face import write
     from skelgen.simulation import TRUTH_SUFFIX, BoneParameters, write_truth
     from skelgen.simulation import simulate as simulated_take
