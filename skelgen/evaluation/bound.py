@@ -19,9 +19,9 @@ from skelgen.simulation.truth import Truth
 MOST_FRAMES = 2000
 """Frames from which the bound is computed at most, evenly spread: more would hardly make it smaller."""
 
-
 SIGMAS_OF_95 = 1.96
 """Half the width of the interval that holds 95 % of normal numbers, in standard deviations."""
+
 DISTANCE_OF_STD = np.sqrt(8 / np.pi) / np.sqrt(3)
 """Mean length of normal vectors whose deviation is 1 / sqrt 3 along each of three axes."""
 

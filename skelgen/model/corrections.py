@@ -15,9 +15,9 @@ from skelgen.model.arrays import Floats
 SAME_PLACE = 1e-3
 """mm: a marker's place is a measured position, which only rounding in a file may change."""
 
-
 NUMBERS = ("n_markers", "n_limbs")
 """Kinds whose value is a number."""
+
 NOBODY = "nobody"
 """Name that the user gives to a point that is no marker at all."""
 

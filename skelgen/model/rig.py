@@ -19,6 +19,7 @@ from skelgen.model.arrays import Floats, check_floats, check_names
 N_DISTORTION = 5
 TYPICAL_NOISE = 0.1
 """Standard deviation [px] of a ball's centre along one axis, calibration included (Gaschler 2011, chapter 6.1)."""
+
 JOINT_KINDS = ("ball", "hinge")
 
 ParameterValue = float | bool | str

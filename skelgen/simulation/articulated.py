@@ -21,9 +21,9 @@ DEGREES_OF_FREEDOM = {"free": 3, "ball": 3, "universal": 2, "hinge": 1}
 
 _UNIT_TOLERANCE = 1e-9  # of an axis that was divided by its length
 
-
 MARKER_STANDOFF = 10.0
 """Distance [mm] of a marker's centre from the skin: a sphere of 14 mm on a base plate."""
+
 _TURN_BETWEEN_MARKERS = np.deg2rad(137.5)  # the golden angle: no two markers of a limb come to lie behind each other
 _FIRST_FRACTION, _LAST_FRACTION = 0.2, 0.85  # of the limb's axis: clear of the neighbouring limbs
 _MIN_MARKERS, _MAX_MARKERS = 2, 5

@@ -24,25 +24,30 @@ _RING_MARGIN = 2000.0  # mm between the farthest marker and the ring
 _STANDOFF = 25.0  # mm before the marker where a line of sight ends: a limb does not hide what it touches
 _TINY = 1e-12  # mm^2: a line of sight or a limb of no length
 
-
 SINGLE_SHARE = 0.2
 """Part of the dropouts that are single frames; the rest come in bursts."""
+
 BURST_FRAMES = (5, 40)
 """Shortest and longest burst [frames]: a hand that passes a marker, a marker behind a turned back."""
+
 GHOST_FRAMES = (1, 5)
 """Shortest and longest life [frames] of a ghost."""
+
 DUPLICATE_FRAMES = (1, 10)
 """Shortest and longest time [frames] for which a marker is seen double."""
+
 DUPLICATE_OFFSET = 1.0
 """Distance [mm] between a marker's two points: what two pairs of cameras calibrated to a millimetre disagree by."""
+
 EDGE_FRAMES = 2
 """Frames at both ends of a marker's visibility in which its position may jump."""
+
 _SKIN_FREQUENCIES = (0.2, 2.0)  # Hz: skin slides with the motion and wobbles a little faster than it
 _NO_PAIRS = np.empty((0, 2), dtype=np.intp)
 
 
 def camera_ring(positions: Floats, n_cameras: int) -> Floats:
-    """Return the places of cameras that stand evenly around all markers and look inward.
+    """Return the positions of cameras around all markers, shape (n_cameras, 3), mm.
 
     Parameters
     ----------
@@ -50,10 +55,6 @@ def camera_ring(positions: Floats, n_cameras: int) -> Floats:
         Everything that the cameras are to see.
     n_cameras : int
         Number of cameras.
-
-    Returns
-    -------
-    ndarray, shape (n_cameras, 3), mm
     """
     level = positions[..., :2].reshape(-1, 2)
     centre = (level.min(axis=0) + level.max(axis=0)) / 2
@@ -144,12 +145,9 @@ def carried_markers(structure: Structure, world_from_limb: Floats) -> Floats:
     -------
     ndarray, shape (n_frames, n_markers, 3), mm
     """
-    return _carried(world_from_limb[:, structure.limb_of_marker], structure.marker_offsets)
-
-
-def _carried(world_from_marker_limb: Floats, offsets: Floats) -> Floats:
-    turned = world_from_marker_limb[..., :3, :3] @ offsets[..., np.newaxis]
-    return np.asarray(turned[..., 0] + world_from_marker_limb[..., :3, 3])
+    poses = world_from_limb[:, structure.limb_of_marker]
+    turned = poses[..., :3, :3] @ structure.marker_offsets[..., np.newaxis]
+    return np.asarray(turned[..., 0] + poses[..., :3, 3])
 
 
 def soft_tissue_motion(

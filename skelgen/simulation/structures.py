@@ -36,9 +36,9 @@ __all__ = [
 _SIDES = {"left": 1.0, "right": -1.0}
 _TRUNK = Swing((25, 30, 35))
 
-
 ROD_LENGTH = 350.0
 """Length [mm] of each rod (Schönauer 2007, 5.1)."""
+
 _ROD_HEIGHT = 1200.0  # mm: carried by hand
 _ROD_RADIUS = 8.0  # mm
 _STICK = 60.0  # mm: the carbon fibre sticks that hold the markers off the rods

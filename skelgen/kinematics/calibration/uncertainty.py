@@ -31,7 +31,6 @@ RANK_TOLERANCE = 1e-8
 _LOG_RANGE = (-14.0, 20.0)
 _LOG_STEPS = 137  # a quarter apart: the trapezoidal rule is exact to 1e-4 for so smooth a bell
 
-
 DETERMINED = 10.0
 """Times its median: a joint is determined in the frames in which its bound is no larger."""
 

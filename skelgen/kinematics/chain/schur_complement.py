@@ -22,7 +22,6 @@ LEAST_GAIN = 1e-7
 
 State = TypeVar("State")
 
-
 FEW_LAGS = 32
 """Lags whose products take less time than a Fourier transform that finds all."""
 

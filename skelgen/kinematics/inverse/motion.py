@@ -19,9 +19,9 @@ from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats
 
 CHUNK_FRAMES = 8_192
 
-
 ANGLE_FRAMES = 8_192
 """Frames whose angles are computed together: their covariances take some 20 MB."""
+
 MOST_FRAMES = 5000
 """Frames from which ranges of angles are computed, evenly spread."""
 

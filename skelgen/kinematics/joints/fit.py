@@ -38,9 +38,9 @@ UNKNOWN = 1000.0
 
 KINDS = ("ball", "hinge", "universal", "rigid")
 
-
 FREEDOMS_OF_GAP = 3.0
 """Per frame: poses alone show their noise only by the gap between a ball joint's two images."""
+
 VARIANCE_OF_THIRD = 20.0
 """Variance of third differences of independent numbers of variance 1: 1 + 9 + 9 + 1."""
 
@@ -136,10 +136,10 @@ def fit_ball(
     parent, child : int or str
         Two of them, by index or name.
     covariances : ndarray, shape (n_bodies, 6, 6) or (n_frames, n_bodies, 6, 6), optional
-        Of shift [mm] and turn [rad] of every body in its own frame, e.g. from `pose_covariance`.
+        Of translation [mm] and rotation [rad] of every body in its own frame, e.g. from `pose_covariance`.
     size : float, mm, optional
-        Without covariances: distance of the points that represent a body, which says how an error of its rotation
-        weighs beside one of its position; by default from the changes between neighbouring frames.
+        Without covariances: distance of the points that represent a body, which weighs errors of its rotation against
+        those of its position; by default from the changes between neighbouring frames.
 
     Raises
     ------
@@ -239,7 +239,7 @@ def _covariance_of_constants(
 ) -> Floats:
     """Covariance of the model's constants; without covariances of the poses, by the frames' gradients (White 1980).
 
-    Errors that last count as fewer frames; directions that no frame determines are stated as unknown.
+    Errors that last count as fewer frames; directions that no frame determines are unknown.
     """
     n_frames = len(measured.frames)
     covariance, yielding = covariance_of_constants(joint, measured, whitener(measured.covariances), solution, scale)
@@ -366,7 +366,7 @@ def choose(measured: RelativePoses, wanted: str | None = None, limits: KindLimit
     measured : RelativePoses
         From `relative_poses`.
     wanted, limits
-        As for `choose_kind`.
+        As for `find_kind`.
     """
     rotations, covariances = _refined_rotations(measured)
     evidence = find_kind(rotations, covariances, FREEDOMS_OF_GAP, limits, wanted)
@@ -392,8 +392,7 @@ def _refined_rotations(measured: RelativePoses) -> tuple[Floats, Floats]:
 def _frame_noise(measured: RelativePoses) -> float:
     """Variance [rad^2] of errors that are independent between frames, all axes together.
 
-    Third differences of smooth motion are almost 0; those of independent errors have 20 times their variance. Medians
-    are robust against what is neither.
+    Third differences of smooth motion are almost 0; those of independent errors have 20 times their variance.
     """
     steps = vector_from_matrix(measured.rotations[:-1].swapaxes(1, 2) @ measured.rotations[1:])
     third = np.diff(steps[np.diff(measured.frames) == 1], n=2, axis=0)

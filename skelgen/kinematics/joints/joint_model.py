@@ -36,6 +36,7 @@ from skelgen.model.arrays import Floats
 
 STEP = 1e-5
 """rad; of numerical slopes: the error of central differences is its square."""
+
 LEAST_SHARE = 0.05
 """Of the information: what is left at least; a direction with less is as good as unknown, and stated so."""
 

@@ -7,6 +7,7 @@ import pytest
 
 from skelgen.kinematics.calibration.calibrate import calibrate
 from skelgen.kinematics.chain.chain import residuals
+from skelgen.kinematics.chain.normal_equations import constant_gradient, total_information
 
 NOISE_TOLERANCE = 0.04  # relative; of some 5000 freedoms the standard deviation is known to 1 %
 
@@ -73,10 +74,9 @@ def test_information_lacks_the_free_choice_of_the_limbs_frames_only(true_chain):
     assert (values[n_free:] > 1e-4 * values[-1]).all()
 
 
-def test_chunks_of_frames_add_up(true_chain, monkeypatch):
-    case = true_chain("rods", n_frames=100, noise=0.5)
-    whole = calibrate(case.chain, case.poses, case.positions)
-    monkeypatch.setattr("skelgen.kinematics.chain.normal_equations.CHUNK_FRAMES", 17)
-    parts = calibrate(case.chain, case.poses, case.positions)
-    np.testing.assert_allclose(parts.chain.offsets, whole.chain.offsets, atol=1e-6)
-    np.testing.assert_allclose(parts.information, whole.information, rtol=1e-6, atol=1e-6)
+def test_information_and_gradient_of_frames_add_up(true_chain):
+    case = true_chain("rods", n_frames=1500, noise=0.5)
+    whole = calibrate(case.chain, case.poses, case.positions, 0)
+    parts = [whole.at(slice(0, 400)), whole.at(slice(400, 1500))]
+    for total in (total_information, constant_gradient):
+        np.testing.assert_allclose(sum(total(part) for part in parts), total(whole), rtol=1e-9, atol=1e-6)
