@@ -57,6 +57,19 @@ class Search(NamedTuple):
     rules: SearchRules
 
 
+class _Tables(NamedTuple):
+    """The arrays of a `Search`, flat: numba counts references to all arrays of nested tuples at each call."""
+
+    balls: Floats
+    points: Floats
+    of_balls: Floats
+    ball_variances: Floats
+    of_points: Floats
+    point_variances: Floats
+    allowed: Bools
+    known: Ints
+
+
 @kernel
 def point_distances(points: Floats, covariances: Floats, left: Ints, right: Ints) -> tuple[Floats, Floats]:
     """Return the distances of all pairs of points and their variances.
@@ -115,7 +128,17 @@ def find_matching(search: Search) -> tuple[Ints, float]:
     best, best_cost = np.full(n_balls, -1, dtype=np.intp), np.inf
     differences, edges = _edge_matches(search)
     heap = _heap_of(differences)
-    size = len(heap)
+    target, scene, size = search.target, search.scene, len(heap)
+    tables = _Tables(
+        target.points,
+        scene.points,
+        target.distances,
+        target.distance_variances,
+        scene.distances,
+        scene.distance_variances,
+        search.allowed,
+        search.known,
+    )
     (top,) = _TOP
     for _ in range(min(rules.queue, size)):
         first = heap[0]
@@ -124,7 +147,7 @@ def find_matching(search: Search) -> tuple[Ints, float]:
         _sink(heap, differences, top, size)
         if matching_cost(differences[first] ** 2 / 2, n_balls, n_balls, rules) >= best_cost:  # both ends share it
             break
-        best_cost = _extend(search, edges[first], differences[first], best, best_cost)
+        best_cost = _extend(tables, rules, edges[first], differences[first], best, best_cost)
     return best, best_cost
 
 
@@ -219,11 +242,10 @@ def _sink(heap: Ints, keys: Floats, place: int, size: int) -> None:
 
 @array_part
 def _extend(  # noqa: PLR0912 - one loop instead of recursion
-    search: Search, edge: Ints, first: float, best: Ints, best_cost: float
+    tables: _Tables, rules: SearchRules, edge: Ints, first: float, best: Ints, best_cost: float
 ) -> float:
     """Try all matchings whose best edge is the given one, depth-first; fill the best and return its cost."""
-    target, scene, allowed, rules = search.target, search.scene, search.allowed, search.rules
-    n_balls, n_points = allowed.shape
+    n_balls, n_points = tables.allowed.shape
     matched = np.full(n_balls, -1, dtype=np.intp)
     matched[edge[0]], matched[edge[1]] = edge[2], edge[3]
     others = _others(n_balls, edge[0], edge[1])
@@ -235,7 +257,7 @@ def _extend(  # noqa: PLR0912 - one loop instead of recursion
     while level >= 0:
         if level == n_others:
             cost = matching_cost(squares[level], n_matched, n_balls, rules)
-            if cost < best_cost and not _is_part(matched, search.known):
+            if cost < best_cost and not _is_part(matched, tables.known):
                 best_cost = cost
                 for ball in range(n_balls):
                     best[ball] = matched[ball]
@@ -253,9 +275,9 @@ def _extend(  # noqa: PLR0912 - one loop instead of recursion
             if point == n_points:
                 most -= 1
                 squares[level + 1] = squares[level]
-            elif allowed[ball, point] and _fits(search, ball, point, matched, first):
+            elif tables.allowed[ball, point] and _fits(tables, rules, ball, point, matched, first):
                 matched[ball] = point
-                squares[level + 1] = sum_of_squares(target.points, scene.points, matched)
+                squares[level + 1] = sum_of_squares(tables.balls, tables.points, matched)
             else:
                 continue
             deeper = (
@@ -296,18 +318,18 @@ def _others(n_balls: int, i: int, j: int) -> Ints:
 
 
 @kernel_part
-def _fits(search: Search, ball: int, point: int, matched: Ints, first: float) -> bool:
+def _fits(tables: _Tables, rules: SearchRules, ball: int, point: int, matched: Ints, first: float) -> bool:
     """Return whether one more match agrees with the distances of all others; none may be better than the first."""
-    target, scene, n_balls = search.target, search.scene, len(matched)
+    n_balls = len(matched)
     for other in range(n_balls):
         taken = matched[other]
         if taken < 0:
             continue
-        difference = abs(scene.distances[taken, point] - target.distances[other, ball])
+        difference = abs(tables.of_points[taken, point] - tables.of_balls[other, ball])
         if difference < first:
             return False
-        variance = scene.distance_variances[taken, point] + target.distance_variances[other, ball]
-        if not _is_near(difference, variance, n_balls, search.rules):
+        variance = tables.point_variances[taken, point] + tables.ball_variances[other, ball]
+        if not _is_near(difference, variance, n_balls, rules):
             return False
     return True
 
