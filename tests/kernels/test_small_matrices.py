@@ -1,0 +1,123 @@
+"""Small matrices inside kernels are those of NumPy and scipy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from skelgen._kernels import kernel
+from skelgen._kernels.small_matrices import (
+    factorise,
+    inverse,
+    matrix,
+    product,
+    proper,
+    rotation_by,
+    set_matrix,
+    set_symmetric,
+    solve,
+    symmetric,
+    turn_to_axes,
+    vector,
+    write_inverse_root,
+)
+
+FIRST, SECOND = np.intp(0), np.intp(1)
+
+
+@kernel
+def _write_inverse(upper, level, out):
+    set_symmetric(out, FIRST, FIRST, inverse(symmetric(upper, FIRST, FIRST), level))
+
+
+@kernel
+def _write_product(matrices, out):
+    set_matrix(out, FIRST, FIRST, product(matrix(matrices, FIRST, FIRST), matrix(matrices, SECOND, FIRST)))
+
+
+@kernel
+def _write_rotation(vectors, out):
+    set_matrix(out, FIRST, FIRST, rotation_by(vector(vectors, FIRST, FIRST)))
+
+
+@kernel
+def _write_proper(matrices, out):
+    set_matrix(out, FIRST, FIRST, proper(matrix(matrices, FIRST, FIRST)))
+
+
+@kernel
+def _solved(matrix, right):
+    if factorise(matrix):
+        solve(matrix, right)
+        return True
+    return False
+
+
+@kernel
+def _write_axes(matrix, vectors):
+    turn_to_axes(matrix, vectors, len(matrix))
+
+
+@kernel
+def _write_root(matrix, out):
+    write_inverse_root(matrix, out)
+
+
+def positive(size, seed=0):
+    root = np.random.default_rng(seed).normal(size=(size, 2 * size))
+    return root @ root.T
+
+
+def test_inverse_of_a_symmetric_matrix_of_three():
+    whole, out = positive(3), np.empty((1, 6))
+    _write_inverse(whole[np.triu_indices(3)][np.newaxis], 0.5, out)
+    np.testing.assert_allclose(out[0], np.linalg.inv(whole + 0.5 * np.eye(3))[np.triu_indices(3)], rtol=1e-9)
+
+
+def test_product_of_matrices_of_three():
+    given, out = np.random.default_rng(1).normal(size=(2, 9)), np.empty((1, 9))
+    _write_product(given, out)
+    np.testing.assert_allclose(out.reshape(3, 3), given[0].reshape(3, 3) @ given[1].reshape(3, 3), rtol=1e-12)
+
+
+@pytest.mark.parametrize("length", [1e-3, 0.3, 3.0])
+def test_turns_by_a_vector_are_proper_and_about_it(length):
+    given, out = length * np.array([[0.6, 0.0, 0.8]]), np.empty((1, 9))
+    _write_rotation(given, out)
+    angle = 2 * np.arctan(length / 2)  # which is the length, for small ones
+    np.testing.assert_allclose(
+        out.reshape(3, 3), Rotation.from_rotvec(given[0] / length * angle).as_matrix(), atol=1e-12
+    )
+
+
+def test_a_rotation_that_drifted_is_made_proper():
+    drifted, out = Rotation.from_rotvec([0.3, 1.0, -2.0]).as_matrix() + 1e-7, np.empty((1, 9))
+    _write_proper(drifted.reshape(1, 9), out)
+    found = out.reshape(3, 3)
+    np.testing.assert_allclose(found @ found.T, np.eye(3), atol=1e-12)
+
+
+def test_equations_of_a_positive_matrix_are_solved():
+    whole, right = positive(5), np.arange(5.0)
+    wanted = np.linalg.solve(whole, right)
+    assert _solved(whole, right)
+    np.testing.assert_allclose(right, wanted, rtol=1e-9)
+
+
+def test_a_matrix_that_is_not_positive_is_told():
+    assert not _solved(np.diag([1.0, -1.0]), np.zeros(2))
+
+
+def test_axes_of_a_symmetric_matrix_are_its_eigenvectors():
+    whole, vectors = positive(6), np.empty((6, 6))
+    turned = whole.copy()
+    _write_axes(turned, vectors)
+    np.testing.assert_allclose(np.sort(np.diag(turned)), np.linalg.eigvalsh(whole), rtol=1e-9)
+    np.testing.assert_allclose(vectors @ np.diag(np.diag(turned)) @ vectors.T, whole, atol=1e-9)
+
+
+def test_inverse_root_whitens():
+    whole, out = positive(4), np.empty((4, 4))
+    _write_root(whole.copy(), out)
+    np.testing.assert_allclose(out @ whole @ out.T, np.eye(4), atol=1e-9)
