@@ -159,7 +159,7 @@ def soft_tissue_motion(
     deviation: float,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return the displacement of each marker from its rigid place, half of it following the joint, half wandering.
+    """Return the displacement of each marker [mm], shape (n_frames, n_markers, 3): half follows the joint, half wanders.
 
     Parameters
     ----------
@@ -175,10 +175,6 @@ def soft_tissue_motion(
         Standard deviation over time of each coordinate in the limb's frame, reached by every marker.
     rng : numpy.random.Generator
         Source of the directions and of the wandering.
-
-    Returns
-    -------
-    ndarray, shape (n_frames, n_markers, 3), mm, in the world
     """
     n_frames, n_markers = len(world_from_limb), structure.n_markers
     wandering = smooth_curves(rng, n_frames, rate, 3 * n_markers, _SKIN_FREQUENCIES).reshape(n_frames, n_markers, 3)

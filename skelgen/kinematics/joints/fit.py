@@ -242,12 +242,11 @@ def _covariance_of_constants(
     Errors that last count as fewer frames; directions that no frame determines are unknown.
     """
     n_frames = len(measured.frames)
-    covariance, yielding = covariance_of_constants(joint, measured, whitener(measured.covariances), solution, scale)
-    if measured.is_scaled:
-        covariance = scale * covariance
-    else:
-        moves = solution.scores @ yielding
-        covariance = moves.T @ moves * n_frames / max(n_frames - 1, 1)
+    covariance, gain = covariance_of_constants(joint, measured, whitener(measured.covariances), solution, scale)
+    covariance = scale * covariance
+    if not measured.is_scaled:
+        steps = solution.scores @ gain
+        covariance = steps.T @ steps * n_frames / max(n_frames - 1, 1)
     return np.asarray(covariance * n_frames / n_effective + UNKNOWN**2 * solution.unknown @ solution.unknown.T)
 
 
