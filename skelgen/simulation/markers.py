@@ -159,7 +159,7 @@ def soft_tissue_motion(
     deviation: float,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return the displacement of each marker [mm], shape (n_frames, n_markers, 3): half follows the joint, half wanders.
+    """Return the displacement of each marker [mm], shape (n_frames, n_markers, 3): half follows joints, half wanders.
 
     Parameters
     ----------
