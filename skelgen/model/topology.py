@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,28 +113,33 @@ class Topology:
             if len(pair) != 2 or not all(0 <= limb < n_limbs for limb in pair):
                 raise InputError(f"a loop joins two of {n_limbs} limbs, not {pair}")
 
-    @cached_property
+    @property
     def graph(self) -> Graph:
-        """All joints that are possible, as a `networkx.Graph` that cannot be changed.
+        """All joints that are possible, as a `networkx.Graph`, built when it is asked for.
 
         Nodes are limbs. An edge has its ``cost`` [mm^2]; ``in_tree`` says whether the spanning tree uses it, and
         ``closes_loop`` whether the limbs seem joined although the tree does not join them.
         """
-        from networkx import freeze  # noqa: PLC0415 - see the module's docstring
+        from networkx import set_edge_attributes  # noqa: PLC0415 - see the module's docstring
 
         graph = graph_of_costs(self.joint_costs)
-        for pairs, in_tree in ((self.edges.tolist(), True), (self.loops, False)):
-            for first, second in pairs:
-                cost = float(self.joint_costs[first, second])
-                graph.add_edge(first, second, cost=cost, in_tree=in_tree, closes_loop=not in_tree)
-        return freeze(graph)
+        edges = [(parent, child) for parent, child in self.edges.tolist()]
+        costs = self.joint_costs
+        graph.add_weighted_edges_from(((a, b, float(costs[a, b])) for a, b in (*edges, *self.loops)), weight="cost")
+        for name, pairs in (("in_tree", edges), ("closes_loop", self.loops)):
+            set_edge_attributes(graph, False, name)
+            set_edge_attributes(graph, dict.fromkeys(pairs, True), name)
+        return graph
 
-    @cached_property
+    @property
     def tree(self) -> Graph:
-        """The edges of `graph` that the spanning tree uses, and all limbs."""
-        from networkx import subgraph_view  # noqa: PLC0415 - see the module's docstring
+        """All limbs and the joints of the spanning tree, as a `networkx.Graph`, built when it is asked for."""
+        from networkx import Graph  # noqa: PLC0415 - see the module's docstring
 
-        return subgraph_view(self.graph, filter_edge=lambda first, second: self.graph.edges[first, second]["in_tree"])
+        tree = Graph()
+        tree.add_nodes_from(range(self.n_limbs))
+        tree.add_edges_from(self.edges.tolist())
+        return tree
 
     def limbs_of_tree(self, limb: int) -> set[int]:
         """Return the limbs of the tree that a limb belongs to."""
@@ -191,7 +195,7 @@ class Topology:
 
 
 def graph_of_costs(costs: Floats) -> Graph:
-    """Return limbs and possible joints as a graph; edges have a `cost`, and are neither in a tree nor in a loop.
+    """Return limbs and possible joints as a graph, whose edges have a ``cost``.
 
     Parameters
     ----------
@@ -202,8 +206,9 @@ def graph_of_costs(costs: Floats) -> Graph:
 
     graph = Graph()
     graph.add_nodes_from(range(len(costs)))
-    for first, second in np.argwhere(np.triu(np.isfinite(costs), 1)).tolist():
-        graph.add_edge(first, second, cost=float(costs[first, second]), in_tree=False, closes_loop=False)
+    first, second = np.nonzero(np.triu(np.isfinite(costs), 1))
+    edges = zip(first.tolist(), second.tolist(), costs[first, second].tolist(), strict=True)
+    graph.add_weighted_edges_from(edges, weight="cost")
     return graph
 
 
