@@ -13,7 +13,7 @@ import numpy as np
 
 from skelgen._kernels import absolute_orientation as kernels
 from skelgen._kernels import contiguous
-from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
+from skelgen.geometry.rotations import matrix_from_quaternion, nearest_rotation, transform_from
 from skelgen.model.arrays import Bools, Floats
 
 Rotator = Callable[[Floats], Floats]
@@ -49,11 +49,7 @@ def _by_eigenvectors(moments: Floats) -> Floats:
 
 def rotation_by_svd(moments: Floats) -> Floats:
     """Return the rotations R that maximise trace(R^T M), by the singular value decomposition."""
-    u, _, vt = np.linalg.svd(moments)
-    sign = np.where(np.linalg.det(u) * np.linalg.det(vt) < 0, -1.0, 1.0)
-    u = u.copy()
-    u[..., :, 2] *= sign[..., np.newaxis]
-    return np.asarray(u @ vt)
+    return nearest_rotation(moments)
 
 
 ROTATORS: dict[str, Rotator] = {"horn": rotation_by_quaternion, "umeyama": rotation_by_svd}
