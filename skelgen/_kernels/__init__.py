@@ -21,7 +21,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from skelgen.errors import KernelError
+from skelgen.errors import KernelError, SkelgenError
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _announce: ContextVar[Callable[[str], None] | None] = ContextVar("who is told what is compiled", default=None)
@@ -84,7 +84,7 @@ class Kernel:
         """
         try:
             return self.compiled(*args)
-        except (KernelError, MemoryError):
+        except (SkelgenError, MemoryError):  # a monitor that is told of compiling may cancel
             raise
         except Exception as error:  # compiled code raises nothing else
             if self._compiled is self.function:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from threadpoolctl import threadpool_limits
 
@@ -83,7 +84,7 @@ def _run(stage: Stage, project: Project, settings: Settings, options: RunOptions
     collecting = CollectingMonitor(monitor)
     collecting.begin(stage.name)
     started = time.perf_counter()
-    with announce_compiling(lambda kernel: monitor.begin(f"{stage.name}: compiling {kernel}, this once")):
+    with announce_compiling(_announcing(stage.name, monitor)):
         result = stage.run(project, settings, options, collecting)
     seconds = time.perf_counter() - started
     if stage.is_given(project):
@@ -92,6 +93,19 @@ def _run(stage: Stage, project: Project, settings: Settings, options: RunOptions
         notices = (*options.notices(stage.name), *collecting.notices)
         report = StageReport(settings.of(stage.name).as_mapping(), seconds, notices)
     return with_result(project, result, report)
+
+
+def _announcing(stage: str, monitor: Monitor) -> Callable[[str], None]:
+    """Return what tells a monitor of the kernels that are compiled, one after the other."""
+    compiled: list[str] = []
+
+    def announce(kernel: str) -> None:
+        if not compiled:
+            monitor.begin(f"{stage}: compiling kernels, this once")
+        compiled.append(kernel)
+        monitor.advance(len(compiled) - 1, len(compiled))
+
+    return announce
 
 
 def _stages_between(project: Project, from_stage: str | None, until_stage: str | None) -> tuple[Stage, ...]:

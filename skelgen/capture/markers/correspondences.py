@@ -29,7 +29,7 @@ from skelgen.capture.markers.rigidity import (
     n_independent,
     triangles_of_targets,
 )
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN
 from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
 from skelgen.kinematics.chain.schur_complement import BorderedSolution, effective_frames, solve_bordered
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal

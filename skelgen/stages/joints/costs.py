@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model.arrays import Bools, Floats
 from skelgen.model.topology import spanning_forest
 from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess

@@ -13,7 +13,7 @@ import numpy as np
 
 from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import both_images, mean_distances
-from skelgen.geometry.robust import quantile_of
+from skelgen.geometry.statistics import quantile_of
 from skelgen.kinematics.bodies.shape import LimbShape
 from skelgen.kinematics.joints.closed_form import FixedPoint, fit_fixed_point, fit_sphere
 from skelgen.model.arrays import Floats

@@ -14,8 +14,7 @@ import numpy as np
 
 from skelgen._kernels import contiguous
 from skelgen._kernels import marker_steps as kernels
-from skelgen.geometry.pairs import pair_lengths
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, pair_lengths
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.repair.limb_distances import RigidModel
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.pairs import pair_lengths
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, pair_lengths
 from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.stages.limbs import LimbParameters, rigid_groups

@@ -13,7 +13,7 @@ import numpy as np
 
 from skelgen._kernels import marker_steps as kernels
 from skelgen._kernels.marker_steps import LINE_FRAMES
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN, median_of_known
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.model.arrays import Floats, Ints
 
 N_MATES = 5

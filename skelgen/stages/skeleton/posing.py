@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.geometry.rotations import fill_rotations
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN, median_of_known
 from skelgen.kinematics.chain.articulation import Articulation
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, residuals, seen_weights
 from skelgen.kinematics.chain.observed_chain import observed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skelgen.geometry.robust import SIGMA_OF_MEDIAN
+from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
