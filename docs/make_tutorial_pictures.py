@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from matplotlib import pyplot
-from skelgen_formats.bvh import read_bvh
+from skelgen_formats.bvh_reader import read_bvh
 from skelgen_formats.registry import write_file
 
 import skelgen

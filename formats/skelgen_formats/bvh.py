@@ -31,31 +31,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from skelgen.errors import FormatError, ParameterError
 from skelgen.files import replacing
-from skelgen.geometry.euler import euler_angles, matrix_from_euler
+from skelgen.geometry.euler import euler_angles
 from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
-from skelgen.model.takes import BoneMotion
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
-    LARGEST_MM,
     bone_name,
     bone_tip,
     bone_transforms,
-    bone_unit,
-    distinct_names,
     lost_in_animations,
 )
-from skelgen_formats.options import AUTO, AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
+from skelgen_formats.bvh_reader import read_bvh
+from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Options, Writable, per_mm
 from skelgen_formats.parts import moving_project
 from skelgen_formats.registry import Format
-from skelgen_formats.text import count_in, number_in, parse_rows, read_lines
 
 _TITLE = "BVH"
 _WORLD = "world"
@@ -176,248 +170,6 @@ def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     if len(project.skeleton.roots) > 1:
         remarks.append(f"{len(project.skeleton.roots)} bodies hang on one root, {_WORLD!r}, that stays still.")
     return (*remarks, *lost_in_animations(project, _TITLE))
-
-
-_CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
-_ROUNDED = 0.005  # of the rate: a frame time that is written with fewer digits could be that of many rates
-_CUT = "; the file may be cut off"
-
-
-@dataclass
-class _Bone:
-    """What the hierarchy says of one bone."""
-
-    name: str
-    line: int
-    parent: int
-    offset: Floats | None = None
-    channels: tuple[str, ...] | None = None
-    tips: list[Floats] = field(default_factory=list)
-
-
-def read_bvh(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> BoneMotion:
-    """Read skeleton and motion of a BVH file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    skeleton : Path, optional
-        Not allowed: the file holds its skeleton itself.
-    unit : str
-        Unit of its lengths, which it does not state; see `skelgen_formats.bones.bone_unit`.
-
-    Raises
-    ------
-    FormatError
-        If the file is not BVH, or is cut off, with the line where that shows.
-    ParameterError
-        If a skeleton is given, or there is no such unit.
-    """
-    if skeleton is not None:
-        raise ParameterError(f"{path}: a BVH file holds its skeleton itself; leave {skeleton} out")
-    lines = read_lines(path)
-    hierarchy = _Hierarchy(path, lines)
-    bones = hierarchy.bones
-    rows, rate = _motion(path, lines, hierarchy.end, sum(len(bone.channels or ()) for bone in bones))
-    offsets = np.array([bone.offset for bone in bones])
-    tips = [np.array(bone.tips).reshape(-1, 3) for bone in bones]
-    parents = np.array([bone.parent for bone in bones], dtype=np.intp)
-    rotations, places = _posed(bones, offsets, rows)
-    scale, notices = bone_unit(path, unit, parents, offsets, tips)
-    if max(np.abs(places).max(), np.abs(offsets).max()) * scale > LARGEST_MM:
-        raise FormatError(path, "", f"a place is farther than {LARGEST_MM:g} mm; check the file and --motion-unit")
-    return BoneMotion(
-        names=distinct_names([bone.name for bone in bones]),
-        parents=parents,
-        rotations=rotations,
-        places=places * scale,
-        tips=tuple(tip * scale for tip in tips),
-        rate=rate,
-        name=path.name,
-        notices=notices,
-    )
-
-
-class _Hierarchy:
-    """The part of a file above MOTION: its bones, and the index of the line after it."""
-
-    def __init__(self, path: Path, lines: list[str]) -> None:
-        self.bones: list[_Bone] = []
-        self.end = len(lines)
-        self._path = path
-        self._open: list[int | None] = []  # bones whose braces are open, None for an end site
-        self._waits_for_brace = False
-        number = 0
-        for number, words in _statements(lines):
-            if words[0].upper() == "MOTION":
-                self.end = number
-                break
-            self._take(number, words)
-        if self.end == len(lines):
-            raise FormatError(path, number, f"the file ends without a MOTION line{_CUT}")
-        self._check_end()
-
-    def _take(self, number: int, words: list[str]) -> None:
-        word = words[0].upper()
-        if self._waits_for_brace != (word == "{"):
-            wanted = "'{' belongs here" if self._waits_for_brace else "'{' follows no ROOT, JOINT or End Site"
-            raise FormatError(self._path, number, f"{' '.join(words)[:40]!r}: {wanted}; the hierarchy is broken")
-        if word == "{":
-            self._waits_for_brace = False
-        elif word == "HIERARCHY" and not self.bones:
-            pass
-        elif not self.bones and word != "ROOT":
-            raise FormatError(self._path, number, "no HIERARCHY with a ROOT stands here; this is not BVH")
-        elif word in {"ROOT", "JOINT"}:
-            self._begin(number, word, words)
-        elif word == "END":
-            self._within(number, "End Site")
-            self._open.append(None)
-            self._waits_for_brace = True
-        elif word == "}":
-            self._close(number)
-        elif word == "OFFSET":
-            self._offset(number, words)
-        elif word == "CHANNELS":
-            self._channels(number, words)
-        else:
-            raise FormatError(self._path, number, f"{' '.join(words)[:40]!r} where a line of the hierarchy belongs")
-
-    def _begin(self, number: int, word: str, words: list[str]) -> None:
-        if (word == "ROOT") != (not self._open):
-            place = "within another bone" if self._open else "outside of all bones"
-            raise FormatError(self._path, number, f"{word} {place}; the braces of the hierarchy do not match")
-        parent = -1 if word == "ROOT" else self._within(number, word)
-        name = " ".join(words[1:])
-        if not name:
-            raise FormatError(self._path, number, f"{word} without a name")
-        self._open.append(len(self.bones))
-        self.bones.append(_Bone(name, number, parent))
-        self._waits_for_brace = True
-
-    def _within(self, number: int, what: str) -> int:
-        bone = self._open[-1] if self._open else None
-        if bone is None:
-            raise FormatError(self._path, number, f"{what} outside of a bone; the braces of the hierarchy do not match")
-        return bone
-
-    def _close(self, number: int) -> None:
-        if not self._open:
-            raise FormatError(self._path, number, "'}' closes nothing; the braces of the hierarchy do not match")
-        self._open.pop()
-
-    def _offset(self, number: int, words: list[str]) -> None:
-        if len(words) != 4:
-            raise FormatError(self._path, number, f"{len(words) - 1} numbers after OFFSET where 3 belong")
-        place = np.array([number_in(self._path, number, word, "an OFFSET") for word in words[1:]])
-        if self._open and self._open[-1] is None:
-            owner = next(bone for bone in reversed(self._open) if bone is not None)
-            self.bones[owner].tips.append(place)
-            return
-        bone = self.bones[self._within(number, "OFFSET")]
-        if bone.offset is not None:
-            raise FormatError(self._path, number, f"a second OFFSET of the bone {bone.name!r}")
-        bone.offset = place
-
-    def _channels(self, number: int, words: list[str]) -> None:
-        bone = self.bones[self._within(number, "CHANNELS")]
-        if bone.channels is not None:
-            raise FormatError(self._path, number, f"second CHANNELS of the bone {bone.name!r}")
-        count = count_in(self._path, number, words[1] if len(words) > 1 else "", "the number of channels")
-        names = tuple(word.lower() for word in words[2:])
-        if len(names) != count:
-            raise FormatError(self._path, number, f"{len(names)} channels are named where {count} are announced")
-        unknown = [word for word in words[2:] if word.lower() not in _CHANNELS]
-        if unknown or len(set(names)) != count:
-            what = f"there is no channel {unknown[0][:40]!r}" if unknown else "a channel is named twice"
-            raise FormatError(self._path, number, f"{what}; a bone has some of {', '.join(_CHANNELS)}")
-        bone.channels = names
-
-    def _check_end(self) -> None:
-        if self._open or self._waits_for_brace:
-            raise FormatError(self._path, self.end, "MOTION begins where '}' is missing; the hierarchy is broken")
-        if not self.bones:
-            raise FormatError(self._path, self.end, "no bone stands before MOTION")
-        for bone in self.bones:
-            missing = "OFFSET" if bone.offset is None else "CHANNELS" if bone.channels is None else ""
-            if missing:
-                raise FormatError(self._path, bone.line, f"the bone {bone.name!r} has no {missing} line")
-
-
-def _statements(lines: list[str]) -> Iterator[tuple[int, list[str]]]:
-    """Words of each line with its number; braces stand alone, wherever they are written."""
-    for number, line in enumerate(lines, start=1):
-        for part in line.replace("{", "\n{\n").replace("}", "\n}\n").split("\n"):
-            if part.split():
-                yield number, part.split()
-
-
-def _motion(path: Path, lines: list[str], at: int, n_channels: int) -> tuple[Floats, float]:
-    """The channels of every frame, shape (n_frames, n_channels), and the frame rate [Hz]."""
-    filled = [index for index in range(at, len(lines)) if lines[index].split()]
-    if len(filled) < 2:
-        raise FormatError(path, len(lines), f"MOTION without Frames and Frame Time{_CUT}")
-    n_frames = count_in(path, filled[0] + 1, _after(path, lines, filled[0], "Frames:"), "the number of frames")
-    rate = _rate(path, lines, filled[1])
-    if n_frames == 0 or n_channels == 0:
-        raise FormatError(path, filled[0] + 1, "nothing moves: there are no frames, or no bone has channels")
-    for index in filled[2:]:
-        lines[index] = " ".join(lines[index].split())
-    rows = parse_rows(path, lines, filled[1] + 1, n_channels, " ")
-    if len(rows) < n_frames:
-        raise FormatError(path, filled[-1] + 1, f"{len(rows)} frames where {n_frames} are announced{_CUT}")
-    if len(rows) > n_frames:
-        raise FormatError(path, filled[2 + n_frames] + 1, f"more frames than the {n_frames} announced")
-    broken = np.flatnonzero(~(np.abs(rows) < LARGEST_MM).all(axis=1))
-    if len(broken):
-        what = "a channel is not a number, or larger than anything that moves"
-        raise FormatError(path, filled[2 + broken[0]] + 1, f"{what}; export the motion without gaps")
-    return rows, rate
-
-
-def _after(path: Path, lines: list[str], index: int, head: str) -> str:
-    words = " ".join(lines[index].split())
-    if not words.lower().startswith(head.lower()):
-        raise FormatError(path, index + 1, f"{words[:40]!r} where '{head}' belongs")
-    return words[len(head) :].strip()
-
-
-def _rate(path: Path, lines: list[str], index: int) -> float:
-    """The frame rate [Hz]; a whole number where the frame time is one's, cut or rounded to the digits written."""
-    text = _after(path, lines, index, "Frame Time:")
-    seconds = number_in(path, index + 1, text, "the frame time")
-    if not 1 / LARGEST_MM < seconds < LARGEST_MM:
-        raise FormatError(path, index + 1, f"the frame time is {seconds:g} s; it must be above 0")
-    decimals = len(text.replace(",", ".").partition(".")[2]) if "e" not in text.lower() else 0
-    whole = round(1 / seconds)
-    if whole and abs(whole * seconds - 1) < _ROUNDED and abs(1 / whole - seconds) <= 10.0**-decimals:
-        return float(whole)
-    return 1 / seconds
-
-
-def _posed(bones: list[_Bone], offsets: Floats, rows: Floats) -> tuple[Floats, Floats]:
-    """Rotations parent from bone, shape (n_frames, n_bones, 3, 3), and places in the file's unit."""
-    rotations = np.empty((len(rows), len(bones), 3, 3))
-    places = np.repeat(offsets[np.newaxis], len(rows), axis=0)
-    first = 0
-    for index, bone in enumerate(bones):
-        names = bone.channels or ()
-        values = rows[:, first : first + len(names)]
-        first += len(names)
-        turned = [column for column, name in enumerate(names) if name.endswith("rotation")]
-        moved = [column for column, name in enumerate(names) if name.endswith("position")]
-        axes = "".join(names[column][0] for column in turned).upper()
-        rotations[:, index] = matrix_from_euler(axes, np.deg2rad(values[:, turned]))
-        coordinates = np.array(["xyz".index(names[column][0]) for column in moved], dtype=np.intp)
-        adds = bone.parent >= 0 and _adds(values[:, moved], offsets[index, coordinates])
-        places[:, index, coordinates] = values[:, moved] + (offsets[index, coordinates] if adds else 0.0)
-    return rotations, places
-
-
-def _adds(moved: Floats, offset: Floats) -> bool:
-    """Whether position channels add to the offset: whether they stay nearer to zero than to it."""
-    return bool(np.linalg.norm(moved, axis=1).sum() < np.linalg.norm(moved - offset, axis=1).sum())
 
 
 FORMAT = Format(
