@@ -29,6 +29,14 @@ _ENDING = (signal.SIGINT, signal.SIGTERM)
 """Ctrl+C in the terminal, and the shutdown of the system: the window ends without a question."""
 
 
+INTERVAL = 200
+"""ms between two looks: so little grows in between that a collection of the young takes a few ms."""
+
+SWITCH_INTERVAL = 0.001
+"""s, after which work beside the window gives way to it. A call into numpy gives the lock away and waits for it anew:
+with Python's own 0.005 s, ten such calls amid work on other threads would use up half of what a window may wait."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Show the window until it is closed.
 
@@ -83,15 +91,6 @@ def _begin(window: Window, files: Sequence[str]) -> None:
             window.offer(entry)
     if files and not window.jobs.is_busy:
         window.open(Path(files[0]))
-
-
-INTERVAL = 200
-"""ms between two looks: so little grows in between that a collection of the young takes a few ms."""
-
-
-SWITCH_INTERVAL = 0.001
-"""s, after which work beside the window gives way to it. A call into numpy gives the lock away and waits for it anew:
-with Python's own 0.005 s, ten such calls amid work on other threads would use up half of what a window may wait."""
 
 
 def shorten_switch_interval() -> None:

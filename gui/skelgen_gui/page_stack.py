@@ -22,6 +22,16 @@ from skelgen_gui.pages import HOME, Context, PageEntry
 WIDTH = 400  # px
 _LINE = 22  # px, the least height of a line of the list
 
+SIZE = 16.0
+"""px, of the sign with what is free about it."""
+
+_RATIO = 3.0  # pixels per point: sharp on any screen
+_RING = QRectF(2.5, 2.5, 11.0, 11.0)
+_TICK = ((5.0, 8.2), (7.2, 10.4), (11.2, 5.8))
+_DONE = "#2b8a3e"  # green, with a white tick: the same on both grounds
+_THIN, _THICK = 1.2, 1.8
+_Role = QPalette.ColorRole
+
 
 class PageStack(QWidget):
     """All pages of the table, one of them shown.
@@ -122,17 +132,6 @@ class PageStack(QWidget):
     def _make(self, entry: PageEntry) -> None:
         self._pages[entry.key] = entry.make(self._context)
         self._stack.addWidget(self._pages[entry.key])
-
-
-SIZE = 16.0
-"""px, of the sign with what is free about it."""
-
-_RATIO = 3.0  # pixels per point: sharp on any screen
-_RING = QRectF(2.5, 2.5, 11.0, 11.0)
-_TICK = ((5.0, 8.2), (7.2, 10.4), (11.2, 5.8))
-_DONE = "#2b8a3e"  # green, with a white tick: the same on both grounds
-_THIN, _THICK = 1.2, 1.8
-_Role = QPalette.ColorRole
 
 
 def _step_icon(*, is_step: bool, is_done: bool, palette: QPalette) -> QIcon:

@@ -23,6 +23,12 @@ if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
 
 
+SIMULATED_BOARD = "simulated:board?paced=yes&rate=30&frames=1800"
+"""A simulated chessboard as cameras would deliver it, for a minute."""
+
+_MOST_CORNERS, _LARGEST_SQUARE = 40, 1000.0
+
+
 class CameraStep(Step[BoardShot]):
     """Collects views, calibrates, says what the calibration is worth, and saves settings.
 
@@ -249,12 +255,6 @@ class CameraStep(Step[BoardShot]):
         self.remove.setEnabled(bool(self.views.selected_views))
         self.calibrate.setEnabled(has_views and not is_busy)
         self.save.setEnabled(self.found is not None and not is_busy)
-
-
-SIMULATED_BOARD = "simulated:board?paced=yes&rate=30&frames=1800"
-"""A simulated chessboard as cameras would deliver it, for a minute."""
-
-_MOST_CORNERS, _LARGEST_SQUARE = 40, 1000.0
 
 
 class BoardForm(QWidget):

@@ -30,6 +30,12 @@ _GAP = 6.0  # px, between the images
 _SHARE = 0.30  # of the colour, in a ninth that is covered
 _DOT = 2.0  # px
 
+Fit = tuple[float, float, bool]
+"""Distance [px] of the corners from where they are expected, left and right, and whether the view was used."""
+
+_LIST_HEIGHT = 130  # px: five views
+_TABLE_HEIGHT = 290  # px, of the table: all its rows
+
 
 class CoverageView(QWidget):
     """Both images, small; the ninths where the board has been are coloured.
@@ -106,12 +112,6 @@ class CoverageView(QWidget):
         draw_points(painter, np.array([box.left(), box.top()]) + every * scale)
 
 
-Fit = tuple[float, float, bool]
-"""Distance [px] of the corners from where they are expected, left and right, and whether the view was used."""
-
-_LIST_HEIGHT = 130  # px: five views
-
-
 class ViewList(ValueTable):
     """One row for each view; Delete takes the chosen ones away.
 
@@ -177,9 +177,6 @@ class ViewList(ValueTable):
         if side is None:
             return self.tr("no board")
         return self.tr("board") if math.isnan(rms) else f"{rms:.2f}"
-
-
-_TABLE_HEIGHT = 290  # px, of the table: all its rows
 
 
 class VerdictLabel(QLabel):

@@ -23,6 +23,14 @@ from skelgen.app.capture_jobs.messages import SIMULATED, CaptureOptions
 from skelgen.capture.sources import SOURCES
 from skelgen_gui.widgets.layouts import describe, row_of
 
+SIMULATED_TARGET = "simulated:target?paced=yes&rate=30&frames=600&show={0}"
+"""A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it."""
+
+SIMULATED_JOINTS = "simulated:arm?paced=yes&rate=30&frames=900"
+"""The simulated arm as it moves for half a minute."""
+
+_MOST_BALLS = 40
+
 
 class FileField(QWidget):
     """A path, to be typed or chosen.
@@ -214,15 +222,6 @@ class LiveChoice(QWidget):
         self.settings.show_path("")
         self.source.show_source(SIMULATED)
         self.simulation_wanted.emit()
-
-
-SIMULATED_TARGET = "simulated:target?paced=yes&rate=30&frames=600&show={0}"
-"""A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it."""
-
-SIMULATED_JOINTS = "simulated:arm?paced=yes&rate=30&frames=900"
-"""The simulated arm as it moves for half a minute."""
-
-_MOST_BALLS = 40
 
 
 class SourceForm(QWidget):

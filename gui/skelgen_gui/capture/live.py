@@ -18,6 +18,9 @@ from skelgen_gui.widgets.layouts import describe
 
 _LEAST_HEIGHT = 48  # px, of the notices: two lines
 
+_NUMBERED = re.compile(r"(.*)-(\d+)")
+_SUFFIX = ".mfml"
+
 
 class LivePanel(QWidget):
     """Runs a capture as a job, and shows its numbers.
@@ -166,10 +169,6 @@ class LivePanel(QWidget):
         self.go.setEnabled(is_running or not self._jobs.is_busy)
         self.choice.setEnabled(not self._jobs.is_busy)
         self.recorder.set_running(is_running)
-
-
-_NUMBERED = re.compile(r"(.*)-(\d+)")
-_SUFFIX = ".mfml"
 
 
 class _RecordRow(QWidget):

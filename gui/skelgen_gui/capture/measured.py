@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 _MOST_ROWS = 9
 _JOINT_ROWS = 3  # its name, and its place in both targets
 
+_GAP = 6.0  # px, between the pictures
+_STEP = 30.0  # degrees, between the rings
+_LEAST_RINGS = 2
+_SHARE = 0.55  # height of a picture as part of its width
+_DOT = 3.0  # px
+
 
 class RowTable(ValueTable):
     """A table as high as its rows, up to a limit; hidden while it has none."""
@@ -119,13 +125,6 @@ class MotionTable(RowTable):
             return
         for row, (_, *texts) in enumerate(rows):
             self.show_row(row, texts)
-
-
-_GAP = 6.0  # px, between the pictures
-_STEP = 30.0  # degrees, between the rings
-_LEAST_RINGS = 2
-_SHARE = 0.55  # height of a picture as part of its width
-_DOT = 3.0  # px
 
 
 class TurnView(QWidget):

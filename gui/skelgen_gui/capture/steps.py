@@ -30,6 +30,8 @@ from skelgen_gui.widgets.layouts import bare_column, scrolled
 _T = TypeVar("_T")
 _Shot = TypeVar("_Shot")
 
+_ProgressT = TypeVar("_ProgressT")
+
 
 class Step(QWidget, Generic[_Shot]):
     """One step: a button that starts and stops, a sentence on how far it is, a verdict.
@@ -204,7 +206,6 @@ class _Collector(Protocol):
 
 _CollectorT = TypeVar("_CollectorT", bound=_Collector)
 _CalibrationT = TypeVar("_CalibrationT", bound=_Calibration)
-_ProgressT = TypeVar("_ProgressT")
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,14 @@ from skelgen.model.arrays import Floats
 from skelgen_gui.model.lanes import point_counts
 from skelgen_gui.model.translation import translate
 
+MOST_POSTURES = 20_000
+"""Frames of which deviations are computed, which takes about 20 µs each; of longer takes, evenly spaced ones."""
+
+MOST_CURVES = 6
+"""Markers whose residuals are drawn at once: the legend has room for no more."""
+
+_SURE = 1.96  # standard deviations of 95 %
+
 
 @dataclass(frozen=True, eq=False)
 class Curve:
@@ -106,10 +114,6 @@ class Panel:
         return (low, high) if high > low else (low, low + 1.0)
 
 
-MOST_POSTURES = 20_000
-"""Frames of which deviations are computed, which takes about 20 µs each; of longer takes, evenly spaced ones."""
-
-
 @dataclass(frozen=True, eq=False)
 class JointCurve:
     """Angles of a joint, with their deviations.
@@ -152,12 +156,6 @@ def joint_curve(project: Project, joint: int) -> JointCurve:
     posture = posture_of(project.skeleton, motion, project.trajectories.positions, frames)
     std = np.repeat(posture.angle_std[joint], step, axis=0)[: motion.n_frames]
     return JointCurve(angle_names(one), angles, std, step)
-
-
-MOST_CURVES = 6
-"""Markers whose residuals are drawn at once: the legend has room for no more."""
-
-_SURE = 1.96  # standard deviations of 95 %
 
 
 def residual_curve(project: Project) -> Curve:

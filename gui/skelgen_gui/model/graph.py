@@ -20,6 +20,18 @@ _ROUNDS = 60  # of pushing limbs apart; more than enough for 100 limbs
 _WIDEST = 1.6  # factor
 _APART = 1.1  # of the mean distance that limbs on a grid would have
 
+GAP = 10.0
+"""px, from the middle of a joint to the nearest corner or side of its words."""
+
+_SIDES = np.array([[1, 0], [-1, 0], [0, -1], [0, 1], [1, -1], [1, 1], [-1, -1], [-1, 1]], dtype=np.float64)
+"""Directions that are tried, the first of equally good ones is taken."""
+
+_ALONG = np.linspace(0.0, 1.0, 24)
+"""Parts of a line that are looked at."""
+
+_ON_DISC, _ON_WORDS, _ON_LINE = 10.0, 10.0, 1.0
+"""What it costs to touch a disc, the words of another joint, or a point of a line."""
+
 
 def margin_label(joint: JointCost) -> str:
     """Say how many times dearer the best other joint is; empty where there is none."""
@@ -140,19 +152,6 @@ def _apart(places: Floats) -> Floats:
         push = np.maximum(least - distance, 0.0) / 2
         places = places + (between / distance[..., np.newaxis] * push[..., np.newaxis]).sum(axis=1)
     return _boxed(places)
-
-
-GAP = 10.0
-"""px, from the middle of a joint to the nearest corner or side of its words."""
-
-_SIDES = np.array([[1, 0], [-1, 0], [0, -1], [0, 1], [1, -1], [1, 1], [-1, -1], [-1, 1]], dtype=np.float64)
-"""Directions that are tried, the first of equally good ones is taken."""
-
-_ALONG = np.linspace(0.0, 1.0, 24)
-"""Parts of a line that are looked at."""
-
-_ON_DISC, _ON_WORDS, _ON_LINE = 10.0, 10.0, 1.0
-"""What it costs to touch a disc, the words of another joint, or a point of a line."""
 
 
 def place_words(middles: Floats, sizes: Floats, discs: Floats, radius: float, lines: Floats) -> Floats:

@@ -14,6 +14,13 @@ from skelgen.model.arrays import Floats, Ints
 from skelgen.model.labelling import Doubt
 from skelgen_gui.model.translation import translate
 
+_BAR = (0.16, 0.84)  # of a lane's height
+_THIN = (0.42, 0.58)
+_STRIPE = (0.62, 0.94)
+_FILLED, _LEFT_OUT = 0.75, 0.5  # opacity
+_DIP = 0.3  # of opacity, for a gap that is shorter than a pixel
+_LEAST_DOUBT = 0.7  # opacity of a doubt that is shorter than a pixel
+
 
 def doubt_at(project: Project, marker: int, frame: int) -> Doubt | None:
     """Return the doubt about a marker in a frame, the least sure one if there are several.
@@ -112,14 +119,6 @@ def _confidence(project: Project, marker: int, frame: int) -> str:
 
 def _tr(text: str) -> str:
     return translate("Lanes", text)
-
-
-_BAR = (0.16, 0.84)  # of a lane's height
-_THIN = (0.42, 0.58)
-_STRIPE = (0.62, 0.94)
-_FILLED, _LEFT_OUT = 0.75, 0.5  # opacity
-_DIP = 0.3  # of opacity, for a gap that is shorter than a pixel
-_LEAST_DOUBT = 0.7  # opacity of a doubt that is shorter than a pixel
 
 
 def lane_picture(

@@ -11,6 +11,9 @@ from skelgen.app.drawing.matrix import DeviationMatrix
 from skelgen.app.drawing.wording import millimetres
 from skelgen_gui.model.translation import translate
 
+FEWEST_CELLS = 3
+"""Rows that are in sight at the largest zoom."""
+
 
 def cell_sentence(matrix: DeviationMatrix, row: int, column: int) -> str:
     """Say how much the distance between two markers varies.
@@ -36,10 +39,6 @@ def _name(matrix: DeviationMatrix, row: int) -> str:
     number = int(matrix.limbs[row])
     limb = translate("Matrix", "limb {0}").format(number) if number >= 0 else translate("Matrix", "no limb")
     return f"{matrix.names[row]} ({limb})"
-
-
-FEWEST_CELLS = 3
-"""Rows that are in sight at the largest zoom."""
 
 
 @dataclass(frozen=True)

@@ -32,12 +32,16 @@ TRAIL_SAMPLES = 90
 _OUTLIERS = 1.0  # percent of positions on each side that may lie outside the box: ghost points lie anywhere
 _PAD = 0.05  # of the box, so that all others are inside
 
-
 _UNCERTAIN_SAMPLES = 20
 _ELLIPSOID = 0.04  # of the size of what is seen: half an axis of a typical ellipsoid
 _NO_POINTS = np.zeros((0, 3))
 _NO_BODIES = np.zeros((0, 4, 4))
 _NO_INTS = np.zeros(0, dtype=np.intp)
+
+BLOCK = 64
+"""Frames whose covariances are derived at once: takes hardly longer than one, some ms."""
+
+_MOST_BLOCKS = 4  # that are kept: what is shown, and what is played into
 
 
 class State(IntEnum):
@@ -314,12 +318,6 @@ def _labelled(project: Project) -> Trajectories | None:
     if project.has("labels"):
         return project.trajectories
     return project.take if isinstance(project.take, Trajectories) else None
-
-
-BLOCK = 64
-"""Frames whose covariances are derived at once: takes hardly longer than one, some ms."""
-
-_MOST_BLOCKS = 4  # that are kept: what is shown, and what is played into
 
 
 class JointCovariances:

@@ -23,6 +23,8 @@ from skelgen_gui.widgets.preferences import Preferences
 
 Button = QMessageBox.StandardButton
 
+_WITH_DIGIT = 9  # entries that a digit key chooses
+
 
 class FileActions(QObject):
     """Opens and saves the document.
@@ -189,9 +191,6 @@ class FileActions(QObject):
 
 def _opened(path: Path, monitor: Monitor) -> Project:
     return open_input(path, monitor=monitor)
-
-
-_WITH_DIGIT = 9  # entries that a digit key chooses
 
 
 class RecentMenu(QMenu):

@@ -37,6 +37,11 @@ _CHIP = 5.0  # px, width of the strip in the limb's colour beside a name
 _TINT = 0.2  # of the highlight behind selected lanes
 _Role = QPalette.ColorRole
 
+_SAMPLE = 26  # px, width of a bar
+_BAR = 14  # px, its height
+_GAP = 18.0
+_LEAST = 6.0  # px from the left border
+
 
 class LaneView(QWidget):
     """A lane for each marker.
@@ -276,12 +281,6 @@ class LaneView(QWidget):
         else:
             words = self.tr("Run the step Labels to see a lane for each marker")
         paint_words(painter, QRectF(self.rect()), words, self.palette())
-
-
-_SAMPLE = 26  # px, width of a bar
-_BAR = 14  # px, its height
-_GAP = 18.0
-_LEAST = 6.0  # px from the left border
 
 
 class Legend(QWidget):

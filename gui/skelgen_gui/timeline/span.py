@@ -16,6 +16,16 @@ FEWEST_FRAMES = 8.0
 
 _LEAD = 0.1  # part of the stretch before a frame that was brought into sight: most people go on forward
 
+GUTTER = 140
+"""px, at the left, for names and scales."""
+
+MARGIN = 16
+"""px, at the right, for a scroll bar."""
+
+_ROUND_SECONDS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0)
+_TICK_ROOM = 88.0  # px, between labels of the ruler
+_PAN = 0.1  # of what is in sight, per notch
+
 
 class VisibleSpan(QObject):
     """Which frames are in sight; frame f lies from f to f + 1.
@@ -129,16 +139,6 @@ class VisibleSpan(QObject):
             self.show(frame - _LEAD * length, frame + (1 - _LEAD) * length)
 
 
-GUTTER = 140
-"""px, at the left, for names and scales."""
-
-MARGIN = 16
-"""px, at the right, for a scroll bar."""
-
-_ROUND_SECONDS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0)
-_TICK_ROOM = 88.0  # px, between labels of the ruler
-
-
 def plot_width(width: float) -> float:
     """Return how wide the part that shows frames is in a widget of some width [px]."""
     return max(width - GUTTER - MARGIN, 1.0)
@@ -185,9 +185,6 @@ def clock(seconds: float, step: float) -> str:
     hours, minute = divmod(minutes, 60)
     shown = f"{hours}:{minute:02d}:{second:02d}" if hours else f"{minute}:{second:02d}"
     return shown + (f".{rest:0{decimals}d}" if decimals else "")
-
-
-_PAN = 0.1  # of what is in sight, per notch
 
 
 def zoom_or_pan(event: QWheelEvent, span: VisibleSpan, width: float) -> None:

@@ -19,6 +19,28 @@ _GAP = 10
 _MOVES = ("first_frame", "previous_frame", "play", "next_frame", "last_frame")
 _RANGES = ("range_from", "range_to", "range_all")
 
+_SIZE = 16.0
+_RATIO = 3.0  # pixels per point: sharp on any screen
+Shape = tuple[tuple[float, float], ...]
+_BARS = {
+    "pause": ((3.5, 2.5, 3.2, 11.0), (9.3, 2.5, 3.2, 11.0)),
+    "first_frame": ((2.0, 2.5, 2.2, 11.0),),
+    "last_frame": ((11.8, 2.5, 2.2, 11.0),),
+    "previous_frame": ((10.6, 3.5, 2.2, 9.0),),
+    "next_frame": ((3.2, 3.5, 2.2, 9.0),),
+    "range_from": ((3.0, 2.0, 2.2, 12.0), (3.0, 2.0, 6.0, 2.0), (3.0, 12.0, 6.0, 2.0)),
+    "range_to": ((10.8, 2.0, 2.2, 12.0), (7.0, 2.0, 6.0, 2.0), (7.0, 12.0, 6.0, 2.0)),
+    "range_all": ((1.5, 2.5, 2.0, 11.0), (12.5, 2.5, 2.0, 11.0), (3.5, 7.2, 9.0, 1.6)),
+}
+_POLYGONS: dict[str, tuple[Shape, ...]] = {
+    "play": (((3.5, 2.0), (13.5, 8.0), (3.5, 14.0)),),
+    "first_frame": (((14.0, 2.5), (14.0, 13.5), (5.0, 8.0)),),
+    "last_frame": (((2.0, 2.5), (2.0, 13.5), (11.0, 8.0)),),
+    "previous_frame": (((9.0, 3.5), (9.0, 12.5), (2.5, 8.0)),),
+    "next_frame": (((7.0, 3.5), (7.0, 12.5), (13.5, 8.0)),),
+    "loop": (((9.0, 0.5), (13.0, 3.4), (9.0, 6.3)), ((7.0, 9.7), (3.0, 12.6), (7.0, 15.5))),
+}
+
 
 class Transport(QWidget):
     """Buttons that play the take.
@@ -117,31 +139,6 @@ class Transport(QWidget):
 
     def _set_speed(self, index: int) -> None:
         self._player.set_speed(self.speed.itemData(index))
-
-
-_SIZE = 16.0
-_RATIO = 3.0  # pixels per point: sharp on any screen
-
-Shape = tuple[tuple[float, float], ...]
-
-_BARS = {
-    "pause": ((3.5, 2.5, 3.2, 11.0), (9.3, 2.5, 3.2, 11.0)),
-    "first_frame": ((2.0, 2.5, 2.2, 11.0),),
-    "last_frame": ((11.8, 2.5, 2.2, 11.0),),
-    "previous_frame": ((10.6, 3.5, 2.2, 9.0),),
-    "next_frame": ((3.2, 3.5, 2.2, 9.0),),
-    "range_from": ((3.0, 2.0, 2.2, 12.0), (3.0, 2.0, 6.0, 2.0), (3.0, 12.0, 6.0, 2.0)),
-    "range_to": ((10.8, 2.0, 2.2, 12.0), (7.0, 2.0, 6.0, 2.0), (7.0, 12.0, 6.0, 2.0)),
-    "range_all": ((1.5, 2.5, 2.0, 11.0), (12.5, 2.5, 2.0, 11.0), (3.5, 7.2, 9.0, 1.6)),
-}
-_POLYGONS: dict[str, tuple[Shape, ...]] = {
-    "play": (((3.5, 2.0), (13.5, 8.0), (3.5, 14.0)),),
-    "first_frame": (((14.0, 2.5), (14.0, 13.5), (5.0, 8.0)),),
-    "last_frame": (((2.0, 2.5), (2.0, 13.5), (11.0, 8.0)),),
-    "previous_frame": (((9.0, 3.5), (9.0, 12.5), (2.5, 8.0)),),
-    "next_frame": (((7.0, 3.5), (7.0, 12.5), (13.5, 8.0)),),
-    "loop": (((9.0, 0.5), (13.0, 3.4), (9.0, 6.3)), ((7.0, 9.7), (3.0, 12.6), (7.0, 15.5))),
-}
 
 
 def _transport_icon(name: str, palette: QPalette) -> QIcon:

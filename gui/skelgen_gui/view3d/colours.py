@@ -19,6 +19,12 @@ _ABOVE, _BELOW = 0.75, 0.05  # of the colour of pages in the background, the res
 _OTHER = {False: "#c2187f", True: "#ff79c6"}  # on light, on dark
 _SHADE = {False: 109, True: 150}  # percent by which shadows are darker
 
+RADIUS_STEP = 0.5
+"""Sprites are made for radii in steps of so many pixels."""
+
+MOST_SPRITES = 2000
+"""Sprites kept: 20 colours in 5 depths, 4 styles and 5 radii."""
+
 
 class Colours:
     """What is painted in which colour.
@@ -120,13 +126,6 @@ class Inks:
 
     def _fogged(self, colour: QColor, fog: int) -> QColor:
         return self.colours.mixed(colour, _HAZE * min(fog, N_FOGS - 1) / (N_FOGS - 1))
-
-
-RADIUS_STEP = 0.5
-"""Sprites are made for radii in steps of so many pixels."""
-
-MOST_SPRITES = 2000
-"""Sprites kept: 20 colours in 5 depths, 4 styles and 5 radii."""
 
 
 class Style(Enum):

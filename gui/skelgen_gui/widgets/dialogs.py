@@ -24,6 +24,8 @@ from skelgen_gui.widgets.preferences import Preferences, PreferenceValues
 
 _SIZE = (640, 560)  # px
 
+_WIDTH = 420  # px: the help fits into its lines
+
 
 class ShortcutsDialog(QDialog):
     """A table of all keys and what they do.
@@ -86,9 +88,6 @@ class ShortcutsDialog(QDialog):
 def _plain(text: str) -> str:
     """The text of an action without its mark of a key."""
     return text.replace("&", "").removesuffix("…")
-
-
-_WIDTH = 420  # px: the help fits into its lines
 
 
 class PreferencesDialog(QDialog):

@@ -30,6 +30,9 @@ translate = QCoreApplication.translate
 
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "numba")
 
+_WIDTH = 460  # px: about twelve words to a line
+_DETAILS_HEIGHT = 260
+
 
 def sentence_of(error: BaseException) -> str:
     """Return one sentence: that of an error which the user can act on, or that the program has a fault."""
@@ -65,10 +68,6 @@ def _installed(package: str) -> str:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return translate("Errors", "is not installed")
-
-
-_WIDTH = 460  # px: about twelve words to a line
-_DETAILS_HEIGHT = 260
 
 
 class ErrorDialog(QDialog):

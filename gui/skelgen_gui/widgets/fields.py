@@ -32,6 +32,9 @@ _EXACT = 1e15  # whole numbers below are shown with all their digits
 _FINENESS = 1  # a step changes the second digit of a number: 0.8 -> 0.81, 100 -> 110
 _STEP_FROM_ZERO = 0.1
 
+MOST = 100_000
+"""The largest number that can be given."""
+
 
 class _NumberBox(QAbstractSpinBox):
     """A number with arrows; unlike Qt's own it shows 1e-12 as such and lets a value out of bounds stand."""
@@ -196,10 +199,6 @@ class _WheelGuard(QObject):
             event.ignore()
             return True
         return False
-
-
-MOST = 100_000
-"""The largest number that can be given."""
 
 
 class FoundOrGiven(QWidget):

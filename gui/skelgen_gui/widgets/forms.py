@@ -25,6 +25,10 @@ CHANGED_MARK = "• "
 """Stands before the name of a value that is not the default."""
 
 
+_LINES_PER_ROW = 2  # the editor, and what is wrong with it
+_HELP_LINES = 4
+
+
 def _title_of(declaration: Declaration) -> str:
     """Return the name as a person reads it."""
     return QCoreApplication.translate("Parameters", declaration.name.replace("_", " ").capitalize())
@@ -163,10 +167,6 @@ class FormRow(QObject):
         self.editor.setAccessibleDescription(self.problem or (self.tr("changed") if changed else ""))
         self.reset_button.setVisible(changed)
         self.edited.emit()
-
-
-_LINES_PER_ROW = 2  # the editor, and what is wrong with it
-_HELP_LINES = 4
 
 
 def stage_form(declared: type[StageParameters], parent: QWidget | None = None) -> ParameterForm:

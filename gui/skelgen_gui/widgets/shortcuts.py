@@ -18,6 +18,9 @@ SEPARATOR = "-"
 """Stands for a line between the entries of a menu."""
 
 
+_FILE, _EDIT, _RUN, _PLAY, _HELP = "&File", "&Edit", "&Run", "&Play", "&Help"
+
+
 @dataclass(frozen=True)
 class Command:
     """One command of the window.
@@ -51,8 +54,6 @@ class Command:
     in_views: bool = False
     is_checkable: bool = False
 
-
-_FILE, _EDIT, _RUN, _PLAY, _HELP = "&File", "&Edit", "&Run", "&Play", "&Help"
 
 COMMANDS: tuple[Command, ...] = (
     Command("open", _FILE, "&Open…", "Ctrl+O", "Open a recording or a project", in_tool_bar=True),

@@ -57,6 +57,11 @@ _DARK = {
 _FADED = {False: "#8b929c", True: "#8d949e"}  # texts of what is switched off
 _MIDDLE = 128  # of lightness 0 .. 255
 
+_DOUBT = {False: "#d9480f", True: "#ff922b"}
+_CURSOR = {False: "#e03131", True: "#ff6b6b"}
+_LIMBLESS = {False: "#868e96", True: "#868e96"}
+_COMPONENTS = {False: ("#c92a2a", "#2b8a3e", "#1864ab"), True: ("#ff8787", "#69db7c", "#74c0fc")}
+
 
 class Theme(QObject):
     """Keeps the application's palette as the preferences say: dark, light, or as the system has it.
@@ -109,12 +114,6 @@ def is_dark(palette: QPalette) -> bool:
 
 def _system_is_dark(app: QApplication) -> bool:
     return app.styleHints().colorScheme() == Qt.ColorScheme.Dark
-
-
-_DOUBT = {False: "#d9480f", True: "#ff922b"}
-_CURSOR = {False: "#e03131", True: "#ff6b6b"}
-_LIMBLESS = {False: "#868e96", True: "#868e96"}
-_COMPONENTS = {False: ("#c92a2a", "#2b8a3e", "#1864ab"), True: ("#ff8787", "#69db7c", "#74c0fc")}
 
 
 def colour_of_limb(limb: int, palette: QPalette) -> QColor:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog
 from skelgen_gui.pages.export import ExportPage
-from skelgen_gui.project.jobs import Jobs
+from skelgen_gui.project.jobs import PROGRESS_INTERVAL, Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import ErrorDialog
 
@@ -209,6 +210,27 @@ def test_a_fault_of_the_program_opens_the_dialog_of_errors(open_page, click):
     assert "ZeroDivisionError" in page.findChild(ErrorDialog).sentence.text()
 
 
+class Slowed:
+    """Passes everything on, and takes its time for its first step, so that its progress is due."""
+
+    def __init__(self, monitor):
+        self.monitor, self.begin, self.notice = monitor, monitor.begin, monitor.notice
+        self.n_steps = 0
+
+    def advance(self, done, total):
+        self.n_steps += done > 0
+        if self.n_steps == 1:
+            time.sleep(2 * PROGRESS_INTERVAL)
+        self.monitor.advance(done, total)
+
+
+class Unhurried(Jobs):
+    """Jobs of which no export is done before its progress is shown."""
+
+    def start(self, title, work, done, failed=None):
+        return super().start(title, lambda monitor: work(Slowed(monitor)), done, failed)
+
+
 def test_while_it_runs_the_choices_wait_and_it_can_be_cancelled(open_page, qtbot, click, tmp_path):
     jobs = Jobs()
     page = open_page(jobs)
@@ -235,7 +257,7 @@ def test_cancelling_in_the_middle_writes_nothing(open_page, click, tmp_path):
 
 
 def test_progress_comes_from_another_thread_and_rises_to_the_end(open_page, qtbot, click, tmp_path):
-    jobs = Jobs()
+    jobs = Unhurried()
     page = open_page(jobs)
     page.choice.setCurrentText("TRC (Motion Analysis, OpenSim)")
     shares = []
