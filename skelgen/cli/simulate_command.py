@@ -17,52 +17,57 @@ if TYPE_CHECKING:
 
 _PANEL = "Recorded motion"
 
+MotionFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--motion",
+        metavar="FILE",
+        help="Instead of a STRUCTURE: bones and how they moved (BVH, AMC).",
+        show_default=False,
+        rich_help_panel=_PANEL,
+    ),
+]
+MotionSkeleton = Annotated[
+    Path | None,
+    typer.Option(
+        "--motion-skeleton",
+        metavar="FILE",
+        help="The ASF that belongs to an AMC.",
+        show_default="found beside it",
+        rich_help_panel=_PANEL,
+    ),
+]
+MotionUnit = Annotated[
+    str | None,
+    typer.Option(
+        "--motion-unit",
+        metavar="UNIT",
+        help="Unit of a BVH: mm, cm, m, in, or a number of mm.",
+        show_default="by the body's size",
+        rich_help_panel=_PANEL,
+    ),
+]
+MotionRate = Annotated[
+    float | None,
+    typer.Option(
+        "--motion-rate",
+        metavar="HZ",
+        help="Frame rate of the motion.",
+        show_default="as stated; 120 for AMC",
+        rich_help_panel=_PANEL,
+    ),
+]
+
 
 def simulate(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Take to write, in any format.")],
     structure: Annotated[
         str | None, typer.Argument(metavar="[STRUCTURE]", help="What moves: rods, human, quadruped, tree:8.")
     ] = None,
-    motion: Annotated[
-        Path | None,
-        typer.Option(
-            "--motion",
-            metavar="FILE",
-            help="Instead of a STRUCTURE: bones and how they moved (BVH, AMC).",
-            show_default=False,
-            rich_help_panel=_PANEL,
-        ),
-    ] = None,
-    motion_skeleton: Annotated[
-        Path | None,
-        typer.Option(
-            "--motion-skeleton",
-            metavar="FILE",
-            help="The ASF that belongs to an AMC.",
-            show_default="found beside it",
-            rich_help_panel=_PANEL,
-        ),
-    ] = None,
-    motion_unit: Annotated[
-        str | None,
-        typer.Option(
-            "--motion-unit",
-            metavar="UNIT",
-            help="Unit of a BVH: mm, cm, m, in, or a number of mm.",
-            show_default="by the body's size",
-            rich_help_panel=_PANEL,
-        ),
-    ] = None,
-    motion_rate: Annotated[
-        float | None,
-        typer.Option(
-            "--motion-rate",
-            metavar="HZ",
-            help="Frame rate of the motion.",
-            show_default="as stated; 120 for AMC",
-            rich_help_panel=_PANEL,
-        ),
-    ] = None,
+    motion: MotionFile = None,
+    motion_skeleton: MotionSkeleton = None,
+    motion_unit: MotionUnit = None,
+    motion_rate: MotionRate = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the motion and of all faults.")] = 0,
     quiet: Quiet = False,
     **values: Any,
