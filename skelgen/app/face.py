@@ -188,10 +188,7 @@ def reconstruct(
 
 
 def apply_subject(
-    take: Take,
-    subject: Project | Path | str,
-    parameters: ParameterValues = None,
-    monitor: Monitor | None = None,
+    take: Take, subject: Project | Path | str, parameters: ParameterValues = None, monitor: Monitor | None = None
 ) -> Project:
     """Label and pose a take by a skeleton that was calibrated on another take of the same body.
 

@@ -83,10 +83,7 @@ def build_app(called: str = "") -> typer.Typer:
     called : str
         The command whose generated options are needed.
     """
-    app = typer.Typer(
-        epilog=_EPILOG,
-        pretty_exceptions_enable=False,
-    )
+    app = typer.Typer(epilog=_EPILOG, pretty_exceptions_enable=False)
     app.callback()(_root)
     called = FORMER_NAMES.get(called, called)
     for name, function, options in _commands():

@@ -32,8 +32,7 @@ EXIT_SOME_FAILED = 3
 EXIT_ALL_FAILED = 2
 
 Inputs = Annotated[
-    list[str],
-    typer.Argument(metavar="IN...", help="Takes, folders of takes, and patterns in quotes: 'in/**/*.c3d'."),
+    list[str], typer.Argument(metavar="IN...", help="Takes, folders of takes, and patterns in quotes: 'in/**/*.c3d'.")
 ]
 BatchFolder = Annotated[
     Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder of the batch; each take gets a folder in it.")

@@ -17,8 +17,7 @@ from skelgen.errors import InputError, ParameterError
 
 OutputFile = Annotated[Path, typer.Argument(metavar="OUT", help="File to write; its suffix tells the format.")]
 OutputFormat = Annotated[
-    str | None,
-    typer.Option("--to", metavar="NAME", help="Write this format.", show_default="found by the suffix"),
+    str | None, typer.Option("--to", metavar="NAME", help="Write this format.", show_default="found by the suffix")
 ]
 ProjectFile = Annotated[
     Path, typer.Argument(metavar="RESULT", help="A .skelgen project, or the folder of a run with one in it.")
@@ -74,8 +73,7 @@ def evaluate(
         Path, typer.Argument(metavar="TRUTH", help="The .truth.npz that `skelgen simulate` wrote; or a rig's settings.")
     ],
     plot: Annotated[
-        Path | None,
-        typer.Option("--plot", metavar="FILE", help="Of a rig: draw the errors (SVG).", show_default=False),
+        Path | None, typer.Option("--plot", metavar="FILE", help="Of a rig: draw the errors (SVG).", show_default=False)
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -46,22 +46,16 @@ def formats_beginning(incomplete: str) -> list[str]:
 
 InputFile = Annotated[Path, typer.Argument(metavar="TAKE", help="Take in any known format, or a .skelgen project.")]
 OutputFolder = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the results.", show_default=False),
+    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the results.", show_default=False)
 ]
 Seed = Annotated[
-    int | None,
-    typer.Option("--seed", help="Seed of every random choice.", show_default="0, or that of the project"),
+    int | None, typer.Option("--seed", help="Seed of every random choice.", show_default="0, or that of the project")
 ]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes for work that can be shared.")]
 NMarkers = Annotated[
-    int | None,
-    typer.Option("--n-markers", min=1, help="Number of physical markers.", show_default="found"),
+    int | None, typer.Option("--n-markers", min=1, help="Number of physical markers.", show_default="found")
 ]
-NLimbs = Annotated[
-    int | None,
-    typer.Option("--n-limbs", min=1, help="Number of rigid limbs.", show_default="found"),
-]
+NLimbs = Annotated[int | None, typer.Option("--n-limbs", min=1, help="Number of rigid limbs.", show_default="found")]
 IdentitiesFile = Annotated[
     Path | None,
     typer.Option("--identities", metavar="FILE", help="CSV: which point is which marker.", show_default=False),

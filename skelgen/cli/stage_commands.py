@@ -58,11 +58,7 @@ FromStage = Annotated[
 UntilStage = Annotated[
     str | None,
     typer.Option(
-        "--until",
-        metavar="STAGE",
-        help="Last stage to run.",
-        show_default="skeleton",
-        autocompletion=stages_beginning,
+        "--until", metavar="STAGE", help="Last stage to run.", show_default="skeleton", autocompletion=stages_beginning
     ),
 ]
 OptionalInput = Annotated[
