@@ -82,7 +82,7 @@ def read_config(path: Path | str, stages: Sequence[type[StageParameters]]) -> di
         If a group or a parameter is unknown or given twice, a value has the wrong type or lies out of its bounds.
     """
     path, tree = Path(path), _tree(stages)
-    values: dict[str, dict[str, Any]] = {cls.stage: {} for cls in stages}
+    values: dict[str, dict[str, object]] = {cls.stage: {} for cls in stages}
     for where, stage, declaration, value in _read_group(
         path, read_root(path, ROOT, "config.xml", _LARGEST_FILE), tree, ""
     ):

@@ -97,8 +97,8 @@ class _Data:
 
     def __init__(self) -> None:
         self.content = bytearray()
-        self.views: list[dict[str, Any]] = []
-        self.accessors: list[dict[str, Any]] = []
+        self.views: list[dict[str, int]] = []
+        self.accessors: list[dict[str, object]] = []
 
     def add(self, values: NDArray[Any], *, vertices: bool = False, bounds: bool = False) -> int:
         """Append an array, one element per row, and return the index of its accessor."""
@@ -107,7 +107,7 @@ class _Data:
         view = {"buffer": 0, "byteOffset": len(self.content), "byteLength": array.nbytes}
         self.views.append(view | {"target": _VERTICES} if vertices else view)
         self.content += array.tobytes()  # of two-byte numbers there are four to an element: all stays aligned to four
-        accessor: dict[str, Any] = {"bufferView": len(self.views) - 1, "componentType": kind, "count": len(array)}
+        accessor: dict[str, object] = {"bufferView": len(self.views) - 1, "componentType": kind, "count": len(array)}
         accessor["type"] = _TYPES[array.shape[1:]]
         if bounds:
             low, high = np.atleast_1d(array.min(axis=0)), np.atleast_1d(array.max(axis=0))
@@ -116,13 +116,15 @@ class _Data:
         return len(self.accessors) - 1
 
 
-def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, Any]:
+def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, object]:
     skeleton = project.skeleton
     rest = scaled_poses(skeleton.reference_pose, scale)
-    nodes: list[dict[str, Any]] = [{"name": "skeleton", "children": [_node(root) for root in skeleton.roots.tolist()]}]
+    nodes: list[dict[str, object]] = [
+        {"name": "skeleton", "children": [_node(root) for root in skeleton.roots.tolist()]}
+    ]
     nodes += [_bone(skeleton, rest, limb) for limb in range(skeleton.n_limbs)]
     shown = [_SKELETON_NODE]
-    document: dict[str, Any] = {"asset": {"version": "2.0", "generator": "skelgen"}, "scene": 0, "nodes": nodes}
+    document: dict[str, object] = {"asset": {"version": "2.0", "generator": "skelgen"}, "scene": 0, "nodes": nodes}
     joints = [_node(limb) for limb in range(skeleton.n_limbs)]
     matrices = data.add(_inverse(rest).swapaxes(-1, -2))
     document["skins"] = [{"joints": joints, "skeleton": _SKELETON_NODE, "inverseBindMatrices": matrices}]
@@ -138,9 +140,9 @@ def _node(limb: int) -> int:
     return limb + 1
 
 
-def _bone(skeleton: Skeleton, rest: Floats, limb: int) -> dict[str, Any]:
+def _bone(skeleton: Skeleton, rest: Floats, limb: int) -> dict[str, object]:
     translation, rotation = bone_transforms(rest, int(skeleton.parents[limb]), limb)
-    node: dict[str, Any] = {"name": bone_name(limb), "translation": translation.tolist()}
+    node: dict[str, object] = {"name": bone_name(limb), "translation": translation.tolist()}
     node["rotation"] = xyzw_from_matrix(rotation).tolist()
     children = [_node(int(child)) for child in np.flatnonzero(skeleton.parents == limb)]
     if children:
@@ -151,13 +153,13 @@ def _bone(skeleton: Skeleton, rest: Floats, limb: int) -> dict[str, Any]:
     return node
 
 
-def _facts(joint: Joint) -> dict[str, Any]:
-    facts: dict[str, Any] = {"kind": joint.kind, "std_mm": joint.std.tolist()}
+def _facts(joint: Joint) -> dict[str, object]:
+    facts: dict[str, object] = {"kind": joint.kind, "std_mm": joint.std.tolist()}
     axes = {"axis_in_parent": joint.axis, "second_axis_in_child": joint.second_axis}
     return facts | {name: axis.tolist() for name, axis in axes.items() if axis is not None}
 
 
-def _markers(project: Project, rest: Floats, scale: float, data: _Data) -> dict[str, Any]:
+def _markers(project: Project, rest: Floats, scale: float, data: _Data) -> dict[str, object]:
     skeleton = project.skeleton
     carried = np.flatnonzero(skeleton.limb_of_marker >= 0)
     limbs = skeleton.limb_of_marker[carried]
@@ -175,11 +177,11 @@ def _markers(project: Project, rest: Floats, scale: float, data: _Data) -> dict[
     return {"name": "markers", "primitives": [primitive], "extras": {"marker_names": names}}
 
 
-def _animation(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, Any]:
+def _animation(project: Project, scale: float, data: _Data, monitor: Monitor) -> dict[str, object]:
     skeleton, poses = project.skeleton, project.motion.world_from_limb
     keys = data.add(project.motion.times, bounds=True)
-    samplers: list[dict[str, Any]] = []
-    channels: list[dict[str, Any]] = []
+    samplers: list[dict[str, object]] = []
+    channels: list[dict[str, object]] = []
 
     def move(limb: int, what: str, values: Floats) -> None:
         samplers.append({"input": keys, "output": data.add(values), "interpolation": "LINEAR"})

@@ -59,7 +59,7 @@ def _project(value: Writable) -> Project:
     raise WriteError("summary-json holds the results of a project, not a take; run the stages first")
 
 
-def summary(project: Project) -> dict[str, Any]:
+def summary(project: Project) -> dict[str, object]:
     """Return what the summary file holds: dicts, lists, texts and finite numbers; lengths in mm, times in s."""
     result = {
         "schema": SCHEMA,
@@ -82,7 +82,7 @@ def summary(project: Project) -> dict[str, Any]:
             for name, report in project.reports.items()
         },
     }
-    plain: dict[str, Any] = _plain(result)
+    plain: dict[str, object] = _plain(result)
     return plain
 
 
@@ -96,12 +96,12 @@ def _versions() -> dict[str, str | None]:
     return versions
 
 
-def _take(take: Take) -> dict[str, Any]:
+def _take(take: Take) -> dict[str, object]:
     counts = {"n_points": take.n_points} if isinstance(take, PointCloud) else {}
     return {"name": take.name, "kind": type(take).__name__, **counts, "notices": take.notices}
 
 
-def _labels(project: Project) -> dict[str, Any]:
+def _labels(project: Project) -> dict[str, object]:
     labelling, names = project.labelling, project.trajectories.names
     tracklets = labelling.tracklets
     return {
@@ -124,7 +124,7 @@ def _labels(project: Project) -> dict[str, Any]:
     }
 
 
-def _limbs(project: Project) -> list[dict[str, Any]]:
+def _limbs(project: Project) -> list[dict[str, object]]:
     limbs = project.limbs
     return [
         {
@@ -137,7 +137,7 @@ def _limbs(project: Project) -> list[dict[str, Any]]:
     ]
 
 
-def _marker(project: Project, marker: int) -> dict[str, Any]:
+def _marker(project: Project, marker: int) -> dict[str, object]:
     skeleton = project.skeleton if project.has("skeleton") else None
     estimated = {"offset": "marker_offsets", "offset_std": "offset_std", "noise": "marker_noise"}
     values = {key: getattr(skeleton, name, None) for key, name in estimated.items()}
@@ -154,13 +154,13 @@ def _names(project: Project, markers: Any) -> list[str]:
     return [project.trajectories.names[int(marker)] for marker in markers]
 
 
-def _tree(project: Project) -> dict[str, Any]:
+def _tree(project: Project) -> dict[str, object]:
     topology = project.topology
     facts = _fields(topology, "parents", "roots", "edges")
     return {**facts, "joint_costs": topology.values, "n_iterations": topology.n_iterations}
 
 
-def _joints(project: Project) -> list[dict[str, Any]]:
+def _joints(project: Project) -> list[dict[str, object]]:
     from skelgen.kinematics.inverse.motion import angle_ranges  # noqa: PLC0415 - scipy is slow to load
     from skelgen.kinematics.joints.observability import observed_joints  # noqa: PLC0415
 
@@ -181,7 +181,7 @@ def _joints(project: Project) -> list[dict[str, Any]]:
     ]
 
 
-def _loops(skeleton: Skeleton) -> list[dict[str, Any]]:
+def _loops(skeleton: Skeleton) -> list[dict[str, object]]:
     return [
         {
             "name": f"limb{joint.parent}-limb{joint.child}",
@@ -191,13 +191,13 @@ def _loops(skeleton: Skeleton) -> list[dict[str, Any]]:
     ]
 
 
-def _turns(motion: Any) -> list[dict[str, Any]]:
+def _turns(motion: Any) -> list[dict[str, object]]:
     """How far a joint turns about its three directions, unit vectors in the parent."""
     both = zip(motion.directions, motion.ranges, strict=True)
     return [{"direction": direction, "range": turn} for direction, turn in both]
 
 
-def _lengths(skeleton: Skeleton) -> list[dict[str, Any]]:
+def _lengths(skeleton: Skeleton) -> list[dict[str, object]]:
     names = joint_names(skeleton)
     return [
         {
@@ -220,7 +220,7 @@ def _residual(project: Project, markers: Ints | list[int]) -> float | None:
     return _mean(project.motion.residuals[:, markers]) if project.has("skeleton") else None
 
 
-def _fields(value: object, *names: str) -> dict[str, Any]:
+def _fields(value: object, *names: str) -> dict[str, object]:
     return {name: getattr(value, name) for name in names}
 
 

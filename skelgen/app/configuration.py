@@ -127,7 +127,7 @@ class Settings:
             raise ParameterError(f"there is no stage {stage!r}; stages are {', '.join(known)}")
         return cast(StageParameters, getattr(self, stage))
 
-    def as_mapping(self) -> dict[str, dict[str, Any]]:
+    def as_mapping(self) -> dict[str, dict[str, object]]:
         """Return names and values by stage, of the stages that somebody gave or asked for."""
         return {stage: parameters.as_mapping() for stage, parameters in self._parameters.items()}
 
@@ -198,7 +198,7 @@ def write_defaults(path: Path) -> None:
     write_config(path, all_parameter_classes())
 
 
-def parameter_rows(settings: Settings) -> list[dict[str, Any]]:
+def parameter_rows(settings: Settings) -> list[dict[str, object]]:
     """Return one row per parameter: stage, name, value, default, unit, bounds, name in config.xml, help."""
     return [
         {

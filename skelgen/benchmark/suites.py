@@ -193,11 +193,11 @@ def load_state(page: Path, *, quick: bool) -> tuple[list[Section], float]:
         return [], 0.0
 
 
-def _key(quick: bool) -> dict[str, Any]:
+def _key(quick: bool) -> dict[str, object]:
     return {"format": _FORMAT, "version": skelgen.__version__, "machine": machine_line(), "quick": quick}
 
 
-def _packed(section: Section) -> dict[str, Any]:
+def _packed(section: Section) -> dict[str, object]:
     tables = [vars(table) for table in section.tables]
     return vars(section) | {"tables": tables, "figures": [vars(figure) for figure in section.figures]}
 

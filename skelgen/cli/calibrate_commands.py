@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -126,7 +126,7 @@ def _settings_there(path: Path) -> CaptureSettings | None:
     return read_settings(path) if path.exists() else None
 
 
-def _pair_rows(found: StereoCalibration) -> list[dict[str, Any]]:
+def _pair_rows(found: StereoCalibration) -> list[dict[str, object]]:
     return [
         {
             "pair": pair.name,
@@ -144,7 +144,7 @@ def _rounded(value: float) -> float | None:
     return round(value, 3) if math.isfinite(value) else None
 
 
-def _mapping(found: StereoCalibration, output: Path) -> dict[str, Any]:
+def _mapping(found: StereoCalibration, output: Path) -> dict[str, object]:
     from skelgen.capture.calibration.table import INTRINSIC, intrinsic
 
     left, right = (intrinsic(eye) for eye in (found.rig.left, found.rig.right))

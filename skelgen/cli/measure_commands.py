@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -100,7 +100,7 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
     screen.json(_mapping(errors))
 
 
-def _rows(errors: RigErrors, curve: Curve) -> list[dict[str, Any]]:
+def _rows(errors: RigErrors, curve: Curve) -> list[dict[str, object]]:
     return [
         {
             "distance [mm]": f"{distance:g}",
@@ -114,7 +114,7 @@ def _number(value: float) -> float | None:
     return round(float(value), 4) if math.isfinite(value) else None
 
 
-def _mapping(errors: RigErrors) -> dict[str, Any]:
+def _mapping(errors: RigErrors) -> dict[str, object]:
     return {
         "noise_px": errors.noise,
         "distances_mm": errors.distances.tolist(),

@@ -257,7 +257,7 @@ def show_project(screen: Screen, tables: Mapping[str, Any]) -> None:
     screen.say(f"stages: {times or 'none has run'}")
 
 
-def _without(names: Sequence[str], row: Mapping[str, Any]) -> dict[str, Any]:
+def _without(names: Sequence[str], row: Mapping[str, Any]) -> dict[str, object]:
     return {name: value for name, value in row.items() if name not in names}
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -96,7 +95,7 @@ class Evaluation:
         limbs = dict.fromkeys(marker.limb for marker in self.markers)
         return {limb: _mean([m.from_tracked for m in self.markers if m.limb == limb]) for limb in limbs}
 
-    def as_mapping(self) -> dict[str, Any]:
+    def as_mapping(self) -> dict[str, object]:
         """Return everything as plain values for JSON: numbers, texts, lists, None."""
         figures: tuple[str, ...] = (
             "mean_joint_error",

@@ -185,7 +185,7 @@ def _moved(body: Structure, settings: SimulationParameters, seed: int) -> _Scene
     return _Scene(body, settings, streams, name, angles, poses, carried_markers(body, poses))
 
 
-def _settings(parameters: SimulationParameters, options: dict[str, Any]) -> SimulationParameters:
+def _settings(parameters: SimulationParameters, options: dict[str, object]) -> SimulationParameters:
     settings = SimulationParameters.from_mapping(parameters.as_mapping() | options)
     unnamed = [fault for fault in _UNLABELLED if getattr(settings, fault) > 0]
     if settings.labelled and unnamed:

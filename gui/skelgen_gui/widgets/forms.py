@@ -229,7 +229,7 @@ class ParameterForm(QWidget):
         """The lines of the form by name."""
         return {row.declaration.name: row for row in (*self._basic, *self._advanced)}
 
-    def values(self) -> dict[str, Any]:
+    def values(self) -> dict[str, object]:
         """Return the value of every name, or raise the first `ParameterError`."""
         return {name: row.value() for name, row in self.rows.items()}
 
@@ -247,7 +247,7 @@ class ParameterForm(QWidget):
         return next((row.problem for row in self.rows.values() if row.problem), "")
 
     @property
-    def defaults(self) -> dict[str, Any]:
+    def defaults(self) -> dict[str, object]:
         """The default of every name."""
         return {name: row.declaration.default for name, row in self.rows.items()}
 

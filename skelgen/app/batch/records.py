@@ -47,7 +47,7 @@ def read_json(path: Path) -> Record | None:
     return data if isinstance(data, dict) else None
 
 
-def files_of(paths: Iterable[Path]) -> dict[str, dict[str, Any]]:
+def files_of(paths: Iterable[Path]) -> dict[str, dict[str, object]]:
     """Return size and checksum of files by name."""
     return {path.name: {"bytes": path.stat().st_size, "sha256": sha256_of(path)} for path in sorted(paths)}
 

@@ -6,7 +6,6 @@ import contextlib
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
 from urllib.parse import quote
 
 from skelgen.app.batch.records import (
@@ -226,7 +225,7 @@ def _sentence(counts: dict[str, int]) -> str:
     return f"{counted(n_takes, 'take')}: {', '.join(parts)}."
 
 
-def _row(record: Record) -> dict[str, Any]:
+def _row(record: Record) -> dict[str, object]:
     facts, name = record["facts"], record["name"]
     row = {"name": name, "outcome": record["outcome"], "error": record["error"]}
     row |= {"notices": facts.get("notices", []), "counts": [facts.get(key, "–") for key in _COUNTS]}

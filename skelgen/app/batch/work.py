@@ -99,7 +99,7 @@ class Job:
     subject: SubjectFile | None = None
     version: str = skelgen.__version__
 
-    def as_mapping(self) -> dict[str, Any]:
+    def as_mapping(self) -> dict[str, object]:
         """Return all of it as plain values, as the manifest names them."""
         data = dataclasses.asdict(self)
         options = {name: value for name, value in data.pop("options").items() if value != ()}

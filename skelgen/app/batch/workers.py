@@ -242,7 +242,7 @@ def _check_workers(client: Client, address: str, shared: Path) -> None:
 
         return importlib.import_module("skelgen").__version__, pathlib.Path(path).exists()
 
-    found: dict[str, Any] = client.run(asked, str(shared), on_error="return")
+    found: dict[str, BaseException | tuple[str, bool]] = client.run(asked, str(shared), on_error="return")
     if not found:
         raise InputError(f"the scheduler at {address} has no workers; start some with `dask worker {address}`")
     for worker, answer in found.items():

@@ -198,7 +198,7 @@ class _Reader:
             return take_of(source, self._path)
         return unpacked(structure["take"], self._array), source
 
-    def _json(self, member: str) -> dict[str, Any]:
+    def _json(self, member: str) -> dict[str, object]:
         try:
             data = json.loads(self._bytes(member))
         except (ValueError, RecursionError) as error:
@@ -234,7 +234,7 @@ def _joint_angles(skeleton: Skeleton, positions: Floats, motion: Motion) -> tupl
     return MotionAngles(skeleton, positions)(motion)
 
 
-def _structure(project: Project, arrays: dict[str, NDArray[Any]], embed: bool) -> dict[str, Any]:
+def _structure(project: Project, arrays: dict[str, NDArray[Any]], embed: bool) -> dict[str, object]:
     results = {name: getattr(project, f"_{name}") for name in _RESULTS}
     labelled = results["trajectories"] is project.take
     if labelled:
@@ -252,7 +252,7 @@ def _structure(project: Project, arrays: dict[str, NDArray[Any]], embed: bool) -
     return structure | {name: packed(value, name, arrays) for name, value in results.items()}
 
 
-def _run_facts(project: Project) -> dict[str, Any]:
+def _run_facts(project: Project) -> dict[str, object]:
     versions = {"skelgen": skelgen.__version__, "python": platform.python_version(), "numpy": np.__version__}
     seconds = {name: report.seconds for name, report in project.reports.items()}
     return {"versions": versions, "seconds": seconds, "source": packed(project.source, "", {})}

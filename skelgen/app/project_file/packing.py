@@ -109,7 +109,7 @@ def _type_name(value: Any) -> str:
     return next(cls.__name__ for cls in type(value).__mro__ if "__dataclass_fields__" in vars(cls))
 
 
-def _value(type_name: Any, fields: dict[str, Any]) -> Any:
+def _value(type_name: Any, fields: dict[str, object]) -> Any:
     if type_name not in _VALUES:
         raise ValueError(f"there is no value of type {type_name!r}")
     cls = _VALUES[type_name]

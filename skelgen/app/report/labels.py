@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from skelgen.app.advice import REMEDIES, advice_on, doubtful_share, left_out_share
 from skelgen.app.drawing.wording import counted, duration, percent
 from skelgen.app.report.timelines import confidence_figure
@@ -17,7 +15,7 @@ _MOST_ROWS = 40
 _FINDING_WORDS = {"exchanged": "Labels exchanged", "moved": "Label on another marker", "slipped": "Marker slipped"}
 
 
-def labels_content(project: Project) -> dict[str, Any]:
+def labels_content(project: Project) -> dict[str, object]:
     """Return what the template shows of the labels of a project that knows how sure they are."""
     labelling = project.labelling
     tracklets = labelling.tracklets
