@@ -78,11 +78,7 @@ def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") ->
 
 
 def write_mfml(
-    value: Writable,
-    path: Path,
-    id_width: str = "auto",
-    timestamp_unit: str = "us",
-    monitor: Monitor = SILENT,
+    value: Writable, path: Path, id_width: str = "auto", timestamp_unit: str = "us", monitor: Monitor = SILENT
 ) -> list[Path]:
     """Write points as a tracker recording; labelled markers lose their labels.
 

@@ -40,14 +40,7 @@ from skelgen_formats.markers import (
 )
 from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Writable, per_mm
 from skelgen_formats.registry import Format
-from skelgen_formats.text import (
-    count_in,
-    decoded_head,
-    parse_rows,
-    rate_in,
-    read_lines,
-    without_trailing_empty,
-)
+from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
