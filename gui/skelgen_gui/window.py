@@ -138,11 +138,7 @@ class Window(QMainWindow):
         self.tabs.setAccessibleName(self.tr("Views"))
         for view, title, tip in (
             (self.view3d, self.tr("3-D"), self.tr("Markers, bones and joints in space")),
-            (
-                self.matrix,
-                self.tr("Distances"),
-                self.tr("How distances between markers vary: why limbs are limbs"),
-            ),
+            (self.matrix, self.tr("Distances"), self.tr("How distances between markers vary: why limbs are limbs")),
             (self.graph, self.tr("Joints"), self.tr("Costs of joints: why the tree is as it is")),
         ):
             self.tabs.setTabToolTip(self.tabs.addTab(view, title), tip)

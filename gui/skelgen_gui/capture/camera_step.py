@@ -159,10 +159,7 @@ class CameraStep(Step[BoardShot]):
             (self.remove, self.tr("Take the chosen views away")),
             (self.clear, self.tr("Take all views away")),
             (self.calibrate, self.tr("Compute both cameras from these views")),
-            (
-                self.save,
-                self.tr("Write the cameras into a settings file; bodies and joints of the one in use stay"),
-            ),
+            (self.save, self.tr("Write the cameras into a settings file; bodies and joints of the one in use stay")),
         ):
             describe(button, button.text(), tip)
 

@@ -8,14 +8,7 @@ from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtWidgets import (
-    QFileDialog,
-    QLabel,
-    QLayout,
-    QPushButton,
-    QScrollArea,
-    QWidget,
-)
+from PySide6.QtWidgets import QFileDialog, QLabel, QLayout, QPushButton, QScrollArea, QWidget
 
 from skelgen.app.capture_jobs.messages import CollectingControl, Feed, TargetShot
 from skelgen.capture.calibration.verdict import Verdict
@@ -124,11 +117,7 @@ class Step(QWidget, Generic[_Shot]):
         self._jobs.start(title, work, done, self._fail)
 
     def collect(
-        self,
-        title: str,
-        control: CollectingControl,
-        work: Callable[[Monitor], _T],
-        done: Callable[[_T | None], None],
+        self, title: str, control: CollectingControl, work: Callable[[Monitor], _T], done: Callable[[_T | None], None]
     ) -> None:
         """Collect images as a job, until the control stops it.
 

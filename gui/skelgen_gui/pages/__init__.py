@@ -12,20 +12,9 @@ from skelgen_gui.pages.open import OpenPage
 from skelgen_gui.pages.stage import StagePage
 from skelgen_gui.project.context import HOME, Context, PageEntry, view_of
 
-__all__ = [
-    "HOME",
-    "PAGES",
-    "Context",
-    "PageEntry",
-    "view_of",
-]
+__all__ = ["HOME", "PAGES", "Context", "PageEntry", "view_of"]
 
-_TITLES = {
-    "labels": "Labels",
-    "limbs": "Limbs",
-    "joints": "Joints",
-    "skeleton": "Skeleton",
-}
+_TITLES = {"labels": "Labels", "limbs": "Limbs", "joints": "Joints", "skeleton": "Skeleton"}
 
 
 def _make_capture_page(context: Context) -> QWidget:
@@ -36,27 +25,12 @@ def _make_capture_page(context: Context) -> QWidget:
 
 
 PAGES: tuple[PageEntry, ...] = (
-    PageEntry(
-        "capture",
-        "Capture",
-        "Record with two cameras, and calibrate them.",
-        _make_capture_page,
-    ),
-    PageEntry(
-        HOME,
-        "Open",
-        "Open a recording or a project.",
-        OpenPage,
-    ),
+    PageEntry("capture", "Capture", "Record with two cameras, and calibrate them.", _make_capture_page),
+    PageEntry(HOME, "Open", "Open a recording or a project.", OpenPage),
     *(
         PageEntry(stage, _TITLES[stage], summary, partial(StagePage, stage), stage)
         for stage, summary in STAGE_SUMMARIES.items()
     ),
-    PageEntry(
-        "export",
-        "Export",
-        "Write the result for other programs.",
-        make_export_page,
-    ),
+    PageEntry("export", "Export", "Write the result for other programs.", make_export_page),
 )
 """In the order in which they are shown."""

@@ -21,14 +21,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from skelgen.app.export import (
-    Preview,
-    export_formats,
-    export_path,
-    export_project,
-    obstacle_to,
-    preview_export,
-)
+from skelgen.app.export import Preview, export_formats, export_path, export_project, obstacle_to, preview_export
 from skelgen.app.outputs import stem_of
 from skelgen.errors import Cancelled, ParameterError, SkelgenError, WriteError
 from skelgen.progress import Monitor

@@ -6,15 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import (
-    QFileDialog,
-    QLabel,
-    QListWidget,
-    QListWidgetItem,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QFileDialog, QLabel, QListWidget, QListWidgetItem, QPushButton, QVBoxLayout, QWidget
 
 from skelgen.app.files import given_identities
 from skelgen.app.stage_summary import take_sentences
@@ -58,10 +50,7 @@ class OpenPage(QWidget):
         self._follow_recent()
 
     def _describe(self) -> None:
-        for label, name in (
-            (self.take, self.tr("What is open")),
-            (self.notices, self.tr("What the reader did")),
-        ):
+        for label, name in ((self.take, self.tr("What is open")), (self.notices, self.tr("What the reader did"))):
             label.setWordWrap(True)
             label.setTextFormat(Qt.TextFormat.PlainText)  # names may look like tags
             label.setAccessibleName(name)

@@ -103,11 +103,7 @@ class Autosave(QObject):
     _tried = Signal(object, str)
 
     def __init__(
-        self,
-        session: Session,
-        preferences: Preferences,
-        folder: Path | None = None,
-        parent: QObject | None = None,
+        self, session: Session, preferences: Preferences, folder: Path | None = None, parent: QObject | None = None
     ) -> None:
         super().__init__(parent)
         self._session = session

@@ -45,9 +45,7 @@ class PreferenceValues(StageParameters):
         basic=True,
     )
     embed: bool = declare(
-        True,
-        "Whether project files hold the recording; otherwise they refer to it, and are small.",
-        basic=True,
+        True, "Whether project files hold the recording; otherwise they refer to it, and are small.", basic=True
     )
     autosave: int = declare(
         60,
