@@ -25,16 +25,16 @@ from skelgen_gui.window import Window
 ORGANISATION = APPLICATION = "skelgen"
 ICON = Path(__file__).with_name("skelgen.svg")
 
+# Ctrl+C in the terminal, and the shutdown of the system: the window ends without a question
 _ENDING = (signal.SIGINT, signal.SIGTERM)
-"""Ctrl+C in the terminal, and the shutdown of the system: the window ends without a question."""
 
 
-INTERVAL = 200
-"""ms between two looks: so little grows in between that a collection of the young takes a few ms."""
+_INTERVAL = 200  # ms between two looks: so little grows in between that a collection of the young takes a few ms
 
-SWITCH_INTERVAL = 0.001
-"""s, after which work beside the window gives way to it. A call into numpy gives the lock away and waits for it anew:
-with Python's own 0.005 s, ten such calls amid work on other threads would use up half of what a window may wait."""
+# s, after which work beside the window gives way to it. A call into numpy gives the lock away and waits for it
+# anew: with Python's own 0.005 s, ten such calls amid work on other threads would use up half of what a window may
+# wait
+_SWITCH_INTERVAL = 0.001
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -95,7 +95,7 @@ def _begin(window: Window, files: Sequence[str]) -> None:
 
 def shorten_switch_interval() -> None:
     """Let threads give way to each other soon enough for a window."""
-    sys.setswitchinterval(SWITCH_INTERVAL)
+    sys.setswitchinterval(_SWITCH_INTERVAL)
 
 
 class GarbageCollector(QObject):
@@ -110,7 +110,7 @@ class GarbageCollector(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         gc.disable()
-        self._timer = QTimer(self, interval=INTERVAL)
+        self._timer = QTimer(self, interval=_INTERVAL)
         self._timer.timeout.connect(collect_due_garbage)
         self._timer.start()
 

@@ -11,8 +11,7 @@ from skelgen.app.configuration import parameters_class
 from skelgen.model.project import STAGES
 from skelgen_gui.page_stack import PageStack
 
-INTERVAL = 50
-"""ms between two looks, and between two pages."""
+_INTERVAL = 50  # ms between two looks, and between two pages
 
 
 class Preloading(QObject):
@@ -37,7 +36,7 @@ class Preloading(QObject):
         super().__init__(parent)
         self._pages = pages
         self._thread = threading.Thread(target=_load, name="preloading", daemon=True)
-        self._timer = QTimer(self, interval=INTERVAL)
+        self._timer = QTimer(self, interval=_INTERVAL)
         self._timer.timeout.connect(self._go_on)
 
     @property

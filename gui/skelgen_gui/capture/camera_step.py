@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
 
 
-SIMULATED_BOARD = "simulated:board?paced=yes&rate=30&frames=1800"
-"""A simulated chessboard as cameras would deliver it, for a minute."""
+# A simulated chessboard as cameras would deliver it, for a minute
+_SIMULATED_BOARD = "simulated:board?paced=yes&rate=30&frames=1800"
 
 _MOST_CORNERS, _LARGEST_SQUARE = 40, 1000.0
 
@@ -332,5 +332,5 @@ class BoardForm(QWidget):
         self.columns.setValue(9)
         self.rows.setValue(6)
         self.square.setValue(25.0)
-        self.source.show_source(SIMULATED_BOARD)
+        self.source.show_source(_SIMULATED_BOARD)
         self.start_wanted.emit()

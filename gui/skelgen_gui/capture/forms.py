@@ -23,11 +23,10 @@ from skelgen.app.capture_jobs.messages import SIMULATED, CaptureOptions
 from skelgen.capture.sources import SOURCES
 from skelgen_gui.widgets.layouts import describe, row_of
 
-SIMULATED_TARGET = "simulated:target?paced=yes&rate=30&frames=600&show={0}"
-"""A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it."""
+# A target that is turned before the simulated rig for 20 seconds, as cameras would deliver it
+_SIMULATED_TARGET = "simulated:target?paced=yes&rate=30&frames=600&show={0}"
 
-SIMULATED_JOINTS = "simulated:arm?paced=yes&rate=30&frames=900"
-"""The simulated arm as it moves for half a minute."""
+_SIMULATED_JOINTS = "simulated:arm?paced=yes&rate=30&frames=900"  # the simulated arm as it moves for half a minute
 
 _MOST_BALLS = 40
 
@@ -300,7 +299,7 @@ class TargetForm(SourceForm):
         """Fill in a target of the simulated arm, and ask for its start."""
         self.name.setText(name)
         self.balls.setValue(self.balls.minimum())
-        self.take_source(SIMULATED_TARGET.format(name))
+        self.take_source(_SIMULATED_TARGET.format(name))
 
 
 class JointForm(SourceForm):
@@ -314,4 +313,4 @@ class JointForm(SourceForm):
         self.simulated.clicked.connect(self._choose_simulation)
 
     def _choose_simulation(self) -> None:
-        self.take_source(SIMULATED_JOINTS)
+        self.take_source(_SIMULATED_JOINTS)

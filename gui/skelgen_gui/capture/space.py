@@ -22,8 +22,8 @@ from skelgen_gui.view3d.orbit import ARROWS, KEY_SHIFT, KEY_TURN, ZOOMS, Drag, D
 from skelgen_gui.widgets.painting import draw_lines
 from skelgen_gui.widgets.theme import colour_of_limb, doubt_colour
 
+# A rig's x right, y down, z away, turned to x right, y away, z up, as viewers stand
 _SHOWN_FROM_RIG = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""A rig's x right, y down, z away, turned to x right, y away, z up, as viewers stand."""
 
 _HOME = Viewpoint(azimuth=math.radians(-62), elevation=math.radians(22), up=2)
 _AXIS = 60.0  # mm, of the axes of a body

@@ -32,8 +32,8 @@ _FOOT = 36.0  # px below it, for what the signs mean
 _NEAR_JOINT, _NEAR_PAIR = 9.0, 4.0  # px within which a line is caught
 _ZOOMS = (0.5, 20.0)
 _NAMES_ROOM = 60  # characters of markers' names
+# Directions of the arrow keys: right, down
 _STEPS = {Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1), Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0)}
-"""Directions of the arrow keys: right, down."""
 
 
 class GraphView(QWidget):

@@ -17,11 +17,10 @@ from skelgen.model.arrays import Floats
 from skelgen_gui.model.lanes import point_counts
 from skelgen_gui.model.translation import translate
 
-MOST_POSTURES = 20_000
-"""Frames of which deviations are computed, which takes about 20 µs each; of longer takes, evenly spaced ones."""
+# Frames of which deviations are computed, which takes about 20 µs each; of longer takes, evenly spaced ones
+_MOST_POSTURES = 20_000
 
-MOST_CURVES = 6
-"""Markers whose residuals are drawn at once: the legend has room for no more."""
+_MOST_CURVES = 6  # markers whose residuals are drawn at once: the legend has room for no more
 
 _SURE = 1.96  # standard deviations of 95 %
 
@@ -151,7 +150,7 @@ def joint_curve(project: Project, joint: int) -> JointCurve:
     angles = joint_angles(one, relative)
     if one.axis is not None:
         angles = np.unwrap(angles, axis=0)
-    step = -(-motion.n_frames // MOST_POSTURES) if motion.n_frames else 1
+    step = -(-motion.n_frames // _MOST_POSTURES) if motion.n_frames else 1
     frames = np.arange(0, motion.n_frames, step)
     posture = posture_of(project.skeleton, motion, project.trajectories.positions, frames)
     std = np.repeat(posture.angle_std[joint], step, axis=0)[: motion.n_frames]
@@ -184,9 +183,9 @@ def residual_panel(project: Project, mean: Curve, markers: Iterable[int]) -> Pan
             limb=limb,
             shade=limbs[:number].count(limb),
         )
-        for number, (marker, limb) in enumerate(zip(markers[:MOST_CURVES], limbs, strict=False))
+        for number, (marker, limb) in enumerate(zip(markers[:_MOST_CURVES], limbs, strict=False))
     )
-    more = len(markers) - MOST_CURVES
+    more = len(markers) - _MOST_CURVES
     note = translate("Curves", "{0} more are not drawn").format(more) if more > 0 else ""
     about = translate(
         "Curves", "How far markers were measured from their places on the skeleton: the mean, and selected markers."

@@ -20,17 +20,15 @@ _ROUNDS = 60  # of pushing limbs apart; more than enough for 100 limbs
 _WIDEST = 1.6  # factor
 _APART = 1.1  # of the mean distance that limbs on a grid would have
 
-GAP = 10.0
-"""px, from the middle of a joint to the nearest corner or side of its words."""
+_GAP = 10.0  # px, from the middle of a joint to the nearest corner or side of its words
 
+# Directions that are tried, the first of equally good ones is taken
 _SIDES = np.array([[1, 0], [-1, 0], [0, -1], [0, 1], [1, -1], [1, 1], [-1, -1], [-1, 1]], dtype=np.float64)
-"""Directions that are tried, the first of equally good ones is taken."""
 
-_ALONG = np.linspace(0.0, 1.0, 24)
-"""Parts of a line that are looked at."""
+_ALONG = np.linspace(0.0, 1.0, 24)  # parts of a line that are looked at
 
+# What it costs to touch a disc, the words of another joint, or a point of a line
 _ON_DISC, _ON_WORDS, _ON_LINE = 10.0, 10.0, 1.0
-"""What it costs to touch a disc, the words of another joint, or a point of a line."""
 
 
 def margin_label(joint: JointCost) -> str:
@@ -179,7 +177,7 @@ def place_words(middles: Floats, sizes: Floats, discs: Floats, radius: float, li
     placed = np.array(middles, dtype=np.float64)
     for index in np.flatnonzero(sizes[:, 0] > 0):
         half = sizes[index] / 2
-        tried = middles[index] + _SIDES * (GAP + half)
+        tried = middles[index] + _SIDES * (_GAP + half)
         costs = _ON_DISC * _touched(tried, half + radius, discs) + _ON_LINE * _touched(tried, half, dots)
         earlier = np.flatnonzero(sizes[:index, 0] > 0)
         for other in earlier:

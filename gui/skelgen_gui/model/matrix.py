@@ -11,8 +11,7 @@ from skelgen.app.drawing.matrix import DeviationMatrix
 from skelgen.app.drawing.wording import millimetres
 from skelgen_gui.model.translation import translate
 
-FEWEST_CELLS = 3
-"""Rows that are in sight at the largest zoom."""
+_FEWEST_CELLS = 3  # rows that are in sight at the largest zoom
 
 
 def cell_sentence(matrix: DeviationMatrix, row: int, column: int) -> str:
@@ -64,7 +63,7 @@ class Region:
 
     def within(self, n: int) -> Region:
         """Return the nearest part of a matrix with n rows."""
-        size = min(max(self.size, float(FEWEST_CELLS)), float(max(n, 1)))
+        size = min(max(self.size, float(_FEWEST_CELLS)), float(max(n, 1)))
         row = min(max(self.row + (self.size - size) / 2, 0.0), n - size)
         column = min(max(self.column + (self.size - size) / 2, 0.0), n - size)
         return Region(max(row, 0.0), max(column, 0.0), size)

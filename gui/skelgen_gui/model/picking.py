@@ -12,11 +12,9 @@ from skelgen_gui.model.picture import Picture
 from skelgen_gui.model.scene import Scene
 from skelgen_gui.model.selection import Selection
 
-REACH = 9.0
-"""Pixels from a marker or joint at which it is still meant."""
+_REACH = 9.0  # pixels from a marker or joint at which it is still meant
 
-BONE_REACH = 5.0
-"""Pixels from a bone at which it is still meant."""
+_BONE_REACH = 5.0  # pixels from a bone at which it is still meant
 
 MARKER, JOINT, BONE = "marker", "joint", "bone"
 
@@ -52,11 +50,11 @@ def pick(picture: Picture, x: float, y: float) -> Pick | None:
     place = np.array([x, y])
     points = np.concatenate([picture.markers, picture.joints])
     depths = np.concatenate([picture.marker_depths, picture.joint_depths])
-    found = _nearest(np.linalg.norm(points - place, axis=1), depths, REACH)
+    found = _nearest(np.linalg.norm(points - place, axis=1), depths, _REACH)
     if found is not None:
         n_markers = len(picture.markers)
         return Pick(MARKER, found) if found < n_markers else Pick(JOINT, found - n_markers)
-    found = _nearest(distances_to_lines(picture.bones, place), picture.bone_depths, BONE_REACH)
+    found = _nearest(distances_to_lines(picture.bones, place), picture.bone_depths, _BONE_REACH)
     return None if found is None else Pick(BONE, found)
 
 

@@ -20,14 +20,11 @@ from skelgen.model.skeleton import Joint
 from skelgen_gui.model.view_state import MAGNIFICATIONS
 from skelgen_gui.model.viewpoint import level_axes
 
-SURE = 0.9
-"""Confidence below which a marker counts as doubtful."""
+_SURE = 0.9  # confidence below which a marker counts as doubtful
 
-SAMPLES = 300
-"""Frames that determine where a take lies and how large it is."""
+_SAMPLES = 300  # frames that determine where a take lies and how large it is
 
-TRAIL_SAMPLES = 90
-"""Points of a trail at most: more would lie within the same pixels."""
+_TRAIL_SAMPLES = 90  # points of a trail at most: more would lie within the same pixels
 
 _OUTLIERS = 1.0  # percent of positions on each side that may lie outside the box: ghost points lie anywhere
 _PAD = 0.05  # of the box, so that all others are inside
@@ -38,8 +35,7 @@ _NO_POINTS = np.zeros((0, 3))
 _NO_BODIES = np.zeros((0, 4, 4))
 _NO_INTS = np.zeros(0, dtype=np.intp)
 
-BLOCK = 64
-"""Frames whose covariances are derived at once: takes hardly longer than one, some ms."""
+_BLOCK = 64  # frames whose covariances are derived at once: takes hardly longer than one, some ms
 
 _MOST_BLOCKS = 4  # that are kept: what is shown, and what is played into
 
@@ -125,7 +121,7 @@ class Scene:
     @cached_property
     def sample(self) -> Floats:
         """Positions in some frames spread over the take, shape (n_samples, n, 3); NaN where there are none."""
-        frames = np.unique(np.linspace(0, self.n_frames - 1, min(SAMPLES, self.n_frames)).astype(np.intp))
+        frames = np.unique(np.linspace(0, self.n_frames - 1, min(_SAMPLES, self.n_frames)).astype(np.intp))
         take = self.project.take
         if isinstance(take, Trajectories):
             return np.asarray(take.positions[frames])
@@ -258,9 +254,9 @@ class Scene:
         return np.concatenate([_NO_POINTS, *(self._points(earlier) for earlier in self._frames_before(frame, seconds))])
 
     def _frames_before(self, frame: int, seconds: float) -> range:
-        """Frames before one, at most `TRAIL_SAMPLES`, that stay the same while it moves on."""
+        """Frames before one, at most `_TRAIL_SAMPLES`, that stay the same while it moves on."""
         length = max(round(seconds * self.project.take.rate), 1)
-        stride = -(-length // TRAIL_SAMPLES)
+        stride = -(-length // _TRAIL_SAMPLES)
         first = max(frame - length, 0)
         return range(-(-first // stride) * stride, frame, stride)
 
@@ -278,7 +274,7 @@ class Scene:
         unseen = np.isnan(measured[:, 0])
         state = np.where(unseen, State.ABSENT, State.SEEN)
         if self.project.has("labels") and self.project.has_labelling:
-            state[self.project.labelling.confidence[frame] < SURE] = State.DOUBTFUL
+            state[self.project.labelling.confidence[frame] < _SURE] = State.DOUBTFUL
         if not self.project.has("skeleton"):
             return measured, state
         placed = self.project.motion.marker_positions[frame]
@@ -335,13 +331,13 @@ class JointCovariances:
 
     def at(self, frame: int) -> Floats:
         """Return those of a frame, shape (n_joints, 3, 3), mm^2."""
-        number = frame // BLOCK
+        number = frame // _BLOCK
         if number not in self._blocks:
             if len(self._blocks) >= _MOST_BLOCKS:
                 del self._blocks[next(iter(self._blocks))]
-            frames = np.arange(number * BLOCK, min((number + 1) * BLOCK, self._project.take.n_frames))
+            frames = np.arange(number * _BLOCK, min((number + 1) * _BLOCK, self._project.take.n_frames))
             self._blocks[number] = joint_covariances(self._project, frames)
-        return np.asarray(self._blocks[number][frame % BLOCK])
+        return np.asarray(self._blocks[number][frame % _BLOCK])
 
 
 def joint_covariances(project: Project, frames: Ints) -> Floats:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-Translator = Callable[[str, str], str]
-"""Returns the translation of a text in a context; as `QCoreApplication.translate` does."""
+# Returns the translation of a text in a context; as `QCoreApplication.translate` does
+_Translator = Callable[[str, str], str]
 
-_translators: list[Translator] = []
+_translators: list[_Translator] = []
 
 
 def translate(context: str, text: str) -> str:
@@ -23,6 +23,6 @@ def translate(context: str, text: str) -> str:
     return _translators[-1](context, text) if _translators else text
 
 
-def translate_with(translator: Translator) -> None:
+def translate_with(translator: _Translator) -> None:
     """Let a translator translate all texts from now on."""
     _translators[:] = [translator]

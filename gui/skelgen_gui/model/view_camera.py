@@ -14,8 +14,7 @@ from skelgen_gui.model.picture import Canvas
 from skelgen_gui.model.scene import Scene
 from skelgen_gui.model.viewpoint import Viewpoint
 
-HOME = (math.radians(32), math.radians(14))
-"""Azimuth from the front, and elevation, of the first look at a take."""
+_HOME = (math.radians(32), math.radians(14))  # azimuth from the front, and elevation, of the first look at a take
 
 
 class ViewCamera:
@@ -117,7 +116,7 @@ class ViewCamera:
         scene = self.scene
         is_seen = scene is not None and len(scene.inliers) > 0
         self.floor = find_floor(scene.sample, scene.inliers, scene.size, self.up) if scene and is_seen else None
-        self.move(Viewpoint(azimuth=self._front + HOME[0], elevation=HOME[1], up=self.up))
+        self.move(Viewpoint(azimuth=self._front + _HOME[0], elevation=_HOME[1], up=self.up))
         self.fit_take()
         self.is_home = True
 

@@ -10,14 +10,12 @@ import numpy as np
 
 from skelgen.model.arrays import Floats
 
-FIELD_OF_VIEW = math.radians(32)
-"""Vertical angle of view: that of a short telephoto lens, which distorts little and still shows depth."""
+# Vertical angle of view: that of a short telephoto lens, which distorts little and still shows depth
+_FIELD_OF_VIEW = math.radians(32)
 
-NEAREST = 0.02
-"""Part of the distance to the target before which nothing is drawn."""
+_NEAREST = 0.02  # part of the distance to the target before which nothing is drawn
 
-DISTANCES = (1.0, 1e7)
-"""Bounds [mm] of the distance to the target."""
+_DISTANCES = (1.0, 1e7)  # bounds [mm] of the distance to the target
 
 FIT_MARGIN = 0.9
 """Part of the window that what is fitted may take."""
@@ -86,7 +84,7 @@ class Viewpoint:
 
     def focal(self, height: float) -> float:
         """Focal length [px] of a picture of some height [px]."""
-        return max(height, 1.0) / 2 / math.tan(FIELD_OF_VIEW / 2)
+        return max(height, 1.0) / 2 / math.tan(_FIELD_OF_VIEW / 2)
 
     def scale(self, height: float) -> float:
         """Pixels per mm at the target."""
@@ -111,7 +109,7 @@ class Viewpoint:
         """
         relative = (points - np.array(self.target)) @ self.basis.T
         depths = self.distance - relative[:, 2]
-        depths[~(depths > NEAREST * self.distance)] = np.nan
+        depths[~(depths > _NEAREST * self.distance)] = np.nan
         scales = self.focal(height) / depths
         places = np.stack([width / 2 + scales * relative[:, 0], height / 2 - scales * relative[:, 1]], axis=1)
         return places, depths
@@ -153,7 +151,7 @@ class Viewpoint:
         height : float, px
             Height of the picture.
         """
-        distance = min(max(self.distance / factor, DISTANCES[0]), DISTANCES[1])
+        distance = min(max(self.distance / factor, _DISTANCES[0]), _DISTANCES[1])
         part = 1.0 - distance / self.distance
         return replace(self.panned(-right * part, -down * part, height), distance=distance)
 
@@ -179,10 +177,10 @@ class Viewpoint:
         low, high = seen.min(axis=0), seen.max(axis=0)
         middle = (low + high) / 2
         away = seen - middle if (high - low).max() > 0 else np.full((1, 3), _ALONE)
-        tangent = math.tan(FIELD_OF_VIEW / 2) * FIT_MARGIN
+        tangent = math.tan(_FIELD_OF_VIEW / 2) * FIT_MARGIN
         room = 1 - 2 * min(BORDER / max(height, 1.0), _MOST_BORDER)
         tangents = np.array([tangent * max(width, 1.0) / max(height, 1.0), tangent * room])
         distance = float((np.abs(away[:, :2]) / tangents + away[:, 2:]).max())
-        nearest = float(away[:, 2].max()) / (1 - NEAREST)
-        distance = min(max(distance, nearest, DISTANCES[0]), DISTANCES[1])
+        nearest = float(away[:, 2].max()) / (1 - _NEAREST)
+        distance = min(max(distance, nearest, _DISTANCES[0]), _DISTANCES[1])
         return replace(self, distance=distance).looking_at(middle @ self.basis)

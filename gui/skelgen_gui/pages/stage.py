@@ -37,8 +37,8 @@ from skelgen_gui.widgets.fields import FoundOrGiven
 from skelgen_gui.widgets.forms import stage_form
 from skelgen_gui.widgets.layouts import bare_column, describe, row_of, scrolled
 
+# Stages whose number the user may give, and the correction that holds it
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
-"""Stages whose number the user may give, and the correction that holds it."""
 
 _APART = 2  # px, between what is to be looked at
 

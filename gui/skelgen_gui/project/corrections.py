@@ -30,8 +30,7 @@ from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import describe
 from skelgen_gui.widgets.painting import as_rich_text
 
-_MENUS = ("move", "kind")
-"""Kinds of which there are many: each has a menu of its own."""
+_MENUS = ("move", "kind")  # kinds of which there are many: each has a menu of its own
 
 
 class CorrectionActions(QObject):

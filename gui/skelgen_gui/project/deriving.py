@@ -19,11 +19,10 @@ from shiboken6 import Shiboken
 
 _T = TypeVar("_T")
 
-PAINT_FIRST = 15
-"""ms before a thread begins, so that changes are painted first, without waiting for Python's lock."""
+_PAINT_FIRST = 15  # ms before a thread begins, so that changes are painted first, without waiting for Python's lock
 
+# Held while something is derived: a change may start many threads, and the window competes with one only
 _ONE_AT_A_TIME = threading.Lock()
-"""Held while something is derived: a change may start many threads, and the window competes with one only."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ class Deriver(QObject):
         self._request: tuple[int, Callable[[], object]] | None = None
         self._number = 0
         self._then: Callable[[Any], None] | None = None
-        self._soon = QTimer(self, interval=PAINT_FIRST, singleShot=True)
+        self._soon = QTimer(self, interval=_PAINT_FIRST, singleShot=True)
         self._soon.timeout.connect(self._begin)
         self._courier = _the_courier()
 

@@ -22,8 +22,8 @@ T = TypeVar("T")
 PROGRESS_INTERVAL = 0.05
 """Progress is reported no more often than that, so that the window stays free for other things."""
 
-WAIT_SECONDS = 30.0
-"""How long closing waits for work that was cancelled; stages look at their monitor many times a second."""
+# How long closing waits for work that was cancelled; stages look at their monitor many times a second
+_WAIT_SECONDS = 30.0
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class Jobs(QObject):
     def stop(self) -> bool:
         """Cancel, and wait until nothing runs; return whether it ended in time."""
         self.cancel()
-        end = time.monotonic() + WAIT_SECONDS
+        end = time.monotonic() + _WAIT_SECONDS
         while self.is_busy and time.monotonic() < end:
             QCoreApplication.processEvents()
             if self._thread is not None:

@@ -11,8 +11,7 @@ from skelgen.model import Take
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.painting import ZOOM, notches
 
-FEWEST_FRAMES = 8.0
-"""Frames that are shown at the largest zoom."""
+_FEWEST_FRAMES = 8.0  # frames that are shown at the largest zoom
 
 _LEAD = 0.1  # part of the stretch before a frame that was brought into sight: most people go on forward
 
@@ -75,7 +74,7 @@ class VisibleSpan(QObject):
             The stretch [frames].
         """
         whole = float(self._n_frames)
-        length = min(max(end - first, FEWEST_FRAMES), whole)
+        length = min(max(end - first, _FEWEST_FRAMES), whole)
         first = min(max(first, 0.0), whole - length)
         if (first, first + length) != (self._first, self._end):
             self._first, self._end = first, first + length

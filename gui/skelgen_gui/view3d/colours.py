@@ -19,8 +19,7 @@ _ABOVE, _BELOW = 0.75, 0.05  # of the colour of pages in the background, the res
 _OTHER = {False: "#c2187f", True: "#ff79c6"}  # on light, on dark
 _SHADE = {False: 109, True: 150}  # percent by which shadows are darker
 
-RADIUS_STEP = 0.5
-"""Sprites are made for radii in steps of so many pixels."""
+_RADIUS_STEP = 0.5  # sprites are made for radii in steps of so many pixels
 
 MOST_SPRITES = 2000
 """Sprites kept: 20 colours in 5 depths, 4 styles and 5 radii."""
@@ -168,13 +167,13 @@ class Sprites:
         *colours : QColor
             Of the ball or ring, and of what marks it (the ring of a doubtful one, the edge of a joint or ring).
         """
-        step = max(round(radius / RADIUS_STEP), 2)
+        step = max(round(radius / _RADIUS_STEP), 2)
         key = (style, step, colours[0].rgba(), colours[-1].rgba())
         pixmap = self._kept.get(key)
         if pixmap is None:
             if len(self._kept) >= MOST_SPRITES:
                 self._kept.clear()
-            pixmap = self._kept[key] = self._made(step * RADIUS_STEP, style, colours[0], colours[-1])
+            pixmap = self._kept[key] = self._made(step * _RADIUS_STEP, style, colours[0], colours[-1])
         half = pixmap.width() / self.ratio / 2
         painter.drawPixmap(QPointF(place[0] - half, place[1] - half), pixmap)
 

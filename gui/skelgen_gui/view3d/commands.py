@@ -14,8 +14,7 @@ from PySide6.QtWidgets import QHBoxLayout, QMenu, QToolButton, QWidget
 from skelgen_gui.model.view_state import MAGNIFICATIONS, TRAIL_SECONDS, Shown
 from skelgen_gui.model.viewpoint import DOWN
 
-Choice = tuple[str, float | None]
-"""Text and value of something to choose."""
+_Choice = tuple[str, float | None]  # text and value of something to choose
 
 _KEYS = {"trails": "T", "names": "N"}  # of switches
 
@@ -98,12 +97,12 @@ class Commands(QObject):
             "other": (tr("Second result"), tr("The project that is compared, translucent")),
         }
 
-    def _choice_words(self) -> dict[str, list[Choice]]:
+    def _choice_words(self) -> dict[str, list[_Choice]]:
         """Text and value of everything that can be chosen."""
-        seconds: list[Choice] = [(self.tr("{value:g} s").format(value=value), value) for value in TRAIL_SECONDS]
-        times: list[Choice] = [(self.tr("As large as fits"), None)]
+        seconds: list[_Choice] = [(self.tr("{value:g} s").format(value=value), value) for value in TRAIL_SECONDS]
+        times: list[_Choice] = [(self.tr("As large as fits"), None)]
         times += [(self.tr("{value} × standard deviation").format(value=value), value) for value in MAGNIFICATIONS]
-        ups: list[Choice] = [(self.tr("As found from the data"), None)]
+        ups: list[_Choice] = [(self.tr("As found from the data"), None)]
         ups += [(self.tr("X up"), 0), (self.tr("Y up"), 1), (self.tr("Z up"), 2)]
         ups += [(self.tr("X down"), DOWN), (self.tr("Y down"), DOWN + 1), (self.tr("Z down"), DOWN + 2)]
         return {"trail_seconds": seconds, "magnification": times, "up": ups}
@@ -122,7 +121,7 @@ class Commands(QObject):
         action.toggled.connect(partial(self._set, name))
         return action
 
-    def _choice(self, name: str, values: Iterable[Choice]) -> list[QAction]:
+    def _choice(self, name: str, values: Iterable[_Choice]) -> list[QAction]:
         group = QActionGroup(self)
         actions = []
         for text, value in values:

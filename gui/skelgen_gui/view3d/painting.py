@@ -17,11 +17,9 @@ from skelgen_gui.model.scene import Scene, Snapshot
 from skelgen_gui.view3d.colours import N_FOGS, Colours, Inks, Sprites, Style
 from skelgen_gui.widgets.painting import draw_lines, draw_points
 
-MARKER_RADIUS = 5.0
-"""Pixels, of a marker as deep as the target, where what is seen in a frame takes `TYPICAL_SIZE`."""
+_MARKER_RADIUS = 5.0  # pixels, of a marker as deep as the target, where what is seen in a frame takes `_TYPICAL_SIZE`
 
-TYPICAL_SIZE = 480.0
-"""Pixels; on smaller and larger pictures markers are smaller and larger."""
+_TYPICAL_SIZE = 480.0  # pixels; on smaller and larger pictures markers are smaller and larger
 
 _SIZES = (0.55, 1.5)  # bounds of that growth
 _NEARER = (0.7, 1.4)  # bounds of the growth with nearness
@@ -96,8 +94,8 @@ def marker_radius(canvas: Canvas, size: float) -> float:
     size : float, mm
         Extent of what is seen.
     """
-    growth = canvas.viewpoint.scale(canvas.height) * size / TYPICAL_SIZE
-    return MARKER_RADIUS * min(max(growth, _SIZES[0]), _SIZES[1])
+    growth = canvas.viewpoint.scale(canvas.height) * size / _TYPICAL_SIZE
+    return _MARKER_RADIUS * min(max(growth, _SIZES[0]), _SIZES[1])
 
 
 def paint_shadows(painter: QPainter, snapshot: Snapshot, floor: Floor, canvas: Canvas, brushes: Brushes) -> None:

@@ -32,8 +32,7 @@ _EXACT = 1e15  # whole numbers below are shown with all their digits
 _FINENESS = 1  # a step changes the second digit of a number: 0.8 -> 0.81, 100 -> 110
 _STEP_FROM_ZERO = 0.1
 
-MOST = 100_000
-"""The largest number that can be given."""
+_MOST = 100_000  # the largest number that can be given
 
 
 class _NumberBox(QAbstractSpinBox):
@@ -224,7 +223,7 @@ class FoundOrGiven(QWidget):
         self._found = QRadioButton(self)
         self._given = QRadioButton(self.tr("given:"), self)
         self._number = QSpinBox(self)
-        self._number.setRange(1, MOST)
+        self._number.setRange(1, _MOST)
         self._group = QButtonGroup(self)
         self._lay_out(QLabel(what, self))
         self._describe(what)

@@ -15,14 +15,12 @@ from skelgen_gui.widgets.fields import editor_for
 from skelgen_gui.widgets.layouts import bare_column, describe
 from skelgen_gui.widgets.theme import CHANGED_ROLE, PROBLEM_ROLE
 
-Check = Callable[[Declaration, Any], Any]
-"""Returns the clean value of what was entered for a declaration, or raises `ParameterError`."""
+# Returns the clean value of what was entered for a declaration, or raises `ParameterError`
+_Check = Callable[[Declaration, Any], Any]
 
-NAME_COLUMN, EDITOR_COLUMN, UNIT_COLUMN, RESET_COLUMN = range(4)
-"""Columns of the grid that a row fills."""
+_NAME_COLUMN, _EDITOR_COLUMN, _UNIT_COLUMN, _RESET_COLUMN = range(4)  # columns of the grid that a row fills
 
-CHANGED_MARK = "• "
-"""Stands before the name of a value that is not the default."""
+_CHANGED_MARK = "• "  # stands before the name of a value that is not the default
 
 
 _LINES_PER_ROW = 2  # the editor, and what is wrong with it
@@ -61,7 +59,7 @@ class FormRow(QObject):
     edited = Signal()
     looked_at = Signal()
 
-    def __init__(self, declaration: Declaration, check: Check, grid: QGridLayout, line: int, parent: QWidget) -> None:
+    def __init__(self, declaration: Declaration, check: _Check, grid: QGridLayout, line: int, parent: QWidget) -> None:
         super().__init__(parent)
         self.declaration = declaration
         self._title = _title_of(declaration)
@@ -122,7 +120,7 @@ class FormRow(QObject):
     def _place(self, grid: QGridLayout, line: int) -> None:
         for column, widget in enumerate((self.label, self.editor, self._unit, self.reset_button)):
             grid.addWidget(widget, line, column)
-        grid.addWidget(self._problem, line + 1, EDITOR_COLUMN, 1, RESET_COLUMN - EDITOR_COLUMN + 1)
+        grid.addWidget(self._problem, line + 1, _EDITOR_COLUMN, 1, _RESET_COLUMN - _EDITOR_COLUMN + 1)
         policy = self.reset_button.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.reset_button.setSizePolicy(policy)
@@ -162,7 +160,7 @@ class FormRow(QObject):
             self._problem.setText(str(error))
         changed = self._is_changed
         self._problem.setVisible(bool(self.problem))
-        self.label.setText((CHANGED_MARK if changed else "") + self._title)
+        self.label.setText((_CHANGED_MARK if changed else "") + self._title)
         self.label.setForegroundRole(CHANGED_ROLE if changed else self.editor.foregroundRole())
         self.editor.setAccessibleDescription(self.problem or (self.tr("changed") if changed else ""))
         self.reset_button.setVisible(changed)
@@ -207,7 +205,7 @@ class ParameterForm(QWidget):
     changed = Signal()
 
     def __init__(
-        self, declarations: Iterable[Declaration], parent: QWidget | None = None, check: Check = Declaration.check
+        self, declarations: Iterable[Declaration], parent: QWidget | None = None, check: _Check = Declaration.check
     ) -> None:
         super().__init__(parent)
         declarations = tuple(declarations)
@@ -258,15 +256,15 @@ class ParameterForm(QWidget):
     def _measure(self, declarations: Iterable[Declaration]) -> None:
         """Find the widths that names and units have in both parts of the form."""
         wide = self.fontMetrics().horizontalAdvance
-        self._name_width = max((wide(CHANGED_MARK + _title_of(entry)) for entry in declarations), default=0)
+        self._name_width = max((wide(_CHANGED_MARK + _title_of(entry)) for entry in declarations), default=0)
         self._unit_width = max((wide(entry.unit) for entry in declarations), default=0)
 
-    def _filled(self, widget: QWidget, declarations: Iterable[Declaration], check: Check) -> list[FormRow]:
+    def _filled(self, widget: QWidget, declarations: Iterable[Declaration], check: _Check) -> list[FormRow]:
         grid = QGridLayout(widget)
         grid.setColumnStretch(1, 1)
         grid.setContentsMargins(0, 0, 0, 0)
-        grid.setColumnMinimumWidth(NAME_COLUMN, self._name_width)
-        grid.setColumnMinimumWidth(UNIT_COLUMN, self._unit_width)
+        grid.setColumnMinimumWidth(_NAME_COLUMN, self._name_width)
+        grid.setColumnMinimumWidth(_UNIT_COLUMN, self._unit_width)
         rows = [FormRow(entry, check, grid, _LINES_PER_ROW * index, widget) for index, entry in enumerate(declarations)]
         for row in rows:
             row.edited.connect(self._follow_edit)
