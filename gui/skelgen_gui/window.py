@@ -64,16 +64,25 @@ class Window(QMainWindow):
         translate_with(QCoreApplication.translate)
         self.preferences = preferences
         self.errors = ErrorReporter(self)
-        self.session, self.jobs = Session(self), Jobs(self)
+        self.session, self.jobs, report = Session(self), Jobs(self), self.errors.report
         self.document = Document(self.session, self)
-        self.runner = Runner(self.document, self.jobs, self.errors.report, self)
-        self.files = FileActions(self.document, self.jobs, preferences, self.view_state, self.errors.report, self)
-        self.cameras = Cameras(self.errors.report, self)
+        self.runner = Runner(self.document, self.jobs, report, self)
+        self.files = FileActions(self.document, self.jobs, preferences, self.view_state, report, self)
+        self.cameras = Cameras(report, self)
         self.autosave = Autosave(self.session, preferences, recovery, self)
-        self.corrections = CorrectionActions(self.document, self.runner, self.errors.report, self)
+        self.corrections = CorrectionActions(self.document, self.runner, report, self)
         self.actions_by_id = make_actions(self)
         self._make_views()
-        context = self._context()
+        context = Context(
+            self.session,
+            self.document,
+            self.jobs,
+            self.runner,
+            preferences,
+            report,
+            self.files,
+            self.cameras,
+        )
         self.pages = PageStack(entries, context)
         self._make_docks()
         self.status = StatusLine(self.jobs, self)
@@ -116,18 +125,6 @@ class Window(QMainWindow):
         """Return what the window shows and its forms hold, for the project file."""
         page, tab, frame = self.pages.current.key, self.tabs.currentIndex(), self.session.frame
         return ViewState(page, tab, frame, self.runner.entered, self.cameras.shown)
-
-    def _context(self) -> Context:
-        return Context(
-            self.session,
-            self.document,
-            self.jobs,
-            self.runner,
-            self.preferences,
-            self.errors.report,
-            self.files,
-            self.cameras,
-        )
 
     def _make_views(self) -> None:
         self.view3d, self.matrix, self.graph = View3D(self.session), MatrixView(self.session), GraphView(self.session)
@@ -175,7 +172,7 @@ class Window(QMainWindow):
         self.preferences.changed.connect(self._follow_preferences)
         self.files.opened.connect(self._show_opened)
         self.files.restored.connect(self.autosave.take_over)
-        self.runner.finished.connect(self._show_finished)
+        self.runner.finished.connect(self.pages.page)
         self.autosave.failed.connect(self.status.notice)
         self.view3d.context_requested.connect(self._show_corrections)
         self.cameras.changed.connect(self._show_cameras)
@@ -207,9 +204,6 @@ class Window(QMainWindow):
     def _show_view(self, key: str) -> None:
         """Give the middle to the view of a page, if it brings one."""
         self.middle.show_view(view_of(self.pages.page(key)))
-
-    def _show_finished(self, stage: str) -> None:
-        self.pages.page(stage)
 
     def _show_corrections(self, place: QPoint, selection: Selection) -> None:
         menu = QMenu(self)

@@ -52,7 +52,9 @@ class WindowCommands(QObject):
         self._window, self.actions, self._context = window, actions, context
         self._pages, self._view3d, self._corrections = pages, view3d, corrections
         menus = fill_menu_bar(window.menuBar(), actions)
-        self._fill_file(menus["&File"])
+        recent = RecentMenu(context.preferences, window)
+        recent.chosen.connect(context.files.open)
+        menus["&File"].insertMenu(actions["compare"], recent)
         self._fill_edit(menus["&Edit"])
         window.menuBar().insertMenu(menus["&Play"].menuAction(), self._view_menu())
         bar = QToolBar(self.tr("Main tool bar"), window)
@@ -68,11 +70,6 @@ class WindowCommands(QObject):
         context.session.other_changed.connect(self._follow)
         self._follow()
 
-    def _fill_file(self, menu: QMenu) -> None:
-        recent = RecentMenu(self._context.preferences, self._window)
-        recent.chosen.connect(self._context.files.open)
-        menu.insertMenu(self.actions["compare"], recent)
-
     def _fill_edit(self, menu: QMenu) -> None:
         menu.addSeparator()
         self.correct_menu = menu.addMenu(self.tr("&Correct"))
@@ -87,18 +84,13 @@ class WindowCommands(QObject):
         menu.addActions([commands.fit, commands.fit_take, commands.front, commands.side, commands.top])
         menu.addSeparator()
         commands.fill(menu)
-        menu.addAction(self._cameras_action(menu))
+        cameras = menu.addAction(self.tr("Cameras of a capture…"), self._context.cameras.choose)
+        cameras.setToolTip(self.tr("Show the cameras in the settings of a capture that this recording was made with"))
+        cameras.setStatusTip(cameras.toolTip())
         menu.addSeparator()
         for dock in self._window.findChildren(QDockWidget):
             menu.addAction(dock.toggleViewAction())
         return menu
-
-    def _cameras_action(self, menu: QMenu) -> QAction:
-        action = QAction(self.tr("Cameras of a capture…"), menu)
-        action.setToolTip(self.tr("Show the cameras in the settings of a capture that this recording was made with"))
-        action.setStatusTip(action.toolTip())
-        action.triggered.connect(self._context.cameras.choose)
-        return action
 
     def _acts(self) -> dict[str, Callable[[], object]]:
         """What each command does, by its id."""
@@ -121,7 +113,9 @@ class WindowCommands(QObject):
             "cancel": context.jobs.cancel,
             "next_page": lambda: pages.turn(1),
             "previous_page": lambda: pages.turn(-1),
-            "shortcuts": self._show_keys,
+            "shortcuts": lambda: ShortcutsDialog(
+                dict.fromkeys((*self.actions.values(), *self._view3d.actions())), window
+            ).open(),
             "about": lambda: QMessageBox.about(window, self.tr("About skelgen"), versions()),
         }
 
@@ -141,10 +135,6 @@ class WindowCommands(QObject):
         project = self._context.session.project
         if project is not None and project.has("labels"):
             self._context.session.select(Selection(frozenset(range(project.trajectories.n_markers))))
-
-    def _show_keys(self) -> None:
-        window = self._window
-        ShortcutsDialog(dict.fromkeys((*self.actions.values(), *self._view3d.actions())), window).open()
 
     def _follow_undo(self) -> None:
         stack = self._context.document.undo_stack

@@ -77,7 +77,7 @@ class Cameras(QObject):
         if path in self._known:
             self.show_rig(self._known[path])
         elif project.source.format == _STEREO:
-            self._reader.derive(partial(_rig_or_reason, path), self._show_if_read)
+            self._reader.derive(partial(_rig_or_reason, path), partial(self._show_read, is_asked_for=False))
 
     def show_rig(self, rig: StereoRig) -> None:
         """Show the cameras of a rig."""
@@ -88,17 +88,13 @@ class Cameras(QObject):
         title, kinds = self.tr("Cameras of a capture"), self.tr("Settings (*.xml)")
         name, _ = QFileDialog.getOpenFileName(self._window, title, "", kinds)
         if name:
-            self._reader.derive(partial(_rig_or_reason, Path(name)), self._show_or_tell)
+            self._reader.derive(partial(_rig_or_reason, Path(name)), partial(self._show_read, is_asked_for=True))
 
-    def _show_if_read(self, read: StereoRig | SkelgenError) -> None:
-        """Show the cameras of a take; it is there even if its settings are gone, or others by now."""
+    def _show_read(self, read: StereoRig | SkelgenError, *, is_asked_for: bool) -> None:
+        """Show the cameras that were read; a take is there even if its settings are gone, or others by now."""
         if isinstance(read, StereoRig):
             self.show_rig(read)
-
-    def _show_or_tell(self, read: StereoRig | SkelgenError) -> None:
-        if isinstance(read, StereoRig):
-            self.show_rig(read)
-        else:
+        elif is_asked_for:
             self._report_error(read)
 
     def _show(self, cameras: tuple[ShownCamera, ...]) -> None:

@@ -30,8 +30,6 @@ from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.layouts import describe
 from skelgen_gui.widgets.painting import as_rich_text
 
-_MENUS = ("move", "kind")  # kinds of which there are many: each has a menu of its own
-
 
 class CorrectionActions(QObject):
     """Fills menus with the corrections that a selection allows, and carries them out.
@@ -66,12 +64,17 @@ class CorrectionActions(QObject):
         """
         menu.clear()
         session = self._document.session
+        # Kinds of which there are many: each has a menu of its own
+        titles = {
+            "move": self.tr("Move to the limb of"),
+            "kind": self.tr("Kind of the joint"),
+        }  # there are many of them
         submenus: dict[str, QMenu] = {}
         for offer in offers(session.project, selection or session.selection):
             target = menu
-            if offer.kind in _MENUS:
+            if offer.kind in titles:
                 if offer.kind not in submenus:
-                    submenus[offer.kind] = menu.addMenu(_title(offer.kind))
+                    submenus[offer.kind] = menu.addMenu(titles[offer.kind])
                     submenus[offer.kind].setToolTipsVisible(True)
                 target = submenus[offer.kind]
             target.addAction(self._action(offer, target))
@@ -129,10 +132,6 @@ class CorrectionActions(QObject):
         proposed = new_name(project, old) if project is not None and offer.kind == "split" else old
         name, is_said = QInputDialog.getText(self._window, _text(offer), self.tr("Name:"), text=proposed)
         return name.strip() if is_said and name.strip() else None
-
-
-def _title(kind: str) -> str:
-    return {"move": _tr("Move to the limb of"), "kind": _tr("Kind of the joint")}[kind]
 
 
 def _text(offer: Offer) -> str:
@@ -243,7 +242,7 @@ class CorrectionList(QWidget):
 
     def __init__(self, session: Session, actions: CorrectionActions, runner: Runner) -> None:
         super().__init__()
-        self._session, self._actions, self._runner = session, actions, runner
+        self._session, self._runner = session, runner
         self.entries = QListWidget(self)
         self.entries.setWordWrap(True)
         self.hint = QLabel(self)
@@ -261,7 +260,7 @@ class CorrectionList(QWidget):
             layout.addWidget(widget)
         session.project_changed.connect(self._follow)
         self.entries.currentRowChanged.connect(self._follow_row)
-        self.take_back.clicked.connect(self._take_back)
+        self.take_back.clicked.connect(lambda: actions.take_back(self.entries.currentRow()))
         self.at_once.toggled.connect(self._set_at_once)
         self._follow()
 
@@ -274,10 +273,6 @@ class CorrectionList(QWidget):
 
     def _follow_row(self, row: int) -> None:
         self.take_back.setEnabled(row >= 0)
-
-    def _take_back(self) -> None:
-        if self.entries.currentRow() >= 0:
-            self._actions.take_back(self.entries.currentRow())
 
     def _set_at_once(self, is_wanted: bool) -> None:
         self._runner.computes_at_once = is_wanted

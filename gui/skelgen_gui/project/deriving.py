@@ -30,34 +30,22 @@ class _Failure:
     error: Exception
 
 
-@dataclass(frozen=True)
-class _Delivery:
-    """A result on its way to the window's thread."""
-
-    deriver: weakref.ref[Deriver]
-    number: int
-    result: object
-
-
 class _Courier(QObject):
     """Carries results to the window's thread; unlike a deriver it is never deleted while a thread runs."""
 
-    arrived = Signal(object)
+    arrived = Signal(object, object, object)
 
     def __init__(self) -> None:
         super().__init__()
         self.arrived.connect(self._deliver)
 
-    def _deliver(self, delivery: _Delivery) -> None:
-        deriver = delivery.deriver()
+    def _deliver(self, reference: weakref.ref[Deriver], number: int, result: object) -> None:
+        deriver = reference()
         if deriver is not None and Shiboken.isValid(deriver):
-            deriver.hand_over(delivery.number, delivery.result)
+            deriver.hand_over(number, result)
 
 
-@cache
-def _the_courier() -> _Courier:
-    """Return the one courier, made in the window's thread."""
-    return _Courier()
+_the_courier = cache(_Courier)  # made in the window's thread
 
 
 class Deriver(QObject):
@@ -128,21 +116,16 @@ class Deriver(QObject):
                 self._thread.start()
 
     def _work(self) -> None:
-        """Do the last request, until there is none."""
-        while self._do_one():
-            pass
-
-    def _do_one(self) -> bool:
-        """Do the request when it is its turn; return whether there was one."""
-        with _ONE_AT_A_TIME:
-            with self._lock:
-                if self._request is None:
-                    self._thread = None
-                    return False
-                number, function = self._request
-                self._request = None
-            self._run(number, function)
-            return True
+        """Do the last request when it is its turn, until there is none."""
+        while True:
+            with _ONE_AT_A_TIME:
+                with self._lock:
+                    if self._request is None:
+                        self._thread = None
+                        return
+                    number, function = self._request
+                    self._request = None
+                self._run(number, function)
 
     def _run(self, number: int, function: Callable[[], object]) -> None:
         result: object
@@ -151,7 +134,7 @@ class Deriver(QObject):
         except Exception as error:  # all: a bug must reach the window's error dialog
             result = _Failure(error)
         with contextlib.suppress(RuntimeError):  # the window is gone, and with it the deriver
-            self._courier.arrived.emit(_Delivery(weakref.ref(self), number, result))
+            self._courier.arrived.emit(weakref.ref(self), number, result)
 
     def hand_over(self, number: int, result: object) -> None:
         """Pass a result on, in the window's thread, unless there was another request since.

@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from PySide6.QtCore import QCoreApplication, QObject, QThread, Signal, Slot
@@ -24,14 +23,6 @@ PROGRESS_INTERVAL = 0.05
 
 # How long closing waits for work that was cancelled; stages look at their monitor many times a second
 _WAIT_SECONDS = 30.0
-
-
-@dataclass(frozen=True)
-class _Ending:
-    """What is called when a job ended."""
-
-    done: Callable[[Any], None]
-    failed: Callable[[Exception], None] | None
 
 
 class _JobMonitor:
@@ -111,7 +102,7 @@ class Jobs(QObject):
         super().__init__(parent)
         self._thread: _Thread | None = None
         self._monitor: _JobMonitor | None = None
-        self._ending: _Ending | None = None
+        self._ending: tuple[Callable[[Any], None], Callable[[Exception], None] | None] | None = None
 
     @property
     def is_busy(self) -> bool:
@@ -146,7 +137,7 @@ class Jobs(QObject):
         if self.is_busy:
             return False
         self._monitor = _JobMonitor(self)
-        self._ending = _Ending(done, failed)
+        self._ending = done, failed
         self._thread = _Thread(work, self._monitor, self)
         self._thread.finished.connect(self._finish)
         self.begun.emit(title)
@@ -176,12 +167,13 @@ class Jobs(QObject):
         if thread is None or ending is None:
             return
         thread.wait()
+        done, failed = ending
         error, result = thread.error, thread.result
         thread.let_go()
         thread.deleteLater()
         if error is None:
-            ending.done(result)
-        elif not isinstance(error, Cancelled) and ending.failed is not None:
-            ending.failed(error)
+            done(result)
+        elif not isinstance(error, Cancelled) and failed is not None:
+            failed(error)
         elif not isinstance(error, Cancelled | SkelgenError):
             raise error

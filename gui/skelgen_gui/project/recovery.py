@@ -151,12 +151,17 @@ class Autosave(QObject):
             self._timer.stop()
 
     def _keep(self, project: Project, path: Path | None) -> None:
+        now, place = datetime.now().isoformat(), str(path or "")
+        note = {"name": project.name, "path": place, "time": now, "process": os.getpid()}
+        problem = ""
         try:
-            _write(project, path, self._folder)
+            self._folder.mkdir(parents=True, exist_ok=True)
+            save_project(project, self._folder / _PROJECT)
+            with replacing(self._folder / _NOTE) as temporary:
+                temporary.write_text(json.dumps(note), encoding="utf-8")
         except (OSError, SkelgenError) as error:
-            self._tried.emit(project, str(error))
-        else:
-            self._tried.emit(project, "")
+            problem = str(error)
+        self._tried.emit(project, problem)
 
     def _note(self, project: Project, problem: str) -> None:
         """Note whether a project is kept; a full disk does not stop the work, and is tried again."""
@@ -193,19 +198,6 @@ class Autosave(QObject):
         for entry in self._inherited:
             entry.forget()
         self._inherited.clear()
-
-
-def _write(project: Project, path: Path | None, folder: Path) -> None:
-    note = {
-        "name": project.name,
-        "path": str(path) if path else "",
-        "time": datetime.now().isoformat(),
-        "process": os.getpid(),
-    }
-    folder.mkdir(parents=True, exist_ok=True)
-    save_project(project, folder / _PROJECT)
-    with replacing(folder / _NOTE) as temporary:
-        temporary.write_text(json.dumps(note), encoding="utf-8")
 
 
 def _is_alive(process: int) -> bool:

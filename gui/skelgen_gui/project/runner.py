@@ -119,7 +119,5 @@ class Runner(QObject):
             self._document.computed(result)
             self.finished.emit(last)
 
-        title = (
-            self.tr("Running {0}").format(last) if first == last else self.tr("Running {0} to {1}").format(first, last)
-        )
-        self._jobs.start(title, work, done, self._report_error)
+        title = self.tr("Running {0}") if first == last else self.tr("Running {0} to {1}")
+        self._jobs.start(title.format(first, last), work, done, self._report_error)

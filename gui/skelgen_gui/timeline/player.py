@@ -179,70 +179,28 @@ class PlayCommands(QObject):
         self, session: Session, player: Player, actions: Mapping[str, QAction], parent: QObject | None = None
     ) -> None:
         super().__init__(parent)
-        self._session, self._player = session, player
-        slots = {
+        self._session = session
+        slots: dict[str, Callable[[], object]] = {
             "play": player.toggle,
-            "loop": self._loop,
-            "next_frame": self._next_frame,
-            "previous_frame": self._previous_frame,
-            "next_second": self._next_second,
-            "previous_second": self._previous_second,
-            "first_frame": self._first_frame,
-            "last_frame": self._last_frame,
-            "faster": self._faster,
-            "slower": self._slower,
-            "range_from": self._range_from,
-            "range_to": self._range_to,
-            "range_all": self._range_all,
-            "next_doubt": self._next_doubt,
-            "previous_doubt": self._previous_doubt,
+            "loop": lambda: player.set_loop(not player.loop),
+            "next_frame": lambda: player.step(1),
+            "previous_frame": lambda: player.step(-1),
+            "next_second": lambda: player.step(max(round(session.rate), 1)),
+            "previous_second": lambda: player.step(-max(round(session.rate), 1)),
+            "first_frame": lambda: session.show_frame(player.range[0]),
+            "last_frame": lambda: session.show_frame(player.range[1]),
+            "faster": lambda: player.set_speed(next((speed for speed in SPEEDS if speed > player.speed), SPEEDS[-1])),
+            "slower": lambda: player.set_speed(
+                max((speed for speed in SPEEDS if speed < player.speed), default=SPEEDS[0])
+            ),
+            "range_from": lambda: player.set_range(session.frame, max(player.range[1], session.frame)),
+            "range_to": lambda: player.set_range(min(player.range[0], session.frame), session.frame),
+            "range_all": lambda: player.set_range(0, session.n_frames - 1),
+            "next_doubt": lambda: self._go_to_doubt(1),
+            "previous_doubt": lambda: self._go_to_doubt(-1),
         }
         for name, slot in slots.items():
             actions[name].triggered.connect(slot)
-
-    def _loop(self) -> None:
-        self._player.set_loop(not self._player.loop)
-
-    def _next_frame(self) -> None:
-        self._player.step(1)
-
-    def _previous_frame(self) -> None:
-        self._player.step(-1)
-
-    def _next_second(self) -> None:
-        self._player.step(max(round(self._session.rate), 1))
-
-    def _previous_second(self) -> None:
-        self._player.step(-max(round(self._session.rate), 1))
-
-    def _first_frame(self) -> None:
-        self._session.show_frame(self._player.range[0])
-
-    def _last_frame(self) -> None:
-        self._session.show_frame(self._player.range[1])
-
-    def _faster(self) -> None:
-        self._player.set_speed(min((speed for speed in SPEEDS if speed > self._player.speed), default=SPEEDS[-1]))
-
-    def _slower(self) -> None:
-        self._player.set_speed(max((speed for speed in SPEEDS if speed < self._player.speed), default=SPEEDS[0]))
-
-    def _range_from(self) -> None:
-        frame = self._session.frame
-        self._player.set_range(frame, max(self._player.range[1], frame))
-
-    def _range_to(self) -> None:
-        frame = self._session.frame
-        self._player.set_range(min(self._player.range[0], frame), frame)
-
-    def _range_all(self) -> None:
-        self._player.set_range(0, self._session.n_frames - 1)
-
-    def _next_doubt(self) -> None:
-        self._go_to_doubt(1)
-
-    def _previous_doubt(self) -> None:
-        self._go_to_doubt(-1)
 
     def _go_to_doubt(self, direction: int) -> None:
         """Show where the next doubt begins, and select its marker."""

@@ -89,7 +89,7 @@ class Transport(QWidget):
         describe(self.speed, self.tr("Speed"), self.tr("How fast the take is played"))
         for speed in SPEEDS:
             self.speed.addItem(f"{plain(speed)} ×", speed)
-        self.speed.activated.connect(self._set_speed)
+        self.speed.activated.connect(lambda index: self._player.set_speed(self.speed.itemData(index)))
 
     def _arrange(self) -> None:
         row = QHBoxLayout(self)
@@ -136,9 +136,6 @@ class Transport(QWidget):
         self._actions["play"].setChecked(self._player.is_playing)
         self._actions["loop"].setChecked(self._player.loop)
         self.speed.setCurrentIndex(self.speed.findData(self._player.speed))
-
-    def _set_speed(self, index: int) -> None:
-        self._player.set_speed(self.speed.itemData(index))
 
 
 def _transport_icon(name: str, palette: QPalette) -> QIcon:

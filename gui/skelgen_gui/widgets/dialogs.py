@@ -49,7 +49,7 @@ class ShortcutsDialog(QDialog):
         for widget in (self.search, self.table, buttons):
             layout.addWidget(widget)
         self._describe()
-        for action in actions:
+        for action in dict.fromkeys(actions):
             if not action.shortcut().isEmpty():
                 self._add(action)
         self.table.resizeColumnsToContents()

@@ -7,7 +7,7 @@ context ``Commands`` when the actions are made.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from PySide6.QtCore import QCoreApplication, QObject, Qt
@@ -100,22 +100,18 @@ COMMANDS: tuple[Command, ...] = (
 """All commands, in the order of the menus."""
 
 
-def make_actions(parent: QObject, commands: Iterable[Command] = COMMANDS) -> dict[str, QAction]:
+def make_actions(parent: QObject) -> dict[str, QAction]:
     """Return one action per command, by its id.
 
     Parameters
     ----------
     parent : QObject
         Owner of the actions.
-    commands : iterable of Command
-        The commands.
     """
-    return {command.id: _action(command, parent) for command in commands if command.id != SEPARATOR}
+    return {command.id: _action(command, parent) for command in COMMANDS if command.id != SEPARATOR}
 
 
-def fill_menu_bar(
-    bar: QMenuBar, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS
-) -> dict[str, QMenu]:
+def fill_menu_bar(bar: QMenuBar, actions: Mapping[str, QAction]) -> dict[str, QMenu]:
     """Fill a menu bar, and return its menus by their title in the table, to which more can be added.
 
     Parameters
@@ -124,11 +120,9 @@ def fill_menu_bar(
         The menu bar.
     actions : mapping of str to QAction
         One action for each command, by its id.
-    commands : iterable of Command
-        The commands.
     """
     menus: dict[str, QMenu] = {}
-    for command in commands:
+    for command in COMMANDS:
         menu = menus.get(command.menu)
         if menu is None:
             menu = menus[command.menu] = bar.addMenu(_translated(command.menu))
@@ -140,7 +134,7 @@ def fill_menu_bar(
     return menus
 
 
-def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS) -> None:
+def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction]) -> None:
     """Add the actions that belong into the tool bar.
 
     Parameters
@@ -149,15 +143,13 @@ def fill_tool_bar(bar: QToolBar, actions: Mapping[str, QAction], commands: Itera
         The tool bar.
     actions : mapping of str to QAction
         One action for each command, by its id.
-    commands : iterable of Command
-        The commands.
     """
-    for command in commands:
+    for command in COMMANDS:
         if command.in_tool_bar:
             bar.addAction(actions[command.id])
 
 
-def add_view_actions(view: QWidget, actions: Mapping[str, QAction], commands: Iterable[Command] = COMMANDS) -> None:
+def add_view_actions(view: QWidget, actions: Mapping[str, QAction]) -> None:
     """Let the keys of views work while `view`, or something in it, has the focus.
 
     Parameters
@@ -166,10 +158,8 @@ def add_view_actions(view: QWidget, actions: Mapping[str, QAction], commands: It
         The view.
     actions : mapping of str to QAction
         One action for each command, by its id.
-    commands : iterable of Command
-        The commands.
     """
-    view.addActions([actions[command.id] for command in commands if command.in_views])
+    view.addActions([actions[command.id] for command in COMMANDS if command.in_views])
 
 
 def _action(command: Command, parent: QObject) -> QAction:

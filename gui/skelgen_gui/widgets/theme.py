@@ -18,48 +18,31 @@ CHANGED_ROLE = QPalette.ColorRole.Link
 """Role of texts that differ from their default."""
 
 _Role = QPalette.ColorRole
-_LIGHT = {
-    _Role.Window: "#f3f4f6",
-    _Role.WindowText: "#1c2024",
-    _Role.Base: "#ffffff",
-    _Role.AlternateBase: "#eceef1",
-    _Role.Text: "#1c2024",
-    _Role.Button: "#e6e8ec",
-    _Role.ButtonText: "#1c2024",
-    _Role.ToolTipBase: "#fffbe6",
-    _Role.ToolTipText: "#1c2024",
-    _Role.PlaceholderText: "#6b7280",
-    _Role.Highlight: "#1f6fc4",
-    _Role.HighlightedText: "#ffffff",
-    _Role.Accent: "#1f6fc4",
-    _Role.Link: "#155a9f",
-    _Role.LinkVisited: "#6b4fa0",
-    _Role.BrightText: "#b3261e",
-}
-_DARK = {
-    _Role.Window: "#202327",
-    _Role.WindowText: "#e6e8eb",
-    _Role.Base: "#353b43",
-    _Role.AlternateBase: "#3d444d",
-    _Role.Text: "#e6e8eb",
-    _Role.Button: "#3d434c",
-    _Role.ButtonText: "#e6e8eb",
-    _Role.ToolTipBase: "#474e58",
-    _Role.ToolTipText: "#f2f3f5",
-    _Role.PlaceholderText: "#b3bac4",
-    _Role.Highlight: "#2f7fd6",
-    _Role.HighlightedText: "#ffffff",
-    _Role.Accent: "#2f7fd6",
-    _Role.Link: "#7db7f5",
-    _Role.LinkVisited: "#b9a3e3",
-    _Role.BrightText: "#ff8f85",
+# On light and on dark desktops
+_PALETTE = {
+    _Role.Window: ("#f3f4f6", "#202327"),
+    _Role.WindowText: ("#1c2024", "#e6e8eb"),
+    _Role.Base: ("#ffffff", "#353b43"),
+    _Role.AlternateBase: ("#eceef1", "#3d444d"),
+    _Role.Text: ("#1c2024", "#e6e8eb"),
+    _Role.Button: ("#e6e8ec", "#3d434c"),
+    _Role.ButtonText: ("#1c2024", "#e6e8eb"),
+    _Role.ToolTipBase: ("#fffbe6", "#474e58"),
+    _Role.ToolTipText: ("#1c2024", "#f2f3f5"),
+    _Role.PlaceholderText: ("#6b7280", "#b3bac4"),
+    _Role.Highlight: ("#1f6fc4", "#2f7fd6"),
+    _Role.HighlightedText: ("#ffffff", "#ffffff"),
+    _Role.Accent: ("#1f6fc4", "#2f7fd6"),
+    _Role.Link: ("#155a9f", "#7db7f5"),
+    _Role.LinkVisited: ("#6b4fa0", "#b9a3e3"),
+    _Role.BrightText: ("#b3261e", "#ff8f85"),
 }
 _FADED = {False: "#8b929c", True: "#8d949e"}  # texts of what is switched off
 _MIDDLE = 128  # of lightness 0 .. 255
 
 _DOUBT = {False: "#d9480f", True: "#ff922b"}
 _CURSOR = {False: "#e03131", True: "#ff6b6b"}
-_LIMBLESS = {False: "#868e96", True: "#868e96"}
+_LIMBLESS = "#868e96"
 _COMPONENTS = {False: ("#c92a2a", "#2b8a3e", "#1864ab"), True: ("#ff8787", "#69db7c", "#74c0fc")}
 
 
@@ -85,7 +68,7 @@ class Theme(QObject):
     def apply(self) -> None:
         """Give the application the palette that is wanted now."""
         wanted = self._preferences.values.theme
-        dark = _system_is_dark(self._app) if wanted == "system" else wanted == "dark"
+        dark = self._app.styleHints().colorScheme() == Qt.ColorScheme.Dark if wanted == "system" else wanted == "dark"
         if self._app.style().name() != "fusion":
             self._app.setStyle("Fusion")
         self._app.setPalette(theme_palette(dark=dark))
@@ -98,7 +81,7 @@ def prepare_high_dpi() -> None:
 
 def theme_palette(*, dark: bool) -> QPalette:
     """Return the palette of a dark or a light window."""
-    colours = _DARK if dark else _LIGHT
+    colours = {role: pair[dark] for role, pair in _PALETTE.items()}
     palette = QPalette(QColor(colours[_Role.Button]), QColor(colours[_Role.Window]))  # derives the shades of bevels
     for role, colour in colours.items():
         palette.setColor(role, QColor(colour))
@@ -112,10 +95,6 @@ def is_dark(palette: QPalette) -> bool:
     return palette.color(_Role.Window).lightness() < _MIDDLE
 
 
-def _system_is_dark(app: QApplication) -> bool:
-    return app.styleHints().colorScheme() == Qt.ColorScheme.Dark
-
-
 def colour_of_limb(limb: int, palette: QPalette) -> QColor:
     """Return the colour of a limb; grey for -1, no limb.
 
@@ -126,8 +105,7 @@ def colour_of_limb(limb: int, palette: QPalette) -> QColor:
     palette : QPalette
         Light or dark.
     """
-    dark = is_dark(palette)
-    return QColor(limb_colour(limb, dark=dark) if limb >= 0 else _LIMBLESS[dark])
+    return QColor(limb_colour(limb, dark=is_dark(palette)) if limb >= 0 else _LIMBLESS)
 
 
 def doubt_colour(palette: QPalette) -> QColor:
