@@ -113,9 +113,7 @@ class WindowCommands(QObject):
             "cancel": context.jobs.cancel,
             "next_page": lambda: pages.turn(1),
             "previous_page": lambda: pages.turn(-1),
-            "shortcuts": lambda: ShortcutsDialog(
-                dict.fromkeys((*self.actions.values(), *self._view3d.actions())), window
-            ).open(),
+            "shortcuts": lambda: ShortcutsDialog((*self.actions.values(), *self._view3d.actions()), window).open(),
             "about": lambda: QMessageBox.about(window, self.tr("About skelgen"), versions()),
         }
 

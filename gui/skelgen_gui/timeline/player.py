@@ -189,10 +189,8 @@ class PlayCommands(QObject):
             "previous_second": lambda: player.step(-max(round(session.rate), 1)),
             "first_frame": lambda: session.show_frame(player.range[0]),
             "last_frame": lambda: session.show_frame(player.range[1]),
-            "faster": lambda: player.set_speed(next((speed for speed in SPEEDS if speed > player.speed), SPEEDS[-1])),
-            "slower": lambda: player.set_speed(
-                max((speed for speed in SPEEDS if speed < player.speed), default=SPEEDS[0])
-            ),
+            "faster": lambda: player.set_speed(next((one for one in SPEEDS if one > player.speed), SPEEDS[-1])),
+            "slower": lambda: player.set_speed(max((one for one in SPEEDS if one < player.speed), default=SPEEDS[0])),
             "range_from": lambda: player.set_range(session.frame, max(player.range[1], session.frame)),
             "range_to": lambda: player.set_range(min(player.range[0], session.frame), session.frame),
             "range_all": lambda: player.set_range(0, session.n_frames - 1),
