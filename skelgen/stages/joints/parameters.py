@@ -70,9 +70,7 @@ class JointParameters(DescentParameters):
         5, "how many frames back such a start may come from", unit="frames", low=0, high=1000, config_name="MAXFALLBACK"
     )
     joined: str = declare(
-        "",
-        "joints that are there, as pairs of limbs or of one marker of each: 'limb0, limb3; LKNE, LANK'",
-        basic=True,
+        "", "joints that are there, as pairs of limbs or of one marker of each: 'limb0, limb3; LKNE, LANK'", basic=True
     )
     parted: str = declare("", "joints that are not there, in the same form", basic=True)
     separate: bool = declare(

@@ -45,10 +45,7 @@ class LabelParameters(StageParameters):
         choices=("none", "constant_velocity", "double_exponential"),
     )
     smoothing: float = declare(
-        0.8,
-        "Smoothing of the double exponential prediction; 1 trusts the last point alone.",
-        low=0.05,
-        high=1.0,
+        0.8, "Smoothing of the double exponential prediction; 1 trusts the last point alone.", low=0.05, high=1.0
     )
     max_jump: float = declare(
         0.0,
@@ -59,12 +56,7 @@ class LabelParameters(StageParameters):
     )
     mute: int = declare(2, "How long a marker that jumped farther is ignored.", unit="frames", low=0, high=1000)
     max_gap: int = declare(
-        5,
-        "Longest gap over which a marker is followed by prediction alone.",
-        unit="frames",
-        low=0,
-        high=50,
-        basic=True,
+        5, "Longest gap over which a marker is followed by prediction alone.", unit="frames", low=0, high=50, basic=True
     )
     link_evidence: float = declare(
         5.0,

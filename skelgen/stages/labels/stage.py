@@ -35,11 +35,7 @@ from skelgen.stages.labels.point_labels import (
 )
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
-from skelgen.stages.labels.tracking.tracklets import (
-    find_tracklets,
-    least_length,
-    stand_alone_frames,
-)
+from skelgen.stages.labels.tracking.tracklets import find_tracklets, least_length, stand_alone_frames
 from skelgen.stages.labels.user_labels.constraints import apply_constraints, constrain_labelled
 from skelgen.stages.labels.user_labels.statements import find_constraints
 from skelgen.stages.repair import repair_take

@@ -105,11 +105,7 @@ class Swap:
 
 
 def find_swaps(
-    trajectories: Trajectories,
-    least_evidence: float = 5.0,
-    *,
-    limbs: Limbs | None = None,
-    monitor: Monitor = SILENT,
+    trajectories: Trajectories, least_evidence: float = 5.0, *, limbs: Limbs | None = None, monitor: Monitor = SILENT
 ) -> tuple[Swap, ...]:
     """Find cycles of two to four labels that were exchanged for some frames.
 

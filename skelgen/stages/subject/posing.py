@@ -74,10 +74,7 @@ class SubjectPoses:
 
 
 def pose_subject(
-    skeleton: Skeleton,
-    positions: Floats,
-    parameters: SkeletonParameters | None = None,
-    monitor: Monitor = SILENT,
+    skeleton: Skeleton, positions: Floats, parameters: SkeletonParameters | None = None, monitor: Monitor = SILENT
 ) -> SubjectPoses:
     """Pose a subject's skeleton in the frames of a take.
 

@@ -98,10 +98,7 @@ class IdentityConfidence:
 
 
 def identity_confidence(
-    trajectories: Trajectories,
-    breaks: Bools | None = None,
-    stated: Bools | None = None,
-    prior: Prior = LABELS_GIVEN,
+    trajectories: Trajectories, breaks: Bools | None = None, stated: Bools | None = None, prior: Prior = LABELS_GIVEN
 ) -> IdentityConfidence:
     """Compute how sure the identity of every marker is in every frame.
 

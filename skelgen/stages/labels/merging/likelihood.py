@@ -85,13 +85,7 @@ class DistanceRecord:
     """
 
     def __init__(
-        self,
-        count: Floats,
-        total: Floats,
-        squares: Floats,
-        apart: Bools,
-        spacing: float,
-        prior: Floats | None = None,
+        self, count: Floats, total: Floats, squares: Floats, apart: Bools, spacing: float, prior: Floats | None = None
     ) -> None:
         self.count, self.total, self.squares = count, total, squares
         self.apart = apart | np.eye(len(count), dtype=bool)
