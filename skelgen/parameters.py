@@ -44,7 +44,8 @@ class Declaration:
     config_codes : tuple of str
         For a choice that the classic ``config.xml`` writes as an integer: the choice that each integer means.
     config_section : str
-        Element of ``config.xml`` that holds it, where that is not the one of its stage, e.g. ``JointFinder/NLCG``.
+        Element of ``config.xml`` that holds it, e.g. ``JointFinder/NLCG``; if not given, that of the class
+        that declares it.
     basic : bool
         Whether a form shows it at once, rather than among the advanced ones.
     """
@@ -126,8 +127,6 @@ class Facts(TypedDict, total=False):
     """What can be declared of a parameter beside its default and help; see `Declaration`."""
 
     unit: str
-    low: float | None
-    high: float | None
     choices: tuple[str, ...]
     config_name: str
     config_codes: tuple[str, ...]
@@ -135,7 +134,9 @@ class Facts(TypedDict, total=False):
     basic: bool
 
 
-def declare(default: Any, help: str, **facts: Unpack[Facts]) -> Any:
+def declare(
+    default: Any, help: str, *, within: tuple[float | None, float | None] = (None, None), **facts: Unpack[Facts]
+) -> Any:
     """Declare one parameter as a dataclass field.
 
     Parameters
@@ -144,6 +145,8 @@ def declare(default: Any, help: str, **facts: Unpack[Facts]) -> Any:
         Value if none is given.
     help : str
         One sentence for the user.
+    within : (low, high)
+        Inclusive bounds of a number; None means no bound.
     **facts
         Further attributes of `Declaration`.
 
@@ -157,14 +160,16 @@ def declare(default: Any, help: str, **facts: Unpack[Facts]) -> Any:
     >>> @dataclasses.dataclass(frozen=True)
     ... class Cut(StageParameters):
     ...     stage: ClassVar[str] = "cut"
-    ...     length: float = declare(0.5, "Shortest piece.", unit="s", low=0.0)
+    ...     length: float = declare(0.5, "Shortest piece.", unit="s", within=(0.0, None))
     >>> Cut().length
     0.5
     >>> Cut(length=-1.0)
     Traceback (most recent call last):
     skelgen.errors.ParameterError: cut: length is -1; it must lie in 0 .. inf s
     """
-    return dataclasses.field(default=default, metadata={_KEY: {"help": help, **facts}})
+    return dataclasses.field(
+        default=default, metadata={_KEY: {"help": help, "low": within[0], "high": within[1], **facts}}
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,11 +199,12 @@ class StageParameters:
     @cache
     def declarations(cls) -> tuple[Declaration, ...]:
         """Return what is declared, in order."""
-        kinds = get_type_hints(cls)
-        return tuple(
-            Declaration(name=field.name, kind=kinds[field.name], default=field.default, **field.metadata[_KEY])
-            for field in dataclasses.fields(cls)
-        )
+        kinds, found = get_type_hints(cls), []
+        for field in dataclasses.fields(cls):
+            declaring = [base for base in cls.__mro__ if field.name in vars(base).get("__annotations__", ())]
+            facts = {"config_section": getattr(declaring[0], "config_section", ""), **field.metadata[_KEY]}
+            found.append(Declaration(name=field.name, kind=kinds[field.name], default=field.default, **facts))
+        return tuple(found)
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any], where: str = "") -> Self:

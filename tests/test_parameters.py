@@ -19,8 +19,8 @@ class Soup(StageParameters):
     """Something to declare parameters for."""
 
     stage: ClassVar[str] = "soup"
-    litres: float = declare(1.5, "How much.", unit="l", low=0.0, high=20.0, config_name="LITRES")
-    eggs: int = declare(2, "How many.", low=0)
+    litres: float = declare(1.5, "How much.", unit="l", within=(0.0, 20.0), config_name="LITRES")
+    eggs: int = declare(2, "How many.", within=(0, None))
     is_hot: bool = declare(True, "Whether it is heated.")
     kind: str = declare("pea", "Which.", choices=("pea", "bean"), config_codes=("pea", "bean"))
 

@@ -30,44 +30,40 @@ class DetectionParameters(StageParameters):
     stage: ClassVar[str] = "detection"
 
     bright_quantile: float = declare(
-        0.9999, "Part of the image's pixels that is darker than the inside of the balls.", low=0.9, high=1.0
+        0.9999, "Part of the image's pixels that is darker than the inside of the balls.", within=(0.9, 1.0)
     )
     dark_quantile: float = declare(
-        0.98, "Part of the image's pixels that is darker than every ball.", low=0.1, high=1.0
+        0.98, "Part of the image's pixels that is darker than every ball.", within=(0.1, 1.0)
     )
     mix: float = declare(
         0.2,
         "How far the two thresholds of the brightness stand off both quantiles, as a part of their difference.",
-        low=0.0,
-        high=0.45,
+        within=(0.0, 0.45),
     )
-    row_step: int = declare(4, "The histogram counts one row of so many.", unit="rows", low=1, high=64)
+    row_step: int = declare(4, "The histogram counts one row of so many.", unit="rows", within=(1, 64))
     min_contrast: float = declare(
         16.0,
         "Least difference between balls and background, below which an image counts as empty.",
         unit="grey levels",
-        low=1.0,
-        high=255.0,
+        within=(1.0, 255.0),
     )
-    min_area: int = declare(16, "Smallest ball.", unit="px", low=1, high=100_000, basic=True)
-    max_area: int = declare(4_000, "Largest spot that is looked at.", unit="px", low=1, high=10_000_000)
+    min_area: int = declare(16, "Smallest ball.", unit="px", within=(1, 100_000), basic=True)
+    max_area: int = declare(4_000, "Largest spot that is looked at.", unit="px", within=(1, 10_000_000))
     max_elongation: float = declare(
         1.5,
         "Longest axis of a spot over its shortest, above which it is a reflection unless it separates into balls.",
-        low=1.0,
-        high=100.0,
+        within=(1.0, 100.0),
     )
-    max_balls: int = declare(500, "More spots than this are no balls but a bad image.", low=1, high=20_000)
+    max_balls: int = declare(500, "More spots than this are no balls but a bad image.", within=(1, 20_000))
     separate: bool = declare(True, "Whether touching balls are separated.", basic=True)
     separate_elongation: float = declare(
-        1.15, "Longest axis over the shortest, above which a spot may be several balls.", low=1.05, high=10.0
+        1.15, "Longest axis over the shortest, above which a spot may be several balls.", within=(1.05, 10.0)
     )
     noise: float = declare(
         0.0,
         "Standard deviation of a pixel at the edge of a ball; 0 = found from the image's dark part.",
         unit="grey levels",
-        low=0.0,
-        high=100.0,
+        within=(0.0, 100.0),
     )
     centre: str = declare(
         "edge",
@@ -97,34 +93,34 @@ class BodyParameters(StageParameters):
     stage: ClassVar[str] = "bodies"
 
     max_distance: float = declare(
-        5.0, "Largest root mean square distance of points from a posed target.", unit="mm", low=0.01, high=100.0
+        5.0, "Largest root mean square distance of points from a posed target.", unit="mm", within=(0.01, 100.0)
     )
-    min_points: int = declare(4, "Balls of a target that must be seen at least; fewer are no proof.", low=4, high=20)
+    min_points: int = declare(4, "Balls of a target that must be seen at least; fewer are no proof.", within=(4, 20))
     penalty: float = declare(
-        1.5, "Factor on the distance for each ball that is missing, C(m) = penalty^(k-m).", low=1.0, high=100.0
+        1.5, "Factor on the distance for each ball that is missing, C(m) = penalty^(k-m).", within=(1.0, 100.0)
     )
     gate: float = declare(
-        5.0, "Largest deviation of a distance or a point, in its own standard deviations.", low=1.0, high=100.0
+        5.0, "Largest deviation of a distance or a point, in its own standard deviations.", within=(1.0, 100.0)
     )
     floor: float = declare(
-        0.2, "Distance that calibration and balls may add to the propagated noise.", unit="mm", low=1e-4, high=10.0
+        0.2, "Distance that calibration and balls may add to the propagated noise.", unit="mm", within=(1e-4, 10.0)
     )
     distinct: float = declare(
         2.0,
         "Root mean square distance by which balls must differ from others that they could be taken for.",
         unit="mm",
-        low=0.0,
-        high=100.0,
+        within=(0.0, 100.0),
     )
     doubt: float = declare(
         0.001,
         "A body is left out where another pose, from other points or another order of the balls, is more likely than "
         "this to be the right one.",
-        low=1e-9,
-        high=0.5,
+        within=(1e-9, 0.5),
     )
     queue: int = declare(
-        2000, "Edges from which a body is searched at most, the best first; a bound on the time of a frame.", low=1
+        2000,
+        "Edges from which a body is searched at most, the best first; a bound on the time of a frame.",
+        within=(1, None),
     )
 
 
@@ -148,50 +144,46 @@ class RenderParameters(StageParameters):
 
     stage: ClassVar[str] = "rig"
 
-    diameter: float = declare(14.0, "Diameter of the balls.", unit="mm", low=0.5, high=500.0, basic=True)
+    diameter: float = declare(14.0, "Diameter of the balls.", unit="mm", within=(0.5, 500.0), basic=True)
     limb_darkening: float = declare(
-        0.4, "How much darker the rim of a ball is than its middle, as a part of it.", low=0.0, high=1.0
+        0.4, "How much darker the rim of a ball is than its middle, as a part of it.", within=(0.0, 1.0)
     )
     brightness: float = declare(
         400.0,
         "Brightness of a ball in the middle of the image at the bright distance; above 255 the sensor saturates.",
         unit="grey levels",
-        low=0.0,
-        high=1e5,
+        within=(0.0, 1e5),
         basic=True,
     )
     bright_distance: float = declare(
-        1000.0, "Distance at which a ball has that brightness.", unit="mm", low=10.0, high=1e5
+        1000.0, "Distance at which a ball has that brightness.", unit="mm", within=(10.0, 1e5)
     )
     lamp_offset: float = declare(
         40.0,
         "Distance of the lamps from the lens; near balls send part of the light past it.",
         unit="mm",
-        low=0.0,
-        high=1000.0,
+        within=(0.0, 1000.0),
     )
     lamp_lobe: float = declare(
         4.0,
         "Angle about the lamp within which balls send its light back (one standard deviation).",
         unit="deg",
-        low=0.1,
-        high=90.0,
+        within=(0.1, 90.0),
     )
     border_falloff: float = declare(
         5.0,
         "Power of the cosine of the angle off the axis with which brightness falls towards the border.",
-        low=0.0,
-        high=40.0,
+        within=(0.0, 40.0),
     )
-    blur: float = declare(0.7, "Standard deviation of the blur of lens and sensor.", unit="px", low=0.1, high=3.0)
-    background: float = declare(8.0, "Brightness of what is dark.", unit="grey levels", low=0.0, high=255.0)
+    blur: float = declare(0.7, "Standard deviation of the blur of lens and sensor.", unit="px", within=(0.1, 3.0))
+    background: float = declare(8.0, "Brightness of what is dark.", unit="grey levels", within=(0.0, 255.0))
     noise: float = declare(
-        1.5, "Standard deviation of a dark pixel's noise.", unit="grey levels", low=0.0, high=50.0, basic=True
+        1.5, "Standard deviation of a dark pixel's noise.", unit="grey levels", within=(0.0, 50.0), basic=True
     )
     shot_noise: float = declare(
-        0.02, "Variance of a pixel that each grey level of light adds.", unit="grey levels", low=0.0, high=10.0
+        0.02, "Variance of a pixel that each grey level of light adds.", unit="grey levels", within=(0.0, 10.0)
     )
-    reflections: int = declare(3, "Dull metal reflections in the scene.", low=0, high=1000)
+    reflections: int = declare(3, "Dull metal reflections in the scene.", within=(0, 1000))
     reflection_level: float = declare(
-        45.0, "Brightness of the brightest reflection.", unit="grey levels", low=0.0, high=255.0
+        45.0, "Brightness of the brightest reflection.", unit="grey levels", within=(0.0, 255.0)
     )

@@ -55,12 +55,11 @@ class PredictionParameters(StageParameters):
         100_000.0,
         "Typical change of acceleration; followed from there as the body moves.",
         unit="mm/s^3",
-        low=1.0,
-        high=1e9,
+        within=(1.0, 1e9),
     )
-    turning_jerk: float = declare(1_000.0, "The same of angular acceleration.", unit="rad/s^3", low=0.01, high=1e7)
+    turning_jerk: float = declare(1_000.0, "The same of angular acceleration.", unit="rad/s^3", within=(0.01, 1e7))
     hold: float = declare(
-        0.5, "A body that was not found for longer is looked for everywhere.", unit="s", low=0.0, high=10.0
+        0.5, "A body that was not found for longer is looked for everywhere.", unit="s", within=(0.0, 10.0)
     )
 
 

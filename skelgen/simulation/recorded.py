@@ -34,13 +34,12 @@ class BoneParameters(StageParameters):
 
     stage: ClassVar[str] = "simulate --motion"
 
-    markers_per_limb: int = declare(3, "Markers on every limb.", low=2, high=5)
+    markers_per_limb: int = declare(3, "Markers on every limb.", within=(2, 5))
     shortest_bone: float = declare(
         30.0,
         "Bones that carry no other and are shorter than this get no markers and are left out.",
         unit="mm",
-        low=0.0,
-        high=1e4,
+        within=(0.0, 1e4),
     )
     motion_root: str = declare("", "Bone from which on the body is simulated; empty for all of it.")
     motion_axes: str = declare(

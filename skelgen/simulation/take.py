@@ -41,36 +41,34 @@ class SimulationParameters(StageParameters):
 
     stage: ClassVar[str] = "simulate"
 
-    n_frames: int = declare(1000, "Length of the take.", unit="frames", low=1, high=1_000_000)
-    rate: float = declare(100.0, "Frame rate.", unit="Hz", low=1e-3, high=1e5)
-    noise: float = declare(0.0, "Standard deviation of each measured coordinate.", unit="mm", low=0.0, high=1000.0)
+    n_frames: int = declare(1000, "Length of the take.", unit="frames", within=(1, 1_000_000))
+    rate: float = declare(100.0, "Frame rate.", unit="Hz", within=(1e-3, 1e5))
+    noise: float = declare(0.0, "Standard deviation of each measured coordinate.", unit="mm", within=(0.0, 1000.0))
     soft_tissue: float = declare(
-        0.0, "Standard deviation of each marker's slide on its limb, per coordinate.", unit="mm", low=0.0, high=1000.0
+        0.0, "Standard deviation of each marker's slide on its limb, per coordinate.", unit="mm", within=(0.0, 1000.0)
     )
-    dropouts: float = declare(0.0, "Part of all marker positions that is lost, mostly in bursts.", low=0.0, high=0.95)
-    n_cameras: int = declare(0, "Cameras around the volume that limbs can block; 0 sees everything.", low=0, high=64)
-    ghosts: float = declare(0.0, "Mean number of false points per frame; needs labelled = false.", low=0.0, high=1000.0)
+    dropouts: float = declare(0.0, "Part of all marker positions that is lost, mostly in bursts.", within=(0.0, 0.95))
+    n_cameras: int = declare(0, "Cameras around the volume that limbs can block; 0 sees everything.", within=(0, 64))
+    ghosts: float = declare(0.0, "Mean number of false points per frame; needs labelled = false.", within=(0.0, 1000.0))
     merged: float = declare(
         0.0,
         "Markers nearer than this become one point, their mean, which is no marker's in the truth; needs labelled = "
         "false.",
         unit="mm",
-        low=0.0,
-        high=1000.0,
+        within=(0.0, 1000.0),
     )
     duplicates: float = declare(
-        0.0, "Mean number of markers per frame that are seen as two points; needs labelled = false.", low=0.0, high=1e3
+        0.0, "Mean number of markers per frame that are seen as two points; needs labelled = false.", within=(0.0, 1e3)
     )
     edge_jumps: float = declare(
         0.0,
         "Standard deviation of each coordinate in the first and last frames in which a marker is seen.",
         unit="mm",
-        low=0.0,
-        high=1000.0,
+        within=(0.0, 1000.0),
     )
     labelled: bool = declare(True, "Whether markers carry names; otherwise they are points in random order.")
-    motion_range: float = declare(1.0, "Factor on the amplitude of all joint angles.", low=0.0, high=3.0)
-    walk: float = declare(1000.0, "How far the root walks from the centre along x and y.", unit="mm", low=0.0, high=1e5)
+    motion_range: float = declare(1.0, "Factor on the amplitude of all joint angles.", within=(0.0, 3.0))
+    walk: float = declare(1000.0, "How far the root walks from the centre along x and y.", unit="mm", within=(0.0, 1e5))
 
 
 @dataclass(frozen=True, eq=False)

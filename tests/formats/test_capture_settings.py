@@ -17,8 +17,8 @@ from skelgen.parameters import StageParameters, declare
 class Detection(StageParameters):
     stage: ClassVar[str] = "detection"
 
-    dull_share: float = declare(0.2, "How much the dull quantile counts.", low=0.0, high=1.0)
-    rows: int = declare(4, "Every so many rows.", low=1)
+    dull_share: float = declare(0.2, "How much the dull quantile counts.", within=(0.0, 1.0))
+    rows: int = declare(4, "Every so many rows.", within=(1, None))
     separate: bool = declare(True, "Whether touching balls are separated.")
     method: str = declare("plain", "What labels.", choices=("plain", "opencv"))
 

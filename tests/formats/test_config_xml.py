@@ -27,7 +27,7 @@ class Search(StageParameters):
         config_name="METHOD",
         config_codes=("fletcher", "polak"),
     )
-    tolerance: float = declare(1e-7, "When to stop.", unit="mm", low=0.0, high=0.1, config_name="FTOL")
+    tolerance: float = declare(1e-7, "When to stop.", unit="mm", within=(0.0, 0.1), config_name="FTOL")
     anneal: bool = declare(False, "Shake.", config_name="ADDRANDOM")
 
 
@@ -36,7 +36,7 @@ class Joints(StageParameters):
     stage: ClassVar[str] = "joints"
     config_section: ClassVar[str] = "JointFinder"
 
-    sampling: int = declare(10, "Every so many frames.", unit="frames", low=1, config_name="SAMPLING")
+    sampling: int = declare(10, "Every so many frames.", unit="frames", within=(1, None), config_name="SAMPLING")
     file_name: str = declare('a <b> & "c"\'', "Name of a file.")
 
 

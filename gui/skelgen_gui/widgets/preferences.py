@@ -51,8 +51,7 @@ class PreferenceValues(StageParameters):
         60,
         "How often work that is not saved is put aside, for recovery after a crash; 0 = never.",
         unit="s",
-        low=0,
-        high=3600,
+        within=(0, 3600),
         basic=True,
     )
 

@@ -117,7 +117,12 @@ def find_distances(
     frame_a, frame_b = (np.zeros((n_sets, n_sets), dtype=np.intp) for _ in range(2))
     best = _Best(np.full((n_sets, n_sets), np.inf), frame_a, frame_b)
     if not overlaps.all():
-        frames = _sample_frames(sets, alignment.sampling)
+        # Frames at the sampling interval, wider if they became too many, and the middle of each set between them
+        step = max(alignment.sampling, -(-sets.n_frames // MOST_SAMPLES))
+        regular = np.arange(0, sets.n_frames, step)
+        found = (sets.indices_at(regular) >= 0).any(axis=0)
+        middles = sets.frames[(sets.starts[:-1] + sets.starts[1:]) // 2]
+        frames = np.unique(np.concatenate([regular, middles[~found]]))
         poses = sets.positions_at(points, frames)
         for a in range(len(frames)):
             _compare_with_all(poses, frames, a, ~overlaps, alignment, best)
@@ -126,15 +131,6 @@ def find_distances(
     distance = np.minimum(best.distance, best.distance.T)
     np.fill_diagonal(distance, 0.0)
     return distance
-
-
-def _sample_frames(sets: TrackletPoints, sampling: int) -> Ints:
-    """Frames at the sampling interval, wider if they became too many, and the middle of each set between them."""
-    step = max(sampling, -(-sets.n_frames // MOST_SAMPLES))
-    regular = np.arange(0, sets.n_frames, step)
-    found = (sets.indices_at(regular) >= 0).any(axis=0)
-    middles = sets.frames[(sets.starts[:-1] + sets.starts[1:]) // 2]
-    return np.unique(np.concatenate([regular, middles[~found]]))
 
 
 def _compare_with_all(poses: Floats, frames: Ints, a: int, allowed: Bools, alignment: Alignment, best: _Best) -> None:

@@ -1,7 +1,5 @@
 """Nonlinear conjugate gradients with a bracketing line search on derivatives (Schönauer 2007, 3.6; Shewchuk 1994)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -40,58 +38,29 @@ class DescentParameters(StageParameters):
         "how the next search direction is made conjugate",
         choices=("fletcher-reeves", "polak-ribiere"),
         config_name="METHOD",
-        config_section=_NLCG,
         config_codes=("fletcher-reeves", "polak-ribiere"),
     )
     tolerance: float = declare(
-        1e-6,
-        "stop when a step lowers the cost by less than this part",
-        low=0.0,
-        high=0.1,
-        config_name="FTOL",
-        config_section=_NLCG,
+        1e-6, "stop when a step lowers the cost by less than this part", within=(0.0, 0.1), config_name="FTOL"
     )
     absolute_tolerance: float = declare(
         1e-10,
         "stop when a step lowers the cost by less than this",
         unit="mm^2",
-        low=0.0,
+        within=(0.0, None),
         config_name="EPSBREAK",
-        config_section=_NLCG,
     )
-    max_iterations: int = declare(
-        200, "stop after so many iterations", low=1, high=100000, config_name="ITMAX", config_section=_NLCG
-    )
+    max_iterations: int = declare(200, "stop after so many iterations", within=(1, 100000), config_name="ITMAX")
     step_limit: float = declare(
-        100.0,
-        "a bracket grows at most by this factor at once",
-        low=1.1,
-        high=1e6,
-        config_name="GLIMIT",
-        config_section=_NLCG,
+        100.0, "a bracket grows at most by this factor at once", within=(1.1, 1e6), config_name="GLIMIT"
     )
-    line_iterations: int = declare(
-        100, "iterations of a line search", low=1, high=100000, config_name="ITMAXDBRENT", config_section=_NLCG
-    )
+    line_iterations: int = declare(100, "iterations of a line search", within=(1, 100000), config_name="ITMAXDBRENT")
     line_tolerance: float = declare(
-        1e-3,
-        "relative width at which a line search stops",
-        low=1e-15,
-        high=0.5,
-        config_name="TOLBRENT",
-        config_section=_NLCG,
+        1e-3, "relative width at which a line search stops", within=(1e-15, 0.5), config_name="TOLBRENT"
     )
-    anneal: bool = declare(
-        False, "shake the joint while it is optimised, less and less", config_name="ADDRANDOM", config_section=_NLCG
-    )
+    anneal: bool = declare(False, "shake the joint while it is optimised, less and less", config_name="ADDRANDOM")
     max_jitter: float = declare(
-        1.0,
-        "largest shake in the first iteration",
-        unit="mm",
-        low=0.0,
-        high=1e3,
-        config_name="MAXJITTER",
-        config_section=_NLCG,
+        1.0, "largest shake in the first iteration", unit="mm", within=(0.0, 1e3), config_name="MAXJITTER"
     )
 
 
@@ -131,7 +100,9 @@ def minimise(objective: Objective, start: Floats, parameters: DescentParameters,
     random = np.random.default_rng(seed) if parameters.anneal else None
     point = np.array(start, dtype=np.float64)
     value, gradient = objective(point)
-    direction, step = -gradient, _first_step(value, gradient)
+    # A step that would halve the value of a linear function
+    squares = float((gradient**2).sum())
+    direction, step = -gradient, (0.5 * abs(value) / squares if squares > 0 else 1.0)
     best = Minimum(point, value, 0)
     for iteration in range(1, parameters.max_iterations + 1):
         step = _line_minimum(objective, point, direction, gradient, step, parameters)
@@ -149,12 +120,6 @@ def minimise(objective: Objective, start: Floats, parameters: DescentParameters,
         direction = _next_direction(direction, gradient, new_gradient, parameters)
         gradient = new_gradient
     return Minimum(best.point, best.value, iteration)
-
-
-def _first_step(value: float, gradient: Floats) -> float:
-    """A step that would halve the value of a linear function."""
-    squares = float((gradient**2).sum())
-    return 0.5 * abs(value) / squares if squares > 0 else 1.0
 
 
 def _next_direction(direction: Floats, old: Floats, new: Floats, parameters: DescentParameters) -> Floats:

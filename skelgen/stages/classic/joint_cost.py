@@ -8,8 +8,6 @@ with one joint position :math:`c_f` per frame, the n markers of both limbs, and 
 marker m.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen._kernels import contiguous

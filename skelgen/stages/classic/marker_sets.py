@@ -8,8 +8,6 @@ Kirk, O'Brien and Forsyth 2005; Schönauer 2007, 3.3 and 4.2. The method needs t
 it is the number of those seen at once.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TypeVar
 

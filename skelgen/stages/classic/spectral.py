@@ -11,8 +11,6 @@ which is n for perfect alignment. R is a product of rotations in the planes of t
 other, and k + 1 starts from the alignment of k. The largest k whose alignment is all but the best is the number.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -193,7 +191,8 @@ def _turned(columns: Floats) -> Floats:
             pair = columns[:, [first, second]]
             angle = _best_angle(pair, rest, largest)
             if angle != 0.0:
-                columns[:, [first, second]] = pair @ _rotation(angle)
+                sine, cosine = np.sin(angle), np.cos(angle)
+                columns[:, [first, second]] = pair @ np.array([[cosine, -sine], [sine, cosine]])
                 squares[:, [first, second]] = columns[:, [first, second]] ** 2
     return columns
 
@@ -208,11 +207,6 @@ def _best_angle(pair: Floats, rest: Floats, largest: Floats) -> float:
     best = int(np.argmin(costs))
     gain = costs[len(ANGLES) // 2] - costs[best]
     return float(ANGLES[best]) if gain > 0 else 0.0
-
-
-def _rotation(angle: float) -> Floats:
-    sine, cosine = np.sin(angle), np.cos(angle)
-    return np.array([[cosine, -sine], [sine, cosine]])
 
 
 def _spread(columns: Floats) -> float:

@@ -17,8 +17,6 @@ three joints are there. The rotations do: a hinge leaves nothing but noise acros
 eta.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ spheres. Two such limbs are left to the joint cost of the thesis, minimised by c
 position in every frame.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

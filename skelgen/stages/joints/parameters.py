@@ -37,8 +37,7 @@ class JointParameters(DescentParameters):
         0.1,
         "weight of the mean distance from joint to markers in the cost that decides the tree",
         unit="mm",
-        low=0.0,
-        high=1e3,
+        within=(0.0, 1e3),
         config_name="ALPHA",
         basic=True,
     )
@@ -46,28 +45,26 @@ class JointParameters(DescentParameters):
         0.0,
         "the same weight when the joints that are kept are placed: 0 does not pull them out of place",
         unit="mm",
-        low=0.0,
-        high=1e3,
+        within=(0.0, 1e3),
         config_name="ALPHAWEIGHT",
     )
     sampling: int = declare(
         0,
         "all pairs of limbs are tried on every so many frames; 0 spreads at most `samples` over the take",
         unit="frames",
-        low=0,
-        high=1e6,
+        within=(0, 1e6),
         config_name="SAMPLING",
     )
-    samples: int = declare(300, "sampled frames when `sampling` is 0", unit="frames", low=5, high=1e6)
+    samples: int = declare(300, "sampled frames when `sampling` is 0", unit="frames", within=(5, 1e6))
     max_residual: float = declare(
         25.0,
         "local optimisation that ends above this cost is tried again from earlier frames",
         unit="mm^2",
-        low=0.0,
+        within=(0.0, None),
         config_name="MAXFRET",
     )
     max_fallback: int = declare(
-        5, "how many frames back such a start may come from", unit="frames", low=0, high=1000, config_name="MAXFALLBACK"
+        5, "how many frames back such a start may come from", unit="frames", within=(0, 1000), config_name="MAXFALLBACK"
     )
     joined: str = declare(
         "", "joints that are there, as pairs of limbs or of one marker of each: 'limb0, limb3; LKNE, LANK'", basic=True

@@ -1,7 +1,5 @@
 """Joints between all pairs of limbs, and those of the tree in all frames, of long takes block by block."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from itertools import combinations, pairwise
@@ -81,7 +79,8 @@ class PairSearch:
             parameters=self._parameters,
             seed=self._seed,
         )
-        if self._n_descents(work) < WORTH_PROCESSES:
+        by_descent = self._parameters.solver == "conjugate-gradient"
+        if sum(by_descent or not (one.shape.has_pose or two.shape.has_pose) for one, two in work) < WORTH_PROCESSES:
             found = (guess(first, second) for first, second in work)
         else:
             from joblib import Parallel, delayed  # noqa: PLC0415 - only wanted with many descents
@@ -90,11 +89,6 @@ class PairSearch:
         for index, (pair, one) in enumerate(zip(pairs, found, strict=True), start=1):
             self._guesses[pair] = one
             self._monitor.advance(index, len(work))
-
-    def _n_descents(self, work: list[tuple[Segment, Segment]]) -> int:
-        if self._parameters.solver == "conjugate-gradient":
-            return len(work)
-        return sum(not (first.shape.has_pose or second.shape.has_pose) for first, second in work)
 
     def _common_frames(self, pair: Pair) -> tuple[Segment, Segment]:
         """Both limbs in the sampled frames, or, where these hardly show both, in others that do."""

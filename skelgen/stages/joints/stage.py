@@ -4,8 +4,6 @@ A joint is a point that keeps its distance to the markers of two limbs (Schönau
 tried on sampled frames; the cheapest joints span the tree; those that are kept are placed in all frames.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.errors import InputError

@@ -5,8 +5,6 @@ that have nothing to do with each other; or it is much dearer than joints of thi
 and could as well be another edge, because no place is better than the others. It is cut, and bodies are separate trees.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Checks of an unlabelled take: what cannot be labelled is refused, and what is odd is noticed."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a user can set about labelling (names of Schönauer 2007, tables 4.13-4.16)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -45,38 +43,37 @@ class LabelParameters(StageParameters):
         choices=("none", "constant_velocity", "double_exponential"),
     )
     smoothing: float = declare(
-        0.8, "Smoothing of the double exponential prediction; 1 trusts the last point alone.", low=0.05, high=1.0
+        0.8, "Smoothing of the double exponential prediction; 1 trusts the last point alone.", within=(0.05, 1.0)
     )
     max_jump: float = declare(
         0.0,
         "Farthest that a point may lie from where its marker was expected; 0 = found from the take.",
         unit="mm",
-        low=0.0,
+        within=(0.0, None),
         basic=True,
     )
-    mute: int = declare(2, "How long a marker that jumped farther is ignored.", unit="frames", low=0, high=1000)
+    mute: int = declare(2, "How long a marker that jumped farther is ignored.", unit="frames", within=(0, 1000))
     max_gap: int = declare(
-        5, "Longest gap over which a marker is followed by prediction alone.", unit="frames", low=0, high=50, basic=True
+        5, "Longest gap over which a marker is followed by prediction alone.", unit="frames", within=(0, 50), basic=True
     )
     link_evidence: float = declare(
         5.0,
         "A track is cut where its next point is not more probable than any other explanation by this evidence.",
         unit="nats",
-        low=0.0,
-        high=100.0,
+        within=(0.0, 100.0),
     )
     min_range: int = declare(
         0,
         "Tracklets with fewer frames are removed; 0 = half a second, at most a quarter of the take.",
         unit="frames",
-        low=0,
+        within=(0, None),
         config_name="MINRANGE",
     )
     trim_range: int = declare(
         2,
         "Frames cut off at both ends of every tracklet, except where the take itself begins or ends.",
         unit="frames",
-        low=0,
+        within=(0, None),
         config_name="TRIMRANGE",
     )
     remove_distance: float = declare(
@@ -84,9 +81,11 @@ class LabelParameters(StageParameters):
         "Classic method: Marker Sets farther apart than this are never joined, and those that are so far from all "
         "others go first where there are too many; 0 = the median distance between neighbouring markers.",
         unit="mm",
-        low=0.0,
+        within=(0.0, None),
     )
-    stand_alone: float = declare(3.0, "Tracklets at least this long need no partner to be trusted.", unit="s", low=0.0)
+    stand_alone: float = declare(
+        3.0, "Tracklets at least this long need no partner to be trusted.", unit="s", within=(0.0, None)
+    )
     alignment: str = declare(
         "local",
         "Classic method: what is aligned before two Marker Sets are compared: all markers, or those next to the "
@@ -94,20 +93,19 @@ class LabelParameters(StageParameters):
         choices=("whole", "local"),
     )
     n_neighbours: int = declare(
-        5, "Classic method: markers that the local alignment rests on.", unit="markers", low=3, high=50
+        5, "Classic method: markers that the local alignment rests on.", unit="markers", within=(3, 50)
     )
     misfit_weight: float = declare(
         1.0,
         "Classic method: how much the misfit of the aligned poses counts in the distance of two Marker Sets; 0 = not, "
         "as in the thesis.",
-        low=0.0,
-        high=100.0,
+        within=(0.0, 100.0),
     )
     sampling: int = declare(
         10,
         "Classic method: interval of the frames that are picked to compare Marker Sets.",
         unit="frames",
-        low=1,
+        within=(1, None),
         config_name="SAMPLINGMSTC",
     )
     method: str = declare(
@@ -118,7 +116,7 @@ class LabelParameters(StageParameters):
         basic=True,
     )
     rounds: int = declare(
-        4, "Most turns in which a skeleton is fitted and all points are labelled by it.", low=1, high=100
+        4, "Most turns in which a skeleton is fitted and all points are labelled by it.", within=(1, 100)
     )
     compare: bool = declare(
         False,
@@ -139,8 +137,7 @@ class LabelParameters(StageParameters):
         RepairParameters.swap_evidence,
         "An exchange of labels is repaired when the evidence of distances within limbs exceeds this.",
         unit="nats",
-        low=0.0,
-        high=1000.0,
+        within=(0.0, 1000.0),
     )
     slips: bool = declare(
         RepairParameters.slips,
@@ -151,24 +148,22 @@ class LabelParameters(StageParameters):
         RepairParameters.slip_seconds,
         "A marker has slipped when its new place on the limb lasts this long.",
         unit="s",
-        low=0.05,
-        high=100.0,
+        within=(0.05, 100.0),
     )
     slip_evidence: float = declare(
         RepairParameters.slip_evidence,
         "A marker may have slipped where it jumps by this many times its usual step against its neighbours.",
-        low=3.0,
-        high=1000.0,
+        within=(3.0, 1000.0),
     )
     add_random: bool = declare(False, "Add jitter to the points, to test with clean data.", config_name="ADDRANDOMTC")
     max_jitter: float = declare(
-        0.5, "Largest jitter added to each coordinate.", unit="mm", low=0.0, config_name="MAXJITTERTC"
+        0.5, "Largest jitter added to each coordinate.", unit="mm", within=(0.0, None), config_name="MAXJITTERTC"
     )
     time_one_frame: int = declare(
         5,
         "Time between two frames where the take's time stamps do not rise.",
         unit="ms",
-        low=1,
+        within=(1, None),
         config_name="TIMEONEFRAME",
     )
 

@@ -1,7 +1,5 @@
 """Labels of points: the marker of each. Long takes are handled block of frames by block, to need little memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ is then fitted to these markers and says which marker every point is. The method
 over aligned poses (`skelgen.stages.classic`), runs only where it is asked for.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.errors import InputError
@@ -198,18 +196,14 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
     by_distances = _most_seen(by_distances, MOST_KEPT * max(1, int(np.median(cloud.points_per_frame))))
     found = refine_labels(task, tracks, by_distances, monitor)
     least = max(stand_alone_frames(cloud.n_frames, task.rate, task.parameters), FREE_MARKER_SHARE * cloud.n_frames)
-    found = _with_free_markers(found, by_distances, least)
-    return found if task.n_markers is None else _most_seen(found, task.n_markers)
-
-
-def _with_free_markers(found: Ints, by_distances: Ints, least: float) -> Ints:
-    """Add markers that distances found, were seen for long, and of which the skeleton explains next to nothing."""
+    # Add markers that distances found, were seen for long, and of which the skeleton explains next to nothing
     together = counts_together(by_distances, found)[1:]
     unexplained = together[:, 0]
     free = (unexplained >= least) & (unexplained >= FREE_POINTS_SHARE * together.sum(axis=1))
     number = np.full(len(free) + 1, -1, dtype=np.int32)
     number[:-1][free] = found.max(initial=-1) + 1 + np.arange(int(free.sum()))
-    return np.where(found < 0, number[by_distances], found)
+    found = np.where(found < 0, number[by_distances], found)
+    return found if task.n_markers is None else _most_seen(found, task.n_markers)
 
 
 def _most_seen(found: Ints, n_markers: int) -> Ints:

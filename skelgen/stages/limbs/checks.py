@@ -1,7 +1,5 @@
 """Input checks of limbs: notices on markers and limbs that look wrong; nothing is changed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import combinations
 

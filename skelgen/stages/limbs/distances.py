@@ -191,7 +191,7 @@ def rigid_groups(deviation: Floats, parameters: LimbParameters, weight: Floats |
     noise = noise_variance(np.where(known, deviation, np.nan))
     variance = np.where(known, deviation, 0.0) ** 2 / 2
     groups = PairSums(variance, weight)
-    groups.merge_while(lambda: _merge_order(groups, noise, parameters))
+    groups.merge_while(lambda: np.where(merge_costs(groups, noise, parameters) < 0, groups.across, np.inf))
     groups = PairSums(variance, weight, _moved_to_best(groups.members, variance, weight, noise))
     usual = groups.neighbour_motion()
     groups.merge_while(lambda: single_order(groups, usual))
@@ -262,11 +262,6 @@ def _folded(table: Floats, first: int, second: int) -> Floats:
     table[:, first] = table[first]
     table[first, first] = inner
     return table
-
-
-def _merge_order(groups: PairSums, noise: float, parameters: LimbParameters) -> Floats:
-    """Mean variance across each two groups that pay to be merged; infinite for the others and below the diagonal."""
-    return np.where(merge_costs(groups, noise, parameters) < 0, groups.across, np.inf)
 
 
 def single_order(groups: PairSums, usual: float) -> Floats:

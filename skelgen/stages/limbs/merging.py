@@ -17,8 +17,6 @@ nats per frame, whichever limb each marker is on. A marker near the axis of a hi
 here its limb is decided by what it adds to the noise of either limb, and by what it leaves of their relative motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -152,7 +150,10 @@ def _with_resting(
     seen_part = movements.seen_part
     for marker in [block[0] for block in constraints.blocks if len(block) == 1 and seen_part[block[0]] < 1]:
         own = int(groups[marker])
-        mates = {group: _others(groups, group, marker) for group in np.unique(groups).tolist()}
+        mates = {
+            group: tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
+            for group in np.unique(groups).tolist()
+        }
         near = [
             group
             for group, others in mates.items()
@@ -170,10 +171,6 @@ def _with_resting(
         ]
         groups[marker] = min((own, *resting), key=lambda group: movements.distance(marker, mates[group]))
     return groups
-
-
-def _others(groups: Ints, group: int, marker: int) -> Group:
-    return tuple(one for one in np.flatnonzero(groups == group).tolist() if one != marker)
 
 
 def _cost(motion: Spread | None, noise: Floats) -> float:
@@ -312,11 +309,11 @@ class _Exchange:
                 if other == own or len(other) < LEAST_MARKERS or farthest[limb][list(block)].max() > EXCHANGED:
                     continue
                 if not self._constraints.apart[np.ix_(block, other)].any():
-                    yield self._gain((own, other), (rest, tuple(sorted(other + block)))), block, limb
-
-    def _gain(self, now: tuple[Group, Group], then: tuple[Group, Group]) -> float:
-        explained = [sum(_n_inner(group) for group in pair) for pair in (now, then)]
-        return self._cost(*now) - self._cost(*then) - LEAST_MOVE_GAIN - GAIN * abs(explained[0] - explained[1])
+                    now, then = (own, other), (rest, tuple(sorted(other + block)))
+                    # inner coordinates of pairs and of larger groups, before and after the move
+                    inner = [sum(3 * len(one) - (6 if len(one) > 2 else 5) for one in pair) for pair in (now, then)]
+                    least = LEAST_MOVE_GAIN + GAIN * abs(inner[0] - inner[1])
+                    yield self._cost(*now) - self._cost(*then) - least, block, limb
 
     def _cost(self, first: Group, second: Group) -> float:
         first, second = min(first, second), max(first, second)
@@ -339,8 +336,3 @@ class _Exchange:
         size = len(inner.covariance)
         variance = (NOISE_WEIGHT + np.trace(inner.covariance) / self._noise) / (NOISE_WEIGHT + size)
         return float(size * np.log(variance) / 2)
-
-
-def _n_inner(group: Group) -> int:
-    """Coordinates of a group beside its pose."""
-    return 3 * len(group) - (6 if len(group) > 2 else 5)

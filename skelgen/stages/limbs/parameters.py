@@ -1,7 +1,5 @@
 """The declared parameters of the stage that finds limbs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -38,49 +36,44 @@ class LimbParameters(StageParameters):
     samplings: int = declare(
         3,
         "rigidity: jittered samplings that vote on which markers share a limb; most takes are decided after two",
-        low=1,
-        high=99,
+        within=(1, 99),
     )
     sampling: int = declare(
         0,
         "a distance is sampled every so many frames, with jitter; 0 spreads at most `samples` over the take",
         unit="frames",
-        low=0,
-        high=1e6,
+        within=(0, 1e6),
         config_name="SAMPLING",
         config_section="TemporalCorrespondence",
     )
-    samples: int = declare(600, "sampled frames when `sampling` is 0", unit="frames", low=3, high=1e6)
-    jitter: float = declare(0.5, "each sample is displaced by up to this part of a sampling interval", low=0, high=1)
+    samples: int = declare(600, "sampled frames when `sampling` is 0", unit="frames", within=(3, 1e6))
+    jitter: float = declare(0.5, "each sample is displaced by up to this part of a sampling interval", within=(0, 1))
     motion_factor: float = declare(
         1.5,
         "two groups are separate limbs when describing their relative motion, of this many times its observed size, "
         "costs less than the deviations it explains",
-        low=1.0,
-        high=20.0,
+        within=(1.0, 20.0),
     )
     pair_limit: float = declare(
         4.0,
         "markers are not paired up when their distance varies more than this many times the take's noise",
-        low=1.0,
-        high=1000.0,
+        within=(1.0, 1000.0),
     )
     flexibility: float = declare(
         0.02,
         "rigidity: a limb may bend by this part of its size; groups that move less against each other are one limb",
-        low=0.0,
-        high=1.0,
+        within=(0.0, 1.0),
         basic=True,
     )
     local_scaling: bool = declare(
         True, "spectral: scale each marker by its M-th neighbour instead of one sigma", config_name="LOCALSIGMA"
     )
-    neighbour: int = declare(3, "spectral: neighbour that sets the local scale", low=1, high=100, config_name="M")
+    neighbour: int = declare(3, "spectral: neighbour that sets the local scale", within=(1, 100), config_name="M")
     sigma_squared: float = declare(
         0.0,
         "spectral: square of the global sigma; 0 scans for the best one",
         unit="mm^2",
-        low=0.0,
+        within=(0.0, None),
         config_name="SIGMAQUAD",
     )
     measure: str = declare(
@@ -99,7 +92,7 @@ class LimbParameters(StageParameters):
         0.0,
         "rising count: limbs are added until no distance within one varies more; 0 takes 8 times the take's noise",
         unit="mm",
-        low=0.0,
+        within=(0.0, None),
     )
 
     @property

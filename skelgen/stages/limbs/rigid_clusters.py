@@ -11,8 +11,6 @@ gives a start. Clusters are then merged, markers moved and small clusters regrou
 that are less rigid than the take's noise stay in several clusters; joining those is the next step (`merging`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import combinations
 

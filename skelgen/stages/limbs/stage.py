@@ -5,8 +5,6 @@ over jittered sample frames and compared (`rigid_clusters`, `merging`), or the s
 clustered (Schönauer 2007, 3.4; Kirk, O'Brien and Forsyth 2005).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.errors import InputError
@@ -82,7 +80,12 @@ def find_limbs(
     frames = sample_frames(trajectories.n_frames, parameters, seed)
     every = distance_deviations(trajectories.positions, frames)
     usable = _usable(every.plain, stated)
-    _check_number(len(usable), n_limbs, trajectories)
+    if len(usable) < 2:
+        raise InputError(
+            f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
+        )
+    if n_limbs is not None and not 1 <= n_limbs <= len(usable):
+        raise InputError(f"{n_limbs} limbs cannot be made of {len(usable)} markers")
     alone = np.setdiff1d(np.arange(trajectories.n_markers), usable)
     _notice_left_out(trajectories, alone, "never seen together with another marker", monitor)
     deviations, stated = every.of(usable), stated.of(usable)
@@ -91,7 +94,15 @@ def find_limbs(
     limb_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
     limb_of_marker[usable] = groups
     if n_limbs is None:
-        outliers = usable[_is_outlier(groups, deviations.steady) & ~stated.is_named]
+        # Whether markers are alone in their group and move against all others far more than neighbouring limbs do
+        steady = deviations.steady
+        known = ~np.isnan(steady)
+        sums = PairSums(np.where(known, steady, 0.0) ** 2 / 2, known.astype(np.float64), groups)
+        usual = sums.neighbour_motion()
+        others = np.where(known, steady, np.inf) + np.diag(np.full(len(groups), np.inf))
+        is_alone = np.bincount(groups)[groups] == 1
+        is_far = is_alone & (others.min(axis=1) ** 2 / 2 > OUTLIER**2 * usual) & (usual > 0)
+        outliers = usable[is_far & ~stated.is_named]
         limb_of_marker[outliers] = -1
         _notice_left_out(trajectories, outliers, "moving against all limbs like none of them", monitor)
     limb_of_marker[limb_of_marker >= 0] = _numbered_by_first(limb_of_marker[limb_of_marker >= 0])
@@ -186,22 +197,17 @@ def count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int
     if parameters.count == "rigidity":
         return int(rigid_groups(deviation, parameters).max()) + 1
     if parameters.count == "rising":
-        return _first_rigid(deviation, parameters, seed)
+        limit = parameters.rigid_limit or RIGID_FACTOR * float(np.sqrt(2 * noise_variance(deviation)))
+        for k in range(1, len(deviation)):
+            labels = spectral_clusters(deviation, k, parameters.spectral, seed)
+            if deviation[labels[:, np.newaxis] == labels].max() <= limit:
+                return k
+        return len(deviation)
     values, vectors = spectrum(affinities(deviation, parameters.spectral)[0])
     if parameters.count == "rotation":
         return aligned_count(vectors[:, ::-1])
     gaps = -np.diff(values[::-1])  # the number of leading eigenvalues before the largest gap (von Luxburg 2007, 8.3)
     return int(np.argmax(gaps[: max(1, len(values) // 2)])) + 1
-
-
-def _first_rigid(deviation: Floats, parameters: LimbParameters, seed: int) -> int:
-    """Smallest k whose clusters hold no pair that varies more than the limit (Schönauer 2007, 3.4.1)."""
-    limit = parameters.rigid_limit or RIGID_FACTOR * float(np.sqrt(2 * noise_variance(deviation)))
-    for k in range(1, len(deviation)):
-        labels = spectral_clusters(deviation, k, parameters.spectral, seed)
-        if deviation[labels[:, np.newaxis] == labels].max() <= limit:
-            return k
-    return len(deviation)
 
 
 def majority(groupings: list[Ints]) -> Ints:
@@ -247,18 +253,6 @@ def _agreed(together: Floats, groupings: list[Ints]) -> Ints:
     return np.asarray(best.argmax(axis=1), dtype=np.intp)
 
 
-def _is_outlier(groups: Ints, deviation: Floats) -> Bools:
-    """Whether markers are alone in their group and move against all others far more than neighbouring limbs do.
-
-    None if there are fewer than two limbs with several markers: nothing says how much limbs usually move.
-    """
-    known = ~np.isnan(deviation)
-    usual = PairSums(np.where(known, deviation, 0.0) ** 2 / 2, known.astype(np.float64), groups).neighbour_motion()
-    others = np.where(known, deviation, np.inf) + np.diag(np.full(len(groups), np.inf))
-    is_alone = np.bincount(groups)[groups] == 1
-    return np.asarray(is_alone & (others.min(axis=1) ** 2 / 2 > OUTLIER**2 * usual) & (usual > 0))
-
-
 def _usable(deviation: Floats, constraints: MarkerConstraints) -> Ints:
     """Markers that are seen with another one, or that the user puts on a limb with one that is."""
     others: Floats = deviation + np.where(np.eye(len(deviation)) > 0, np.nan, 0.0)
@@ -266,15 +260,6 @@ def _usable(deviation: Floats, constraints: MarkerConstraints) -> Ints:
     for block in constraints.blocks:
         has_company[list(block)] = has_company[list(block)].any()
     return np.flatnonzero(has_company)
-
-
-def _check_number(n_markers: int, n_limbs: int | None, trajectories: Trajectories) -> None:
-    if n_markers < 2:
-        raise InputError(
-            f"{trajectories.name or 'the take'}: no two markers are seen together; there is no limb to find"
-        )
-    if n_limbs is not None and not 1 <= n_limbs <= n_markers:
-        raise InputError(f"{n_limbs} limbs cannot be made of {n_markers} markers")
 
 
 def _complete(deviation: Floats) -> Floats:

@@ -5,8 +5,6 @@ do not decide. The best sequence of the two states, as labelled and exchanged, i
 (Viterbi 1967). Cycles that are worth examining are those whose labels jump to each other's places.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 
@@ -94,7 +92,10 @@ def find_evidence(positions: Floats, cycle: Cycle, model: RigidModel, neighbours
     positions, markers, neighbours = contiguous(positions, markers, neighbours)
     places, ages = kernels.expected_places(positions, markers, neighbours, BRIDGED_SECONDS * rate)
     own = positions[:, markers]
-    sigma = _steps(own, places, ages)
+    # Typical error [mm] of an expectation, for each frame since the label was seen
+    error = np.linalg.norm(own - places, axis=2) / np.maximum(ages, 1.0)
+    error = error[~np.isnan(error)]
+    sigma = max(SIGMA_OF_MEDIAN * float(np.median(error)), LEAST_STEP) if len(error) else LEAST_STEP
     kept = _jump_nats(own - places, ages, sigma)
     entries = kept - _jump_nats(own - np.roll(places, -1, axis=1), np.roll(ages, -1, 1), sigma)
     exits = kept - _jump_nats(own - np.roll(places, 1, axis=1), np.roll(ages, 1, 1), sigma)
@@ -155,13 +156,6 @@ def _traced_back(ended: list[bool], begun: list[bool], inside: bool) -> list[tup
 
 def _nats(deviation: Floats) -> Floats:
     return np.asarray((FREEDOMS + 1) / 2 * np.log1p(deviation**2 / FREEDOMS))
-
-
-def _steps(own: Floats, places: Floats, ages: Floats) -> float:
-    """Typical error [mm] of an expectation, for each frame since the label was seen."""
-    error = np.linalg.norm(own - places, axis=2) / np.maximum(ages, 1.0)
-    error = error[~np.isnan(error)]
-    return max(SIGMA_OF_MEDIAN * float(np.median(error)), LEAST_STEP) if len(error) else LEAST_STEP
 
 
 def _jump_nats(error: Floats, ages: Floats, sigma: float) -> Floats:

@@ -1,7 +1,5 @@
 """Rigid limbs and their inner distances, robust against labels that are wrong for part of the time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

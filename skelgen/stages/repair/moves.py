@@ -5,8 +5,6 @@ recognised by distances: those to the other marker's limb are as that marker's u
 limb are not.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -109,7 +107,11 @@ def find_moves(trajectories: Trajectories, *, limbs: Limbs | None = None) -> tup
     hosts = [m for m in range(trajectories.n_markers) if len(model.partners(m)) >= LEAST_DISTANCES]
     found: list[Move] = []
     for marker in range(trajectories.n_markers):
-        trusted = _trusted(trajectories.positions, marker, model)
+        # Frames in which the distances of a label to its own limb are as usual
+        off = np.abs(_deviations(trajectories.positions, marker, marker, model))
+        off /= model.spread[marker, model.partners(marker)]
+        known = (~np.isnan(off)).sum(axis=1)
+        trusted = (known > 0) & ((off > BAD).sum(axis=1) * 2 < known)
         doubted = seen[:, marker] & ~trusted
         for other in hosts:
             if other != marker and np.count_nonzero(doubted & ~seen[:, other]) >= LEAST_FRAMES:
@@ -162,7 +164,11 @@ def _moves(trajectories: Trajectories, pair: tuple[int, int], trusted: Bools, mo
     fits &= ~elsewhere
     least = max(LEAST_FRAMES, round(LEAST_SECONDS * trajectories.rate))
     found = []
-    for first, last in _spans(fits, trusted | seen[:, other] | (testable & ~fits)):
+    # First and last fitting frame of every run between barriers
+    run = np.cumsum(trusted | seen[:, other] | (testable & ~fits))
+    frames = np.flatnonzero(fits)
+    _, starts, counts = np.unique(run[frames], return_index=True, return_counts=True)
+    for first, last in zip(frames[starts].tolist(), frames[starts + counts - 1].tolist(), strict=True):
         rows = slice(first, last + 1)
         if fits[rows].sum() < least:
             continue
@@ -180,21 +186,6 @@ def _deviations(positions: Floats, marker: int, other: int, model: RigidModel) -
     mates = mates[mates != marker]
     lengths = np.linalg.norm(positions[:, mates] - positions[:, [marker]], axis=2)
     return np.asarray(lengths - model.distance[other, mates])
-
-
-def _trusted(positions: Floats, marker: int, model: RigidModel) -> Bools:
-    """Frames in which the distances of a label to its own limb are as usual."""
-    off = np.abs(_deviations(positions, marker, marker, model)) / model.spread[marker, model.partners(marker)]
-    known = (~np.isnan(off)).sum(axis=1)
-    return np.asarray((known > 0) & ((off > BAD).sum(axis=1) * 2 < known))
-
-
-def _spans(fits: Bools, barrier: Bools) -> list[tuple[int, int]]:
-    """First and last fitting frame of every run between barriers."""
-    run = np.cumsum(barrier)
-    frames = np.flatnonzero(fits)
-    _, starts, counts = np.unique(run[frames], return_index=True, return_counts=True)
-    return [(int(frames[start]), int(frames[start + count - 1])) for start, count in zip(starts, counts, strict=True)]
 
 
 def _apart(moves: list[Move]) -> tuple[Move, ...]:

@@ -1,16 +1,14 @@
 """The search for errors in labels that a take came with: what is found is repaired, and noticed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from skelgen.model import Trajectories
 from skelgen.model.labelling import Finding
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.repair.limb_distances import robust_limbs
-from skelgen.stages.repair.moves import Move, find_moves, undo_moves
+from skelgen.stages.repair.moves import find_moves, undo_moves
 from skelgen.stages.repair.slips import Slip, find_slips, new_names, split_slipped
-from skelgen.stages.repair.swaps import Swap, find_swaps, indistinguishable_pairs, repair_swaps
+from skelgen.stages.repair.swaps import find_swaps, indistinguishable_pairs, repair_swaps
 
 MOST_NAMED = 6
 """Pairs that are named in a notice; the rest is counted."""
@@ -86,7 +84,10 @@ def repair_take(
     moves = find_moves(repaired, limbs=robust_limbs(repaired) if swaps else limbs)
     repaired = undo_moves(repaired, moves)
     slips = find_slips(repaired, parameters.slip_seconds, parameters.slip_evidence) if parameters.slips else ()
-    findings = _findings(swaps, moves, slips, repaired)
+    found = [swap.finding for swap in swaps] + [move.finding for move in moves]
+    names, last = new_names(repaired.names, slips), repaired.n_frames - 1
+    found += [slip.finding(last, names.get(slip, "")) for slip in slips]
+    findings = tuple(sorted(found, key=lambda finding: (finding.first_frame, finding.names)))
     repaired = split_slipped(repaired, slips)
     monitor.notice(f"the markers are labelled already: {_outcome(len(swaps), len(moves), slips)}")
     for sentence in repaired.notices[len(trajectories.notices) :]:
@@ -94,16 +95,6 @@ def repair_take(
     if swaps:
         _warn_of_twins(repaired, monitor)
     return Repair(repaired, findings)
-
-
-def _findings(
-    swaps: tuple[Swap, ...], moves: tuple[Move, ...], slips: tuple[Slip, ...], trajectories: Trajectories
-) -> tuple[Finding, ...]:
-    """Findings of all kinds; `trajectories` are not split yet."""
-    found = [swap.finding for swap in swaps] + [move.finding for move in moves]
-    names, last = new_names(trajectories.names, slips), trajectories.n_frames - 1
-    found += [slip.finding(last, names.get(slip, "")) for slip in slips]
-    return tuple(sorted(found, key=lambda finding: (finding.first_frame, finding.names)))
 
 
 def _outcome(n_swaps: int, n_moves: int, slips: tuple[Slip, ...]) -> str:

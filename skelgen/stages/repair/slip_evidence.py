@@ -4,8 +4,6 @@ On a limb of three markers, a step across their plane hardly changes a distance.
 markers move on smooth paths. A marker that leaps may have slipped; it surely has only if distances confirm it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cached_property
 

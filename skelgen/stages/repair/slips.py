@@ -6,8 +6,6 @@ these distances over `seconds` before and after differ in the same way. Each of 
 rest of the take, so that wobbling skin, bending bodies and wrong limbs raise the threshold and not an alarm.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ cycles of two to four labels that show either, the evidence of every frame is su
 exchanges are undone, and the search is repeated on what is left.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -191,7 +189,14 @@ def _one_round(trajectories: Trajectories, model: RigidModel, least_evidence: fl
     """The clearest exchanges that do not touch each other."""
     positions, rate = trajectories.positions, trajectories.rate
     neighbours = neighbours_of(positions)
-    cycles = dict.fromkeys((*jumping_cycles(positions, neighbours, rate), *_doubted_pairs(positions, model)))
+    # Pairs of labels whose distances to their limbs are off in the same frames
+    doubted = np.stack([_is_off(positions, marker, model) for marker in range(positions.shape[1])], axis=1)
+    markers = np.flatnonzero(doubted.sum(axis=0) >= LEAST_FRAMES)
+    together = doubted[:, markers].T.astype(np.float64) @ doubted[:, markers].astype(np.float64)
+    pairs = [(i, j) for i, j in combinations(range(len(markers)), 2) if together[i, j] >= LEAST_FRAMES]
+    pairs.sort(key=lambda pair: -together[pair])
+    doubted_pairs = [(int(markers[i]), int(markers[j])) for i, j in pairs]
+    cycles = dict.fromkeys((*jumping_cycles(positions, neighbours, rate), *doubted_pairs))
     spans: list[Span] = []
     for cycle in list(cycles)[:MOST_CANDIDATES]:
         evidence = find_evidence(positions, cycle, model, neighbours, rate)
@@ -252,16 +257,6 @@ def _swap(trajectories: Trajectories, span: Span, model: RigidModel, neighbours:
 def _rms(deviation: Floats) -> float:
     known = deviation[~np.isnan(deviation)]
     return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
-
-
-def _doubted_pairs(positions: Floats, model: RigidModel) -> list[Cycle]:
-    """Pairs of labels whose distances to their limbs are off in the same frames."""
-    doubted = np.stack([_is_off(positions, marker, model) for marker in range(positions.shape[1])], axis=1)
-    markers = np.flatnonzero(doubted.sum(axis=0) >= LEAST_FRAMES)
-    together = doubted[:, markers].T.astype(np.float64) @ doubted[:, markers].astype(np.float64)
-    pairs = [(i, j) for i, j in combinations(range(len(markers)), 2) if together[i, j] >= LEAST_FRAMES]
-    pairs.sort(key=lambda pair: -together[pair])
-    return [(int(markers[i]), int(markers[j])) for i, j in pairs]
 
 
 def _is_off(positions: Floats, marker: int, model: RigidModel) -> Bools:

@@ -156,7 +156,9 @@ def _mean_points(points: Floats, shape: LimbShape, frames: Ints, outlier: float)
     """Mean place of each point in the limb's frame [mm], outliers left out, shape (n_points, 3)."""
     poses = shape.world_from_limb[frames]
     if not shape.has_pose:
-        return _places_without_pose(points)
+        # Points of a limb that never shows an orientation: on a line, as far apart as they are on average
+        end = int(np.argmax(_mean_distances(points, 0)))  # the others are all on one side of it
+        return np.asarray(_mean_distances(points, end)[:, np.newaxis] * np.array([0.0, 0.0, 1.0]))
     local = np.einsum("fji,fnj->fni", poses[:, :3, :3], points - poses[:, np.newaxis, :3, 3])
     known = ~np.isnan(local[:, :, 0])
     mean = _mean(local, known)
@@ -169,12 +171,6 @@ def _mean_points(points: Floats, shape: LimbShape, frames: Ints, outlier: float)
 def _mean(local: Floats, known: Bools) -> Floats:
     count = np.maximum(known.sum(axis=0), 1)[:, np.newaxis]
     return np.asarray(np.where(known[..., np.newaxis], local, 0.0).sum(axis=0) / count)
-
-
-def _places_without_pose(points: Floats) -> Floats:
-    """Points of a limb that never shows an orientation: on a line, as far apart as they are on average."""
-    end = int(np.argmax(_mean_distances(points, 0)))  # the others are all on one side of it
-    return np.asarray(_mean_distances(points, end)[:, np.newaxis] * np.array([0.0, 0.0, 1.0]))
 
 
 def _mean_distances(points: Floats, start: int) -> Floats:

@@ -4,8 +4,6 @@ A fit with free joints of some frames tells the types of the joints. With joints
 are fitted together, outliers left out; soft tissue and closed loops are fitted where the take or the user has them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,7 +118,10 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
         Whether the markers stand for bodies with orientation.
     """
     fitter = _Fitter(body, parameters, are_poses)
-    chain, reference = assemble(body, parameters, _well_seen_frames(body, parameters.samples))
+    # Evenly spread frames among those that show at least as many markers as half of all frames do
+    count = (~np.isnan(body.positions[:, :, 0])).sum(axis=1)
+    good = np.flatnonzero(count >= max(np.median(count), 1))
+    chain, reference = assemble(body, parameters, evenly_spread(good, parameters.samples))
     found, seen = fitter.first(chain)
     if parameters.fit == "whole-chain":
         found = fitter.closed(fitter.without_slides(fitter.whole(found)), loops)
@@ -205,7 +206,11 @@ class _Fitter:
         """Fit some frames with free joints, and find their types; also return which rotations are fixed."""
         parameters = self._parameters
         inliers, start, fixed = without_outliers(self._body, chain, parameters)
-        frames = _determined_frames(fixed, parameters.samples)
+        # Evenly spread frames among those in which the most limbs are fixed by their own points
+        n_free = (~fixed).sum(axis=1)
+        wanted = min(len(n_free), max(LEAST_FRAMES, len(n_free) // 4))
+        good = np.flatnonzero(n_free <= np.partition(n_free, wanted - 1)[wanted - 1])
+        frames = evenly_spread(good, parameters.samples)
         whole = parameters.fit == "whole-chain"
         fit = calibrate(chain, start[frames], inliers[frames], n_rounds=FIRST_ROUNDS if whole else 0)
         if self._are_poses:
@@ -299,21 +304,6 @@ def _squares(fit: Calibration) -> float:
 def _in_other_frames(kinds: list[JointKind], parents: Ints, rotation: Floats) -> list[JointKind]:
     """Joint types for limbs whose frames were rotated: nothing holds the frame of a limb while it is fitted."""
     return [kind.with_frames(rotation[parents[limb]], rotation[limb]) for limb, kind in enumerate(kinds, start=1)]
-
-
-def _well_seen_frames(body: Body, samples: int) -> Ints:
-    """Evenly spread frames among those that show at least as many markers as half of all frames do."""
-    count = (~np.isnan(body.positions[:, :, 0])).sum(axis=1)
-    good = np.flatnonzero(count >= max(np.median(count), 1))
-    return evenly_spread(good, samples)
-
-
-def _determined_frames(fixed: Bools, samples: int) -> Ints:
-    """Evenly spread frames among those in which the most limbs are fixed by their own points."""
-    n_free = (~fixed).sum(axis=1)
-    wanted = min(len(n_free), max(LEAST_FRAMES, len(n_free) // 4))
-    good = np.flatnonzero(n_free <= np.partition(n_free, wanted - 1)[wanted - 1])
-    return evenly_spread(good, samples)
 
 
 def _with_reference_axes(chain: Chain, poses: ChainPoses, reference: int) -> tuple[Chain, ChainPoses, Floats]:

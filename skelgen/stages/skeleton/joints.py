@@ -1,7 +1,5 @@
 """The joints of a fitted chain: their types, their places along hinge axes, and their uncertainty."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +17,7 @@ from skelgen.kinematics.chain.schur_complement import effective_frames
 from skelgen.kinematics.inverse.poses import pose_covariances
 from skelgen.kinematics.joints.joint_type import JointKind, KindLimits, find_kind
 from skelgen.kinematics.joints.rotations import UniversalRotation
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats
 
 NEIGHBOUR_WEIGHT = 0.1
 """Weight of a limb's other joints beside its markers for the place of a hinge along its axis. It is small: near the
@@ -305,7 +303,9 @@ def joint_deviations(
     -------
     ndarray, shape (n_frames, n_limbs, 3), mm
     """
-    frames = _exact_frames(unseen)
+    n_frames = len(unseen)
+    even = np.linspace(0, n_frames - 1, min(n_frames, EXACT_FRAMES)).astype(np.intp)
+    frames = np.unique(np.concatenate([even, np.flatnonzero(unseen)[:EXACT_FRAMES]]))
     articulation, some = last.articulation, poses[frames]
     axes = articulation.hinge_axes(chain.parents, some.rotations)
     covariances = pose_covariances(observed(chain, articulation, some, positions[frames]), last.noise).origins
@@ -320,12 +320,6 @@ def joint_deviations(
     before = np.maximum(after - 1, 0)
     nearer = np.where(np.abs(frames[before] - places) < np.abs(frames[after] - places), before, after)
     return np.asarray(deviations[nearer])
-
-
-def _exact_frames(unseen: Bools) -> Ints:
-    n_frames = len(unseen)
-    even = np.linspace(0, n_frames - 1, min(n_frames, EXACT_FRAMES)).astype(np.intp)
-    return np.unique(np.concatenate([even, np.flatnonzero(unseen)[:EXACT_FRAMES]]))
 
 
 def _shared(last: Calibration, chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:

@@ -3,8 +3,6 @@
 Time is linear in frames. Memory holds what is measured, what is found, and one block.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

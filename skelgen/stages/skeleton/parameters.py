@@ -1,7 +1,5 @@
 """The declared parameters of the stage that fits a rigid skeleton."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
@@ -37,22 +35,19 @@ class SkeletonParameters(StageParameters):
     outlier: float = declare(
         1.0,
         "points farther from their mean place on the limb than this many standard deviations are left out of it",
-        low=0.1,
-        high=100.0,
+        within=(0.1, 100.0),
     )
     outlier_limit: float = declare(
         20.0,
         "positions that are off their limb by more than this many typical deviations are left out of the fit",
-        low=3.0,
-        high=1e6,
+        within=(3.0, 1e6),
         basic=True,
     )
     robust: float = declare(
         6.0,
         "positions off the fitted chain by more than this many standard deviations of the noise are left out, measured "
         "from a fit in which they have little weight",
-        low=3.0,
-        high=1e6,
+        within=(3.0, 1e6),
     )
     joints_for_poses: bool = declare(
         False,
@@ -63,11 +58,10 @@ class SkeletonParameters(StageParameters):
         300,
         "frames from which limbs and joints are first estimated, and types of joints",
         unit="frames",
-        low=10,
-        high=1e6,
+        within=(10, 1e6),
     )
     refine_samples: int = declare(
-        2000, "frames from which limbs and joints are estimated at last", unit="frames", low=10, high=1e6
+        2000, "frames from which limbs and joints are estimated at last", unit="frames", within=(10, 1e6)
     )
     soft_tissue: bool = declare(
         True,
@@ -76,14 +70,12 @@ class SkeletonParameters(StageParameters):
     hinge_wobble: float = declare(
         0.12,
         "a hinge or universal joint may turn in other ways by this part of its smallest own turn, noise apart",
-        low=0.0,
-        high=0.5,
+        within=(0.0, 0.5),
     )
     flatness: float = declare(
         0.02,
         "points whose second extent is below this part of their first are on one line and fix no pose",
-        low=0.0,
-        high=0.5,
+        within=(0.0, 0.5),
         config_name="SOLVEPS",
         config_section="JointFinder",
     )
@@ -91,24 +83,21 @@ class SkeletonParameters(StageParameters):
         1e-4,
         "two limbs that turn less than this against each other are rigid, however exact the take",
         unit="rad",
-        low=0.0,
-        high=1.0,
+        within=(0.0, 1.0),
         config_name="TINYEPS",
         config_section="JointFinder",
     )
     rank_tolerance: float = declare(
         1e-8,
         "directions of the skeleton's constants whose information is below this part of the largest are not determined",
-        low=1e-15,
-        high=1e-2,
+        within=(1e-15, 1e-2),
         config_name="POLYEPS",
         config_section="JointFinder",
     )
     kind_doubt: float = declare(
         0.001,
         "probability with which noise alone makes a joint seem to turn in more ways than it does",
-        low=1e-9,
-        high=0.5,
+        within=(1e-9, 0.5),
     )
     kinds: str = declare(
         "",

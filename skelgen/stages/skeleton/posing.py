@@ -10,8 +10,6 @@ start interpolated between the determined frames around them, limb by limb again
 kept; where both are about as likely, the one that follows in time.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,7 +100,13 @@ class ConstrainedChain:
             return poses
         again = self.fit(self.projected(ChainPoses(poses.root[frames], interpolated)), positions[frames])
         before, after = (_squares(self.chain, one, positions[frames]) for one in (poses[frames], again))
-        better = after <= before + ABOUT_AS_LIKELY * _noise_variance(self.chain, poses, positions, fixed)
+        # Mean square of a coordinate's residual [mm^2] in frames that fix all limbs
+        whole: Bools = np.asarray(fixed.all(axis=1))
+        if not whole.any():
+            whole = np.ones(len(fixed), dtype=np.bool_)
+        count = 3 * int((~np.isnan(positions[whole, :, 0])).sum())
+        variance = float(_squares(self.chain, poses[whole], positions[whole]).sum()) / max(count, 1)
+        better = after <= before + ABOUT_AS_LIKELY * variance
         poses.root[frames[better]], poses.rotations[frames[better]] = again.root[better], again.rotations[better]
         return poses
 
@@ -265,12 +269,3 @@ def _certain(chain: Chain, fixed: Bools) -> Bools:
 
 def _squares(chain: Chain, poses: ChainPoses, positions: Floats) -> Floats:
     return np.asarray((residuals(chain, poses, positions) ** 2).sum(axis=(1, 2)))
-
-
-def _noise_variance(chain: Chain, poses: ChainPoses, positions: Floats, fixed: Bools) -> float:
-    """Mean square of a coordinate's residual [mm^2] in frames that fix all limbs."""
-    whole: Bools = np.asarray(fixed.all(axis=1))
-    if not whole.any():
-        whole = np.ones(len(fixed), dtype=np.bool_)
-    count = 3 * int((~np.isnan(positions[whole, :, 0])).sum())
-    return float(_squares(chain, poses[whole], positions[whole]).sum()) / max(count, 1)

@@ -1,7 +1,5 @@
 """Fitted bodies as the values that leave the stage."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -35,9 +33,16 @@ def make_skeleton(fitted: list[FittedBody], limbs: Limbs, topology: Topology) ->
     joint_above: dict[int, Joint] = {}
     for one in fitted:
         offsets[one.body.markers] = one.chain.offsets
-        spread[one.body.markers] = _marker_spread(one)
+        error = one.body.positions - one.poses.markers(one.chain)
+        seen = ~np.isnan(error[:, :, 0])
+        squares = np.where(seen[..., np.newaxis], error, 0.0) ** 2
+        spread[one.body.markers] = np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(3 * seen.sum(axis=0), 1))
         noise[one.body.markers] = one.noise
-        offset_std[one.body.markers] = _offset_std(one)
+        stds = np.zeros_like(one.chain.offsets)
+        for limb in range(one.chain.n_limbs):
+            change = one.chain_from_errors[limb] @ one.errors.offsets(limb)
+            stds[one.chain.limb_of_marker == limb] = np.minimum(deviations(change), limb_size(one.chain, limb))
+        offset_std[one.body.markers] = stds
         reference[one.body.limbs, :3, 3] = one.poses[np.array([one.reference])].origins(one.chain)[0]
         joint_above |= _joints(one)
     skeleton = Skeleton(
@@ -89,13 +94,6 @@ def make_motion(fitted: list[FittedBody], trajectories: Trajectories, skeleton: 
     )
 
 
-def _marker_spread(one: FittedBody) -> Floats:
-    error = one.body.positions - one.poses.markers(one.chain)
-    seen = ~np.isnan(error[:, :, 0])
-    squares = np.where(seen[..., np.newaxis], error, 0.0) ** 2
-    return np.asarray(np.sqrt(squares.sum(axis=(0, 2)) / np.maximum(3 * seen.sum(axis=0), 1)))
-
-
 def _joints(one: FittedBody) -> dict[int, Joint]:
     """Joint above each limb but the root, by the child's index in the take."""
     found = {}
@@ -121,15 +119,6 @@ def _joints(one: FittedBody) -> dict[int, Joint]:
             turn_covariance=one.rotation_covariances[limb],
         )
     return found
-
-
-def _offset_std(one: FittedBody) -> Floats:
-    """Standard deviations of a body's markers in the frames of its limbs, shape (n_markers, 3), mm."""
-    stds = np.zeros_like(one.chain.offsets)
-    for limb in range(one.chain.n_limbs):
-        change = one.chain_from_errors[limb] @ one.errors.offsets(limb)
-        stds[one.chain.limb_of_marker == limb] = np.minimum(deviations(change), limb_size(one.chain, limb))
-    return stds
 
 
 def _loop_joints(one: FittedBody, closed: ClosedLoops) -> Iterator[Joint]:

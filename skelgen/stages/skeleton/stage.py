@@ -5,8 +5,6 @@ Limbs are aligned over all frames and averaged, joined from the root, and posed 
 errors that add up from limb to limb (Gaschler 2011, 5.3).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,7 +14,7 @@ from skelgen.kinematics.joints.observability import observed_joints
 from skelgen.model import Limbs, Motion, Skeleton, Topology, Trajectories
 from skelgen.model.arrays import Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.skeleton.assembly import Body, StructuredTake
+from skelgen.stages.skeleton.assembly import StructuredTake
 from skelgen.stages.skeleton.fitting import FittedBody, fit_body
 from skelgen.stages.skeleton.long_takes import fitted_frames, play_back
 from skelgen.stages.skeleton.loops import loop_notices, stated_loops
@@ -99,16 +97,12 @@ def _fitted(
         if np.isnan(body.positions[:, :, 0]).all():
             name = take.trajectories.name or "the take"
             raise InputError(f"{name}: no marker of limb {body.limbs[0]} is seen in any frame")
-        fitted.append(fit_body(body, parameters, _loops_of(body, loops), are_poses))
+        # Pairs of limbs that close loops of one body, by position in the body, shape (n_loops, 2)
+        place = {limb: position for position, limb in enumerate(body.limbs.tolist())}
+        own = [[place[limb] for limb in pair] for pair in loops if pair[0] in place]
+        fitted.append(fit_body(body, parameters, np.array(own, dtype=np.intp).reshape(-1, 2), are_poses))
         monitor.advance(index + 1, len(bodies))
     return fitted
-
-
-def _loops_of(body: Body, loops: tuple[tuple[int, int], ...]) -> Ints:
-    """Pairs of limbs that close loops of one body, by position in the body, shape (n_loops, 2)."""
-    place = {limb: position for position, limb in enumerate(body.limbs.tolist())}
-    own = [[place[limb] for limb in pair] for pair in loops if pair[0] in place]
-    return np.array(own, dtype=np.intp).reshape(-1, 2)
 
 
 def _unseen_notices(motion: Motion) -> Iterator[str]:

@@ -21,8 +21,6 @@ type allows is noise and skin in the calibrated take; in the new one it may be m
 in equal spans of both takes are compared by Welch's test, on their logarithms, one-sided, at the same shared level.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +30,7 @@ from scipy.stats import ttest_ind
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.chain.articulation import FREEDOMS
 from skelgen.kinematics.inverse.skeleton_tree import SkeletonTree
-from skelgen.model import Joint, Skeleton
+from skelgen.model import Skeleton
 from skelgen.model.arrays import Bools, Floats
 from skelgen.stages.subject.posing import SubjectPoses
 
@@ -130,17 +128,13 @@ def compare_places(before: Floats, after: Floats, errors: Floats) -> PlaceTest:
         samples = [means[:, marker][~np.isnan(means[:, marker, 0])] for means in (before, after)]
         if min(map(len, samples)) >= LEAST_SPANS:
             shifts[marker] = samples[1].mean(axis=0) - samples[0].mean(axis=0)
-            p_values[marker] = _p_value(shifts[marker], samples, errors[marker])
+            parts = [np.cov(sample.T) / len(sample) + _RIDGE**2 * np.eye(3) for sample in samples]
+            whole = parts[0] + parts[1]
+            square = float(shifts[marker] @ np.linalg.solve(whole + errors[marker], shifts[marker]))
+            spread = sum(_size(part) / (len(sample) - 1) for part, sample in zip(parts, samples, strict=True))
+            freedom = max(_size(whole) / spread, 3.0)
+            p_values[marker] = float(f_distribution.sf(square * (freedom - 2) / (3 * freedom), 3, freedom - 2))
     return PlaceTest(shifts, p_values)
-
-
-def _p_value(shift: Floats, samples: list[Floats], error: Floats) -> float:
-    parts = [np.cov(sample.T) / len(sample) + _RIDGE**2 * np.eye(3) for sample in samples]
-    whole = parts[0] + parts[1]
-    square = float(shift @ np.linalg.solve(whole + error, shift))
-    spread = sum(_size(part) / (len(sample) - 1) for part, sample in zip(parts, samples, strict=True))
-    freedom = max(_size(whole) / spread, 3.0)
-    return float(f_distribution.sf(square * (freedom - 2) / (3 * freedom), 3, freedom - 2))
 
 
 def _size(matrix: Floats) -> float:
@@ -162,14 +156,12 @@ def with_free_joints(skeleton: Skeleton, which: tuple[int, ...] | None = None) -
         Indices of joints; all if not given.
     """
     chosen = range(skeleton.n_joints) if which is None else which
-    joints = tuple(_as_ball(joint) if index in chosen else joint for index, joint in enumerate(skeleton.joints))
-    return replace(skeleton, joints=joints)
-
-
-def _as_ball(joint: Joint) -> Joint:
-    if joint.kind in {"ball", "undetermined"}:
-        return joint
-    return replace(joint, kind="ball", axis=None, second_axis=None, axis_std=None, second_axis_std=None)
+    joints = list(skeleton.joints)
+    for index in chosen:
+        if joints[index].kind not in {"ball", "undetermined"}:
+            free = replace(joints[index], kind="ball", axis=None, second_axis=None, axis_std=None, second_axis_std=None)
+            joints[index] = free
+    return replace(skeleton, joints=tuple(joints))
 
 
 def freer_joints(skeleton: Skeleton, before: SubjectPoses, after: SubjectPoses) -> tuple[int, ...]:

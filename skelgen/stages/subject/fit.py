@@ -1,7 +1,5 @@
 """A subject fitted to another take: labels, poses, and what differs from the calibrated take."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ are given to markers whose place they are at.
 Tracks that remain and keep their place on a limb are markers: moved ones, where one of the limb is missing, or new.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -102,7 +100,9 @@ def label_by_subject(
     gates = GATE * PoseFilter(skeleton).deviation
     marker_of_point, by_name = _proposed(points, skeleton, names, gates, monitor)
     placed, poses = _reassigned_and_posed(points, marker_of_point, skeleton, gates, monitor)
-    explained = _share(points, placed, skeleton)
+    # Part of what could be explained, frame by frame the fewer of points and markers, that is explained
+    possible = np.minimum(points.cloud.points_per_frame, _n_carried(skeleton)).sum()
+    explained = float((placed >= 0).sum() / max(int(possible), 1))
     if explained < LEAST_EXPLAINED:
         raise InputError(
             f"{take.name or 'the take'}: the skeleton explains {100 * explained:.0f} % of the positions that it could; "
@@ -123,17 +123,13 @@ def _proposed(
     """Markers of the points by what explains most of them, and whether that is the names of the take."""
     ways = _followed_both_ways(points, skeleton, monitor)
     proposals = [(_frame_by_frame(points, ways, len(names)), False), (by_track_votes(points, ways, len(names)), False)]
-    named = _named(points, names)
+    # Markers by the names of the take, if the skeleton has any of them
+    known = np.array([names.index(name) if name in names else -1 for name in points.names], dtype=np.intp)
+    named = known[points.tracks] if (known >= 0).any() else None
     if named is not None:
         proposals.append((named, True))
     counts = [_n_explained(points, marker_of_point, skeleton, gates) for marker_of_point, _ in proposals]
     return proposals[max(range(len(proposals)), key=lambda index: (counts[index], index))]
-
-
-def _named(points: TrackedPoints, names: tuple[str, ...]) -> Ints | None:
-    """Markers by the names of the take, if the skeleton has any of them."""
-    known = np.array([names.index(name) if name in names else -1 for name in points.names], dtype=np.intp)
-    return known[points.tracks] if (known >= 0).any() else None
 
 
 def _followed_both_ways(points: TrackedPoints, skeleton: Skeleton, monitor: Monitor) -> list[Ints]:
@@ -178,12 +174,8 @@ def _n_explained(points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleto
     positions = points.positions(marker_of_point, len(skeleton.limb_of_marker))[frames]
     if np.isnan(positions[:, :, 0]).all():
         return 0
-    return int((_distances(pose_subject(skeleton, positions), skeleton, positions) < gates).sum())
-
-
-def _distances(poses: SubjectPoses, skeleton: Skeleton, positions: Floats) -> Floats:
-    """Distances [mm] of positions from where the skeleton has their markers, shape (n_frames, n_markers)."""
-    return np.asarray(np.linalg.norm(positions - poses.markers(skeleton), axis=2))
+    off = positions - pose_subject(skeleton, positions).markers(skeleton)
+    return int((np.linalg.norm(off, axis=2) < gates).sum())
 
 
 def _reassigned_and_posed(
@@ -258,12 +250,6 @@ def _reassigned(points: TrackedPoints, marker_of_point: Ints, predicted: Floats,
         near = apart[rows, columns] < 1.0
         kept[some[rows[near]]] = markers[columns[near]]
     return kept
-
-
-def _share(points: TrackedPoints, marker_of_point: Ints, skeleton: Skeleton) -> float:
-    """Part of what could be explained, frame by frame the fewer of points and markers, that is explained."""
-    possible = np.minimum(points.cloud.points_per_frame, _n_carried(skeleton)).sum()
-    return float((marker_of_point >= 0).sum() / max(int(possible), 1))
 
 
 def _n_carried(skeleton: Skeleton) -> int:

@@ -3,8 +3,6 @@
 Such tracks are markers that moved on their limb since the calibrated take, or markers that are new.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -150,7 +148,8 @@ def place_tracks(
         named = marker_of_track.get(track, -1) if points.names else -1
         taken = {other.marker for other in moved}
         absent = ~(seen[points.frames[one.points]].mean(axis=0) > MOVED_SHARE)
-        candidates = [int(m) for m in _markers_of(skeleton, one.limb) if absent[m] and m not in taken]
+        on_limb = skeleton.markers_of(one.limb).tolist() if one.limb >= 0 else []
+        candidates = [m for m in on_limb if absent[m] and m not in taken]
         if named >= 0 and absent[named] and named not in taken:
             moved.append(_as(one, named))
         elif candidates:
@@ -159,11 +158,6 @@ def place_tracks(
         else:
             new.append(one)
     return tuple(moved), tuple(new)
-
-
-def _markers_of(skeleton: Skeleton, limb: int) -> Ints:
-    """Markers on a limb; none for -1."""
-    return skeleton.markers_of(limb) if limb >= 0 else np.empty(0, dtype=np.intp)
 
 
 def _as(one: PlacedTrack, marker: int) -> PlacedTrack:
@@ -177,7 +171,8 @@ def _alone(
     left = np.flatnonzero((marker_of_point < 0) & (points.tracks >= 0))
     lengths = np.bincount(points.tracks[points.tracks >= 0])
     found = []
-    for some in _groups(left, points.tracks):
+    order = left[np.argsort(points.tracks[left], kind="stable")]
+    for some in np.split(order, np.flatnonzero(np.diff(points.tracks[order])) + 1) if len(order) else []:
         if len(some) < max(LEAST_FRAMES, MOVED_SHARE * lengths[points.tracks[some[0]]]):
             continue
         frames = points.frames[some]
@@ -195,11 +190,6 @@ def _alone(
         elif name:
             found.append(PlacedTrack(some, -1, np.full(3, np.nan), np.nan, -1, name))
     return found
-
-
-def _groups(points: Ints, tracks: Ints) -> list[Ints]:
-    order = points[np.argsort(tracks[points], kind="stable")]
-    return np.split(order, np.flatnonzero(np.diff(tracks[order])) + 1) if len(order) else []
 
 
 def _joined(found: list[PlacedTrack], points: TrackedPoints, gate: float) -> list[PlacedTrack]:

@@ -4,8 +4,6 @@ Each tree is placed from the root outward, then fitted to all markers at once wi
 the skeleton stage does after its calibration; positions that the chain does not explain are left out.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -12,8 +12,6 @@ could explain. Where a limb has fewer than three joints, or all on one line, the
 open: axes of its joints are then not determined, and the joints are ball joints.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -163,7 +161,11 @@ def _with_sensor_placed(skeleton: Skeleton, limb: int, positions: Floats) -> Ske
         here, there = _ends(joint, limb)
         other = _limb_poses(skeleton, joint.child if joint.parent == limb else joint.parent, positions)
         places.append(here)
-        found.append(here + _deviation(own, other, here, there))
+        # How far a joint is in a limb's frame from its calibrated place [mm]; in the other limb it may differ as well
+        both = ~np.isnan(own[:, 0, 0]) & ~np.isnan(other[:, 0, 0])
+        rows = np.concatenate([own[both, :3, :3], -other[both, :3, :3]], axis=2).reshape(-1, 6)
+        apart = other[both, :3, :3] @ there + other[both, :3, 3] - own[both, :3, :3] @ here - own[both, :3, 3]
+        found.append(here + np.linalg.lstsq(rows, apart.ravel(), rcond=LEAST_ROTATION)[0][:3])
     anchors = skeleton.marker_offsets[markers]
     now_from_limb = _weighted_fit(np.vstack([places, anchors]), np.vstack([found, anchors]), len(places))
     limb_from_now = np.linalg.inv(now_from_limb)
@@ -178,14 +180,6 @@ def _shift_of(before: Skeleton, after: Skeleton, limb: int) -> SensorShift:
     shift = float(np.linalg.norm(places[1].mean(axis=0) - places[0].mean(axis=0)))
     moved = fit_transform(places[0], places[1][np.newaxis], np.ones((1, len(places[0])), dtype=np.bool_))[0]
     return SensorShift(limb, shift, float(np.degrees(np.linalg.norm(vector_from_matrix(moved[:3, :3])))))
-
-
-def _deviation(own: Floats, other: Floats, here: Floats, there: Floats) -> Floats:
-    """How far a joint is in a limb's frame from its calibrated place [mm]; in the other limb it may differ as well."""
-    both = ~np.isnan(own[:, 0, 0]) & ~np.isnan(other[:, 0, 0])
-    rows = np.concatenate([own[both, :3, :3], -other[both, :3, :3]], axis=2).reshape(-1, 6)
-    apart = other[both, :3, :3] @ there + other[both, :3, 3] - own[both, :3, :3] @ here - own[both, :3, 3]
-    return np.asarray(np.linalg.lstsq(rows, apart.ravel(), rcond=LEAST_ROTATION)[0][:3])
 
 
 def _weighted_fit(source: Floats, target: Floats, n_joints: int) -> Floats:

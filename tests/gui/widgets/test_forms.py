@@ -22,12 +22,12 @@ class Soup(StageParameters):
     """Something to cook."""
 
     stage: ClassVar[str] = "soup"
-    litres: float = declare(1.5, "how much", unit="l", low=0.0, high=20.0, basic=True)
+    litres: float = declare(1.5, "how much", unit="l", within=(0.0, 20.0), basic=True)
     kind: str = declare("pea", "Which.", choices=("pea", "bean"), basic=True)
     is_hot: bool = declare(True, "Whether it is heated.", basic=True)
     guest_name: str = declare("", "Who eats it.", basic=True)
-    eggs: int = declare(2, "How many.", low=0)
-    grain: float = declare(1e-12, "How fine.", low=0.0)
+    eggs: int = declare(2, "How many.", within=(0, None))
+    grain: float = declare(1e-12, "How fine.", within=(0.0, None))
 
     def __post_init__(self) -> None:
         super().__post_init__()

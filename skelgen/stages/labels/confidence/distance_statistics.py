@@ -78,7 +78,9 @@ class DistanceStatistics:
 def distance_statistics(trajectories: Trajectories) -> DistanceStatistics:
     """Take median and spread of all distances, and find mates and rivals of each marker."""
     n_markers = trajectories.n_markers
-    frames = _sampled(trajectories)
+    bounded = MOST_SAMPLES // max(1, trajectories.n_markers**2)
+    n_samples = min(trajectories.n_frames, SAMPLE_FRAMES, max(LEAST_SAMPLES, bounded))
+    frames = np.unique(np.linspace(0, max(trajectories.n_frames - 1, 0), n_samples).astype(np.intp))
     positions = trajectories.positions[frames]
     distance, spread = np.full((2, n_markers, n_markers), np.nan)
     pairs = np.stack(np.triu_indices(n_markers, 1))
@@ -89,7 +91,12 @@ def distance_statistics(trajectories: Trajectories) -> DistanceStatistics:
         distance[first, second] = distance[second, first] = middle
         spread[first, second] = spread[second, first] = deviation
     reach = float(np.nanmax(distance, initial=0.0))
-    spread = _with_floor(distance, spread)
+    # Bound spreads from below by half of the median spread of each marker's steadiest distance
+    known = ~np.isnan(spread)
+    steadiest = np.where(known, spread, np.inf).min(axis=1, initial=np.inf)
+    steadiest = steadiest[np.isfinite(steadiest)]
+    least = float(np.median(steadiest)) / 2 if len(steadiest) else 0.0
+    spread = np.maximum(spread, np.maximum(max(least, TINY_SPREAD), LEAST_SPREAD * distance))
     n_mates, n_rivals = min(N_MATES, n_markers - 1), min(N_RIVALS, n_markers - 1)
     order = np.argsort(np.where(np.isnan(spread), np.inf, spread), axis=1, kind="stable")[:, :n_mates]
     mates = np.where(np.isfinite(np.take_along_axis(spread, order, axis=1)), order, -1)
@@ -103,12 +110,6 @@ def distance_statistics(trajectories: Trajectories) -> DistanceStatistics:
     return DistanceStatistics(distance, spread, mates, rivals, separation, max(reach, TINY_SPREAD))
 
 
-def _sampled(trajectories: Trajectories) -> Ints:
-    bounded = MOST_SAMPLES // max(1, trajectories.n_markers**2)
-    n_samples = min(trajectories.n_frames, SAMPLE_FRAMES, max(LEAST_SAMPLES, bounded))
-    return np.unique(np.linspace(0, max(trajectories.n_frames - 1, 0), n_samples).astype(np.intp))
-
-
 def _median_and_spread(values: Floats) -> tuple[Floats, Floats]:
     """Median and robust standard deviation of each row without its NaN; NaN for rows with few values."""
     count = (~np.isnan(values)).sum(axis=1)
@@ -117,15 +118,6 @@ def _median_and_spread(values: Floats) -> tuple[Floats, Floats]:
     off = np.sort(np.abs(values - middle[:, np.newaxis]), axis=1)[rows, place]
     enough = count >= LEAST_COMMON
     return np.where(enough, middle, np.nan), np.where(enough, SIGMA_OF_MEDIAN * off, np.nan)
-
-
-def _with_floor(distance: Floats, spread: Floats) -> Floats:
-    """Bound spreads from below by half of the median spread of each marker's steadiest distance."""
-    known = ~np.isnan(spread)
-    steadiest = np.where(known, spread, np.inf).min(axis=1, initial=np.inf)
-    steadiest = steadiest[np.isfinite(steadiest)]
-    least = float(np.median(steadiest)) / 2 if len(steadiest) else 0.0
-    return np.asarray(np.maximum(spread, np.maximum(max(least, TINY_SPREAD), LEAST_SPREAD * distance)))
 
 
 def _separations(marker: int, mates: Ints, distance: Floats, spread: Floats) -> Floats:

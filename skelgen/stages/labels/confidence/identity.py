@@ -8,8 +8,6 @@ right, given the evidence of all frames, comes from the forward-backward recursi
 1989).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -134,7 +132,9 @@ def identity_confidence(
     )
     stated = np.zeros((0, 0), dtype=np.bool_) if stated is None else stated
     share = max(1.0, CORRELATED_SECONDS * trajectories.rate)
-    confidence = probabilities(evidence, share, seen, stated, breaks | _after_gaps(seen), prior.right, prior.lost)
+    breaks = breaks.copy()
+    breaks[1:] |= seen[1:] & ~seen[:-1]
+    confidence = probabilities(evidence, share, seen, stated, breaks, prior.right, prior.lost)
     confidence[:, original >= 0] *= PIECE_RIGHT
     confidence[:, alone] *= ALONE_RIGHT
     confidence[:, rare] *= prior.rare
@@ -149,10 +149,4 @@ def jumps(trajectories: Trajectories) -> Bools:
     result = np.zeros(trajectories.seen.shape, dtype=np.bool_)
     if len(known):
         result[2:] = deviation > JUMP_DEVIATIONS * max(float(np.median(known)), TINY_SPREAD)
-    return result
-
-
-def _after_gaps(seen: Bools) -> Bools:
-    result = np.zeros(seen.shape, dtype=np.bool_)
-    result[1:] = seen[1:] & ~seen[:-1]
     return result

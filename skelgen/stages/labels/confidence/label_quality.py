@@ -1,7 +1,5 @@
 """Label quality: confidence, doubtful spans with their reasons, tracklets and their markers, points left out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -98,7 +96,8 @@ def history_of(points: PointLabels, n_markers: int) -> LabelHistory:
         track = points.track_of_point[block.points]
         changes[frames] = _track_changes(block, marker, track, n_markers)
         if points.stated is not None and stated is not None:
-            stated[frames] = _stated(block, marker, points.stated[block.points], n_markers)
+            sure = points.stated[block.points] & (marker >= 0)
+            stated[block.first + block.frames[sure], marker[sure]] = True
         left_out[frames] = np.bincount(block.frames[marker < 0], minlength=block.n_frames)
         parts.append(_parts(track, marker, block.frames + block.first))
     agreement = None if points.classic is None else _agreement(points.classic, points.marker_of_point, n_markers)
@@ -155,14 +154,6 @@ def _track_changes(block: Block, marker: Ints, track: Ints, n_markers: int) -> B
     changes = np.zeros(followed.shape, dtype=np.bool_)  # unknown where two blocks meet: False
     changes[1:] = seen[1:] & ((followed[1:] != followed[:-1]) | (followed[1:] < 0))
     return changes
-
-
-def _stated(block: Block, marker: Ints, stated: Bools, n_markers: int) -> Bools:
-    """Frames in which the user says that the marker is the one that it is called."""
-    result = np.zeros((block.n_frames, n_markers), dtype=np.bool_)
-    sure = stated & (marker >= 0)
-    result[block.frames[sure], marker[sure]] = True
-    return result
 
 
 def _parts(track: Ints, marker_of_point: Ints, frame_of_point: Ints) -> Ints:

@@ -21,8 +21,6 @@ each other. So they do not count at first: under both hypotheses the loose compo
 rigid distances are needed. All distances count only for the pairs that are still open then.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -264,14 +262,12 @@ def _log_ratio(
     for tau, prior in _components(deviations):
         weight, freedom, variance = _log_weight(first + second - 2.0, scatter, tau, prior)
         narrow, wide = variance * spread, variance * spread + deviations.spacing**2
-        near, far = (weight + _log_student(difference, freedom, width) for width in (narrow, wide))
+        near, far = (
+            weight + (-0.5 * np.log(width) - (freedom + 1.0) / 2 * np.log1p(difference**2 / (freedom * width)))
+            for width in (narrow, wide)
+        )
         found.append((weight, near, far))
     (rigid, near, far), (loose, loosely_near, loosely_far) = found
     same = np.logaddexp(near, loosely_near if counts_loose else loosely_far)
     probability = 1.0 / (1.0 + np.exp(np.clip(loose - rigid, -50.0, 50.0)))
     return np.asarray(same - np.logaddexp(far, loosely_far)), probability
-
-
-def _log_student(value: Floats, freedom: Floats, variance: Floats) -> Floats:
-    """Log density of Student's distribution, without the part that both hypotheses share."""
-    return np.asarray(-0.5 * np.log(variance) - (freedom + 1.0) / 2 * np.log1p(value**2 / (freedom * variance)))

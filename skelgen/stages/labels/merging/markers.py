@@ -10,8 +10,6 @@ tried as the same three markers; once merged, all others are compared by their d
 merges most is accepted if it explains most of the smaller side.
 """
 
-from __future__ import annotations
-
 import copy
 import itertools
 
@@ -213,7 +211,10 @@ def _alike(record: DistanceRecord, first: Ints, second: Ints) -> list[list[tuple
 
 def _triangles(record: DistanceRecord, members: Ints) -> tuple[Ints, Floats]:
     """Rigid triangles with their sides [mm]; the largest first."""
-    rigid = _is_rigid(record, members)
+    block = np.ix_(members, members)
+    count = record.count[block]
+    deviation = np.sqrt(record.scatter[block] / np.maximum(count - 1.0, 1.0))
+    rigid = (count >= SEEN_ENOUGH) & (deviation < 2.0 * record.deviations.rigid) & (record.mean[block] > 0.0)
     found = [
         (members[i], members[j], members[k])
         for i, j in np.argwhere(np.triu(rigid, 1))
@@ -224,13 +225,6 @@ def _triangles(record: DistanceRecord, members: Ints) -> tuple[Ints, Floats]:
     sides = _sides(record.mean, corners)
     order = np.argsort(-sides.min(axis=1), kind="stable")[:TRIANGLES]
     return corners[order], sides[order]
-
-
-def _is_rigid(record: DistanceRecord, members: Ints) -> Bools:
-    block = np.ix_(members, members)
-    count = record.count[block]
-    deviation = np.sqrt(record.scatter[block] / np.maximum(count - 1.0, 1.0))
-    return np.asarray((count >= SEEN_ENOUGH) & (deviation < 2.0 * record.deviations.rigid) & (record.mean[block] > 0.0))
 
 
 def _sides(distance: Floats, corners: Ints) -> Floats:

@@ -6,8 +6,6 @@ To the evidence of distances comes that of continuity: a tracklet may begin wher
 must be by now.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -93,7 +91,11 @@ def merge_tracklets(
     """
     groups = _Groups(points, tracklets, rate, spacing)
     spans = _windows(tracklets, rate, window or WindowSize())
-    for done, span in enumerate(_outwards(spans, tracklets)):
+    # Windows from the one that shows most, first to the end of the take and then back to its start
+    seen = np.concatenate([[0], np.cumsum(np.bincount(tracklets.frames, minlength=tracklets.n_frames))])
+    mean = [(seen[last] - seen[first]) / (last - first) for first, last in spans]
+    best = int(np.argmax(mean))
+    for done, span in enumerate(spans[best:] + spans[:best][::-1]):
         groups.extend(span)
         monitor.advance(done + 1, len(spans))
     return np.unique(groups.group, return_inverse=True)[1].astype(np.intp)
@@ -104,14 +106,6 @@ def _windows(tracklets: TrackletPoints, rate: float, window: WindowSize) -> list
     n_windows = max(1, -(-len(tracklets) // window.n_tracklets))
     length = max(-(-tracklets.n_frames // n_windows), int(window.least * rate), 1)
     return [(first, min(first + length, tracklets.n_frames)) for first in range(0, tracklets.n_frames, length)]
-
-
-def _outwards(spans: list[tuple[int, int]], tracklets: TrackletPoints) -> list[tuple[int, int]]:
-    """Windows from the one that shows most, first to the end of the take and then back to its start."""
-    seen = np.concatenate([[0], np.cumsum(np.bincount(tracklets.frames, minlength=tracklets.n_frames))])
-    mean = [(seen[last] - seen[first]) / (last - first) for first, last in spans]
-    best = int(np.argmax(mean))
-    return spans[best:] + spans[:best][::-1]
 
 
 class _Groups:

@@ -3,8 +3,6 @@
 Markers that share a place on a limb are the same marker; tracks that keep a free place are a new one.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

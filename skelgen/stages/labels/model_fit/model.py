@@ -267,11 +267,7 @@ def _pose(trees: list[Tree], positions: Floats) -> LimbPoses:
         found, posed[:, tree.limbs] = pose_outward(tree.chain, places, joints)
         chained = transform_from(found.rotations, found.origins(tree.chain))
         poses[:, tree.limbs] = np.where(by_own[:, tree.limbs, np.newaxis, np.newaxis], own, chained)
-    return LimbPoses(poses, by_own, _extended(posed | by_own, STEADY_FRAMES))
-
-
-def _extended(known: Bools, frames: int) -> Bools:
-    """Extend what is true to some frames before and after, shape (n_frames, n)."""
     from scipy.ndimage import binary_dilation  # noqa: PLC0415 - heavy
 
-    return np.asarray(binary_dilation(known, structure=np.ones((2 * frames + 1, 1))))
+    credible = binary_dilation(posed | by_own, structure=np.ones((2 * STEADY_FRAMES + 1, 1)))
+    return LimbPoses(poses, by_own, credible)

@@ -12,8 +12,6 @@ their votes; markers that share a place are merged, and tracks that keep a place
 turn starts from the markers that the likelihood of distances gives (`merging.likelihood`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,7 +119,10 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
         if model is None:
             break
         better = _relabelled(task, track_of_point, merged, model, monitor)
-        n_changed = _n_changed(marker_of_point, better)
+        # Number of points that changed their marker, whatever the markers' numbers are
+        together = counts_together(marker_of_point, better)
+        kept = int(together[1:, 1:].max(axis=1, initial=0).sum())
+        n_changed = max(int(together[1:].sum()), int(together[:, 1:].sum())) - kept
         marker_of_point = better
         monitor.advance(turn + 1, task.parameters.rounds)
         if n_changed <= UNCHANGED * cloud.n_points:
@@ -192,10 +193,3 @@ def _scores(points: Floats, block: Block, marker: Ints, poses: LimbPoses, model:
     lost = owned[~known[block.frames[owned], marker[owned]]]
     scores[lost, marker[lost]] = PRIOR_SCORE
     return scores
-
-
-def _n_changed(before: Ints, after: Ints) -> int:
-    """Number of points that changed their marker, whatever the markers' numbers are."""
-    together = counts_together(before, after)
-    kept = int(together[1:, 1:].max(axis=1, initial=0).sum())
-    return max(int(together[1:].sum()), int(together[:, 1:].sum())) - kept

@@ -4,8 +4,6 @@ The fit takes about a second. Its result is used a fixed number of frames later,
 labels, however fast the machine is.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 

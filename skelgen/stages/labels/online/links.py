@@ -4,8 +4,6 @@ Level and slope are predicted as in whole takes (`tracking.follow`), by double e
 from the innovations of the last seconds, and the state has a fixed size.
 """
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

@@ -7,8 +7,6 @@ pose, others in those poses that resemble the present one (compare Kirk, O'Brien
 whole takes).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.geometry.rotations import nearest_rotation

@@ -13,8 +13,6 @@ last sum a limb that shows no marker keeps its angle to the parent; the variance
 seen. The inverse of the normal matrix gives the covariance of each predicted marker.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,7 +89,10 @@ class PoseFilter:
         self.size = (
             float(np.sqrt((self.offsets[self.carried] ** 2).sum(axis=1).mean())) or 1.0
         )  # [mm], of a typical limb
-        self.deviation = _deviations(skeleton, self.carried, self.size)
+        # Deviation of each marker per coordinate [mm], not below the median one
+        known = np.where(self.carried, skeleton.marker_std, np.nan)
+        usual = float(np.nanmedian(known)) if self.carried.any() else 0.0
+        self.deviation = np.maximum(np.nan_to_num(known), max(usual, LEAST_DEVIATION * self.size))
         self.joint_deviation = JOINT_SHARE * float(np.median(self.deviation))
         self.rotations: Floats = self.reference[:, :3, :3].copy()
         self.origins: Floats = self.reference[:, :3, 3].copy()
@@ -153,7 +154,12 @@ class PoseFilter:
         covariance = covariance.reshape(self.n_limbs, 6, self.n_limbs, 6)
         own = covariance[np.arange(self.n_limbs), :, np.arange(self.n_limbs)]
         self._seen_spread = np.trace(own[self.children, :3, :3], axis1=1, axis2=2) / 3
-        return self._prediction(own)
+        every = np.arange(self.n_markers)
+        places = self.positions_of(every)
+        columns = _columns(places - self.origins[self.limb])
+        spread = columns @ own[self.limb] @ columns.swapaxes(1, 2)
+        spread = spread + np.eye(3) * (self.deviation**2)[:, np.newaxis, np.newaxis]
+        return Prediction(np.where(self.carried[:, np.newaxis], places, np.nan), spread)
 
     def learn_motion(self, rotations: Floats, origins: Floats, n_steps: int) -> None:
         """Take the motion since an earlier pose as what continues.
@@ -221,14 +227,6 @@ class PoseFilter:
         normal[parents, :, children] -= cross
         normal[children, :, parents] -= cross.swapaxes(1, 2)
 
-    def _prediction(self, own: Floats) -> Prediction:
-        every = np.arange(self.n_markers)
-        places = self.positions_of(every)
-        columns = _columns(places - self.origins[self.limb])
-        spread = columns @ own[self.limb] @ columns.swapaxes(1, 2)
-        spread = spread + np.eye(3) * (self.deviation**2)[:, np.newaxis, np.newaxis]
-        return Prediction(np.where(self.carried[:, np.newaxis], places, np.nan), spread)
-
 
 def _rows(vectors: list[Floats]) -> Floats:
     return np.array(vectors, dtype=np.float64).reshape(-1, 3)
@@ -242,10 +240,3 @@ def _columns(arm: Floats) -> Floats:
     columns[:, 2, 0], columns[:, 2, 1] = arm[:, 1], -arm[:, 0]
     columns[:, [0, 1, 2], [3, 4, 5]] = 1.0
     return columns
-
-
-def _deviations(skeleton: Skeleton, carried: Bools, size: float) -> Floats:
-    """Deviation of each marker per coordinate [mm], not below the median one."""
-    known = np.where(carried, skeleton.marker_std, np.nan)
-    usual = float(np.nanmedian(known)) if carried.any() else 0.0
-    return np.asarray(np.maximum(np.nan_to_num(known), max(usual, LEAST_DEVIATION * size)))

@@ -1,7 +1,5 @@
 """Labels without a skeleton: tracks become markers, and a lost marker is found where its neighbours predict it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.model.arrays import Floats, Ints

@@ -1,7 +1,5 @@
 """Labels by a known skeleton: its pose predicts every marker, and tracks keep labels from frame to frame."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -154,7 +152,10 @@ def _corrected(
     """Labels without those that do not fit and with those that do, and whether any changed."""
     corrected = labels.copy()
     known = np.flatnonzero(labels >= 0)
-    wrong = known[_squares(points[known], prediction, labels[known]) > TRUSTED_SQUARE]
+    markers = labels[known]
+    error = points[known] - prediction.positions[markers]
+    solved = np.linalg.solve(prediction.covariances[markers], error[..., np.newaxis])[..., 0]
+    wrong = known[(error * solved).sum(axis=1) > TRUSTED_SQUARE]
     corrected[wrong] = -1
     free = np.flatnonzero((corrected < 0) & usable)
     missing = np.setdiff1d(np.flatnonzero(~np.isnan(prediction.positions[:, 0])), corrected[corrected >= 0])
@@ -164,13 +165,6 @@ def _corrected(
         good = scores[rows, columns] > 0
         corrected[free[rows[good]]] = missing[columns[good]]
     return corrected, bool((corrected != labels).any())
-
-
-def _squares(points: Floats, prediction: Prediction, markers: Ints) -> Floats:
-    """Squared distances of points from their markers' places, in deviations."""
-    error = points - prediction.positions[markers]
-    solved = np.linalg.solve(prediction.covariances[markers], error[..., np.newaxis])[..., 0]
-    return np.asarray((error * solved).sum(axis=1))
 
 
 def explained(points: Floats, prediction: Prediction, markers: Ints, spacing: float) -> Floats:

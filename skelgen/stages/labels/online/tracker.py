@@ -1,7 +1,5 @@
 """The live tracker: points of a frame in, labels of physical markers out."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from types import MappingProxyType

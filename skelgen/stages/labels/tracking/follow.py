@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,7 +129,10 @@ class _Take:
         tracks = Tracks((rules.max_gap + 2) * int(counts.max(initial=1)))
         track_of_point = np.full(len(self.points), -1, dtype=np.int32)  # short, as an hour holds millions of points
         state = (tracks.motion, tracks.counters, tracks.totals)
-        for first, last in _chunks(counts):
+        # Cut frames into spans of about equal work
+        work = np.cumsum(counts.astype(np.float64) ** 2 + 1.0)
+        cuts = np.flatnonzero(np.diff(work // PAIRS_PER_CHUNK)) + 1
+        for first, last in itertools.pairwise(np.unique([0, *cuts, len(counts)]).tolist()):
             starts = self.starts[first : last + 1]
             span = slice(int(starts[0]), int(starts[-1]))
             found, surprise = np.empty(span.stop - span.start, dtype=np.intp), np.empty(span.stop - span.start)
@@ -228,11 +230,3 @@ def _rules(
         is_given=is_given,
         duplicate=DUPLICATE_SPACINGS * spacing,
     )
-
-
-def _chunks(counts: Ints) -> Iterator[tuple[int, int]]:
-    """Cut frames into spans of about equal work."""
-    work = np.cumsum(counts.astype(np.float64) ** 2 + 1.0)
-    cuts = np.flatnonzero(np.diff(work // PAIRS_PER_CHUNK)) + 1
-    edges = [0, *(int(cut) for cut in cuts), len(counts)]
-    return ((first, last) for first, last in itertools.pairwise(edges) if last > first)

@@ -162,7 +162,11 @@ def find_innovations(trial: Trial, spacing: float, n_steps: int) -> Innovations 
     scales = np.column_stack([np.full(3, usual), factors[:, np.newaxis] * grown])
     tails = np.array([tail, newborn_tail, lone_tail])
     constant = gammaln((tails + 3.0) / 2.0) - gammaln(tails / 2.0) - 1.5 * np.log(tails * np.pi)
-    births, losses = _turnover(trial)
+    # Part of the points that are new in a frame, and part that is lost, from changes of the number of points
+    counts = np.diff(trial.starts)
+    change = np.diff(counts)[trial.steps[1:] == 1]
+    n_points = max(1, int(counts.sum())) + 2.0
+    births, losses = float((change[change > 0].sum() + 1) / n_points), float((-change[change < 0].sum() + 1) / n_points)
     seen = runs.log_odds(n_steps)
     seen[0, :2] = np.log((1.0 - losses) / losses)
     # Half of the points have another one nearer than the spacing: that is their density [1/mm^3].
@@ -228,17 +232,6 @@ class _Runs:
         odds[:] = _log_odds(int(found.sum()), int(unseen))
         odds[1:, :2] = _log_odds(int((newborn & (wait == 1)).sum()), int(newborn.sum()))
         return odds
-
-
-def _turnover(trial: Trial) -> tuple[float, float]:
-    """Part of the points that are new in a frame, and part that is lost, from changes of the number of points.
-
-    The trial's tracks would give too much of both where the trial loses markers that move fast.
-    """
-    counts = np.diff(trial.starts)
-    change = np.diff(counts)[trial.steps[1:] == 1]
-    n_points = max(1, int(counts.sum())) + 2.0
-    return float((change[change > 0].sum() + 1) / n_points), float((-change[change < 0].sum() + 1) / n_points)
 
 
 def _log_odds(n_true: int, n_all: int) -> float:

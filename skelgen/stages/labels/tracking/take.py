@@ -1,7 +1,5 @@
 """What following points needs to know of a take: how far apart points are, when frames were, how good points are."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -75,7 +73,10 @@ def point_weights(cloud: PointCloud) -> Floats:
     if error is not None:
         weights *= _by_error(np.abs(error))
     if n_blobs is not None:
-        weights *= _by_blobs(n_blobs)
+        # Ratio of each number of blobs to the usual one; a point without any counts as one with half a blob
+        usual = float(np.nanmedian(n_blobs))
+        if usual > 0.0:
+            weights *= np.clip(np.fmin(n_blobs, usual), 0.5, usual) / max(usual, 0.5)
     return np.asarray(np.clip(weights, LEAST_WEIGHT, 1.0))
 
 
@@ -86,11 +87,3 @@ def _by_error(error: Floats) -> Floats:
     if not usual > 0.0:
         return np.ones(len(error))
     return np.asarray((usual / np.fmax(error, usual)) ** 2)
-
-
-def _by_blobs(n_blobs: Floats) -> Floats:
-    """Ratio of each number of blobs to the usual one; a point without any counts as one with half a blob."""
-    usual = float(np.nanmedian(n_blobs))
-    if not usual > 0.0:
-        return np.ones(len(n_blobs))
-    return np.asarray(np.clip(np.fmin(n_blobs, usual), 0.5, usual) / max(usual, 0.5))

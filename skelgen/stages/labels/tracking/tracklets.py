@@ -1,7 +1,5 @@
 """Tracklets: parts of tracks that are long enough, and trimmed, to be trusted (Marker Sets in Schönauer 2007, 3.3)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from skelgen.model import PointCloud
@@ -34,7 +32,12 @@ def find_tracklets(cloud: PointCloud, track_of_point: Ints, rate: float, paramet
     """
     sizes = np.bincount(np.maximum(track_of_point, -1) + 1)[1:]
     is_long = sizes >= least_length(cloud.n_frames, rate, parameters)
-    return _trimmed(_gathered(cloud, track_of_point, sizes, is_long), parameters.trim_range)
+    # Cut `trim` frames off both ends, but not where the take itself begins or ends
+    tracklets = _gathered(cloud, track_of_point, sizes, is_long)
+    start = np.where(tracklets.first > 0, parameters.trim_range, 0)
+    lengths = tracklets.lengths - start - np.where(tracklets.last < tracklets.n_frames - 1, parameters.trim_range, 0)
+    left = lengths > 0
+    return tracklets.parts((tracklets.starts[:-1] + start)[left], lengths[left])
 
 
 def _gathered(cloud: PointCloud, track_of_point: Ints, sizes: Ints, wanted: Bools) -> TrackletPoints:
@@ -84,11 +87,3 @@ def stand_alone_frames(n_frames: int, rate: float, parameters: LabelParameters) 
         `stand_alone`.
     """
     return min(parameters.stand_alone * rate, STAND_ALONE_SHARE * n_frames)
-
-
-def _trimmed(tracklets: TrackletPoints, trim: int) -> TrackletPoints:
-    """Cut `trim` frames off both ends, but not where the take itself begins or ends."""
-    start = np.where(tracklets.first > 0, trim, 0)
-    lengths = tracklets.lengths - start - np.where(tracklets.last < tracklets.n_frames - 1, trim, 0)
-    left = lengths > 0
-    return tracklets.parts((tracklets.starts[:-1] + start)[left], lengths[left])

@@ -1,7 +1,5 @@
 """Labels are made to agree with what the user states: those found in a cloud, and those that a file came with."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -71,14 +69,11 @@ def apply_constraints(
     kept = kept[counts[kept] > 0]
     if not len(kept):
         raise InputError("no marker is left: all points are nobody's, as is stated by hand")
-    return renumbered(marker_of_point, np.isin(np.arange(size), kept)), _names(kept, target, constraints.names, labels)
-
-
-def _names(kept: Ints, target: Ints, stated: tuple[str, ...], labels: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of markers: stated, as before, or numbered so that they differ from both."""
-    known = dict(enumerate(labels)) | {int(marker): name for marker, name in zip(target, stated, strict=True)}
+    # Names of markers: stated, as before, or numbered so that they differ from both
+    known = dict(enumerate(labels)) | dict(zip(target.tolist(), constraints.names, strict=True))
     free = (name for name in marker_names(len(kept) + len(known)) if name not in known.values())
-    return tuple(known[marker] if marker in known else next(free) for marker in kept.tolist())
+    names = tuple(known[marker] if marker in known else next(free) for marker in kept.tolist())
+    return renumbered(marker_of_point, np.isin(np.arange(size), kept)), names
 
 
 def constrain_labelled(
@@ -108,7 +103,10 @@ def constrain_labelled(
     """
     starts = np.concatenate([[0], np.cumsum(file.seen.sum(axis=1))])
     cloud = PointCloud(file.positions[file.seen], starts, file.times, name=file.name)
-    constraints = find_constraints(cloud, follow_points(cloud, parameters, monitor)[0], _by_position(identities, file))
+    # Statements about markers by their index, as statements about positions
+    entries = tuple(_located(identities, entry, file) for entry in identities.entries)
+    tracks, _ = follow_points(cloud, parameters, monitor)
+    constraints = find_constraints(cloud, tracks, dataclasses.replace(identities, entries=entries))
     found, names = apply_constraints(cloud, find_points(cloud, repaired.positions), constraints, repaired.names)
     lost = int(repaired.seen.sum() - (found >= 0).sum())
     sentence = f"{len(identities.entries)} identities stated by hand are obeyed"
@@ -117,13 +115,6 @@ def constrain_labelled(
     monitor.notice(sentence)
     positions = all_positions(cloud, found, len(names))
     return Trajectories(positions, names, file.rate, file.name, (*repaired.notices, sentence))
-
-
-def _by_position(identities: Identities, take: Trajectories) -> Identities:
-    """Statements about markers by their index, as statements about positions."""
-    return dataclasses.replace(
-        identities, entries=tuple(_located(identities, entry, take) for entry in identities.entries)
-    )
 
 
 def _located(identities: Identities, entry: Identity, take: Trajectories) -> Identity:

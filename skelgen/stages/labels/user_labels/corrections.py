@@ -1,7 +1,5 @@
 """Corrections that the user makes to labels: markers merged, split, renamed, deleted and exchanged."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

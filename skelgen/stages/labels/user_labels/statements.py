@@ -5,8 +5,6 @@ step that constant velocity explains worst. Constrained points vote for their ma
 there makes room.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -99,7 +97,12 @@ def find_constraints(cloud: PointCloud, track_of_point: Ints, identities: Identi
         for claim in claims:
             mine = members[name_of_point[members] == claim.name]
             away[mine] = np.minimum(away[mine], np.abs(frames[mine] - claim.entry.frame))
-    _keep_nearest(name_of_point, away, frames)
+    # Where two tracks of one name meet in a frame, keep the point whose statement is nearer in time
+    named = np.flatnonzero(name_of_point >= 0)
+    order = named[np.lexsort((named, away[named], name_of_point[named], frames[named]))]
+    again: Bools = np.zeros(len(order), dtype=np.bool_)
+    again[1:] = (frames[order[1:]] == frames[order[:-1]]) & (name_of_point[order[1:]] == name_of_point[order[:-1]])
+    name_of_point[order[again]] = ANYBODY
     return PointConstraints(identities.names, name_of_point, track_of_point)
 
 
@@ -300,12 +303,3 @@ def most_doubtful_link(points: Floats, frames: Ints, first: int, last: int) -> i
     padded = np.concatenate([[0.0], change, [0.0]])
     surprise = (padded[:-1] + padded[1:]) * np.diff(frames)  # of both ends of a step; unseen frames add to the doubt
     return int(np.argmax(surprise[first:last]))
-
-
-def _keep_nearest(name_of_point: Ints, away: Floats, frames: Ints) -> None:
-    """Where two tracks of one name meet in a frame, keep the point whose statement is nearer in time."""
-    named = np.flatnonzero(name_of_point >= 0)
-    order = named[np.lexsort((named, away[named], name_of_point[named], frames[named]))]
-    again: Bools = np.zeros(len(order), dtype=np.bool_)
-    again[1:] = (frames[order[1:]] == frames[order[:-1]]) & (name_of_point[order[1:]] == name_of_point[order[:-1]])
-    name_of_point[order[again]] = ANYBODY
