@@ -82,7 +82,7 @@ def read_acclaim(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> 
         raise FormatError(path, "", "an ASF holds bones without motion; give the AMC, and this as --motion-skeleton")
     if unit != AUTO:
         raise ParameterError(f"{path}: its ASF states the unit; leave out --motion-unit")
-    asf = _read_asf(skeleton or _skeleton_of(path))
+    asf = _Reader(skeleton or _skeleton_of(path)).read()
     values = _frames(path, asf)
     rotations = np.stack([_rotations(bone, values[bone.name], asf) for bone in asf.bones], axis=1)
     index_of = {bone.name: index for index, bone in enumerate(asf.bones)}
@@ -228,17 +228,6 @@ class Asf:
     position: Floats
     mm_per_unit: float
     radians: float
-
-
-def _read_asf(path: Path) -> Asf:
-    """Read the bones of an ASF file.
-
-    Raises
-    ------
-    FormatError
-        If the file is not ASF, or its hierarchy is broken; with the line.
-    """
-    return _Reader(path).read()
 
 
 class _Reader:

@@ -180,7 +180,8 @@ def remarks_on_joints(project: Project, options: Options, *, by_three_angles: bo
     remarks = [*_on_wobble(project, links, options.joints)]
     if project.skeleton.loops:
         remarks.append("Joints that close loops are left out; the motion keeps the loops closed all the same.")
-    near = [link.joint for link in links if link.kind in {"ball", "free"} and _is_near_gimbal(link)]
+    by_angles = [link for link in links if link.kind in {"ball", "free"}]
+    near = [link.joint for link in by_angles if (gimbal_distance(link.angles) < _NEAR_GIMBAL).any()]
     if by_three_angles and near:
         remarks.append(f"Near the gimbal position, where poses are right but angles turn fast, come {', '.join(near)}.")
     return tuple(remarks)
@@ -250,7 +251,3 @@ def _moved_markers(project: Project, links: Sequence[Link]) -> float:
     poses = posed(links)[:, skeleton.limb_of_marker[used]]
     places = (poses[..., :3, :3] @ skeleton.marker_offsets[used, :, np.newaxis])[..., 0] + poses[..., :3, 3]
     return float(np.linalg.norm(places - project.motion.marker_positions[:, used], axis=2).max(initial=0.0))
-
-
-def _is_near_gimbal(link: Link) -> bool:
-    return bool((gimbal_distance(link.angles) < _NEAR_GIMBAL).any())

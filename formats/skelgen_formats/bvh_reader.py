@@ -118,7 +118,9 @@ class _Hierarchy:
             self._open.append(None)
             self._waits_for_brace = True
         elif word == "}":
-            self._close(number)
+            if not self._open:
+                raise FormatError(self._path, number, "'}' closes nothing; the braces of the hierarchy do not match")
+            self._open.pop()
         elif word == "OFFSET":
             self._offset(number, words)
         elif word == "CHANNELS":
@@ -143,11 +145,6 @@ class _Hierarchy:
         if bone is None:
             raise FormatError(self._path, number, f"{what} outside of a bone; the braces of the hierarchy do not match")
         return bone
-
-    def _close(self, number: int) -> None:
-        if not self._open:
-            raise FormatError(self._path, number, "'}' closes nothing; the braces of the hierarchy do not match")
-        self._open.pop()
 
     def _offset(self, number: int, words: list[str]) -> None:
         if len(words) != 4:

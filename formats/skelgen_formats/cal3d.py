@@ -78,21 +78,17 @@ def _skeleton(skeleton: Skeleton, unit: str) -> Iterator[str]:
         parent = int(skeleton.parents[limb])
         children = [bone_of_limb[child] for child in order if skeleton.parents[child] == limb]
         yield f'<BONE ID="{bone}" NAME="{bone_name(limb)}" NUMCHILDS="{len(children)}">\n'
-        yield from _transforms(reference_pose, parent, limb)
+        # text of the bind pose relative to the parent, and of its inverse in the world, which skinned vertices need
+        translation, rotation = bone_transforms(reference_pose, parent, limb)
+        bone_from_world = reference_pose[limb, :3, :3].T
+        yield _element("TRANSLATION", translation)
+        yield _element("ROTATION", xyzw_from_matrix(rotation) * _CONJUGATE)
+        yield _element("LOCALTRANSLATION", -bone_from_world @ reference_pose[limb, :3, 3])
+        yield _element("LOCALROTATION", xyzw_from_matrix(bone_from_world) * _CONJUGATE)
         yield f"<PARENTID>{bone_of_limb[parent]}</PARENTID>\n"
         yield from (f"<CHILDID>{child}</CHILDID>\n" for child in children)
         yield "</BONE>\n"
     yield "</SKELETON>\n"
-
-
-def _transforms(reference_pose: Floats, parent: int, limb: int) -> Iterator[str]:
-    """Text of the bind pose relative to the parent, and of its inverse in the world, which skinned vertices need."""
-    translation, rotation = bone_transforms(reference_pose, parent, limb)
-    bone_from_world = reference_pose[limb, :3, :3].T
-    yield _element("TRANSLATION", translation)
-    yield _element("ROTATION", xyzw_from_matrix(rotation) * _CONJUGATE)
-    yield _element("LOCALTRANSLATION", -bone_from_world @ reference_pose[limb, :3, 3])
-    yield _element("LOCALROTATION", xyzw_from_matrix(bone_from_world) * _CONJUGATE)
 
 
 def _animation(project: Project, unit: str, monitor: Monitor) -> Iterator[str]:

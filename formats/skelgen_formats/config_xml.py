@@ -170,7 +170,9 @@ def _value(where: str, element: Any, declaration: Declaration) -> Any:
         raise ParameterError(f"{where} must have the attributes value and type, and hold nothing; it has {found}")
     type_, text = element.get("type"), element.get("value")
     if declaration.config_codes and type_ == "int":
-        text = _choice(where, text, declaration)
+        if not (text.isascii() and text.isdigit() and float(text) < len(declaration.config_codes)):
+            raise ParameterError(f"{where} is {text!r}; it must be one of {_codes(declaration)}")
+        text = declaration.config_codes[int(text)]
     elif type_ != _TYPES[declaration.kind]:
         raise ParameterError(f"{where} has the type {type_!r}; it must be {_allowed_types(declaration)}")
     if declaration.kind is bool and text not in {"0", "1"}:
@@ -181,9 +183,3 @@ def _value(where: str, element: Any, declaration: Declaration) -> Any:
 def _allowed_types(declaration: Declaration) -> str:
     own = repr(_TYPES[declaration.kind])
     return f"'int' or {own}" if declaration.config_codes else own
-
-
-def _choice(where: str, text: str, declaration: Declaration) -> str:
-    if not (text.isascii() and text.isdigit() and float(text) < len(declaration.config_codes)):
-        raise ParameterError(f"{where} is {text!r}; it must be one of {_codes(declaration)}")
-    return declaration.config_codes[int(text)]

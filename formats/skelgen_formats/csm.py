@@ -83,7 +83,13 @@ def read_csm(path: Path, dropout: str = "word") -> Trajectories | PointCloud:
     rate_line, rate = _section(path, sections, "$rate")
     rows, numbers = _frames(path, lines, first, len(names))
     notices: list[str] = []
-    _check_numbers(path, sections, numbers, first, notices)
+    first_line, first_words = _section(path, sections, "$firstframe")
+    last_line, last_words = _section(path, sections, "$lastframe")
+    begin = count_in(path, first_line, first_words[0], "$FirstFrame")
+    end = count_in(path, last_line, last_words[0], "$LastFrame")
+    if numbers and numbers[0] != begin:
+        raise FormatError(path, first + 1, f"the first frame has number {numbers[0]}; $FirstFrame says {begin}")
+    check_frames(path, last_line, end - begin + 1, len(numbers), notices)
     positions = zeros_unseen(rows.reshape(len(rows), len(names), 3))
     rate_value = rate_in(path, rate_line, rate[0], "$Rate")
     return take_from_markers(path, scaled(path, positions, _MM), names, rate_value, notices)
@@ -187,34 +193,10 @@ def _without_dropouts(path: Path, words: list[str], line: int, n_markers: int) -
     return " ".join(" nan" * once if word.upper() == _DROPOUT else word for word in words)
 
 
-def _check_numbers(path: Path, sections: _Sections, numbers: Sequence[int], first: int, notices: list[str]) -> None:
-    first_line, first_words = _section(path, sections, "$firstframe")
-    last_line, last_words = _section(path, sections, "$lastframe")
-    begin = count_in(path, first_line, first_words[0], "$FirstFrame")
-    end = count_in(path, last_line, last_words[0], "$LastFrame")
-    if numbers and numbers[0] != begin:
-        raise FormatError(path, first + 1, f"the first frame has number {numbers[0]}; $FirstFrame says {begin}")
-    check_frames(path, last_line, end - begin + 1, len(numbers), notices)
-
-
 def _header_text(take: Trajectories, names: Sequence[str], unit: str) -> str:
-    return "\n".join(
-        [
-            "$Comments",
-            f"Marker positions in {unit}, written by skelgen",
-            "",
-            "$FirstFrame 1",
-            f"$LastFrame {take.n_frames}",
-            f"$SpineLinks {_SPINE_LINKS}",
-            f"$Rate {take.rate!r}",
-            "",
-            "$Order",
-            " ".join(names),
-            "",
-            "$Points",
-            "",
-        ]
-    )
+    frames = f"$FirstFrame 1\n$LastFrame {take.n_frames}\n$SpineLinks {_SPINE_LINKS}\n$Rate {take.rate!r}\n"
+    comment = f"$Comments\nMarker positions in {unit}, written by skelgen\n"
+    return f"{comment}\n{frames}\n$Order\n{' '.join(names)}\n\n$Points\n"
 
 
 def _sniff(head: bytes, path: Path) -> bool:

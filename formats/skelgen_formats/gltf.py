@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from skelgen.errors import WriteError
 from skelgen.files import replacing
 from skelgen.geometry.rotations import transform_from
-from skelgen.model import Joint, Project, Skeleton
+from skelgen.model import Project, Skeleton
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.bones import (
@@ -126,7 +126,8 @@ def _document(project: Project, scale: float, data: _Data, monitor: Monitor) -> 
     shown = [_SKELETON_NODE]
     document: dict[str, object] = {"asset": {"version": "2.0", "generator": "skelgen"}, "scene": 0, "nodes": nodes}
     joints = [_node(limb) for limb in range(skeleton.n_limbs)]
-    matrices = data.add(_inverse(rest).swapaxes(-1, -2))
+    back = rest[..., :3, :3].swapaxes(-1, -2)
+    matrices = data.add(transform_from(back, -(back @ rest[..., :3, 3, np.newaxis])[..., 0]).swapaxes(-1, -2))
     document["skins"] = [{"joints": joints, "skeleton": _SKELETON_NODE, "inverseBindMatrices": matrices}]
     if (skeleton.limb_of_marker >= 0).any():
         document["meshes"] = [_markers(project, rest, scale, data)]
@@ -149,14 +150,10 @@ def _bone(skeleton: Skeleton, rest: Floats, limb: int) -> dict[str, object]:
         node["children"] = children
     for joint in skeleton.joints:
         if joint.child == limb:
-            node["extras"] = _facts(joint)
+            facts: dict[str, object] = {"kind": joint.kind, "std_mm": joint.std.tolist()}
+            axes = {"axis_in_parent": joint.axis, "second_axis_in_child": joint.second_axis}
+            node["extras"] = facts | {name: axis.tolist() for name, axis in axes.items() if axis is not None}
     return node
-
-
-def _facts(joint: Joint) -> dict[str, object]:
-    facts: dict[str, object] = {"kind": joint.kind, "std_mm": joint.std.tolist()}
-    axes = {"axis_in_parent": joint.axis, "second_axis_in_child": joint.second_axis}
-    return facts | {name: axis.tolist() for name, axis in axes.items() if axis is not None}
 
 
 def _markers(project: Project, rest: Floats, scale: float, data: _Data) -> dict[str, object]:
@@ -192,19 +189,11 @@ def _animation(project: Project, scale: float, data: _Data, monitor: Monitor) ->
         translation, rotation = bone_transforms(poses, parent, limb)
         if parent < 0:
             move(limb, "translation", translation * scale)
-        move(limb, "rotation", _continuous(xyzw_from_matrix(rotation)))
+        # of the two signs of a quaternion, the one nearer to the frame before
+        quaternions = xyzw_from_matrix(rotation)
+        flips = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0, -1.0, 1.0)
+        move(limb, "rotation", quaternions * np.cumprod(np.concatenate([[1.0], flips]))[:, np.newaxis])
     return {"name": "motion", "samplers": samplers, "channels": channels}
-
-
-def _continuous(quaternions: Floats) -> Floats:
-    """Return the quaternions, shape (n_frames, 4), with signs such that each is the nearer one to that before."""
-    flips = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0, -1.0, 1.0)
-    return np.asarray(quaternions * np.cumprod(np.concatenate([[1.0], flips]))[:, np.newaxis])
-
-
-def _inverse(poses: Floats) -> Floats:
-    back = poses[..., :3, :3].swapaxes(-1, -2)
-    return transform_from(back, -(back @ poses[..., :3, 3, np.newaxis])[..., 0])
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:

@@ -42,7 +42,8 @@ def read_identities(path: Path | str) -> Identities:
         If a column is missing or unknown, or a line does not fit, with the line's number.
     """
     path = Path(path)
-    lines = [(number, line) for number, line in enumerate(read_lines(path), start=1) if _is_content(line)]
+    filled = [(number, line) for number, line in enumerate(read_lines(path), start=1) if line.strip(" \t,;")]
+    lines = [(number, line) for number, line in filled if not line.lstrip().startswith(_COMMENT)]
     if not lines:
         raise FormatError(path, "", "holds no line but comments; a header such as 'name,frame,x,y,z' was expected")
     number, header = lines[0]
@@ -50,10 +51,6 @@ def read_identities(path: Path | str) -> Identities:
     if len(lines) == 1:
         raise FormatError(path, "", "holds a header and no identity below it")
     return Identities(tuple(_entry(path, number, line, columns) for number, line in lines[1:]), str(path))
-
-
-def _is_content(line: str) -> bool:
-    return bool(line.strip(" \t,;")) and not line.lstrip().startswith(_COMMENT)
 
 
 def _columns(path: Path, number: int, cells: list[str]) -> tuple[str, ...]:

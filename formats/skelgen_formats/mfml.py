@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import mmap
 from pathlib import Path
 
@@ -101,15 +102,12 @@ def write_mfml(
     WriteError
         If the value has no points, or a time or id does not fit.
     """
-    cloud = _cloud_of(value)
+    take = _take_of(value)
+    cloud = take if isinstance(take, PointCloud) else cloud_from_markers(take.positions, take.rate, take.name)
     width = 8 if id_width == "auto" else int(id_width)
     markers = _markers_of(path, cloud, width)
-    frames = (
-        (time, markers[start:end])
-        for time, start, end in zip(
-            cloud.times.tolist(), cloud.frame_starts[:-1].tolist(), cloud.frame_starts[1:].tolist(), strict=True
-        )
-    )
+    spans = itertools.pairwise(cloud.frame_starts.tolist())
+    frames = ((time, markers[start:end]) for time, (start, end) in zip(cloud.times.tolist(), spans, strict=True))
     write_frames(path, with_progress(frames, cloud.n_frames, monitor), str(width), timestamp_unit)
     return [path]
 
@@ -140,11 +138,6 @@ def _plain_ids(ids: Markers, notices: list[str]) -> Floats:
     return numbers.reshape(-1).astype(np.float64)
 
 
-def _cloud_of(value: Writable) -> PointCloud:
-    take = _take_of(value)
-    return take if isinstance(take, PointCloud) else cloud_from_markers(take.positions, take.rate, take.name)
-
-
 def _take_of(value: Writable) -> PointCloud | Trajectories:
     take = value.take if isinstance(value, Project) else value.measured if isinstance(value, Filled) else value
     if isinstance(take, Poses):
@@ -170,10 +163,6 @@ def _markers_of(path: Path, cloud: PointCloud, width: int) -> Markers:
     return markers
 
 
-def _sniff(head: bytes, path: Path) -> bool:
-    return any(_looks_right(head, width) for width in MARKER_DTYPES)
-
-
 def _looks_right(head: bytes, width: int) -> bool:
     counts, stamps = [], []
     try:
@@ -192,7 +181,7 @@ FORMAT = Format(
     title="mfml (optical tracker)",
     suffixes=(".mfml",),
     holds="points",
-    sniff=_sniff,
+    sniff=lambda head, path: any(_looks_right(head, width) for width in MARKER_DTYPES),
     read=lambda path, options: read_mfml(path, options.id_width, options.timestamp_unit),
     write=lambda value, path, options, monitor: write_mfml(
         value, path, options.id_width, options.timestamp_unit, monitor

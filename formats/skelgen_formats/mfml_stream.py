@@ -149,7 +149,10 @@ def frame_bytes(path: Path, time: float, markers: Markers, timestamp_unit: str =
     WriteError
         If the time stamp [s] is negative or does not fit; the error begins with `path`.
     """
-    return _HEADER.pack(len(markers), _stamp(path, time, timestamp_unit)) + markers.tobytes()
+    stamp = round(time / SECONDS_PER_UNIT[timestamp_unit])
+    if not 0 <= stamp < _U64:
+        raise WriteError(f"{path}: the time {time:g} s does not fit; mfml holds times from 0 up")
+    return _HEADER.pack(len(markers), stamp) + markers.tobytes()
 
 
 class Content:
@@ -261,10 +264,3 @@ def frame_headers(view: mmap.mmap | bytes, width: int) -> Iterator[tuple[int, in
         yield start, count, stamp
         position, last_stamp = start + count * marker_size, stamp
         n_markers += count
-
-
-def _stamp(path: Path, time: float, unit: str) -> int:
-    stamp = round(time / SECONDS_PER_UNIT[unit])
-    if not 0 <= stamp < _U64:
-        raise WriteError(f"{path}: the time {time:g} s does not fit; mfml holds times from 0 up")
-    return stamp

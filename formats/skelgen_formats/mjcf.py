@@ -7,7 +7,7 @@ w x y z of the limb against its parent. The keyframe ``start`` is the first fram
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
@@ -81,7 +81,12 @@ def _add_bodies(document: Element, project: Project, links: Mapping[str, Link]) 
         elements[name] = body = SubElement(elements[link.parent_name], "body", name=name)
         body.set("pos", number_text(link.place * M_PER_MM))
         _add_joints(body, link)
-        _add_bones(body, bones_of(project, link))
+        # add what is seen of the limb; it also gives the mass without which MuJoCo refuses what moves
+        ends = bones_of(project, link)
+        for end in ends:
+            SubElement(body, "geom", fromto=number_text([0.0, 0.0, 0.0, *(end * M_PER_MM)]))
+        if not ends:
+            SubElement(body, "geom", type="sphere")
         for marker, place in markers_on(project, link.limb):
             SubElement(body, "site", name=project.trajectories.names[marker], pos=number_text(place * M_PER_MM))
     return [str(body.get("name")) for body in elements["world"].iter("body")]
@@ -95,14 +100,6 @@ def _add_joints(body: Element, link: Link) -> None:
     else:
         for name, axis in zip(link.angle_names, link.axes, strict=True):
             SubElement(body, "joint", name=name, type="hinge", axis=number_text(axis))
-
-
-def _add_bones(body: Element, ends: Sequence[Floats]) -> None:
-    """Add what is seen of the limb; it also gives the mass without which MuJoCo refuses what moves."""
-    for end in ends:
-        SubElement(body, "geom", fromto=number_text([0.0, 0.0, 0.0, *(end * M_PER_MM)]))
-    if not ends:
-        SubElement(body, "geom", type="sphere")
 
 
 def _columns(link: Link) -> list[str]:

@@ -63,7 +63,8 @@ def read_motive(path: Path) -> Trajectories | PointCloud:
     """
     lines = read_lines(path)
     delimiter = _delimiter(path, lines[0])
-    header = _header(path, lines[0], delimiter)
+    cells = split_cells(path, lines[0], 1, delimiter)
+    header = dict(zip(cells[0::2], cells[1::2], strict=False))
     titles = _titles(path, lines, delimiter)
     notices: list[str] = []
     columns = _marker_columns(path, titles, notices)
@@ -86,11 +87,6 @@ def _delimiter(path: Path, line: str) -> str:
     if not line.strip().lstrip('"').startswith(_FIRST_CELL) or rest[:1] not in (",", ";", "\t"):
         raise FormatError(path, 1, f"an export of Motive begins with {_FIRST_CELL!r}; this file does not")
     return rest[0]
-
-
-def _header(path: Path, line: str, delimiter: str) -> Mapping[str, str]:
-    cells = split_cells(path, line, 1, delimiter)
-    return dict(zip(cells[0::2], cells[1::2], strict=False))
 
 
 def _rate(path: Path, header: Mapping[str, str]) -> float:
@@ -158,16 +154,12 @@ def _columns_of(path: Path, titles: _Titles, kind: str) -> dict[str, list[int]]:
     return columns
 
 
-def _sniff(head: bytes, path: Path) -> bool:
-    return decoded_head(head).lstrip().lstrip('"').startswith(_FIRST_CELL)
-
-
 FORMAT = Format(
     name="motive",
     title="OptiTrack Motive CSV",
     suffixes=(".csv",),
     holds="markers",
-    sniff=_sniff,
+    sniff=lambda head, path: decoded_head(head).lstrip().lstrip('"').startswith(_FIRST_CELL),
     read=lambda path, options: read_motive(path),
     note="Export with Marker columns, any length unit; y stays up; bodies and bones are left out with a notice.",
 )

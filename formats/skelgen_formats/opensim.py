@@ -99,7 +99,10 @@ def _document(project: Project, links: Sequence[Link], marker_names: Sequence[st
     _add(model, "force_units", "N")
     bodies, joints, markers = (_objects(model, which) for which in ("BodySet", "JointSet", "MarkerSet"))
     for link in links:
-        _add_body(bodies, link)
+        body = SubElement(bodies, "Body", name=link.name)
+        _add(body, "mass", _MASS_KG)
+        _add(body, "mass_center", "0 0 0")
+        _add(body, "inertia", _INERTIA_KG_M2)
         _add_joint(joints, link)
         for marker, place in markers_on(project, link.limb):
             element = SubElement(markers, "Marker", name=marker_names[marker])
@@ -113,21 +116,15 @@ def _objects(model: Element, which: str) -> Element:
     return SubElement(SubElement(model, which, name=which.lower()), "objects")
 
 
-def _add_body(bodies: Element, link: Link) -> None:
-    body = SubElement(bodies, "Body", name=link.name)
-    _add(body, "mass", _MASS_KG)
-    _add(body, "mass_center", "0 0 0")
-    _add(body, "inertia", _INERTIA_KG_M2)
-
-
 def _add_joint(joints: Element, link: Link) -> None:
     element = SubElement(joints, _JOINT_TYPES[link.kind], name=link.joint)
     frames = (f"{link.parent_name}_offset", f"{link.name}_offset")
     _add(element, "socket_parent_frame", frames[0])
     _add(element, "socket_child_frame", frames[1])
     coordinates = SubElement(element, "coordinates")
-    for name, at_rest in zip(_coordinate_names(link), _values_at_rest(link), strict=True):
-        _add(SubElement(coordinates, "Coordinate", name=name), "default_value", repr(at_rest))
+    at_rest = [0.0] * len(link.axes) + ((link.place * M_PER_MM).tolist() if link.kind == "free" else [])
+    for name, value in zip(_coordinate_names(link), at_rest, strict=True):
+        _add(SubElement(coordinates, "Coordinate", name=name), "default_value", repr(value))
     owned = SubElement(element, "frames")
     orientation = euler_angles("XYZ", frame_along(link.axes[0])[np.newaxis])[0] if link.kind == "hinge" else np.zeros(3)
     place = np.zeros(3) if link.kind == "free" else link.place
@@ -187,10 +184,6 @@ def _setup(project: Project, marker_names: Sequence[str], files: Sequence[Path])
 def _coordinate_names(link: Link) -> tuple[str, ...]:
     translations = tuple(f"{link.joint}_{name}" for name in ("tx", "ty", "tz")) if link.kind == "free" else ()
     return (*link.angle_names, *translations)
-
-
-def _values_at_rest(link: Link) -> list[float]:
-    return [0.0] * len(link.axes) + ((link.place * M_PER_MM).tolist() if link.kind == "free" else [])
 
 
 def _motion(project: Project, links: Sequence[Link], name: str, monitor: Monitor) -> Iterator[str]:

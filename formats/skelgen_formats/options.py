@@ -10,29 +10,15 @@ from skelgen.model import Project, Take
 from skelgen.model.filled import Filled
 from skelgen.parameters import Declaration
 
-MM_PER_UNIT = {
-    "mm": 1.0,
-    "millimeter": 1.0,
-    "millimeters": 1.0,
-    "millimetre": 1.0,
-    "millimetres": 1.0,
-    "cm": 10.0,
-    "centimeter": 10.0,
-    "centimeters": 10.0,
-    "centimetre": 10.0,
-    "centimetres": 10.0,
-    "dm": 100.0,
-    "m": 1000.0,
-    "meter": 1000.0,
-    "meters": 1000.0,
-    "metre": 1000.0,
-    "metres": 1000.0,
-    "in": 25.4,
-    "inch": 25.4,
-    "inches": 25.4,
-    "ft": 304.8,
-    "feet": 304.8,
+_UNITS = {
+    1.0: ("mm", "millimeter", "millimeters", "millimetre", "millimetres"),
+    10.0: ("cm", "centimeter", "centimeters", "centimetre", "centimetres"),
+    100.0: ("dm",),
+    1000.0: ("m", "meter", "meters", "metre", "metres"),
+    25.4: ("in", "inch", "inches"),
+    304.8: ("ft", "feet"),
 }
+MM_PER_UNIT = {name: mm for mm, names in _UNITS.items() for name in names}
 """Length units that files name, in mm."""
 
 AUTO = "auto"
@@ -116,10 +102,8 @@ class Option:
     @property
     def declaration(self) -> Declaration:
         """The option as parameters are declared: for forms, and to check values."""
-        kind = type(self.default)
-        return Declaration(
-            self.name, kind, self.default, self.help, self.unit, self.low, self.high, choices=self.choices
-        )
+        bounds = (self.low, self.high, self.choices)
+        return Declaration(self.name, type(self.default), self.default, self.help, self.unit, *bounds)
 
 
 AXES = Option(

@@ -17,7 +17,6 @@ Quaternions may be off unit length by a thousandth and are normalised; q and -q 
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -94,9 +93,15 @@ def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor 
     """
     take = _poses_of(value)
     names = check_writable_names(path, take.names, "")
-    numbers = _numbers(take.world_from_body) * ([per_mm(unit)] * 3 + [1.0] * 4)
+    numbers = np.full((*take.world_from_body.shape[:2], len(_COLUMNS)), np.nan)
+    seen = ~np.isnan(take.world_from_body[:, :, 0, 0])
+    rotations = quaternion_from_matrix(take.world_from_body[seen, :3, :3])
+    numbers[seen] = np.concatenate([take.world_from_body[seen, :3, 3], rotations], axis=1)
+    numbers = numbers * ([per_mm(unit)] * 3 + [1.0] * 4)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(_header_text(take.rate, names, unit))
+        titles = ["frame", "time", *(f"{name}.{column}" for name in names for column in _COLUMNS)]
+        header = ((_MAGIC, _VERSION), ("rate", repr(take.rate), "Hz"), ("unit", unit), titles)
+        csv.writer(stream, lineterminator="\n").writerows(header)
         for frame, row in enumerate(with_progress(numbers.reshape(take.n_frames, -1), take.n_frames, monitor)):
             cells = ["" if x != x else repr(x) for x in row.tolist()]  # noqa: PLR0124 - NaN differs from itself
             stream.write(f"{frame},{frame / take.rate!r}," + ",".join(cells) + "\n")
@@ -150,33 +155,12 @@ def _transforms(path: Path, numbers: Floats, factor: float) -> Floats:
     return transforms
 
 
-def _numbers(world_from_body: Floats) -> Floats:
-    """Return position and quaternion (scalar first), shape (n_frames, n_bodies, 7)."""
-    numbers = np.full((*world_from_body.shape[:2], len(_COLUMNS)), np.nan)
-    seen = ~np.isnan(world_from_body[:, :, 0, 0])
-    rotations = quaternion_from_matrix(world_from_body[seen, :3, :3])
-    numbers[seen] = np.concatenate([world_from_body[seen, :3, 3], rotations], axis=1)
-    return numbers
-
-
-def _header_text(rate: float, names: Sequence[str], unit: str) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    titles = [f"{name}.{column}" for name in names for column in _COLUMNS]
-    writer.writerows([[_MAGIC, _VERSION], ["rate", repr(rate), "Hz"], ["unit", unit], ["frame", "time", *titles]])
-    return text.getvalue()
-
-
-def _sniff(head: bytes, path: Path) -> bool:
-    return decoded_head(head).startswith(_MAGIC)
-
-
 FORMAT = Format(
     name="poses-csv",
     title="Poses CSV (skelgen)",
     suffixes=(".poses.csv",),
     holds="poses",
-    sniff=_sniff,
+    sniff=lambda head, path: decoded_head(head).startswith(_MAGIC),
     read=lambda path, options: read_poses(path),
     write=lambda value, path, options, monitor: write_poses(value, path, options.unit, monitor),
     check=lambda value, options: _poses_of(value),

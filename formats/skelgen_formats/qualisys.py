@@ -43,7 +43,10 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud:
     """
     lines = read_lines(path)
     header, first = _header(lines)
-    _refuse_bodies(path, header)
+    included = " ".join(header.get("DATA_INCLUDED", (0, []))[1]).upper()
+    if "BODY_NAMES" in header or "6D" in included:
+        line = header.get("BODY_NAMES", header.get("DATA_INCLUDED", (1, [])))[0]
+        raise FormatError(path, line, "holds 6DOF bodies; export the 3D data of the markers from Track Manager instead")
     _, names = _entry(path, header, "MARKER_NAMES")
     rate_line, rate_text = _entry(path, header, "FREQUENCY")
     rate = rate_in(path, rate_line, rate_text[0], "FREQUENCY")
@@ -74,13 +77,6 @@ def _entry(path: Path, header: _Header, key: str) -> tuple[int, list[str]]:
     return header[key]
 
 
-def _refuse_bodies(path: Path, header: _Header) -> None:
-    included = " ".join(header.get("DATA_INCLUDED", (0, []))[1]).upper()
-    if "BODY_NAMES" in header or "6D" in included:
-        line = header.get("BODY_NAMES", header.get("DATA_INCLUDED", (1, [])))[0]
-        raise FormatError(path, line, "holds 6DOF bodies; export the 3D data of the markers from Track Manager instead")
-
-
 def _check_marker_count(path: Path, header: _Header, n_names: int) -> None:
     if "NO_OF_MARKERS" not in header:
         return
@@ -101,16 +97,12 @@ def _leading_cells(path: Path, lines: Sequence[str], first: int, n_names: int) -
     return max(0, min(leading, _MAX_LEADING)), first
 
 
-def _sniff(head: bytes, path: Path) -> bool:
-    return decoded_head(head).lstrip().startswith(_FIRST_KEY)
-
-
 FORMAT = Format(
     name="qualisys",
     title="Qualisys TSV",
     suffixes=(".tsv",),
     holds="markers",
-    sniff=_sniff,
+    sniff=lambda head, path: decoded_head(head).lstrip().startswith(_FIRST_KEY),
     read=lambda path, options: read_qualisys(path),
     note="3D export of Qualisys Track Manager, in mm; empty cells and three zeros are unseen; no 6DOF.",
 )

@@ -18,7 +18,7 @@ import numpy as np
 
 from skelgen.errors import WriteError
 from skelgen.files import replacing
-from skelgen.model import PointCloud, Project, Skeleton, Take
+from skelgen.model import PointCloud, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.bones import joint_names
@@ -61,12 +61,14 @@ def _project(value: Writable) -> Project:
 
 def summary(project: Project) -> dict[str, object]:
     """Return what the summary file holds: dicts, lists, texts and finite numbers; lengths in mm, times in s."""
+    take = project.take
+    counts = {"n_points": take.n_points} if isinstance(take, PointCloud) else {}
     result = {
         "schema": SCHEMA,
         "units": {"length": "mm", "angle": "rad", "time": "s", "rate": "Hz"},
         "versions": _versions(),
         "seed": project.seed,
-        "take": _take(project.take),
+        "take": {"name": take.name, "kind": type(take).__name__, **counts, "notices": take.notices},
         "n_frames": project.trajectories.n_frames if project.has("labels") else project.take.n_frames,
         "rate": project.trajectories.rate if project.has("labels") else project.take.rate,
         "labels": _labels(project) if project.has_labelling else None,
@@ -94,11 +96,6 @@ def _versions() -> dict[str, str | None]:
         except importlib.metadata.PackageNotFoundError:  # run from a checkout that is not installed
             versions[package] = None
     return versions
-
-
-def _take(take: Take) -> dict[str, object]:
-    counts = {"n_points": take.n_points} if isinstance(take, PointCloud) else {}
-    return {"name": take.name, "kind": type(take).__name__, **counts, "notices": take.notices}
 
 
 def _labels(project: Project) -> dict[str, object]:

@@ -70,10 +70,13 @@ def read_trc(path: Path) -> Trajectories | PointCloud:
     start = _header_start(path, lines)
     header = _header(path, lines, start)
     n_markers = count_in(path, start + 3, _value(path, header, "nummarkers", start), "NumMarkers")
-    names = _names(path, lines[start + 3], start + 4, n_markers)
+    names = [cell.strip() for cell in lines[start + 3].split("\t")[_LEADING_CELLS:] if cell.strip()]
+    if len(names) != n_markers:
+        raise FormatError(path, start + 4, f"{len(names)} marker names where NumMarkers says {n_markers}")
     rate = rate_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
     factor = mm_per_unit(path, start + 3, _value(path, header, "units", start))
-    rows = parse_rows(path, _without_comments(lines), start + _HEADER_LINES, _LEADING_CELLS + 3 * n_markers, "\t")
+    uncommented = ["" if line.startswith("#") else line for line in lines]
+    rows = parse_rows(path, uncommented, start + _HEADER_LINES, _LEADING_CELLS + 3 * n_markers, "\t")
     notices: list[str] = []
     announced = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
     _check_length(lines, announced, rows, notices)
@@ -144,13 +147,6 @@ def _value(path: Path, header: dict[str, str], key: str, start: int) -> str:
     return header[key]
 
 
-def _names(path: Path, line: str, number: int, n_markers: int) -> list[str]:
-    names = [cell.strip() for cell in line.split("\t")[_LEADING_CELLS:] if cell.strip()]
-    if len(names) != n_markers:
-        raise FormatError(path, number, f"{len(names)} marker names where NumMarkers says {n_markers}")
-    return names
-
-
 def _check_length(lines: Sequence[str], announced: int, rows: Floats, notices: list[str]) -> None:
     # People shorten TRC files by hand and leave the header as it is, so fewer frames are no proof of damage.
     if len(rows) == announced:
@@ -161,28 +157,12 @@ def _check_length(lines: Sequence[str], announced: int, rows: Floats, notices: l
         notices.append("the last line has no line end, so its last marker, which may be cut off, is taken as unseen")
 
 
-def _without_comments(lines: Sequence[str]) -> list[str]:
-    return ["" if line.startswith("#") else line for line in lines]
-
-
 def _header_text(path: Path, take: Trajectories, names: Sequence[str], unit: str) -> str:
     values = [take.rate, take.rate, take.n_frames, take.n_markers, unit, take.rate, 1, take.n_frames]
     coordinates = [f"{axis}{number}" for number in range(1, take.n_markers + 1) for axis in "XYZ"]
-    return "\n".join(
-        [
-            f"{_FIRST_LINE}\t4\t(X/Y/Z)\t{path.name}",
-            "\t".join(_KEYS),
-            "\t".join(str(value) for value in values),
-            "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t",
-            "\t\t" + "\t".join(coordinates),
-            "",
-            "",
-        ]
-    )
-
-
-def _sniff(head: bytes, path: Path) -> bool:
-    return any(line.startswith(_FIRST_LINE) for line in decoded_head(head).split("\n")[:20])
+    rows = [(_FIRST_LINE, "4", "(X/Y/Z)", path.name), _KEYS, map(str, values)]
+    titles = "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t"
+    return "\n".join([*("\t".join(row) for row in rows), titles, "\t\t" + "\t".join(coordinates), "", ""])
 
 
 FORMAT = Format(
@@ -190,7 +170,7 @@ FORMAT = Format(
     title="TRC (Motion Analysis, OpenSim)",
     suffixes=(".trc",),
     holds="markers",
-    sniff=_sniff,
+    sniff=lambda head, path: any(line.startswith(_FIRST_LINE) for line in decoded_head(head).split("\n")[:20]),
     read=lambda path, options: read_trc(path),
     write=lambda value, path, options, monitor: write_trc(value, path, options.filled, options.unit, monitor),
     check=lambda value, options: check_markers(value, _TITLE, options.filled),

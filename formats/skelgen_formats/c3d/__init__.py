@@ -67,10 +67,6 @@ def write_c3d(
     return [path, *write_table(markers, path)]
 
 
-def _sniff(head: bytes, path: Path) -> bool:
-    return len(head) > 1 and head[1] == MAGIC and 0 < head[0] < _FIRST_PRINTABLE
-
-
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     take = trajectories_of(project, _TITLE)
     far = float(np.nanmax(np.abs(take.positions), initial=0.0))
@@ -88,7 +84,7 @@ C3D = Format(
     title=_TITLE,
     suffixes=(".c3d",),
     holds="markers",
-    sniff=_sniff,
+    sniff=lambda head, path: len(head) > 1 and head[1] == MAGIC and 0 < head[0] < _FIRST_PRINTABLE,
     read=lambda path, options: read_c3d(path),
     write=lambda value, path, options, monitor: write_c3d(value, path, options.filled, options.unit, monitor),
     check=lambda value, options: check_markers(value, _TITLE, options.filled),

@@ -39,7 +39,10 @@ def read_c3d(path: Path) -> Trajectories | PointCloud:
     _compare_counts(layout, len(raw), notices)
     raw[residuals < 0] = np.nan
     positions = zeros_unseen(raw)
-    _tell_of_generated(positions, residuals, notices)
+    # points without residual and camera are computed, by the convention, if others of the file have them
+    generated = int(((residuals == 0) & ~np.isnan(positions[..., 0])).sum())
+    if generated and (residuals > 0).any():
+        notices.append(f"{generated} positions are marked as computed (residual 0), and taken as if they were measured")
     factor = _mm_per_unit(path, layout, positions, notices)
     return take_from_markers(path, scaled(path, positions, factor), names, layout.rate, notices)
 
@@ -66,17 +69,11 @@ def _read_points(path: Path, layout: C3dLayout) -> tuple[Floats, Floats]:
     frames = words.reshape(layout.n_frames, layout.frame_words)[:, : WORDS_PER_POINT * layout.n_points]
     points = frames.reshape(layout.n_frames, layout.n_points, WORDS_PER_POINT).astype(np.float64)
     if layout.counted:
-        points = _without_padding(points)
+        filled = np.flatnonzero(points.any(axis=(1, 2)))
+        points = points[: filled[-1] + 1] if len(filled) else points[:1]
     if integers:
         points[:, :, :3] *= layout.scale
     return points[:, :, :3], points[:, :, 3]
-
-
-def _tell_of_generated(positions: Floats, residuals: Floats, notices: list[str]) -> None:
-    """Points without residual and camera are computed, by the convention, if others of the file have them."""
-    generated = int(((residuals == 0) & ~np.isnan(positions[..., 0])).sum())
-    if generated and (residuals > 0).any():
-        notices.append(f"{generated} positions are marked as computed (residual 0), and taken as if they were measured")
 
 
 def _compare_counts(layout: C3dLayout, found: int, notices: list[str]) -> None:
@@ -86,11 +83,6 @@ def _compare_counts(layout: C3dLayout, found: int, notices: list[str]) -> None:
     stated_frames = float(stated.reshape(-1)[0]) % (MOST_HEADER_FRAMES + 1)
     if found <= MOST_HEADER_FRAMES and stated_frames != found:
         notices.append(f"{found} frames were read as the header says, although POINT:FRAMES says {stated_frames:g}")
-
-
-def _without_padding(points: Floats) -> Floats:
-    filled = np.flatnonzero(points.any(axis=(1, 2)))
-    return points[: filled[-1] + 1] if len(filled) else points[:1]
 
 
 def _mm_per_unit(path: Path, layout: C3dLayout, positions: Floats, notices: list[str]) -> float:

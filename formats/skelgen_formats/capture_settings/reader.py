@@ -110,8 +110,13 @@ def read_settings(path: Path | str, detection: type[StageParameters] | None = No
     path = Path(path)
     root = read_root(path, ROOT, FILE_NAME, LARGEST_FILE)
     _check_names(path, root)
-    _check_root(path, root)
-    rig = _rig(path, root.find("rig"))
+    for name, wanted in (("version", VERSION), ("unit", UNIT)):
+        if root.get(name) != wanted:
+            raise _error(path, root, f"{name} is {root.get(name)!r}; only {wanted!r} can be read")
+    cameras = root.find("rig")
+    left, right = (_camera(path, cameras.find(side)) for side in (LEFT, RIGHT))
+    noise = _number(path, cameras, "noise")
+    rig = _built(path, cameras, lambda: StereoRig(left, right, noise))
     bodies = [_body(path, element) for element in _distinct(path, root.iterfind("body"))]
     names = [body.name for body in bodies]
     joints = [_joint(path, element, names) for element in _distinct(path, root.iterfind("joint"))]
@@ -147,18 +152,6 @@ def _check_counts(path: Path, element: Any, known: Element) -> None:
         if count != ANY and len(found) > 1:
             line = found[0].sourceline
             raise _error(path, found[1], f"a second <{name}> in <{element.tag}>, the first is in line {line}; keep one")
-
-
-def _check_root(path: Path, root: Any) -> None:
-    for name, wanted in (("version", VERSION), ("unit", UNIT)):
-        if root.get(name) != wanted:
-            raise _error(path, root, f"{name} is {root.get(name)!r}; only {wanted!r} can be read")
-
-
-def _rig(path: Path, element: Any) -> StereoRig:
-    left, right = (_camera(path, element.find(side)) for side in (LEFT, RIGHT))
-    noise = _number(path, element, "noise")
-    return _built(path, element, lambda: StereoRig(left, right, noise))
 
 
 def _camera(path: Path, element: Any) -> Camera:

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import BodyTarget, Camera, CaptureSettings, ParameterValue, TargetJoint
+from skelgen.model.rig import Camera, CaptureSettings, ParameterValue, TargetJoint
 from skelgen_formats.capture_settings.reader import LEFT, RIGHT, ROOT, UNIT, VERSION
 from skelgen_formats.xml_files import write_lines
 
@@ -50,7 +50,10 @@ def _inside(settings: CaptureSettings) -> Iterator[str]:
             yield f"    <parameter name={quoteattr(name)} value={quoteattr(_parameter(value))}/>"
         yield "  </detection>"
     for body in settings.bodies:
-        yield from _body(body)
+        yield f"  <body name={quoteattr(body.name)}>"
+        for point, std in zip(body.points, np.asarray(body.std), strict=True):
+            yield f'    <point std="{_text(std)}">{_text(point)}</point>'
+        yield "  </body>"
     for joint in settings.joints:
         yield from _joint(joint)
 
@@ -69,13 +72,6 @@ def _camera(side: str, camera: Camera) -> Iterator[str]:
     yield f"      <distortion>{_text(camera.distortion)}</distortion>"
     yield from _matrix("      ", "camera_from_world", "", camera.camera_from_world)
     yield f"    </{side}>"
-
-
-def _body(body: BodyTarget) -> Iterator[str]:
-    yield f"  <body name={quoteattr(body.name)}>"
-    for point, std in zip(body.points, np.asarray(body.std), strict=True):
-        yield f'    <point std="{_text(std)}">{_text(point)}</point>'
-    yield "  </body>"
 
 
 def _joint(joint: TargetJoint) -> Iterator[str]:

@@ -33,7 +33,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from skelgen.model import Take
 from skelgen_formats.classic_xml.contents import ClassicXml, JointStats, MarkerDistance
 from skelgen_formats.classic_xml.writer import ROOT, TITLE, write_classic_xml
 from skelgen_formats.options import AXES, RATE
@@ -54,21 +53,13 @@ def read_classic_xml(path: Path | str) -> ClassicXml:
     return read(Path(path))
 
 
-def _read_take(path: Path) -> Take:
-    return read_classic_xml(path).trajectories
-
-
-def _sniff(head: bytes, path: Path) -> bool:
-    return f"<{ROOT} ".encode() in head
-
-
 FORMAT = Format(
     name="classic-xml",
     title=TITLE,
     suffixes=(".xml",),
     holds="skeleton",
-    sniff=_sniff,
-    read=lambda path, options: _read_take(path),
+    sniff=lambda head, path: f"<{ROOT} ".encode() in head,
+    read=lambda path, options: read_classic_xml(path).trajectories,
     write=lambda value, path, options, monitor: write_classic_xml(value, path, monitor),
     check=lambda value, options: finished_project(value, TITLE),
     options=(AXES, RATE),

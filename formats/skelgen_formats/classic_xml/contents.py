@@ -12,7 +12,7 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError
 from skelgen.model import Joint, Motion, Skeleton, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints, check_floats
+from skelgen.model.arrays import Floats, Ints, check_floats
 from skelgen.model.topology import outward_order
 from skelgen_formats.bones import matrix_from_xyzw
 
@@ -271,12 +271,8 @@ def _joint(parent: int, child: int, facts: JointFacts | None) -> Joint:
         axis=axis,
         std=np.array(facts.std),
         second_axis=second,
-        **{name: _square_or_vector(values) for name, values in facts.deviations.items()},
+        **{name: np.reshape(values, (3, 3) if len(values) == 9 else 3) for name, values in facts.deviations.items()},
     )
-
-
-def _square_or_vector(values: list[float]) -> Floats:
-    return np.array(values).reshape((3, 3) if len(values) == 9 else 3)
 
 
 def _of_markers(values: Mapping[int, float], n_markers: int) -> Floats:
@@ -295,12 +291,15 @@ def _world_from_bone(bone: Bone) -> Floats:
 def _motion(contents: Contents, skeleton: Skeleton, keys: Floats, tracked: Floats) -> Motion:
     rebuilt = np.frombuffer(contents.final_markers).reshape(tracked.shape)
     edges = [(joint.parent, joint.child) for joint in skeleton.joints]
+    seen = np.zeros((len(tracked), skeleton.n_limbs), dtype=np.bool_)
+    for limb, marks in contents.seen.items():
+        seen[:, limb] = np.frombuffer(marks, dtype=np.uint8)
     return Motion(
         world_from_limb=_world_from_limb(skeleton, keys),
         joint_positions=_columns(contents.final_joints, edges, (len(tracked), 3)),
         marker_positions=rebuilt,
         residuals=np.linalg.norm(tracked - rebuilt, axis=2),
-        limb_seen=_seen(contents, len(tracked), skeleton.n_limbs),
+        limb_seen=seen,
         rate=contents.rate,
     )
 
@@ -315,13 +314,6 @@ def _world_from_limb(skeleton: Skeleton, keys: Floats) -> Floats:
         if skeleton.parents[limb] >= 0:
             poses[:, limb] = poses[:, skeleton.parents[limb]] @ poses[:, limb]
     return poses
-
-
-def _seen(contents: Contents, n_frames: int, n_limbs: int) -> Bools:
-    seen = np.zeros((n_frames, n_limbs), dtype=np.bool_)
-    for limb, marks in contents.seen.items():
-        seen[:, limb] = np.frombuffer(marks, dtype=np.uint8)
-    return seen
 
 
 def _columns(rows: Mapping[_Key, array[float]], order: list[_Key], shape: tuple[int, int]) -> Floats:

@@ -10,7 +10,7 @@ import functools
 import itertools
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -66,26 +66,28 @@ def write_classic_xml(value: Writable, path: Path, monitor: Monitor = SILENT) ->
         If a stage has not run.
     """
     project = finished_project(value, TITLE)
-    _check_frames(project, path)
-    header = _header(project, path)
-    parts = (part(project) for part in (_stats, _skeleton, _animation, _raw_joints, _final_joints, _markers))
-    n_rows = project.motion.n_frames * (_rows_per_frame(project.skeleton))
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(header)
-        stream.writelines(with_progress(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY))
-        stream.write(f"</{ROOT}>\n")
-    return [path]
-
-
-def _rows_per_frame(skeleton: Skeleton) -> int:
-    """Return how many texts a frame is made of: a key per limb, raw and final joints, markers limb by limb."""
-    return skeleton.n_limbs + 2 * skeleton.n_joints + len(_bones(skeleton)) + 1
-
-
-def _check_frames(project: Project, path: Path) -> None:
     counts = project.trajectories.n_frames, len(project.topology.raw_joint_positions), project.motion.n_frames
     if len(set(counts)) > 1:
         raise WriteError(f"{path}: markers, raw joints and motion have {counts} frames; they must have the same number")
+    header = _header(project, path)
+    skeleton, motion = project.skeleton, project.motion
+    parts: tuple[Iterable[str], ...] = (
+        *(_stats(project), _skeleton(project), _animation(project)),
+        *(
+            ["<RawJointPositions>\n"],
+            _joints(skeleton, project.topology.raw_joint_positions),
+            ["</RawJointPositions>\n"],
+        ),
+        *(["<FinalJointPositions>\n<JointPositions>\n"], _joints(skeleton, motion.joint_positions)),
+        *(["</JointPositions>\n</FinalJointPositions>\n<MarkerPositions>\n"], _offsets(skeleton), _frames(project)),
+        [f"</MarkerPositions>\n</{ROOT}>\n"],
+    )
+    # texts of a frame: a key per limb, raw and final joints, markers limb by limb
+    n_rows = motion.n_frames * (skeleton.n_limbs + 2 * skeleton.n_joints + len(_bones(skeleton)) + 1)
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write(header)
+        stream.writelines(with_progress(itertools.chain.from_iterable(parts), n_rows, monitor, _TOLD_EVERY))
+    return [path]
 
 
 def _header(project: Project, path: Path) -> str:
@@ -116,7 +118,8 @@ def _stats(project: Project) -> Iterator[str]:
         bones = f'SecondBone="{stats.second_bone}" FirstBone="{stats.first_bone}"'
         yield f'<Joint {bones} Alpha="{_number(stats.alpha)}">\n'
         yield f"<DistanceStats>\n{_distances('FirstBone', stats.first)}{_distances('SecondBone', stats.second)}"
-        yield f"</DistanceStats>\n{_calculation(stats)}</Joint>\n"
+        numbers = f'NumberOfIterations="{stats.n_iterations}" FuncValueAtSolution="{_number(stats.value)}"'
+        yield f"</DistanceStats>\n<CalculationStats {numbers}/>\n</Joint>\n"
     yield "</StatsElements>\n"
 
 
@@ -126,12 +129,6 @@ def _distances(tag: str, distances: tuple[MarkerDistance, ...]) -> str:
         for one in distances
     )
     return f"<{tag}>\n{''.join(rows)}</{tag}>\n"
-
-
-def _calculation(stats: JointStats) -> str:
-    return (
-        f'<CalculationStats NumberOfIterations="{stats.n_iterations}" FuncValueAtSolution="{_number(stats.value)}"/>\n'
-    )
 
 
 def _skeleton(project: Project) -> Iterator[str]:
@@ -187,18 +184,6 @@ def _animation(project: Project) -> Iterator[str]:
     yield "</ANIMATION>\n</SkeletonAndAnimation>\n"
 
 
-def _raw_joints(project: Project) -> Iterator[str]:
-    yield "<RawJointPositions>\n"
-    yield from _joints(project.skeleton, project.topology.raw_joint_positions)
-    yield "</RawJointPositions>\n"
-
-
-def _final_joints(project: Project) -> Iterator[str]:
-    yield "<FinalJointPositions>\n<JointPositions>\n"
-    yield from _joints(project.skeleton, project.motion.joint_positions)
-    yield "</JointPositions>\n</FinalJointPositions>\n"
-
-
 def _joints(skeleton: Skeleton, positions: Floats) -> Iterator[str]:
     known = f'<JointFrame FrameIndex="%d">\n{_template("0", 3)}</JointFrame>\n'
     for index, joint in enumerate(skeleton.joints):
@@ -207,13 +192,6 @@ def _joints(skeleton: Skeleton, positions: Floats) -> Iterator[str]:
         for frame, row in _rows(positions[:, index]):
             yield f'<JointFrame FrameIndex="{frame}"/>\n' if math.isnan(row[0]) else known % (frame, *row)
         yield f"</{tag}>\n"
-
-
-def _markers(project: Project) -> Iterator[str]:
-    yield "<MarkerPositions>\n"
-    yield from _offsets(project.skeleton)
-    yield from _frames(project)
-    yield "</MarkerPositions>\n"
 
 
 def _offsets(skeleton: Skeleton) -> Iterator[str]:

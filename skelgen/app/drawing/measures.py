@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,17 +108,12 @@ def limb_order(project: Project) -> list[int]:
     return list(range(project.limbs.n_limbs))
 
 
-def _markers_by_limb(limb_of_marker: Ints, order: Iterable[int]) -> Ints:
-    """Return marker indices, limb after limb in the given order, those left out at the end."""
-    parts = [np.flatnonzero(limb_of_marker == limb) for limb in [*order, -1]]
-    return np.concatenate(parts).astype(np.intp)
-
-
 def subtree_markers(project: Project) -> Ints:
     """Return the marker order of every picture: by limb where limbs are known, otherwise by index."""
     if not project.has("limbs"):
         return np.arange(project.trajectories.n_markers)
-    return _markers_by_limb(project.limbs.limb_of_marker, limb_order(project))
+    parts = [np.flatnonzero(project.limbs.limb_of_marker == limb) for limb in [*limb_order(project), -1]]
+    return np.concatenate(parts).astype(np.intp)
 
 
 def marker_deviations(trajectories: Trajectories, limbs: Limbs, motion: Motion, order: Ints) -> list[MarkerDeviation]:

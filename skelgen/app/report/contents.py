@@ -10,7 +10,6 @@ from pathlib import PurePath
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 import skelgen
 from skelgen.app import STAGE_SUMMARIES
@@ -59,6 +58,8 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
     monitor : Monitor
         Told of progress; may cancel.
     """
+    n_limbs = project.limbs.n_limbs if project.has("limbs") else 0
+    libraries = [(name, metadata.version(name)) for name in _LIBRARIES]
     content: Content = {
         "title": project.name or "take without a name",
         "sentences": _sentences(project),
@@ -66,9 +67,9 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
         "input": _input(project),
         "notices": _notices(project),
         "stages": _stage_tables(project),
-        "versions": _versions(),
+        "versions": [("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())],
         "seed": project.seed,
-        "colours": _colours(project),
+        "colours": [(limb, limb_colour(limb), limb_colour(limb, dark=True)) for limb in range(n_limbs)],
     }
     if project.has("labels") and project.trajectories.n_frames and project.trajectories.n_markers:
         content["gaps"] = _gaps(project, monitor)
@@ -89,9 +90,16 @@ def report_content(project: Project, monitor: Monitor = SILENT) -> Content:
 def _sentences(project: Project) -> list[str]:
     sentences = [_take_sentence(project)]
     if project.has_labelling and project.labelling.doubts:
-        sentences.append(_doubt_sentence(project))
+        spans = counted(len(project.labelling.doubts), "span")
+        share = percent(doubtful_share(project.labelling))
+        sentences.append(
+            f"It is not sure in {spans}, {share} of all positions, that a marker is the one that it is called."
+        )
     if project.has("limbs"):
-        sentences.append(_limb_sentence(project))
+        limbs = project.limbs
+        left_out = f", {counted(len(limbs.left_out), 'marker')} left out" if len(limbs.left_out) else ""
+        on_limbs = counted(limbs.n_markers - len(limbs.left_out), "marker")
+        sentences.append(f"{on_limbs} sit on {counted(limbs.n_limbs, 'rigid limb')}{left_out}.")
     if project.has("joints"):
         sentences.append(_tree_sentence(project))
     if project.has("skeleton") and np.isfinite(project.motion.residuals).any():
@@ -116,19 +124,6 @@ def _take_sentence(project: Project) -> str:
 
 def _length_in_time(project: Project) -> str:
     return duration(max(project.take.n_frames - 1, 0) / project.take.rate)
-
-
-def _doubt_sentence(project: Project) -> str:
-    spans = counted(len(project.labelling.doubts), "span")
-    share = percent(doubtful_share(project.labelling))
-    return f"It is not sure in {spans}, {share} of all positions, that a marker is the one that it is called."
-
-
-def _limb_sentence(project: Project) -> str:
-    limbs = project.limbs
-    left_out = f", {counted(len(limbs.left_out), 'marker')} left out" if len(limbs.left_out) else ""
-    on_limbs = counted(limbs.n_markers - len(limbs.left_out), "marker")
-    return f"{on_limbs} sit on {counted(limbs.n_limbs, 'rigid limb')}{left_out}."
 
 
 def _tree_sentence(project: Project) -> str:
@@ -225,11 +220,6 @@ def _notices(project: Project) -> list[tuple[str, str]]:
     return list(dict.fromkeys(notices))
 
 
-def _colours(project: Project) -> list[tuple[int, str, str]]:
-    n_limbs = project.limbs.n_limbs if project.has("limbs") else 0
-    return [(limb, limb_colour(limb), limb_colour(limb, dark=True)) for limb in range(n_limbs)]
-
-
 def _limbs(project: Project) -> Content:
     names, parents = project.trajectories.names, project.topology.parents if project.has("joints") else None
     rows = []
@@ -249,18 +239,17 @@ def _limbs(project: Project) -> Content:
 
 
 def _tree(project: Project, graph: CostGraph, lengths: list[measures.Length]) -> Content:
-    kinds = JOINT_KINDS if project.has("skeleton") else ()
     used = {joint.kind for joint in project.skeleton.joints} if project.has("skeleton") else set()
+    signs = []
+    for kind in (kind for kind in JOINT_KINDS if kind in used):
+        sign, label = sign_figure(kind, _SIGN_SIDE / 2, _SIGN_SIDE / 2), f"sign of a {kind} joint"
+        signs.append((kind, svg.drawing(_SIGN_SIDE, _SIGN_SIDE, label, sign, least=_SIGN_SIDE)))
     return {
         "figure": tree_figure(project, lengths),
-        "signs": [(kind, _sign(kind)) for kind in kinds if kind in used],
+        "signs": signs,
         "graph": graph_figure(project, graph),
         "matrix": cost_figure(project),
     }
-
-
-def _sign(kind: str) -> Markup:
-    return svg.drawing(_SIGN_SIDE, _SIGN_SIDE, f"sign of a {kind} joint", sign_figure(kind, 9, 9), least=_SIGN_SIDE)
 
 
 def _deviations(project: Project) -> Content:
@@ -318,12 +307,6 @@ def _stage_tables(project: Project) -> list[Row]:
         }
         for stage, report in ran
     ]
-
-
-def _versions() -> list[tuple[str, str]]:
-    """Return the versions that the result depends on."""
-    libraries = [(name, metadata.version(name)) for name in _LIBRARIES]
-    return [("skelgen", skelgen.__version__), *libraries, ("Python", platform.python_version())]
 
 
 def _parameters(stage: str, report: StageReport) -> list[Row]:

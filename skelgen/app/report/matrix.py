@@ -56,19 +56,17 @@ def _limb_marks(matrix: DeviationMatrix, cell: float, left: float, top: float) -
                 svg.rect(left - _STRIP - _SPACE, top + offset + 0.5, _STRIP, size - 1, "fill"),
                 svg.rect(left + offset + 0.5, top - _STRIP - _SPACE, size - 1, _STRIP, "fill"),
                 svg.rect(left + offset, top + offset, size, size, "block"),
-                svg.text(left + offset + size / 2, top - _STRIP - 8, _limb_name(limb), "small", anchor="middle"),
-                cls=_limb_class(limb),
+                svg.text(
+                    left + offset + size / 2,
+                    top - _STRIP - 8,
+                    str(limb) if limb >= 0 else "–",
+                    "small",
+                    anchor="middle",
+                ),
+                cls=f"limb{limb}" if limb >= 0 else "limbless",
             )
         )
     return marks
-
-
-def _limb_name(limb: int) -> str:
-    return str(limb) if limb >= 0 else "–"
-
-
-def _limb_class(limb: int) -> str:
-    return f"limb{limb}" if limb >= 0 else "limbless"
 
 
 def _marker_labels(names: Sequence[str], cell: float, left: float, top: float) -> list[Markup]:

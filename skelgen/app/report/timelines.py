@@ -15,7 +15,7 @@ from skelgen.app.drawing.scales import bin_edges, ticks
 from skelgen.app.drawing.wording import clipped, percent, plain
 from skelgen.app.report.matrix import png_uri
 from skelgen.model import Labelling, Project, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, PositionSource
 
 WIDTH, LEFT, RIGHT, BOTTOM = 900.0, 112.0, 52.0, 36.0
@@ -130,21 +130,18 @@ def gaps_figure(project: Project, filled: Filled | None = None) -> Markup:
     height = row * lanes.n_lanes
     edges = np.linspace(0, n_frames, min(n_frames, MOST_BINS) + 1).astype(np.intp)
     parts_of_states = lanes.shares(np.arange(lanes.n_lanes), edges.astype(np.float64))
-    mask = svg.tag(
-        "mask",
-        svg.image(LEFT, 0, PLOT, height, png_uri(_brightness(parts_of_states))),
-        id="seen-mask",
-        maskUnits="userSpaceOnUse",
-        x=LEFT,
-        y=0,
-        width=PLOT,
-        height=height,
-    )
+    seen_part = svg.image(LEFT, 0, PLOT, height, png_uri(_brightness(parts_of_states)))
+    box = {"x": LEFT, "y": 0, "width": PLOT, "height": height}
+    mask = svg.tag("mask", seen_part, id="seen-mask", maskUnits="userSpaceOnUse", **box)
     parts = [mask, svg.group(*_bars(lanes.limbs, row), mask="url(#seen-mask)")]
     if filled:
         parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(parted(_tints(filled.source[:, lanes.markers]), row))))
     if project.has_labelling and project.labelling.doubts:
-        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(_doubt_lines(parts_of_states[..., State.DOUBTFUL] > 0))))
+        # a line at the foot of each bar, in stretches with a doubtful frame
+        there = parts_of_states[..., State.DOUBTFUL] > 0
+        pixels = np.zeros((_DOUBT_LINES * len(there), there.shape[1], 4), dtype=np.uint8)
+        pixels[_DOUBT_LINES - 1 :: _DOUBT_LINES][there] = (*DOUBT_COLOUR, _OPAQUE)
+        parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(pixels)))
     names = [project.trajectories.names[marker] for marker in lanes.markers.tolist()]
     seen = project.trajectories.seen[:, lanes.markers].mean(axis=0)
     parts += row_labels(names, [percent(float(share)) for share in seen], row)
@@ -172,13 +169,6 @@ def _tints(source: Ints) -> NDArray[np.uint8]:
         pixels[there, :3] = colour
         pixels[there, 3] = np.maximum(part[there] * _OPAQUE, _LEAST_FILLED).astype(np.uint8)
     return np.ascontiguousarray(pixels.swapaxes(0, 1))
-
-
-def _doubt_lines(there: Bools) -> NDArray[np.uint8]:
-    """A line at the foot of each bar in stretches with a doubtful frame, shape (3 n_lanes, n_bins, 4)."""
-    pixels = np.zeros((_DOUBT_LINES * len(there), there.shape[1], 4), dtype=np.uint8)
-    pixels[_DOUBT_LINES - 1 :: _DOUBT_LINES][there] = (*DOUBT_COLOUR, _OPAQUE)
-    return pixels
 
 
 def _left_out_strip(labelling: Labelling, top: float) -> Markup:
@@ -211,17 +201,12 @@ def confidence_figure(project: Project) -> Markup:
     height = row * len(order)
     names = [project.trajectories.names[marker] for marker in order.tolist()]
     means = [percent(float(mean)) for mean in project.labelling.marker_confidence[order]]
-    picture = svg.image(LEFT, 0, PLOT, height, png_uri(parted(_pixels(confidence), row)))
-    axis = time_axis(project.trajectories, height)
-    labels = row_labels(names, means, row)
-    title = "Confidence of every marker over time"
-    return svg.drawing(WIDTH, height + BOTTOM, title, picture, *labels, axis, least=LEAST_WIDTH)
-
-
-def _pixels(confidence: Floats) -> NDArray[np.uint8]:
-    """Colours, shape (n_markers, n_bins, 4); nothing where a marker is unseen."""
     starts, _ = bin_edges(len(confidence), MOST_BINS)
     least = np.fmin.reduceat(confidence, starts, axis=0).T
     pixels = ramp_rgba(least)
     pixels[np.isnan(least)] = 0
-    return np.ascontiguousarray(pixels)
+    picture = svg.image(LEFT, 0, PLOT, height, png_uri(parted(np.ascontiguousarray(pixels), row)))
+    axis = time_axis(project.trajectories, height)
+    labels = row_labels(names, means, row)
+    title = "Confidence of every marker over time"
+    return svg.drawing(WIDTH, height + BOTTOM, title, picture, *labels, axis, least=LEAST_WIDTH)

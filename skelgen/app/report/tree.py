@@ -13,7 +13,6 @@ from skelgen.app.drawing import measures, svg
 from skelgen.app.drawing.graph import Bar, CostGraph, Disc, JointCost, joint_sign
 from skelgen.app.drawing.wording import clipped, counted, digits, shortened
 from skelgen.model import Project
-from skelgen.model.arrays import Ints
 
 _BOX_WIDTH, _BOX_HEIGHT = 148.0, 36.0
 _COLUMN, _ROW = 190.0, 62.0
@@ -42,7 +41,11 @@ def tree_figure(project: Project, lengths: list[measures.Length]) -> Markup:
         What `measures.joint_lengths` gives.
     """
     parents = project.topology.parents
-    places = _places(parents)
+    depths, rows = measures.tidy_places(parents)
+    places = [
+        _Place(_MARGIN + _COLUMN * depth, _MARGIN + _LABEL_SPACE + _ROW * row)
+        for depth, row in zip(depths.tolist(), rows.tolist(), strict=True)
+    ]
     width = max(place.x for place in places) + _BOX_WIDTH + _MARGIN
     height = max(place.y for place in places) + _BOX_HEIGHT + _MARGIN
     edges = [_edge(project, lengths, places, joint) for joint in range(project.topology.n_joints)]
@@ -73,14 +76,6 @@ def _sign_part(part: Disc | Bar, x: float, y: float, cls: str, **attributes: str
     half_width, half_height = _SIGN * part.half_width, _SIGN * part.half_height
     corner = _SIGN * part.corner
     return svg.rect(x - half_width, y - half_height, 2 * half_width, 2 * half_height, cls, rx=corner, **attributes)
-
-
-def _places(parents: Ints) -> list[_Place]:
-    depths, rows = measures.tidy_places(parents)
-    return [
-        _Place(_MARGIN + _COLUMN * depth, _MARGIN + _LABEL_SPACE + _ROW * row)
-        for depth, row in zip(depths.tolist(), rows.tolist(), strict=True)
-    ]
 
 
 def _box(project: Project, limb: int, place: _Place) -> Markup:
@@ -116,17 +111,13 @@ def _edge(project: Project, lengths: list[measures.Length], places: list[_Place]
     curve = f"M{across} {down}C{bend} {down} {bend} {final} {until} {final}"
     length = measures.bone_length(lengths, project.topology, joint)
     kind = project.skeleton.joints[joint].kind if project.has("skeleton") else ""
+    words = [f"J{joint}", kind, "" if np.isnan(length) else f"{digits(length)} mm"]
     parts = [
         svg.tag("path", d=curve, cls="edge"),
         sign_figure(kind, end.x - 12, end.y),
-        svg.text(places[child].x + 2, places[child].y - 6, _edge_label(joint, kind, length), "small"),
+        svg.text(places[child].x + 2, places[child].y - 6, " · ".join(filter(None, words)), "small"),
     ]
     return svg.group(*parts)
-
-
-def _edge_label(joint: int, kind: str, length: float) -> str:
-    parts = [f"J{joint}", kind, "" if np.isnan(length) else f"{digits(length)} mm"]
-    return " · ".join(part for part in parts if part)
 
 
 _SIDE = 440.0
