@@ -84,8 +84,13 @@ def _sentences(take: object, markers: Trajectories, labelling: Labelling) -> Ite
         )
     yield from _about_pieces(markers, labelling)
     yield from _about_rare_markers(markers, labelling)
-    yield from _about_twins(markers, labelling)
-    yield from _about_support(markers, labelling)
+    if labelling.twins:
+        named = _named([f"{markers.names[one]} and {markers.names[two]}" for one, two in labelling.twins])
+        yield f"no distance tells {named} apart: place the markers of such a limb less evenly"
+    unsupported = Counter(doubt.marker for doubt in labelling.doubts if doubt.kind == "unsupported")
+    if unsupported:
+        named = _named([markers.names[marker] for marker, _ in unsupported.most_common()])
+        yield f"too few markers are seen beside {named} when they come back: one more marker on such a limb helps"
     yield from _about_misfits(markers, labelling)
     if isinstance(take, PointCloud):
         yield from _about_ghosts(take, markers, labelling)
@@ -112,19 +117,6 @@ def _about_rare_markers(markers: Trajectories, labelling: Labelling) -> Iterator
     if len(rare):
         named = _named([f"{markers.names[one]} in {100 * shares[one]:.0f} %" for one in rare[np.argsort(shares[rare])]])
         yield f"seen in few of the frames: {named}; leave them out, or move a camera so that it sees them"
-
-
-def _about_twins(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
-    if labelling.twins:
-        named = _named([f"{markers.names[one]} and {markers.names[two]}" for one, two in labelling.twins])
-        yield f"no distance tells {named} apart: place the markers of such a limb less evenly"
-
-
-def _about_support(markers: Trajectories, labelling: Labelling) -> Iterator[str]:
-    counts = Counter(doubt.marker for doubt in labelling.doubts if doubt.kind == "unsupported")
-    if counts:
-        named = _named([markers.names[marker] for marker, _ in counts.most_common()])
-        yield f"too few markers are seen beside {named} when they come back: one more marker on such a limb helps"
 
 
 def _about_misfits(markers: Trajectories, labelling: Labelling) -> Iterator[str]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,6 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError
 from skelgen.model import Poses, Project, Trajectories
-from skelgen.model.arrays import Floats
 from skelgen.model.corrections import Correction, named_marker
 from skelgen.model.topology import parents_from_names
 from skelgen.progress import Monitor
@@ -204,7 +202,8 @@ def corrected_marker(trajectories: Trajectories, correction: Correction, which: 
     which : int
         Index into its names.
     """
-    return named_marker(correction, which, trajectories.names, partial(_positions_in, trajectories))
+    none, positions = np.empty((0, 3)), trajectories.positions
+    return named_marker(correction, which, trajectories.names, lambda f: positions[f] if f < len(positions) else none)
 
 
 def read_hierarchy(path: Path | str) -> dict[str, str]:
@@ -279,7 +278,3 @@ def _limbs(project: Project, correction: Correction) -> list[int]:
             "take it back"
         )
     return limbs
-
-
-def _positions_in(trajectories: Trajectories, frame: int) -> Floats:
-    return trajectories.positions[frame] if frame < trajectories.n_frames else np.empty((0, 3))

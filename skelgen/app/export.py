@@ -6,18 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from skelgen_formats import registry
 from skelgen_formats.markers import trajectories_of
 from skelgen_formats.options import FILLED, Options, Writable
 from skelgen_formats.parts import PARTS, parts_in
-from skelgen_formats.registry import (
-    Format,
-    format_for_writing,
-    known_formats,
-    marking_sentence,
-    options_of,
-    write_as,
-    write_file,
-)
 
 from skelgen.app.drawing.wording import counted, listed
 from skelgen.errors import SkelgenError, WriteError
@@ -28,20 +20,19 @@ from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor
 
 
-def _write_report(value: Writable, path: Path, monitor: Monitor = SILENT) -> list[Path]:
+def _write_report(value: Writable, path: Path, options: Options, monitor: Monitor) -> list[Path]:
     from skelgen.app.report import write_report  # noqa: PLC0415 - its templates take time to load
 
-    if isinstance(value, Filled):
-        value = value.measured
+    value = value.measured if isinstance(value, Filled) else value
     return [write_report(value if isinstance(value, Project) else Project(value), path, monitor)]
 
 
-REPORT = Format(
+REPORT = registry.Format(
     name="report",
     title="Report, HTML",
     suffixes=(".html",),
     holds="report",
-    write=lambda value, path, options, monitor: _write_report(value, path, monitor),
+    write=_write_report,
     keeps=tuple(part.name for part in PARTS),
     note="One page with figures and tables of everything that was found, for reading and printing.",
 )
@@ -86,12 +77,12 @@ class Preview:
     obstacle: str = ""
 
 
-def export_formats() -> tuple[Format, ...]:
+def export_formats() -> tuple[registry.Format, ...]:
     """Return every format that can be written, and the report."""
-    return (*(entry for entry in known_formats() if entry.write is not None), REPORT)
+    return (*(entry for entry in registry.known_formats() if entry.write is not None), REPORT)
 
 
-def obstacle_to(project: Project, entry: Format, options: Mapping[str, object]) -> str:
+def obstacle_to(project: Project, entry: registry.Format, options: Mapping[str, object]) -> str:
     """Return one sentence on why a project cannot be written in a format; empty if it can.
 
     Parameters
@@ -100,13 +91,13 @@ def obstacle_to(project: Project, entry: Format, options: Mapping[str, object]) 
         As for `export_project`.
     """
     try:
-        entry.check(project, options_of(entry, options))
+        entry.check(project, registry.options_of(entry, options))
     except SkelgenError as error:
         return str(error)
     return ""
 
 
-def export_path(folder: Path, name: str, entry: Format) -> Path:
+def export_path(folder: Path, name: str, entry: registry.Format) -> Path:
     """Return the path of an export, from which the format makes the names of its files.
 
     Parameters
@@ -128,7 +119,7 @@ def export_path(folder: Path, name: str, entry: Format) -> Path:
     return folder / (name + entry.suffixes[0])
 
 
-def preview_export(project: Project, entry: Format, path: Path, options: Mapping[str, object]) -> Preview:
+def preview_export(project: Project, entry: registry.Format, path: Path, options: Mapping[str, object]) -> Preview:
     """Tell what `export_project` will do, without doing it.
 
     Parameters
@@ -145,12 +136,12 @@ def preview_export(project: Project, entry: Format, path: Path, options: Mapping
     obstacle = obstacle_to(project, entry, options)
     if obstacle:
         return Preview(obstacle=obstacle)
-    chosen = options_of(entry, options)
+    chosen = registry.options_of(entry, options)
     files = tuple(Planned(file, file.exists()) for file in entry.files(path, chosen))
     return Preview(files, _contents(project, entry, chosen.rate), remarks_on(project, entry, path, chosen))
 
 
-def remarks_on(project: Project, entry: Format, path: Path, options: Options) -> tuple[str, ...]:
+def remarks_on(project: Project, entry: registry.Format, path: Path, options: Options) -> tuple[str, ...]:
     """Return sentences on what a format cannot hold of a project, and on what becomes of the rest.
 
     Parameters
@@ -158,12 +149,14 @@ def remarks_on(project: Project, entry: Format, path: Path, options: Options) ->
     project, entry, path, options
         As for `export_project`.
     """
-    marking = (marking_sentence(entry, path) + ".",) if options.filled else ()
-    return (*_lost(project, entry), *entry.remarks(project, options), *marking)
+    marking = (registry.marking_sentence(entry, path) + ".",) if options.filled else ()
+    lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
+    losses = (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
+    return (*losses, *entry.remarks(project, options), *marking)
 
 
 def export_project(
-    project: Project, entry: Format, path: Path, options: Mapping[str, object], monitor: Monitor = SILENT
+    project: Project, entry: registry.Format, path: Path, options: Mapping[str, object], monitor: Monitor = SILENT
 ) -> list[Path]:
     """Write a project; all files of the format arrive together, or none.
 
@@ -191,16 +184,11 @@ def export_project(
         If the format cannot hold the project, or its files cannot be written.
     """
     with arriving_together(path.parent) as temporary:
-        files = write_as(entry, project, temporary / path.name, options_of(entry, options), monitor)
+        files = registry.write_as(entry, project, temporary / path.name, registry.options_of(entry, options), monitor)
     return [path.parent / file.name for file in files]
 
 
-def _lost(project: Project, entry: Format) -> tuple[str, ...]:
-    lost = [part.title for part in parts_in(project) if part.name not in entry.keeps]
-    return (f"{entry.title} does not hold {listed(lost)}.",) if lost else ()
-
-
-def _contents(project: Project, entry: Format, rate: float) -> str:
+def _contents(project: Project, entry: registry.Format, rate: float) -> str:
     kept = [part for part in parts_in(project) if part.name in entry.keeps]
     names = {part.name for part in kept}
     take = project.take
@@ -260,7 +248,7 @@ def write_filled(filled: Filled, path: Path) -> tuple[list[Path], str]:
     WriteError
         If a file cannot be written, or no format for markers has the suffix.
     """
-    entry = format_for_writing(path)
+    entry = registry.format_for_writing(path)
     if FILLED not in entry.options:
         raise WriteError(f"{path}: {entry.name} holds the {entry.holds} and no markers; write c3d, trc or csm")
-    return write_file(filled, path, filled=True), marking_sentence(entry, path)
+    return registry.write_file(filled, path, filled=True), registry.marking_sentence(entry, path)

@@ -9,23 +9,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from skelgen_formats import registry
 from skelgen_formats.identities_csv import read_identities
 from skelgen_formats.options import Option
-from skelgen_formats.registry import (
-    COLUMNS,
-    SNIFF_BYTES,
-    Format,
-    checked_options,
-    find_format,
-    format_for_writing,
-    format_row,
-    formats_table,
-    known_formats,
-    options_of,
-    read_take,
-    recognise,
-    write_file,
-)
 
 from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.app.project_file.references import source_of
@@ -86,10 +72,10 @@ def open_input(
         stated = given_identities(identities) or project.identities
         return replace(project, seed=project.seed if seed is None else seed, identities=stated)
     if is_stereo(path, format):
-        taken = read_stereo(path, **checked_options(STEREO, options, reading=True), monitor=monitor)
+        taken = read_stereo(path, **registry.checked_options(STEREO, options, reading=True), monitor=monitor)
         return Project(taken, seed or 0, identities=given_identities(identities))
-    take = read_take(path, format, **options)
-    source = source_of(Path(path), format or recognise(Path(path)).name, options)
+    take = registry.read_take(path, format, **options)
+    source = source_of(Path(path), format or registry.recognise(Path(path)).name, options)
     return Project(take, seed or 0, identities=given_identities(identities), source=source)
 
 
@@ -109,21 +95,17 @@ def write_any(
         As for `skelgen.write`.
     """
     if isinstance(value, CaptureSettings):
-        return [_write_capture_settings(value, Path(path))]
+        from skelgen_formats.capture_settings import write_settings  # noqa: PLC0415 - lxml costs 50 ms
+
+        write_settings(value, Path(path))
+        return [Path(path)]
     if isinstance(value, Filled):
-        return write_file(value, path, format, **{"filled": True, **options})
+        return registry.write_file(value, path, format, **{"filled": True, **options})
     if _is_project(path, format):
         if options:
             raise WriteError(f"{path}: a project file is written without options, not with {', '.join(options)}")
         return [save_project(value if isinstance(value, Project) else Project(value), path)]
-    return write_file(value, path, format, **options)
-
-
-def _write_capture_settings(settings: CaptureSettings, path: Path) -> Path:
-    from skelgen_formats.capture_settings import write_settings  # noqa: PLC0415 - lxml costs 50 ms
-
-    write_settings(settings, path)
-    return path
+    return registry.write_file(value, path, format, **options)
 
 
 def _is_project(path: Path | str, format: str | None) -> bool:
@@ -173,25 +155,28 @@ def _remarks(value: Project | Take, target: Path, to_format: str | None, options
 
     if not isinstance(value, Project) or _is_project(target, to_format):
         return ()
-    entry = format_for_writing(target, to_format)
-    return remarks_on(value, entry, target, options_of(entry, options))
+    entry = registry.format_for_writing(target, to_format)
+    return remarks_on(value, entry, target, registry.options_of(entry, options))
 
 
 def name_of_format(path: Path) -> str:
     """Return the name of the format in which a file is read."""
     if is_project_file(path):
         return PROJECT_FORMAT
-    return STEREO.name if is_stereo(path) else recognise(path).name
+    return STEREO.name if is_stereo(path) else registry.recognise(path).name
 
 
-def readable_formats() -> tuple[Format, ...]:
+def readable_formats() -> tuple[registry.Format, ...]:
     """Return all formats that takes are read from: those of files, and the stereo recording."""
-    return (*(entry for entry in known_formats() if entry.read is not None), STEREO)
+    return (*(entry for entry in registry.known_formats() if entry.read is not None), STEREO)
 
 
 def format_rows() -> list[dict[str, str]]:
     """Return one row per format, keys as in `skelgen_formats.registry.COLUMNS`; the project file comes last."""
-    return [dict(zip(COLUMNS, row, strict=True)) for row in (*formats_table(), format_row(STEREO), _PROJECT_ROW)]
+    return [
+        dict(zip(registry.COLUMNS, row, strict=True))
+        for row in (*registry.formats_table(), registry.format_row(STEREO), _PROJECT_ROW)
+    ]
 
 
 def file_filter() -> str:
@@ -206,7 +191,7 @@ def file_filter() -> str:
 def _option_names(format_name: str) -> set[str]:
     if format_name == PROJECT_FORMAT:
         return set()
-    entry = STEREO if format_name == STEREO.name else find_format(format_name)
+    entry = STEREO if format_name == STEREO.name else registry.find_format(format_name)
     return {option.name for option in entry.options if option.reading}
 
 
@@ -263,7 +248,7 @@ def is_stereo(path: Path | str, format: str | None = None) -> bool:
         return format == STEREO.name
     try:
         with Path(path).open("rb") as stream:
-            return _sniff(stream.read(SNIFF_BYTES), Path(path))
+            return _sniff(stream.read(registry.SNIFF_BYTES), Path(path))
     except OSError:
         return False  # who reads it next says why it cannot be read
 
@@ -272,7 +257,7 @@ def _sniff(head: bytes, path: Path) -> bool:
     return _ROOT.match(head) is not None
 
 
-STEREO = Format(
+STEREO = registry.Format(
     name="stereo",
     title="stereo recording",
     suffixes=(".xml",),

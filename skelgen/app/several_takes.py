@@ -71,7 +71,8 @@ def calibrate_together(
     fits = {index: _fit(take, base, settings, monitor) for index, take in enumerate(checked) if index != first}
     parts = [base.trajectories if index == first else _own_names(fits[index], base) for index in range(len(checked))]
     together = _one_after_the_other(parts)
-    report = StageReport({}, 0.0, (f"frames of {len(parts)} takes: {', '.join(_titles(checked))}",))
+    titles = ", ".join(take.name or f"take {number}" for number, take in enumerate(checked, start=1))
+    report = StageReport({}, 0.0, (f"frames of {len(parts)} takes: {titles}",))
     shared = Project(together, seed).with_trajectories(together, report)
     shared = run_stages(shared, "limbs", settings=settings, monitor=monitor)
     ends = np.cumsum([0, *(part.n_frames for part in parts)])
@@ -79,7 +80,9 @@ def calibrate_together(
     for index, (take, part) in enumerate(zip(checked, parts, strict=True)):
         frames = slice(int(ends[index]), int(ends[index + 1]))
         own = replace(together, positions=together.positions[frames], rate=part.rate, name=part.name)
-        report = base.reports["labels"] if index == first else _report(fits[index], settings)
+        report = base.reports["labels"]
+        if index != first:
+            report = StageReport(settings.labels.as_mapping(), 0.0, fits[index].notices)
         posed.append(_posed(Project(take, seed).with_trajectories(own, report), shared, frames))
     return SharedSkeleton(shared, tuple(posed))
 
@@ -93,10 +96,6 @@ def _checked(takes: Sequence[Take]) -> list[PointCloud | Trajectories]:
     if len(checked) < LEAST_TAKES:
         raise InputError("one take alone is calibrated by `skelgen run`; give at least two to calibrate them together")
     return checked
-
-
-def _titles(takes: Sequence[PointCloud | Trajectories]) -> list[str]:
-    return [take.name or f"take {number}" for number, take in enumerate(takes, start=1)]
 
 
 def _fit(take: PointCloud | Trajectories, base: Project, settings: Settings, monitor: Monitor) -> SubjectFit:
@@ -130,10 +129,6 @@ def _one_after_the_other(parts: Sequence[Trajectories]) -> Trajectories:
     seen = np.flatnonzero(~np.isnan(positions[:, :, 0]).all(axis=0))
     name = " + ".join(part.name for part in parts)
     return Trajectories(positions[:, seen], tuple(names[index] for index in seen), parts[0].rate, name)
-
-
-def _report(fit: SubjectFit, settings: Settings) -> StageReport:
-    return StageReport(settings.labels.as_mapping(), 0.0, fit.notices)
 
 
 def _posed(project: Project, shared: Project, frames: slice) -> Project:

@@ -137,16 +137,15 @@ def _about_labels(project: Project) -> Iterator[str]:
 def _about_limbs(project: Project) -> Iterator[str]:
     limbs = project.limbs
     sizes = np.bincount(limbs.limb_of_marker[limbs.limb_of_marker >= 0], minlength=limbs.n_limbs)
-    yield f"{counted(limbs.n_limbs, 'limb')} with {_sizes(sizes.tolist())}." if limbs.n_limbs else "No limbs."
+    if limbs.n_limbs:
+        least, most = int(sizes.min()), int(sizes.max())
+        markers = f"{least} to {most} markers" if least < most else f"{counted(most, 'marker')} each"
+        yield f"{counted(limbs.n_limbs, 'limb')} with {markers}."
+    else:
+        yield "No limbs."
     if len(limbs.left_out):
         names = ", ".join(project.trajectories.names[marker] for marker in limbs.left_out)
         yield f"Left out: {names}."
-
-
-def _sizes(sizes: list[int]) -> str:
-    """How many markers limbs have."""
-    least, most = min(sizes), max(sizes)
-    return f"{least} to {most} markers" if least < most else f"{counted(most, 'marker')} each"
 
 
 def _about_joints(project: Project) -> Iterator[str]:

@@ -133,7 +133,9 @@ def run_labels(project: Project, settings: Settings, options: RunOptions, monito
     elif isinstance(take, Poses):
         found = _labels_of_bodies(project, take, monitor)
     else:
-        found = _checked_labels(project, take, settings, monitor)
+        from skelgen.stages.labels import check_labels  # noqa: PLC0415 - see the module's docstring
+
+        found = LabelResult(*check_labels(take, settings.labels, identities=project.identities, monitor=monitor))
     return LabelResult(*corrected_labels(project, found.trajectories, found.labelling, monitor))
 
 
@@ -285,12 +287,6 @@ def _labels_of_bodies(project: Project, poses: Poses, monitor: Monitor) -> Label
         "its axes), named body:o, body:x, body:-x and so on"
     )
     return LabelResult(trajectories_from_poses(poses), None)
-
-
-def _checked_labels(project: Project, take: Trajectories, settings: Settings, monitor: Monitor) -> LabelResult:
-    from skelgen.stages.labels import check_labels  # noqa: PLC0415 - see the module's docstring
-
-    return LabelResult(*check_labels(take, settings.labels, identities=project.identities, monitor=monitor))
 
 
 def _limbs_of_bodies(project: Project, poses: Poses, options: RunOptions, monitor: Monitor) -> LimbResult:

@@ -51,7 +51,10 @@ def column_rows(take: Take) -> list[Row]:
 
 def project_tables(project: Project) -> dict[str, Any]:
     """Return the tables of everything that a project holds: stages, limbs, joints, lengths, residuals."""
-    tables: dict[str, Any] = {"take": take_facts(project.take), "seed": project.seed, "stages": _stage_rows(project)}
+    stages = [
+        {"stage": name, "seconds": one.seconds, "notices": [*one.notices]} for name, one in project.reports.items()
+    ]
+    tables: dict[str, Any] = {"take": take_facts(project.take), "seed": project.seed, "stages": stages}
     if project.has_labelling:
         tables["labelling"] = _labelling_facts(project)
     if project.has("limbs"):
@@ -65,13 +68,6 @@ def project_tables(project: Project) -> dict[str, Any]:
         tables["lengths"] = _length_rows(project)
         tables["residuals"] = _spread(project.motion.residuals)
     return tables
-
-
-def _stage_rows(project: Project) -> list[Row]:
-    return [
-        {"stage": name, "seconds": report.seconds, "notices": list(report.notices)}
-        for name, report in project.reports.items()
-    ]
 
 
 def _labelling_facts(project: Project) -> Row:

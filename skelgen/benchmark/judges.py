@@ -103,16 +103,7 @@ def _in_order(bones: Bones, project: Project) -> Floats:
     return np.stack([bones[f"limb{limb}"][:, :3, 3] for limb in limbs], axis=1)
 
 
-def _by_bvhio(files: Sequence[Path], project: Project) -> Floats:
-    return _in_order(bones_of_bvh(files[0], project.motion.n_frames), project)
-
-
-def _by_usd(files: Sequence[Path], project: Project) -> Floats:
-    return _in_order(bones_of_usd(files[0]), project)
-
-
 def _by_gltf(files: Sequence[Path], project: Project) -> Floats:
-
     posed = GltfPoses(files[0])
     nodes = {node.name: index for index, node in enumerate(posed.gltf.nodes)}
     poses = posed.world_from_node()
@@ -209,9 +200,14 @@ def read_columns(path: Path) -> tuple[list[str], Floats]:
 
 
 JUDGES = (
-    Judge(".bvh", "bvhio", 0.01, _by_bvhio),
+    Judge(
+        ".bvh",
+        "bvhio",
+        0.01,
+        lambda files, project: _in_order(bones_of_bvh(files[0], project.motion.n_frames), project),
+    ),
     Judge(".glb", "pygltflib", 0.01, _by_gltf),
-    Judge(".usdc", "pxr", 0.01, _by_usd),
+    Judge(".usdc", "pxr", 0.01, lambda files, one: _in_order(bones_of_usd(files[0]), one)),
     Judge(".osim", "opensim", 0.1, _by_opensim),
     Judge(".urdf", "yourdfpy", 0.01, _by_yourdfpy),
     Judge(".mjcf.xml", "mujoco", 0.01, _by_mujoco),

@@ -62,7 +62,7 @@ def in_own_process(work: Callable[..., Any], *given: Any) -> Any:
     """
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=_send, args=(work, given, sender))
+    process = context.Process(target=_send, args=(sender, work, *given))
     process.start()
     sender.close()
     try:
@@ -80,6 +80,6 @@ def _lines(facts: Path) -> list[str]:
     return facts.read_text(encoding="utf-8").splitlines()
 
 
-def _send(work: Callable[..., Any], given: tuple[Any, ...], sender: Any) -> None:
+def _send(sender: Any, work: Callable[..., Any], *given: Any) -> None:
     sender.send(work(*given))
     sender.close()

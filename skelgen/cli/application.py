@@ -57,8 +57,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Words after ``skelgen``; those of the process if left out.
     """
     words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
-    _limit_threads()
-    _accept_any_name()
+    for name in _THREAD_VARIABLES:  # one thread: the matrices are small, and workers are processes of their own
+        os.environ.setdefault(name, "1")
+    for stream in (sys.stdout, sys.stderr):  # names that the terminal cannot show cost a question mark, not the run
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     if "--debug" not in words:
         sys.excepthook = _say_that_it_is_a_bug
     try:
@@ -69,7 +72,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _failed("interrupted", EXIT_INTERRUPTED)
     except _USAGE_ERROR as error:
-        return _failed(f"{_usage_sentence(error)}; `skelgen --help` lists what there is", EXIT_INPUT)
+        sentence = str(getattr(error, "format_message", error.__str__)()).rstrip(".")
+        return _failed(f"{sentence}; `skelgen --help` lists what there is", EXIT_INPUT)
     if code == EXIT_INTERRUPTED:  # newer typer answers Ctrl-C itself
         return _failed("interrupted", EXIT_INTERRUPTED)
     return code if isinstance(code, int) else 0
@@ -144,28 +148,10 @@ def _commands() -> list[tuple[str, Callable[..., None], Options]]:
     ]
 
 
-def _limit_threads() -> None:
-    """Keep linear algebra on one thread: the matrices are small, and workers are processes of their own."""
-    for name in _THREAD_VARIABLES:
-        os.environ.setdefault(name, "1")
-
-
-def _accept_any_name() -> None:
-    """Let names from broken files, or a terminal without Unicode, cost a question mark rather than the run."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
-
-
 def _failed(sentence: str, code: int) -> int:
     one_line = " ".join(sentence.split())
     print(f"skelgen: {one_line}" if code == EXIT_INTERRUPTED else f"skelgen: error: {one_line}", file=sys.stderr)
     return code
-
-
-def _usage_sentence(error: Exception) -> str:
-    format_message = getattr(error, "format_message", lambda: str(error))
-    return str(format_message()).rstrip(".")
 
 
 def _say_that_it_is_a_bug(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

@@ -8,25 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skelgen.cli.options import (
-    AsJson,
-    Config,
-    FormatName,
-    Hierarchy,
-    NLimbs,
-    NMarkers,
-    Quiet,
-    Root,
-    Seed,
-    SubjectFile,
-    given,
-)
+from skelgen.cli import options
 from skelgen.cli.screen import Screen
 from skelgen.cli.stage_commands import Assignments, UntilStage, hierarchy_in, refuse_beside_skeleton
 from skelgen.errors import ParameterError
 
 if TYPE_CHECKING:
-    from skelgen.app.batch.run import BatchResult, Pool
+    from skelgen.app.batch.run import Pool
 
 EXIT_SOME_FAILED = 3
 EXIT_ALL_FAILED = 2
@@ -63,18 +51,18 @@ def batch(
     jobs: Processes = 1,
     scheduler: Scheduler = None,
     formats: Formats = None,
-    n_markers: NMarkers = None,
-    n_limbs: NLimbs = None,
-    hierarchy: Hierarchy = None,
-    root: Root = None,
-    skeleton: SubjectFile = None,
-    seed: Seed = None,
-    config: Config = None,
+    n_markers: options.NMarkers = None,
+    n_limbs: options.NLimbs = None,
+    hierarchy: options.Hierarchy = None,
+    root: options.Root = None,
+    skeleton: options.SubjectFile = None,
+    seed: options.Seed = None,
+    config: options.Config = None,
     assignments: Assignments = None,
     until_stage: UntilStage = None,
-    format_name: FormatName = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    format_name: options.FormatName = None,
+    quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
     **reader_values: Any,
 ) -> None:
     """Find the skeletons of many takes: a folder of results for each, a manifest, a page of all.
@@ -98,14 +86,18 @@ def batch(
         seed=seed,
         until=until_stage,
         format_name=format_name,
-        reader_options=given(reader_values),
+        reader_options=options.given(reader_values),
         formats=tuple(formats or ()),
         subject=None if skeleton is None else subject_file(skeleton),
     )
     screen = Screen(quiet, as_json)
-    with screen.counting() as monitor:
+    with screen.watching(counted=True) as monitor:
         result = run_batch(takes, output, job, pool=_pool(jobs, scheduler, output), resume=resume, monitor=monitor)
-    _show(screen, result)
+    screen.table("Takes that failed", [{"take": one["name"], "why": one["error"]} for one in result.failed])
+    kept = f" ({result.n_kept} of them before)" if result.n_kept else ""
+    failed = f", {len(result.failed)} failed" if result.failed else ""
+    screen.say(f"{result.n_done} of {len(result.records)} takes done{kept}{failed}")
+    screen.say(f"written: {result.manifest}, {result.page}")
     screen.json(read_manifest(result.manifest) if as_json else {})
     if result.failed:
         raise typer.Exit(EXIT_SOME_FAILED if result.n_done else EXIT_ALL_FAILED)
@@ -124,11 +116,3 @@ def _pool(jobs: int, scheduler: str | None, output: Path) -> Pool:
     from skelgen.app.batch.workers import on_cluster
 
     return partial(on_cluster, address=scheduler, shared=output.absolute() / MANIFEST)
-
-
-def _show(screen: Screen, result: BatchResult) -> None:
-    screen.table("Takes that failed", [{"take": one["name"], "why": one["error"]} for one in result.failed])
-    kept = f" ({result.n_kept} of them before)" if result.n_kept else ""
-    failed = f", {len(result.failed)} failed" if result.failed else ""
-    screen.say(f"{result.n_done} of {len(result.records)} takes done{kept}{failed}")
-    screen.say(f"written: {result.manifest}, {result.page}")

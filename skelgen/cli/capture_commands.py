@@ -17,7 +17,6 @@ from skelgen.errors import InputError
 if TYPE_CHECKING:
     from skelgen.capture.live import Captured
     from skelgen.capture.values import JointRequest
-    from skelgen.cli.capture_output import Columns
 
 SettingsFile = Annotated[Path, typer.Argument(metavar="SETTINGS", help="Settings of the capture: an XML file.")]
 Source = Annotated[
@@ -72,7 +71,10 @@ def motion_capture(
                 if not counts.n_pairs and not no_labels:
                     _write(columns.labels())
                 counts.add(captured)
-                _tell(captured, columns, silent)
+                for notice in captured.notices:
+                    print(f"note: {notice}", file=sys.stderr)
+                if not silent:
+                    print(columns.residuals(captured), file=sys.stderr)
                 if pictures is not None:
                     pictures.show(captured)
                 if keys is None or keys.was_hit():
@@ -195,13 +197,6 @@ class _Counts:
         if not silent or self._n_lost:
             written = f"; recorded: {', '.join(kept)}" if kept else ""
             print(f"{self.n_pairs} pairs captured, {self._n_lost} lost{written}", file=sys.stderr)
-
-
-def _tell(captured: Captured, columns: Columns, silent: bool) -> None:
-    for notice in captured.notices:
-        print(f"note: {notice}", file=sys.stderr)
-    if not silent:
-        print(columns.residuals(captured), file=sys.stderr)
 
 
 def _write(line: str) -> None:

@@ -11,7 +11,6 @@ from skelgen.capture.live import Captured
 from skelgen.geometry.rotations import vector_from_matrix
 from skelgen.kinematics.joints.angles import angle_deviations
 from skelgen.model import Joint
-from skelgen.model.arrays import Floats
 from skelgen.model.rig import CaptureSettings, TargetJoint
 
 _PLACE = ("x", "y", "z")
@@ -78,7 +77,8 @@ class Columns:
         values = [*found.world_from_body[:3, 3].tolist(), *vector_from_matrix(turn).tolist()]
         if self.errors:
             values += np.sqrt(np.diag(found.covariance)[3:]).tolist()
-            values += _vector_std(turn, found.covariance[:3, :3]).tolist()
+            # of a rotation vector, from the covariance of small turns about the world's axes
+            values += angle_deviations(_FREE, turn[np.newaxis], found.covariance[np.newaxis, :3, :3])[0].tolist()
         return values
 
     def _angles(self, captured: Captured, joint: TargetJoint) -> list[float]:
@@ -86,8 +86,3 @@ class Columns:
         if angle is None:
             return [np.nan] * (len(angle_names(joint)) * (2 if self.errors else 1))
         return [*angle.angles.tolist(), *(angle.std.tolist() if self.errors else ())]
-
-
-def _vector_std(turn: Floats, covariance: Floats) -> Floats:
-    """Standard deviations of a rotation vector [rad], from the covariance of small turns about the world's axes."""
-    return np.asarray(angle_deviations(_FREE, turn[np.newaxis], covariance[np.newaxis])[0])

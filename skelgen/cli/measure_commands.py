@@ -63,7 +63,7 @@ def benchmark(
         write_benchmark_page(sections, output, measured=measured(), command=" ".join(words), missing=missing)
 
     write(known)  # a page that cannot be written shall not cost the whole benchmark
-    with screen.counting() as monitor:
+    with screen.watching(counted=True) as monitor:
         sections = run_benchmark(suites or (), quick=quick, known=known, arrived=write, monitor=monitor)
     write(sections)
     for section in sections:
@@ -97,26 +97,13 @@ def evaluate_rig(settings: Path, plot: Path | None, screen: Screen) -> None:
 
         write_rig_errors(errors, plot)
         screen.say(f"written: {plot}")
-    screen.json(_mapping(errors))
+    curves = [{"what": curve.what, "unit": curve.unit, "rows": _rows(errors, curve)} for curve in errors.curves]
+    screen.json({"noise_px": errors.noise, "distances_mm": errors.distances.tolist(), "curves": curves})
 
 
 def _rows(errors: RigErrors, curve: Curve) -> list[dict[str, object]]:
-    return [
-        {
-            "distance [mm]": f"{distance:g}",
-            **{name: _number(value) for name, value in zip(curve.columns, row, strict=True)},
-        }
-        for distance, row in zip(errors.distances, curve.std, strict=True)
-    ]
-
-
-def _number(value: float) -> float | None:
-    return round(float(value), 4) if math.isfinite(value) else None
-
-
-def _mapping(errors: RigErrors) -> dict[str, object]:
-    return {
-        "noise_px": errors.noise,
-        "distances_mm": errors.distances.tolist(),
-        "curves": [{"what": curve.what, "unit": curve.unit, "rows": _rows(errors, curve)} for curve in errors.curves],
-    }
+    rows: list[dict[str, object]] = []
+    for distance, row in zip(errors.distances, curve.std, strict=True):
+        numbers = [round(float(value), 4) if math.isfinite(value) else None for value in row]
+        rows.append({"distance [mm]": f"{distance:g}", **dict(zip(curve.columns, numbers, strict=True))})
+    return rows

@@ -40,26 +40,21 @@ class Screen:
         self.as_json = as_json
 
     @contextlib.contextmanager
-    def watching(self) -> Iterator[Monitor]:
-        """Yield a monitor: bars on a terminal, plain notes elsewhere, silence if quiet."""
-        if self._quiet or self.as_json:
-            yield SILENT
-        elif sys.stderr.isatty():
-            with _bars() as progress:
-                yield _BarMonitor(progress)
-        else:
-            yield _NoteMonitor()
+    def watching(self, counted: bool = False) -> Iterator[Monitor]:
+        """Yield a monitor: bars on a terminal, plain notes elsewhere, silence if quiet.
 
-    @contextlib.contextmanager
-    def counting(self) -> Iterator[Monitor]:
-        """Yield a monitor of work in equal pieces: how many are done, and when the rest will be."""
+        Parameters
+        ----------
+        counted : bool
+            Whether the work is in equal pieces: then it says how many are done, and when the rest will be.
+        """
         if self._quiet or self.as_json:
             yield SILENT
         elif sys.stderr.isatty():
-            with _bars(counted=True) as progress:
+            with _bars(counted) as progress:
                 yield _BarMonitor(progress)
         else:
-            yield _CountingNotes()
+            yield _CountingNotes() if counted else _NoteMonitor()
 
     def note(self, sentences: Iterable[str]) -> None:
         """Show notes on stderr unless told to be quiet."""
@@ -136,7 +131,8 @@ class _BarMonitor:
         self._drawn = 0.0
 
     def begin(self, name: str) -> None:
-        self._finish()
+        if self._task is not None:
+            self._progress.update(self._task, completed=1, total=1)
         self._task = self._progress.add_task(name, total=None)
 
     def advance(self, done: float, total: float) -> None:
@@ -147,10 +143,6 @@ class _BarMonitor:
 
     def notice(self, sentence: str) -> None:
         self._progress.console.print(f"note: {sentence}", markup=False, highlight=False)
-
-    def _finish(self) -> None:
-        if self._task is not None:
-            self._progress.update(self._task, completed=1, total=1)
 
 
 def remaining(done: float, total: float, seconds: float) -> str:
@@ -176,21 +168,13 @@ def remaining(done: float, total: float, seconds: float) -> str:
 
 @contextlib.contextmanager
 def _bars(counted: bool = False) -> Iterator[Progress]:
+    from rich import progress as rich
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
 
-    columns: list[ProgressColumn] = [TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()]
+    columns = [rich.TextColumn("{task.description}", markup=False), rich.BarColumn(), rich.TimeElapsedColumn()]
     if counted:
-        columns += [MofNCompleteColumn(), TextColumn("left:"), TimeRemainingColumn()]
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        columns += [rich.MofNCompleteColumn(), rich.TextColumn("left:"), rich.TimeRemainingColumn()]
+    with rich.Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         yield progress
 
 
@@ -250,15 +234,12 @@ def show_project(screen: Screen, tables: Mapping[str, Any]) -> None:
     if "labelling" in tables:
         _show_labelling(screen, tables["labelling"])
     for key, title in _TITLES.items():
-        screen.table(title, [_without(_LONG, row) for row in tables.get(key, ())])
+        rows = [{name: value for name, value in row.items() if name not in _LONG} for row in tables.get(key, ())]
+        screen.table(title, rows)
     if "residuals" in tables:
         screen.table("Residuals of all markers", [tables["residuals"]])
     times = ", ".join(f"{row['stage']} {row['seconds']:.2f} s" for row in tables["stages"])
     screen.say(f"stages: {times or 'none has run'}")
-
-
-def _without(names: Sequence[str], row: Mapping[str, Any]) -> dict[str, object]:
-    return {name: value for name, value in row.items() if name not in names}
 
 
 def _show_labelling(screen: Screen, facts: Mapping[str, Any]) -> None:

@@ -15,47 +15,24 @@ from skelgen.errors import ParameterError
 if TYPE_CHECKING:
     from skelgen.simulation import RecordedBody
 
-_PANEL = "Recorded motion"
+
+def _motion_option(flag: str, metavar: str, text: str, default: str | bool) -> Any:
+    return typer.Option(flag, metavar=metavar, help=text, show_default=default, rich_help_panel="Recorded motion")
+
 
 MotionFile = Annotated[
     Path | None,
-    typer.Option(
-        "--motion",
-        metavar="FILE",
-        help="Instead of a STRUCTURE: bones and how they moved (BVH, AMC).",
-        show_default=False,
-        rich_help_panel=_PANEL,
-    ),
+    _motion_option("--motion", "FILE", "Instead of a STRUCTURE: bones and how they moved (BVH, AMC).", False),
 ]
 MotionSkeleton = Annotated[
-    Path | None,
-    typer.Option(
-        "--motion-skeleton",
-        metavar="FILE",
-        help="The ASF that belongs to an AMC.",
-        show_default="found beside it",
-        rich_help_panel=_PANEL,
-    ),
+    Path | None, _motion_option("--motion-skeleton", "FILE", "The ASF that belongs to an AMC.", "found beside it")
 ]
 MotionUnit = Annotated[
     str | None,
-    typer.Option(
-        "--motion-unit",
-        metavar="UNIT",
-        help="Unit of a BVH: mm, cm, m, in, or a number of mm.",
-        show_default="by the body's size",
-        rich_help_panel=_PANEL,
-    ),
+    _motion_option("--motion-unit", "UNIT", "Unit of a BVH: mm, cm, m, in, or a number of mm.", "by the body's size"),
 ]
 MotionRate = Annotated[
-    float | None,
-    typer.Option(
-        "--motion-rate",
-        metavar="HZ",
-        help="Frame rate of the motion.",
-        show_default="as stated; 120 for AMC",
-        rich_help_panel=_PANEL,
-    ),
+    float | None, _motion_option("--motion-rate", "HZ", "Frame rate of the motion.", "as stated; 120 for AMC")
 ]
 
 
@@ -85,7 +62,9 @@ def simulate(
     bone_options = {name: options.pop(name) for name in of_bones}
     moved: RecordedBody | str
     if motion is None:
-        _refuse(given(stated) | bone_options)
+        stray = [*given(stated), *bone_options]
+        if stray:
+            raise ParameterError(f"--{stray[0].replace('_', '-')} belongs to a recorded motion: --motion FILE")
         moved = str(structure)
     else:
         moved = _recorded(motion, given(stated), bone_options, options.get("rate"))
@@ -101,12 +80,6 @@ def simulation_options() -> list[inspect.Parameter]:
     from skelgen.simulation import BoneParameters, SimulationParameters
 
     return [*parameter_options(SimulationParameters), *parameter_options(BoneParameters)]
-
-
-def _refuse(bone_options: dict[str, Any]) -> None:
-    if bone_options:
-        flag = "--" + next(iter(bone_options)).replace("_", "-")
-        raise ParameterError(f"{flag} belongs to a recorded motion: --motion FILE")
 
 
 def _recorded(motion: Path, stated: dict[str, Any], bone_options: dict[str, Any], rate: float | None) -> RecordedBody:

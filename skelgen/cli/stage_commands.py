@@ -10,26 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from skelgen.cli.options import (
-    AsJson,
-    Config,
-    FormatName,
-    Hierarchy,
-    IdentitiesFile,
-    InputFile,
-    Jobs,
-    NLimbs,
-    NMarkers,
-    OutputFolder,
-    Quiet,
-    Root,
-    Seed,
-    SubjectFile,
-    given,
-    parameter_options,
-    reader_options,
-    stages_beginning,
-)
+from skelgen.cli import options
 from skelgen.cli.screen import Screen, show_evaluation, show_files, show_project, show_results
 from skelgen.errors import ParameterError
 
@@ -52,13 +33,17 @@ FromStage = Annotated[
         metavar="STAGE",
         help="First stage to run.",
         show_default="the first without a result",
-        autocompletion=stages_beginning,
+        autocompletion=options.stages_beginning,
     ),
 ]
 UntilStage = Annotated[
     str | None,
     typer.Option(
-        "--until", metavar="STAGE", help="Last stage to run.", show_default="skeleton", autocompletion=stages_beginning
+        "--until",
+        metavar="STAGE",
+        help="Last stage to run.",
+        show_default="skeleton",
+        autocompletion=options.stages_beginning,
     ),
 ]
 OptionalInput = Annotated[
@@ -85,13 +70,13 @@ _OPTION_NAMES: dict[str, tuple[str, ...]] = {
 _RUN_OPTIONS = {
     name: inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
     for name, default, annotation in (
-        ("n_markers", None, NMarkers),
-        ("identities", None, IdentitiesFile),
-        ("n_limbs", None, NLimbs),
-        ("n_jobs", 1, Jobs),
-        ("hierarchy", None, Hierarchy),
-        ("root", None, Root),
-        ("skeleton", None, SubjectFile),
+        ("n_markers", None, options.NMarkers),
+        ("identities", None, options.IdentitiesFile),
+        ("n_limbs", None, options.NLimbs),
+        ("n_jobs", 1, options.Jobs),
+        ("hierarchy", None, options.Hierarchy),
+        ("root", None, options.Root),
+        ("skeleton", None, options.SubjectFile),
     )
 }
 
@@ -99,23 +84,23 @@ _DEMO_TABLES = 2  # overview and joints: the lengths and markers stand in the ta
 
 
 def run(
-    take: InputFile,
-    output: OutputFolder = None,
-    n_markers: NMarkers = None,
-    n_limbs: NLimbs = None,
-    identities: IdentitiesFile = None,
-    hierarchy: Hierarchy = None,
-    root: Root = None,
-    skeleton: SubjectFile = None,
-    seed: Seed = None,
-    jobs: Jobs = 1,
-    config: Config = None,
+    take: options.InputFile,
+    output: options.OutputFolder = None,
+    n_markers: options.NMarkers = None,
+    n_limbs: options.NLimbs = None,
+    identities: options.IdentitiesFile = None,
+    hierarchy: options.Hierarchy = None,
+    root: options.Root = None,
+    skeleton: options.SubjectFile = None,
+    seed: options.Seed = None,
+    jobs: options.Jobs = 1,
+    config: options.Config = None,
     assignments: Assignments = None,
     from_stage: FromStage = None,
     until_stage: UntilStage = None,
-    format_name: FormatName = None,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    format_name: options.FormatName = None,
+    quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
     **reader_values: Any,
 ) -> None:
     """Find the skeleton of a take and write every result: the main job."""
@@ -129,28 +114,25 @@ def run(
     take = find_result(take)
     settings = settings_with(Settings(config), assignments or ())
     with screen.watching() as monitor:
-        project = open_input(take, format_name, seed, identities, monitor=monitor, **given(reader_values))
+        project = open_input(take, format_name, seed, identities, monitor=monitor, **options.given(reader_values))
     if skeleton is not None:
-        excluded = {
-            "--n-markers": n_markers,
-            "--n-limbs": n_limbs,
-            "--identities": identities,
-            "--hierarchy": hierarchy,
-        }
-        refuse_beside_skeleton(excluded | {"--root": root, "--from": from_stage, "--until": until_stage})
+        refuse_beside_skeleton(
+            {"--n-markers": n_markers, "--n-limbs": n_limbs, "--identities": identities, "--hierarchy": hierarchy}
+            | {"--root": root, "--from": from_stage, "--until": until_stage}
+        )
         work = _subject_run(skeleton, settings)
     else:
-        options = RunOptions(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
-        work = _stages_run(from_stage, until_stage, settings, options)
+        run_options = RunOptions(n_markers, n_limbs, jobs, hierarchy_in(hierarchy), root)
+        work = _stages_run(from_stage, until_stage, settings, run_options)
     _run_and_write(screen, project, work, _Target(output or _folder_for(take), stem_of(take)))
 
 
 def demo(
-    output: OutputFolder = None,
+    output: options.OutputFolder = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the simulation and the stages.")] = 0,
-    jobs: Jobs = 1,
-    quiet: Quiet = False,
-    as_json: AsJson = False,
+    jobs: options.Jobs = 1,
+    quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Simulate a human, find its skeleton, compare with the truth, write every file and a report."""
     from skelgen.app.demo import run_demo
@@ -180,12 +162,12 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
 
     def command(
         take: OptionalInput = None,
-        output: OutputFolder = None,
-        seed: Seed = None,
-        config: Config = None,
-        format_name: FormatName = None,
-        quiet: Quiet = False,
-        as_json: AsJson = False,
+        output: options.OutputFolder = None,
+        seed: options.Seed = None,
+        config: options.Config = None,
+        format_name: options.FormatName = None,
+        quiet: options.Quiet = False,
+        as_json: options.AsJson = False,
         **values: Any,
     ) -> None:
         from skelgen.app.configuration import Settings, parameters_class
@@ -195,19 +177,19 @@ def stage_command(stage: str, summary: str) -> Callable[..., None]:
         from skelgen.app.project_file.archive import find_result
 
         settings = Settings(config)
-        source, target = _default_files(settings, stage)
+        source, target = (Path(getattr(settings.files, file)) for file in _DEFAULT_FILES[stage])
         take = find_result(take) if take else None
         wanted = {name: values.pop(name) for name in _OPTION_NAMES[stage]}
         identities, skeleton = wanted.pop("identities", None), wanted.pop("skeleton", None)
-        options = RunOptions(**(wanted | {"hierarchy": hierarchy_in(wanted.get("hierarchy"))}))
+        run_options = RunOptions(**(wanted | {"hierarchy": hierarchy_in(wanted.get("hierarchy"))}))
         names = {entry.name for entry in parameters_class(stage).declarations()}
-        chosen = given(values)
+        chosen = options.given(values)
         settings = settings.changed(stage, {name: value for name, value in chosen.items() if name in names})
         reader_values = {name: value for name, value in chosen.items() if name not in names}
         screen = Screen(quiet, as_json)
         with screen.watching() as monitor:
             project = open_input(take or source, format_name, seed, identities, monitor=monitor, **reader_values)
-        work = _subject_run(skeleton, settings) if skeleton else _stages_run(stage, stage, settings, options)
+        work = _subject_run(skeleton, settings) if skeleton else _stages_run(stage, stage, settings, run_options)
         folder = output or (_folder_for(take) if take else Path())
         result_name = target.name if stage == "skeleton" and not take and not skeleton else ""
         _run_and_write(screen, project, work, _Target(folder, stem_of(take or target), result_name))
@@ -221,18 +203,18 @@ def stage_options(stage: str) -> list[inspect.Parameter]:
     from skelgen.app.configuration import parameters_class
 
     own = [_RUN_OPTIONS[name] for name in _OPTION_NAMES[stage]]
-    return [*own, *parameter_options(parameters_class(stage)), *reader_options()]
+    return [*own, *options.parameter_options(parameters_class(stage)), *options.reader_options()]
 
 
-def refuse_beside_skeleton(options: Mapping[str, object]) -> None:
+def refuse_beside_skeleton(values: Mapping[str, object]) -> None:
     """Raise `ParameterError` if an option is given that the skeleton of another take determines.
 
     Parameters
     ----------
-    options : mapping of str to object
+    values : mapping of str to object
         Values by flag; None where an option is not given.
     """
-    for flag, value in options.items():
+    for flag, value in values.items():
         if value is not None:
             raise ParameterError(f"{flag} cannot be given beside --skeleton, which determines markers, limbs and tree")
 
@@ -252,11 +234,6 @@ def _folder_for(take: Path) -> Path:
     return take.parent if is_project_file(take) else Path(f"{stem_of(take)}-skelgen")
 
 
-def _default_files(settings: Settings, stage: str) -> tuple[Path, Path]:
-    source, target = _DEFAULT_FILES[stage]
-    return Path(getattr(settings.files, source)), Path(getattr(settings.files, target))
-
-
 @dataclass(frozen=True)
 class _Target:
     """Where the files of a run go: folder, beginning of their names, name of the XML file if that is another one."""
@@ -269,11 +246,11 @@ class _Target:
 _Work = Callable[["Project", "Monitor"], "Project"]
 
 
-def _stages_run(first: str | None, last: str | None, settings: Settings, options: RunOptions) -> _Work:
+def _stages_run(first: str | None, last: str | None, settings: Settings, run_options: RunOptions) -> _Work:
     from skelgen.app.pipeline import run_stages
 
     return lambda project, monitor: run_stages(
-        project, first, last, settings=settings, options=options, monitor=monitor
+        project, first, last, settings=settings, options=run_options, monitor=monitor
     )
 
 

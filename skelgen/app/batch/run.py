@@ -190,9 +190,7 @@ class _Gathered:
 PAGE = "index.html"
 
 _COUNTS = ("markers", "limbs", "joints")
-_PICTURE = ".svg"
-_REPORT = ".html"
-_PROJECT = ".skelgen"
+_LINKS = {"picture": ".svg", "report": ".html", "project": ".skelgen"}
 
 
 def write_page(manifest: Record, path: Path) -> Path:
@@ -210,44 +208,25 @@ def write_page(manifest: Record, path: Path) -> Path:
     WriteError
         If it cannot be written.
     """
-    return write_html(
-        __name__.rpartition(".")[0],
-        path,
-        sentence=_sentence(manifest["counts"]),
-        columns=_COUNTS,
-        rows=[_row(record) for record in manifest["takes"]],
-    )
-
-
-def _sentence(counts: dict[str, int]) -> str:
-    n_takes = sum(counts.values())
-    parts = [f"{counts[outcome]} {outcome}" for outcome in counts if counts[outcome]]
-    return f"{counted(n_takes, 'take')}: {', '.join(parts)}."
+    counts = manifest["counts"]
+    parts = [f"{count} {outcome}" for outcome, count in counts.items() if count]
+    sentence = f"{counted(sum(counts.values()), 'take')}: {', '.join(parts)}."
+    rows = [_row(record) for record in manifest["takes"]]
+    return write_html(__name__.rpartition(".")[0], path, sentence=sentence, columns=_COUNTS, rows=rows)
 
 
 def _row(record: Record) -> dict[str, object]:
     facts, name = record["facts"], record["name"]
     row = {"name": name, "outcome": record["outcome"], "error": record["error"]}
     row |= {"notices": facts.get("notices", []), "counts": [facts.get(key, "–") for key in _COUNTS]}
-    row |= {kind: _link(record, suffix) for kind, suffix in _LINKS.items()}
-    row["length"] = _length(facts) if record["outcome"] == DONE else "–"
+    for kind, suffix in _LINKS.items():
+        file = next((file for file in record["files"] if file.endswith(suffix)), None)
+        row[kind] = quote(str(PurePosixPath(name) / file), errors="surrogateescape") if file else ""
+    row["length"] = "–"
+    if record["outcome"] == DONE:
+        seconds = max(facts["frames"] - 1, 0) / facts["rate_hz"]
+        row["length"] = f"{counted(facts['frames'], 'frame')}, {duration(seconds)}"
     residual = facts.get("residual_mm")
     row["residual"] = "–" if residual is None else millimetres(residual)
     row["is_failed"] = record["outcome"] == FAILED
     return row
-
-
-_LINKS = {"picture": _PICTURE, "report": _REPORT, "project": _PROJECT}
-
-
-def _link(record: Record, suffix: str) -> str:
-    """Address of a take's file, from the page; empty if there is none."""
-    for file in record["files"]:
-        if file.endswith(suffix):
-            return quote(str(PurePosixPath(record["name"]) / file), errors="surrogateescape")
-    return ""
-
-
-def _length(facts: Record) -> str:
-    frames = counted(facts["frames"], "frame")
-    return f"{frames}, {duration(max(facts['frames'] - 1, 0) / facts['rate_hz'])}"

@@ -6,6 +6,7 @@ import glob
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 from skelgen_formats.registry import SNIFF_BYTES, known_formats
@@ -90,18 +91,13 @@ def _takes_of(text: str, output: Path) -> list[tuple[Path, str]]:
     files = [file for file in found if file.is_file() and not file.absolute().is_relative_to(output)]
     if not files:
         raise InputError(f"{text}: no file fits this pattern")
-    steady = Path(*_until_magic(path.parts))
+    steady = Path(*takewhile(lambda part: not glob.has_magic(part), path.parts))
     return [(file, _name_below(file, steady)) for file in files]
 
 
 def _absolute(path: Path) -> Path:
     """Without dots, but with symbolic links: on other machines these may lead elsewhere."""
     return Path(os.path.abspath(path))  # noqa: PTH100
-
-
-def _until_magic(parts: tuple[str, ...]) -> tuple[str, ...]:
-    first = next(index for index, part in enumerate(parts) if glob.has_magic(part))
-    return parts[:first]
 
 
 def _name_below(file: Path, folder: Path) -> str:

@@ -20,18 +20,7 @@ import numpy as np
 from skelgen_formats.registry import find_format, write_file
 
 import skelgen
-from skelgen.app.batch.records import (
-    DONE,
-    FAILED,
-    RECORD,
-    WAITING,
-    Record,
-    clear,
-    clear_unfinished,
-    files_of,
-    finished_record,
-    write_json,
-)
+from skelgen.app.batch import records
 from skelgen.app.batch.takes import Entry
 from skelgen.app.configuration import Settings
 from skelgen.app.constraints import RunOptions
@@ -148,8 +137,6 @@ def subject_in(file: SubjectFile) -> Project:
 USUAL = (".skelgen", ".labels.c3d", ".limbs.csv", ".joints.csv", ".angles.csv")
 """Files of every take, by what follows the stem. The project holds all else: `skelgen convert`, `skelgen report`."""
 
-PICTURE = ".svg"
-_PICTURE_SIDE = 96.0  # px
 
 _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO}
 """What no other take would fare better with: no space, no rights, a broken disk."""
@@ -173,7 +160,7 @@ class Outcome:
         Most memory that the worker has held.
     """
 
-    record: Record
+    record: records.Record
     kept: bool = False
     obstacle: str = ""
     peak: int = 0
@@ -197,25 +184,25 @@ def work_on(entry: Entry, job: Job) -> Outcome:
     record = blank_record(entry, job)
     try:
         record["source"] = _source_facts(entry)
-        finished = finished_record(folder, job.fingerprint, record["source"]["sha256"])
+        finished = records.finished_record(folder, job.fingerprint, record["source"]["sha256"])
         if finished is not None:
-            clear_unfinished(folder)
+            records.clear_unfinished(folder)
             return Outcome(finished, kept=True, peak=_peak())
-        clear(folder)
-        record |= _done(entry, job) | {"outcome": DONE}
+        records.clear(folder)
+        record |= _done(entry, job) | {"outcome": records.DONE}
     except SkelgenError as error:
         return _failed(record, folder, str(error), obstacle=str(error) if _is_of_disk(error) else "")
     except Exception as error:  # a bug must not cost the other takes
         return _failed(record, folder, f"internal error: {type(error).__name__}: {error} (a bug)")
     record["run"] |= {"seconds": time.perf_counter() - started, "peak_bytes": _peak()}
     try:
-        write_json(record, folder / RECORD)
+        records.write_json(record, folder / records.RECORD)
     except WriteError as error:
         return _failed(record, folder, str(error), obstacle=str(error))
     return Outcome(record, peak=_peak())
 
 
-def blank_record(entry: Entry, job: Job) -> Record:
+def blank_record(entry: Entry, job: Job) -> records.Record:
     """Return the record of a take that is not begun.
 
     Parameters
@@ -227,7 +214,7 @@ def blank_record(entry: Entry, job: Job) -> Record:
     """
     return {
         "name": entry.name,
-        "outcome": WAITING,
+        "outcome": records.WAITING,
         "error": "",
         "source": {"path": entry.source, "bytes": None, "sha256": None},
         "job": job.fingerprint,
@@ -238,7 +225,7 @@ def blank_record(entry: Entry, job: Job) -> Record:
     }
 
 
-def failed_record(entry: Entry, job: Job, error: str) -> Record:
+def failed_record(entry: Entry, job: Job, error: str) -> records.Record:
     """Return the record of a take that could not be done; its folder stays as it is.
 
     Parameters
@@ -250,7 +237,7 @@ def failed_record(entry: Entry, job: Job, error: str) -> Record:
     error : str
         Why it could not be done.
     """
-    return blank_record(entry, job) | {"outcome": FAILED, "error": " ".join(error.split())}
+    return blank_record(entry, job) | {"outcome": records.FAILED, "error": " ".join(error.split())}
 
 
 def check_formats(names: Sequence[str]) -> None:
@@ -260,14 +247,14 @@ def check_formats(names: Sequence[str]) -> None:
             raise WriteError(f"the format {name} can only be read")
 
 
-def _failed(record: Record, folder: Path, error: str, obstacle: str = "") -> Outcome:
-    failed = record | {"outcome": FAILED, "error": " ".join(error.split()), "facts": {}, "files": {}}
+def _failed(record: records.Record, folder: Path, error: str, obstacle: str = "") -> Outcome:
+    failed = record | {"outcome": records.FAILED, "error": " ".join(error.split()), "facts": {}, "files": {}}
     with contextlib.suppress(WriteError):  # the manifest says it too
-        write_json(failed, folder / RECORD)
+        records.write_json(failed, folder / records.RECORD)
     return Outcome(failed, obstacle=obstacle, peak=_peak())
 
 
-def _source_facts(entry: Entry) -> Record:
+def _source_facts(entry: Entry) -> records.Record:
     path = Path(entry.source)
     try:
         return {"path": entry.source, "bytes": path.stat().st_size, "sha256": sha256_of(path)}
@@ -275,7 +262,7 @@ def _source_facts(entry: Entry) -> Record:
         raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
 
 
-def _done(entry: Entry, job: Job) -> Record:
+def _done(entry: Entry, job: Job) -> records.Record:
     """Run the stages and write the files; facts, files, and times."""
     project = open_input(entry.source, job.format_name, job.seed, **job.reader_options)
     settings = Settings(job.settings)
@@ -287,14 +274,11 @@ def _done(entry: Entry, job: Job) -> Record:
     timeless = {name: replace(report, seconds=0.0) for name, report in project.reports.items()}
     project = replace(project, reports=timeless)  # the same take gives the same bytes, whenever and wherever
     collecting = CollectingMonitor(SILENT)
-    files = write_outputs(project, entry.folder, entry.stem, outputs=_outputs(job), monitor=collecting)
+    outputs = [output for output in OUTPUTS if output.suffix in USUAL]
+    outputs += [Output(".svg", "skeleton", _write_picture), *map(_output_of, job.formats)]
+    files = write_outputs(project, entry.folder, entry.stem, outputs=outputs, monitor=collecting)
     facts = _facts(project, collecting.notices)
-    return {"facts": facts, "files": files_of(files), "run": {"stages": seconds, "host": socket.gethostname()}}
-
-
-def _outputs(job: Job) -> list[Output]:
-    usual = [output for output in OUTPUTS if output.suffix in USUAL]
-    return [*usual, Output(PICTURE, "skeleton", _write_picture), *[_output_of(name) for name in job.formats]]
+    return {"facts": facts, "files": records.files_of(files), "run": {"stages": seconds, "host": socket.gethostname()}}
 
 
 def _output_of(name: str) -> Output:
@@ -306,14 +290,14 @@ def _output_of(name: str) -> Output:
 def _write_picture(project: Project, path: Path) -> None:
     from skelgen.app.report.pose import small_figure  # noqa: PLC0415 - the report's templates take time to load
 
-    path.write_text(small_figure(project, _PICTURE_SIDE), encoding="utf-8", errors="replace")
+    path.write_text(small_figure(project, 96.0), encoding="utf-8", errors="replace")
 
 
-def _facts(project: Project, notices: Sequence[str]) -> Record:
+def _facts(project: Project, notices: Sequence[str]) -> records.Record:
     """What the page of the batch shows of a take."""
     take = project.take
     every = [*take.notices, *[line for report in project.reports.values() for line in report.notices], *notices]
-    facts: Record = {"frames": take.n_frames, "rate_hz": take.rate, "unlabelled": isinstance(take, PointCloud)}
+    facts: records.Record = {"frames": take.n_frames, "rate_hz": take.rate, "unlabelled": isinstance(take, PointCloud)}
     if project.has("labels"):
         facts["markers"] = project.trajectories.n_markers
     if project.has("limbs"):

@@ -87,37 +87,32 @@ class _Worker:
 
     def __init__(self, job: Job) -> None:
         context = multiprocessing.get_context("spawn")
-        self._connection, theirs = context.Pipe()
+        self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, job), daemon=True, name="skelgen-batch")
         with _one_thread():
             self.process.start()
         theirs.close()
         self.entry: Entry | None = None
 
-    @property
-    def connection(self) -> Connection[Any, Any]:
-        """Where it answers."""
-        return self._connection
-
     def begin(self, entry: Entry) -> None:
         """Give it a take."""
         self.entry = entry
         with contextlib.suppress(OSError):  # it died: `finish` will tell
-            self._connection.send(entry)
+            self.connection.send(entry)
 
     def finish(self) -> tuple[Entry, Outcome | None]:
         """Return the take and what became of it; None if the process died."""
         entry, self.entry = self.entry, None
         assert entry is not None
         try:
-            return entry, self._connection.recv()
+            return entry, self.connection.recv()
         except (EOFError, OSError):
             self.process.join()
             return entry, None
 
     def stop(self) -> None:
         """Let it end."""
-        self._connection.close()
+        self.connection.close()
         self.process.join()
 
     def kill(self) -> None:

@@ -78,12 +78,12 @@ def save_project(project: Project, path: Path | str, *, embed: bool = True) -> P
     """
     path = Path(path)
     arrays: dict[str, NDArray[Any]] = {}
-    members = {_STRUCTURE: _as_json(_structure(project, arrays, embed)), _RUN: _as_json(_run_facts(project))}
+    members = {_STRUCTURE: _structure(project, arrays, embed), _RUN: _run_facts(project)}
     with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
         for name in sorted(arrays):
             _store(archive, f"{_ARRAYS}{name}.npy", *_as_npy(arrays[name]))
-        for name, content in sorted(members.items()):
-            _store(archive, name, content)
+        for name, data in sorted(members.items()):
+            _store(archive, name, json.dumps(data, indent=1, allow_nan=False).encode("ascii"))
     return path
 
 
@@ -256,10 +256,6 @@ def _run_facts(project: Project) -> dict[str, object]:
     versions = {"skelgen": skelgen.__version__, "python": platform.python_version(), "numpy": np.__version__}
     seconds = {name: report.seconds for name, report in project.reports.items()}
     return {"versions": versions, "seconds": seconds, "source": packed(project.source, "", {})}
-
-
-def _as_json(data: Mapping[str, Any]) -> bytes:
-    return json.dumps(data, indent=1, allow_nan=False).encode("ascii")
 
 
 def _as_npy(array: NDArray[Any]) -> tuple[bytes, memoryview]:
