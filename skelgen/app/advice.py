@@ -1,7 +1,5 @@
 """What the user could do about doubtful labels: short sentences that follow from the facts of a project."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 

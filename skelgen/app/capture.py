@@ -3,8 +3,6 @@
 What was recorded stays, whatever ends the capture: the source, an error, or the user.
 """
 
-from __future__ import annotations
-
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace

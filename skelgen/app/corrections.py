@@ -1,7 +1,5 @@
 """What a correction of the user changes at once: corrections are added and taken back, labels are apply_corrections."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Exports: every format that a project can be written in, what it keeps of this project, and the writing itself."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Any file that the program reads or writes: registered formats, stereo recordings, the project file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What may enter the stages: checks of a take, and bodies with orientation turned into markers."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The files of a run: every result that is there, in a format that other programs open, all at once or none."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Run the stages of the pipeline on a project, from any stage to any other."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

@@ -5,8 +5,6 @@ are the same in all takes. Limbs, joints and lengths are then found from all fra
 each take is posed by the result. A marker that moved between takes counts as two markers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Stage summaries: what a stage has found in two or three sentences, and its warnings with the place to look at."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -4,8 +4,6 @@
 and scikit-learn take seconds to load.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One body, many takes: a skeleton that was calibrated on one take (the subject) is applied to others."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from pathlib import Path

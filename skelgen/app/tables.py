@@ -1,7 +1,5 @@
 """What was found, as rows of plain values: printed as tables, dumped as JSON."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

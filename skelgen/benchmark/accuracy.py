@@ -1,7 +1,5 @@
 """The suites that compare results with a known truth: labels, joints, soft tissue, the stereo rig, exports."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 Each judge is imported where it is used; where it is not installed, its format is not judged.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

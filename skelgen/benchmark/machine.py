@@ -1,7 +1,5 @@
 """On what figures were reached, how much memory a process held, and work in a process of its own."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """What a suite hands back: tables of what is wanted and what is reached, and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -5,8 +5,6 @@ search for bodies and joint angles are those of `MotionCapture`. Rendered images
 err by far less, so that the stated deviations, which allow for 0.1 px, are rather too large.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

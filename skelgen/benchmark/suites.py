@@ -1,7 +1,5 @@
 """The suites of `skelgen benchmark` in their order, and running them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

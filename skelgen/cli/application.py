@@ -4,8 +4,6 @@ Only the command that is called gets its generated options: what stages declare 
 a second to load, and ``skelgen --help`` shall not wait for it.
 """
 
-from __future__ import annotations
-
 import inspect
 import io
 import os

@@ -1,7 +1,5 @@
 """The table that a running capture prints: tab-separated, one line per pair (Gaschler 2011, 7.2)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Commands around files: `convert`, `info`, `evaluate`, `formats`, `config`, `report`, `fill`."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys

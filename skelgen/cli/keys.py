@@ -1,7 +1,5 @@
 """Keys that are hit while a command runs: none is waited for."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import sys

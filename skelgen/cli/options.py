@@ -1,7 +1,5 @@
 """Options of the commands: the common ones, and those generated from what stages and formats declare."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import os

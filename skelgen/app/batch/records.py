@@ -1,7 +1,5 @@
 """The record of a take, which makes it finished, and the manifest of a batch, which gathers all records."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shutil

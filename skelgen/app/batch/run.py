@@ -1,7 +1,5 @@
 """A batch from its plan to its end: takes go to workers, their records into the manifest and onto the page."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The takes of a batch: from folders, patterns and files to a list with a folder name for each."""
 
-from __future__ import annotations
-
 import glob
 import os
 from collections.abc import Iterable, Mapping

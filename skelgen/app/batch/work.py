@@ -1,7 +1,5 @@
 """One take of a batch: what is done with it (`Job`), and the work from its file to its folder on any machine."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import errno

@@ -1,7 +1,5 @@
 """Views of a chessboard that are collected for a calibration: which are worth keeping, and what they cover."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Jobs that collect images for a calibration: of a chessboard, of one target, of targets joined by joints."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor

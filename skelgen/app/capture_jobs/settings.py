@@ -1,7 +1,5 @@
 """Writes what was calibrated into a settings file, beside what stands there."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

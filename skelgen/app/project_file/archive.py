@@ -4,8 +4,6 @@ Members are stored without compression: marker positions hardly shrink, the byte
 and a file that declares more than it holds is known at once. ``docs/project-file.md`` describes the file.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import platform

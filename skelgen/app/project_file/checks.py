@@ -1,7 +1,5 @@
 """Whether the parts of a project fit each other: one indexes the other, and a file can claim anything."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

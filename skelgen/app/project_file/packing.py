@@ -4,8 +4,6 @@ A dataclass becomes ``{"type": name, "fields": {...}}``, an array ``{"array": me
 ``{"mapping": {...}}``, a number that JSON does not know ``{"number": "nan"}``; tuples become lists.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Mapping

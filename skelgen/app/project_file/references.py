@@ -1,7 +1,5 @@
 """Projects that refer to their recording: what is written of it, and how it is found and checked again."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
