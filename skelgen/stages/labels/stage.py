@@ -14,23 +14,12 @@ from skelgen.model.arrays import Ints
 from skelgen.model.corrections import Identities
 from skelgen.model.tracklets import TrackletPoints
 from skelgen.progress import SILENT, Monitor
-from skelgen.stages.labels.confidence.label_quality import (
-    PointLabels,
-    history_of,
-    labelling_of_cloud,
-    labelling_of_markers,
-)
+from skelgen.stages.labels import point_labels
+from skelgen.stages.labels.confidence import label_quality
 from skelgen.stages.labels.input_checks import check_cloud, frame_rate, guessed_identities, too_few_wanted, with_jitter
 from skelgen.stages.labels.merging.windows import MOST_KEPT, merge_tracklets
 from skelgen.stages.labels.model_fit.refine import LabelTask, refine_labels
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.point_labels import (
-    all_positions,
-    counts_together,
-    in_order_of_appearance,
-    marker_names,
-    renumbered,
-)
 from skelgen.stages.labels.tracking.follow import follow_points
 from skelgen.stages.labels.tracking.take import typical_spacing
 from skelgen.stages.labels.tracking.tracklets import find_tracklets, least_length, stand_alone_frames
@@ -89,9 +78,9 @@ def label_markers(
         If there are no points, too many in a frame, impossible coordinates, or no marker that is seen long enough.
     """
     trajectories, points = _labelled(cloud, parameters, n_markers, identities, seed, monitor)
-    history = history_of(points, trajectories.n_markers)
+    history = label_quality.history_of(points, trajectories.n_markers)
     del points  # of long takes they are large
-    return trajectories, labelling_of_cloud(trajectories, history)
+    return trajectories, label_quality.labelling_of_cloud(trajectories, history)
 
 
 def check_labels(
@@ -114,7 +103,7 @@ def check_labels(
     repaired = repair.trajectories
     if identities is not None:
         repaired = constrain_labelled(take, repaired, identities, parameters, monitor)
-    return repaired, labelling_of_markers(repaired, take, repair.findings)
+    return repaired, label_quality.labelling_of_markers(repaired, take, repair.findings)
 
 
 def _labelled(
@@ -124,7 +113,7 @@ def _labelled(
     identities: Identities | None,
     seed: int,
     monitor: Monitor,
-) -> tuple[Trajectories, PointLabels]:
+) -> tuple[Trajectories, label_quality.PointLabels]:
     check_cloud(cloud, n_markers)
     cloud = with_jitter(cloud, parameters, seed)
     rate, notices = frame_rate(cloud, parameters)
@@ -141,20 +130,20 @@ def _labelled(
         found = _markers(task, tracks, tracklets, monitor)
         if parameters.compare and len(tracklets) <= MOST_COMPARED:
             classic, _ = _classic_markers(task, tracklets, monitor)
-    found = in_order_of_appearance(found)
-    names = marker_names(int(found.max(initial=-1)) + 1)
+    found = point_labels.in_order_of_appearance(found)
+    names = point_labels.marker_names(int(found.max(initial=-1)) + 1)
     if identities and constraints is not None:
         found, names = apply_constraints(cloud, found, constraints, n_markers=n_markers)
         notices += (f"{len(identities.entries)} identities stated by hand are obeyed",)
     at_once = tracklets.most_at_once(least_length(cloud.n_frames, rate, parameters))
-    positions = all_positions(cloud, found, len(names))
+    positions = point_labels.all_positions(cloud, found, len(names))
     notices += _losses(found, len(names), n_removed, n_markers) + too_few_wanted(n_markers, at_once)
     notices += guessed_identities(positions, task.spacing)
     for sentence in notices:
         monitor.notice(sentence)
     stated = constraints.name_of_point >= 0 if constraints else None
     trajectories = Trajectories(positions, names, rate, cloud.name, cloud.notices + notices)
-    return trajectories, PointLabels(cloud, tracks, found, classic, stated)
+    return trajectories, label_quality.PointLabels(cloud, tracks, found, classic, stated)
 
 
 def _tracklets(task: LabelTask, tracks: Ints) -> TrackletPoints:
@@ -197,7 +186,7 @@ def _markers(task: LabelTask, tracks: Ints, tracklets: TrackletPoints, monitor: 
     found = refine_labels(task, tracks, by_distances, monitor)
     least = max(stand_alone_frames(cloud.n_frames, task.rate, task.parameters), FREE_MARKER_SHARE * cloud.n_frames)
     # Add markers that distances found, were seen for long, and of which the skeleton explains next to nothing
-    together = counts_together(by_distances, found)[1:]
+    together = point_labels.counts_together(by_distances, found)[1:]
     unexplained = together[:, 0]
     free = (unexplained >= least) & (unexplained >= FREE_POINTS_SHARE * together.sum(axis=1))
     number = np.full(len(free) + 1, -1, dtype=np.int32)
@@ -211,7 +200,7 @@ def _most_seen(found: Ints, n_markers: int) -> Ints:
     counts = np.bincount(found[found >= 0], minlength=1)
     keep = np.zeros(len(counts), dtype=bool)
     keep[np.argsort(-counts, kind="stable")[:n_markers]] = True
-    return renumbered(found, keep & (counts > 0))
+    return point_labels.renumbered(found, keep & (counts > 0))
 
 
 def _losses(found: Ints, n_found: int, n_removed: int, n_markers: int | None) -> tuple[str, ...]:

@@ -12,16 +12,9 @@ from skelgen.model import Limbs, Trajectories
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.classic.spectral import affinities, aligned_count, greedy_clusters, spectral_clusters, spectrum
+from skelgen.stages.limbs import distances as pair_distances
 from skelgen.stages.limbs.checks import limb_notices
 from skelgen.stages.limbs.constraints import LimbConstraints, MarkerConstraints
-from skelgen.stages.limbs.distances import (
-    Deviations,
-    PairSums,
-    distance_deviations,
-    noise_variance,
-    rigid_groups,
-    sample_frames,
-)
 from skelgen.stages.limbs.merging import Distances, rigid_bodies
 from skelgen.stages.limbs.parameters import LimbParameters
 from skelgen.stages.limbs.relative_motion import Movements
@@ -77,8 +70,8 @@ def find_limbs(
     parameters = parameters or LimbParameters()
     monitor.begin("limbs")
     stated = (constraints or LimbConstraints()).with_parameters(parameters).of_markers(trajectories.names)
-    frames = sample_frames(trajectories.n_frames, parameters, seed)
-    every = distance_deviations(trajectories.positions, frames)
+    frames = pair_distances.sample_frames(trajectories.n_frames, parameters, seed)
+    every = pair_distances.distance_deviations(trajectories.positions, frames)
     usable = _usable(every.plain, stated)
     if len(usable) < 2:
         raise InputError(
@@ -97,7 +90,7 @@ def find_limbs(
         # Whether markers are alone in their group and move against all others far more than neighbouring limbs do
         steady = deviations.steady
         known = ~np.isnan(steady)
-        sums = PairSums(np.where(known, steady, 0.0) ** 2 / 2, known.astype(np.float64), groups)
+        sums = pair_distances.PairSums(np.where(known, steady, 0.0) ** 2 / 2, known.astype(np.float64), groups)
         usual = sums.neighbour_motion()
         others = np.where(known, steady, np.inf) + np.diag(np.full(len(groups), np.inf))
         is_alone = np.bincount(groups)[groups] == 1
@@ -126,7 +119,7 @@ class _Grouping:
         self._positions, self._constraints, self._parameters = positions, constraints, parameters
         self._n_limbs, self._seed = n_limbs, seed
 
-    def voted(self, frames: Ints, deviations: Deviations) -> Ints:
+    def voted(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         """Group by one sampling after the other until more than half agree; else take the majority of all pairs.
 
         Parameters
@@ -140,16 +133,16 @@ class _Grouping:
         n_samplings = self._parameters.samplings if self._parameters.method == "rigidity" else 1
         is_complete = len(frames) == len(self._positions)
         for sampling in range(1, 1 if is_complete else n_samplings):
-            again = sample_frames(len(self._positions), self._parameters, (self._seed, sampling))
-            votes.append(self._grouped(again, distance_deviations(self._positions, again)))
+            again = pair_distances.sample_frames(len(self._positions), self._parameters, (self._seed, sampling))
+            votes.append(self._grouped(again, pair_distances.distance_deviations(self._positions, again)))
             if 2 * sum(np.array_equal(votes[-1], one) for one in votes) > n_samplings:
                 return votes[-1]
         return _numbered_by_first(self._constrained(majority(votes), deviations.steady))
 
-    def _grouped(self, frames: Ints, deviations: Deviations) -> Ints:
+    def _grouped(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         return _numbered_by_first(self._constrained(self._clusters(frames, deviations), deviations.steady))
 
-    def _clusters(self, frames: Ints, deviations: Deviations) -> Ints:
+    def _clusters(self, frames: Ints, deviations: pair_distances.Deviations) -> Ints:
         deviation, common = deviations.steady, deviations.common
         parameters, n_limbs = self._parameters, self._n_limbs
         weight = np.where(np.isnan(deviation), 0.0, (common + 1) / (common + HALF_WEIGHT))
@@ -158,7 +151,7 @@ class _Grouping:
             distances = Distances(np.where(weight > 0, deviation, 0.0) ** 2 / 2, weight)
             groups = rigid_bodies(Movements(self._positions, frames), distances, parameters, self._constraints, n_limbs)
         elif parameters.method == "distances":
-            groups = rigid_groups(deviation, parameters, weight)
+            groups = pair_distances.rigid_groups(deviation, parameters, weight)
         if groups is not None and n_limbs in (None, len(np.unique(groups))):
             return groups
         complete = _complete(deviation)
@@ -195,9 +188,9 @@ def count_limbs(deviation: Floats, parameters: LimbParameters, seed: int) -> int
         Seed of k-means for the rising count.
     """
     if parameters.count == "rigidity":
-        return int(rigid_groups(deviation, parameters).max()) + 1
+        return int(pair_distances.rigid_groups(deviation, parameters).max()) + 1
     if parameters.count == "rising":
-        limit = parameters.rigid_limit or RIGID_FACTOR * float(np.sqrt(2 * noise_variance(deviation)))
+        limit = parameters.rigid_limit or RIGID_FACTOR * float(np.sqrt(2 * pair_distances.noise_variance(deviation)))
         for k in range(1, len(deviation)):
             labels = spectral_clusters(deviation, k, parameters.spectral, seed)
             if deviation[labels[:, np.newaxis] == labels].max() <= limit:

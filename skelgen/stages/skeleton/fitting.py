@@ -18,19 +18,8 @@ from skelgen.kinematics.joints.joint_type import JointKind, KindLimits
 from skelgen.kinematics.soft_tissue.fit import calibrate_soft_tissue, fit_soft_tissue
 from skelgen.kinematics.soft_tissue.model import SoftTissue
 from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
+from skelgen.stages.skeleton import joints as body_joints
 from skelgen.stages.skeleton.assembly import Body, assemble
-from skelgen.stages.skeleton.joints import (
-    articulation_of,
-    axis_freedom,
-    correlation_time,
-    errors_of_limbs,
-    find_kinds,
-    joint_deviations,
-    shifted,
-    shifts_along_axes,
-    with_axes,
-    with_noise_of_poses,
-)
 from skelgen.stages.skeleton.loops import FOUND, ClosedLoops, closed_body
 from skelgen.stages.skeleton.parameters import SkeletonParameters
 from skelgen.stages.skeleton.posing import ConstrainedChain, out_of_line, without_outliers
@@ -126,20 +115,20 @@ def fit_body(body: Body, parameters: SkeletonParameters, loops: Ints, are_poses:
     if parameters.fit == "whole-chain":
         found = fitter.closed(fitter.without_slides(fitter.whole(found)), loops)
     last, kinds, poses = found.last, found.kinds, found.poses
-    freedom = axis_freedom(kinds, last.noise)
-    shifts = shifts_along_axes(last.chain, kinds, freedom)
-    chain, closed = shifted(last.chain, kinds, shifts), found.loops
+    freedom = body_joints.axis_freedom(kinds, last.noise)
+    shifts = body_joints.shifts_along_axes(last.chain, kinds, freedom)
+    chain, closed = body_joints.shifted(last.chain, kinds, shifts), found.loops
     if parameters.fit == "whole-chain":
         closed = None if closed is None else closed.shifted(kinds, shifts)
         held = ConstrainedChain(chain, last.articulation, None if closed is None else closed.joints)
         poses = held.fit_in_time(poses, found.inliers, seen)
-    errors = errors_of_limbs(last, kinds, shifts, freedom, found.correlated, parameters.rank_tolerance)
+    errors = body_joints.errors_of_limbs(last, kinds, shifts, freedom, found.correlated, parameters.rank_tolerance)
     if closed is not None and isinstance(last, ClosedCalibration):
         closed = closed.with_errors(errors, last, last.noise * np.sqrt(found.correlated))
     shared = evenly_spread(found.used, ROTATION_FRAMES)
     covariances = errors.turns(poses[shared], found.inliers[shared])
     unseen = np.asarray(~seen.all(axis=1))
-    deviations = joint_deviations(last, chain, poses, found.inliers, unseen, found.correlated)
+    deviations = body_joints.joint_deviations(last, chain, poses, found.inliers, unseen, found.correlated)
     chain, poses, rotation = _with_reference_axes(chain, poses, reference)
     above = rotation[np.maximum(chain.parents, 0)]
     return FittedBody(
@@ -214,33 +203,33 @@ class _Fitter:
         whole = parameters.fit == "whole-chain"
         fit = calibrate(chain, start[frames], inliers[frames], n_rounds=FIRST_ROUNDS if whole else 0)
         if self._are_poses:
-            fit = with_noise_of_poses(fit)
+            fit = body_joints.with_noise_of_poses(fit)
         elif whole:
             fit = self._robust(fit, FIRST_ROUNDS)
         limits = KindLimits(parameters.kind_doubt, parameters.hinge_wobble, parameters.least_turn)
-        kinds = find_kinds(fit, fixed[frames], self._stated, limits, self._are_poses)
+        kinds = body_joints.find_kinds(fit, fixed[frames], self._stated, limits, self._are_poses)
         rotator, flatness = parameters.rotator, parameters.flatness
         poses, seen = pose_outward(fit.chain, inliers, self._body.raw_joints, rotator=rotator, flatness=flatness)
-        return _Fit(fit, kinds, poses, inliers, frames, correlation_time(fit, inliers[frames])), seen
+        return _Fit(fit, kinds, poses, inliers, frames, body_joints.correlation_time(fit, inliers[frames])), seen
 
     def whole(self, first: _Fit) -> _Fit:
         """Fit limbs, joints and poses of as many frames as count together, joints held to their types."""
         inliers, kinds = first.inliers, first.kinds
         seen = np.flatnonzero((~np.isnan(inliers[:, :, 0])).any(axis=1))
         used = evenly_spread(seen, self._parameters.refine_samples)
-        articulation = articulation_of(kinds, set(self._stated))
+        articulation = body_joints.articulation_of(kinds, set(self._stated))
         weights = seen_weights(inliers[used])
         start = first.poses[used]
         last = calibrate(first.last.chain, start, inliers[used], None, articulation, weights)
         kinds, poses = _followed(kinds, last, start), _posed_as(last, first.poses, used)
         if self._are_poses:
-            last = with_noise_of_poses(last)
+            last = body_joints.with_noise_of_poses(last)
         else:
             before, last = last.poses, self._robust(last, None)
             kinds, poses = _followed(kinds, last, before), _posed_as(last, poses, used)
             inliers = inliers.copy()
             inliers[used] = last.positions
-        return _Fit(last, kinds, poses, inliers, used, correlation_time(last, inliers[used]))
+        return _Fit(last, kinds, poses, inliers, used, body_joints.correlation_time(last, inliers[used]))
 
     def without_slides(self, found: _Fit) -> _Fit:
         """Fit once more to positions without the slides of soft tissue, if there are any.
@@ -268,7 +257,11 @@ class _Fitter:
             return found
         are_stated = self._parameters.loops.strip() != FOUND
         last, poses, closed = closed_body(found.last, found.poses, found.used, loops, are_stated)
-        kinds, correlated = with_axes(found.kinds, last.articulation), correlation_time(last, found.inliers[found.used])
+        kinds, correlated = (
+            body_joints.with_axes(found.kinds, last.articulation),
+        kinds = body_joints.with_axes(found.kinds, last.articulation)
+        correlated = body_joints.correlation_time(last, found.inliers[found.used])
+        )
         return replace(found, last=last, kinds=kinds, poses=poses, correlated=correlated, loops=closed)
 
     def _robust(self, fit: Calibration, n_rounds: int | None) -> Calibration:
@@ -293,7 +286,7 @@ def _followed(kinds: list[JointKind], last: Calibration, before: ChainPoses) -> 
     """Joint types with the axes that were fitted, and with the others in the frames that limbs have now."""
     after, earlier = (one.rotations.swapaxes(0, 1).reshape(last.chain.n_limbs, -1, 3) for one in (last.poses, before))
     rotation = nearest_rotation(after.swapaxes(1, 2) @ earlier)  # sums over frames
-    return with_axes(_in_other_frames(kinds, last.chain.parents, rotation), last.articulation)
+    return body_joints.with_axes(_in_other_frames(kinds, last.chain.parents, rotation), last.articulation)
 
 
 def _squares(fit: Calibration) -> float:

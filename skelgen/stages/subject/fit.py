@@ -10,15 +10,7 @@ from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels import LabelParameters
 from skelgen.stages.skeleton import SkeletonParameters
-from skelgen.stages.subject.changes import (
-    LEVEL,
-    PlaceTest,
-    compare_places,
-    freer_joints,
-    place_errors,
-    span_means,
-    with_free_joints,
-)
+from skelgen.stages.subject import changes as take_changes
 from skelgen.stages.subject.labels import SubjectLabels, label_by_subject
 from skelgen.stages.subject.posing import SubjectPoses, pose_subject, subject_motion
 
@@ -104,13 +96,13 @@ def fit_subject(
         If the skeleton explains too little of the take.
     """
     names, calibrated = subject.trajectories.names, subject.skeleton
-    labels = label_by_subject(take, with_free_joints(calibrated), names, labelling, monitor)
+    labels = label_by_subject(take, take_changes.with_free_joints(calibrated), names, labelling, monitor)
     monitor.begin("poses of the subject")
     all_names = _all_names(names, labels)
     positions = labels.points.positions(labels.marker_of_point, len(all_names))
     moved_tracks = [one.marker for one in labels.moved]
     test, moved, freer = _compared(subject, positions[:, : len(names)], moved_tracks, posing)
-    skeleton = _with_new(with_free_joints(calibrated, freer), labels)
+    skeleton = _with_new(take_changes.with_free_joints(calibrated, freer), labels)
     shifts = test.distances
     if moved:
         skeleton = _replaced(skeleton, pose_subject(skeleton, _without(positions, moved), posing), positions, moved)
@@ -184,25 +176,25 @@ def _without(positions: Floats, markers: tuple[int, ...]) -> Floats:
 
 def _compared(
     subject: Project, positions: Floats, at_first: list[int], posing: SkeletonParameters | None
-) -> tuple[PlaceTest, tuple[int, ...], tuple[int, ...]]:
+) -> tuple[take_changes.PlaceTest, tuple[int, ...], tuple[int, ...]]:
     """Compare the places of all markers with free joints; markers that moved are taken out of the pose one by one.
 
     Returns the comparison, the markers that moved, and the joints with more freedoms than before.
     """
-    skeleton = with_free_joints(subject.skeleton)
+    skeleton = take_changes.with_free_joints(subject.skeleton)
     every = subject.trajectories.positions
     shown = every[evenly_spread(np.arange(len(every)), TESTED_FRAMES)]
     calibrated = pose_subject(skeleton, shown, posing)
-    before = span_means(calibrated.local(skeleton, shown))
+    before = take_changes.span_means(calibrated.local(skeleton, shown))
     some = positions[evenly_spread(np.arange(len(positions)), TESTED_FRAMES)]
-    moved, errors = list(at_first), place_errors(skeleton)
+    moved, errors = list(at_first), take_changes.place_errors(skeleton)
     while True:
         poses = pose_subject(skeleton, _without(some, tuple(moved)), posing)
-        test = compare_places(before, span_means(poses.local(skeleton, some)), errors)
+        test = take_changes.compare_places(before, take_changes.span_means(poses.local(skeleton, some)), errors)
         candidates = np.where(test.is_moved, test.distances, 0.0)
         candidates[moved] = 0.0
         if not candidates.any() or len(moved) >= OTHER_SUBJECT * test.n_tested:
-            return test, tuple(sorted(moved)), freer_joints(subject.skeleton, calibrated, poses)
+            return test, tuple(sorted(moved)), take_changes.freer_joints(subject.skeleton, calibrated, poses)
         moved.append(int(np.argmax(candidates)))
 
 
@@ -226,12 +218,12 @@ def _with_deviations(skeleton: Skeleton, poses: SubjectPoses, positions: Floats)
     return replace(skeleton, marker_std=np.where(seen.any(axis=0), spread, skeleton.marker_std))
 
 
-def _is_other(moved: tuple[int, ...], test: PlaceTest) -> bool:
+def _is_other(moved: tuple[int, ...], test: take_changes.PlaceTest) -> bool:
     """Whether so many markers sit elsewhere that this is not the subject with its markers."""
     return bool(moved) and len(moved) >= OTHER_SUBJECT * test.n_tested
 
 
-def _notices(labels: SubjectLabels, changes: _Changes, test: PlaceTest) -> Iterator[str]:
+def _notices(labels: SubjectLabels, changes: _Changes, test: take_changes.PlaceTest) -> Iterator[str]:
     """Say in whole sentences how a take differs from the calibrated one."""
     names, skeleton = changes.names, changes.skeleton
     how = "its names and the subject's skeleton" if labels.by_name else "the subject's skeleton"
@@ -256,13 +248,13 @@ def _notices(labels: SubjectLabels, changes: _Changes, test: PlaceTest) -> Itera
     yield from _renamed_notices(labels, names)
 
 
-def _moved_notices(changes: _Changes, test: PlaceTest) -> Iterator[str]:
+def _moved_notices(changes: _Changes, test: take_changes.PlaceTest) -> Iterator[str]:
     moved, shifts = changes.moved, changes.shifts
     if _is_other(moved, test):
         yield (
             f"{len(moved)} of {test.n_tested} markers sit elsewhere on their limbs than in the calibrated take "
-            f"(Hotelling's test, all together at a level of {LEVEL:g}): this is another body, or the markers were put "
-            "on anew; calibrate this take by itself"
+            f"(Hotelling's test, all together at a level of {take_changes.LEVEL:g}): this is another body, or the markers "
+            "were put on anew; calibrate this take by itself"
         )
     elif moved:
         largest_first = sorted(moved, key=lambda marker: -shifts[marker])

@@ -17,19 +17,13 @@ import numpy as np
 
 from skelgen.model import PointCloud
 from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.likelihood import (
     SEEN_ENOUGH,
     DistanceRecord,
     distance_sums,
     merge_likely,
     sample_frames,
-)
-from skelgen.stages.labels.point_labels import (
-    blocks_of,
-    one_point_a_frame,
-    renumbered,
-    sampled_positions,
-    seen_together,
 )
 
 LEAST_POINTS = 8
@@ -84,7 +78,7 @@ def merge_again(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, 
     frames = sample_frames(rate, 0, cloud.n_frames)
     sums = np.zeros((3, n_extended, n_extended))
     for start in range(0, len(frames), FRAMES_AT_ONCE):
-        sums += distance_sums(sampled_positions(cloud, extended, frames[start : start + FRAMES_AT_ONCE]))
+        sums += distance_sums(point_labels.sampled_positions(cloud, extended, frames[start : start + FRAMES_AT_ONCE]))
     apart = sums[0] > 0
     if n_extended > n_markers:  # short tracks may lie between the sampled frames
         meeting = seen_at_once(cloud, extended, n_extended)
@@ -94,8 +88,8 @@ def merge_again(cloud: PointCloud, track_of_point: Ints, marker_of_point: Ints, 
     merged[merged >= n_markers] = -1
     if (merged[:n_markers] == np.arange(n_markers)).all() and (merged[n_markers:] < 0).all():
         return marker_of_point
-    found = one_point_a_frame(cloud, np.append(merged, -1).astype(np.int32)[extended])
-    return renumbered(found, np.bincount(found[found >= 0], minlength=n_markers) > 0)
+    found = point_labels.one_point_a_frame(cloud, np.append(merged, -1).astype(np.int32)[extended])
+    return point_labels.renumbered(found, np.bincount(found[found >= 0], minlength=n_markers) > 0)
 
 
 def with_leftovers(track_of_point: Ints, marker_of_point: Ints) -> Ints:
@@ -132,8 +126,8 @@ def seen_at_once(cloud: PointCloud, marker_of_point: Ints, n_markers: int) -> Bo
         Number of markers.
     """
     together = np.zeros((n_markers, n_markers), dtype=bool)
-    for block in blocks_of(cloud):
-        together |= seen_together(block, marker_of_point[block.points], n_markers) > 0
+    for block in point_labels.blocks_of(cloud):
+        together |= point_labels.seen_together(block, marker_of_point[block.points], n_markers) > 0
     return together
 
 

@@ -19,29 +19,11 @@ import numpy as np
 from skelgen.model import PointCloud, Trajectories
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import Monitor
+from skelgen.stages.labels import point_labels
 from skelgen.stages.labels.merging.markers import merge_again
-from skelgen.stages.labels.model_fit.assignment import (
-    NewMarkers,
-    assign_tracks,
-    fill_single_points,
-    point_scores,
-    same_places,
-    split_where_marker_changes,
-)
+from skelgen.stages.labels.model_fit import assignment
 from skelgen.stages.labels.model_fit.model import BLIND_GATE, LimbPoses, MarkerModel, fit_model
 from skelgen.stages.labels.parameters import LabelParameters
-from skelgen.stages.labels.point_labels import (
-    Block,
-    Scores,
-    blocks_of,
-    counts_together,
-    marker_names,
-    marker_positions,
-    one_point_a_frame,
-    renumbered,
-    sampled_positions,
-    seen_together,
-)
 from skelgen.stages.labels.tracking.take import point_weights
 from skelgen.stages.labels.user_labels.statements import PointConstraints, constrained_scores, markers_of_names
 
@@ -113,14 +95,16 @@ def refine_labels(task: LabelTask, track_of_point: Ints, marker_of_point: Ints, 
     frames = np.unique(np.linspace(0, cloud.n_frames - 1, MODEL_FRAMES).astype(np.intp))
     for turn in range(task.parameters.rounds):
         merged = merge_again(cloud, track_of_point, marker_of_point, rate, spacing)
-        positions = sampled_positions(cloud, merged, frames)
-        sample = Trajectories(positions, marker_names(positions.shape[1]), rate * len(frames) / cloud.n_frames)
+        positions = point_labels.sampled_positions(cloud, merged, frames)
+        sample = Trajectories(
+            positions, point_labels.marker_names(positions.shape[1]), rate * len(frames) / cloud.n_frames
+        )
         model = fit_model(sample, core_markers(merged, task.n_markers), BLIND_GATE * spacing, task.seed)
         if model is None:
             break
         better = _relabelled(task, track_of_point, merged, model, monitor)
         # Number of points that changed their marker, whatever the markers' numbers are
-        together = counts_together(marker_of_point, better)
+        together = point_labels.counts_together(marker_of_point, better)
         kept = int(together[1:, 1:].max(axis=1, initial=0).sum())
         n_changed = max(int(together[1:].sum()), int(together[:, 1:].sum())) - kept
         marker_of_point = better
@@ -160,34 +144,36 @@ def _relabelled(
     target = None if constraints is None else markers_of_names(marker_of_point, constraints, n_markers)
     weights = point_weights(cloud)
     result = np.full(cloud.n_points, -1, dtype=np.int32)
-    new_markers = NewMarkers(model.gate, model.limits)
+    new_markers = assignment.NewMarkers(model.gate, model.limits)
     together = np.zeros((n_markers, n_markers))
-    for block in blocks_of(cloud):
+    for block in point_labels.blocks_of(cloud):
         points = cloud.points[block.points]
-        poses = model.pose(marker_positions(cloud, marker_of_point, n_markers, block))
+        poses = model.pose(point_labels.marker_positions(cloud, marker_of_point, n_markers, block))
         scores = _scores(points, block, marker_of_point[block.points], poses, model)
         scores *= weights[block.points, np.newaxis]
         if constraints is not None and target is not None:
             scores = constrained_scores(scores, constraints.name_of_point[block.points], target)
-        tracks = split_where_marker_changes(track_of_point[block.points], scores)
-        marker = assign_tracks(tracks, block.frames, scores, block.n_frames)
-        marker = fill_single_points(marker, block.frames, scores, block.n_frames)
+        tracks = assignment.split_where_marker_changes(track_of_point[block.points], scores)
+        marker = assignment.assign_tracks(tracks, block.frames, scores, block.n_frames)
+        marker = assignment.fill_single_points(marker, block.frames, scores, block.n_frames)
         new_markers.add(points, block, np.flatnonzero(marker < 0), tracks, poses)
         result[block.points] = marker
-        together += seen_together(block, marker, n_markers)
+        together += point_labels.seen_together(block, marker, n_markers)
         monitor.advance(block.first + block.n_frames, cloud.n_frames)
-    merged = same_places(together, model.offsets, model.limb_of_marker, model.limits)
+    merged = assignment.same_places(together, model.offsets, model.limb_of_marker, model.limits)
     result = np.append(merged, -1).astype(np.int32)[result]
     for number, members in enumerate(new_markers.found(cloud.n_frames)):
         result[members] = n_markers + number
-    result = one_point_a_frame(cloud, result)
-    return renumbered(result, np.bincount(result[result >= 0], minlength=1) > 1)
+    result = point_labels.one_point_a_frame(cloud, result)
+    return point_labels.renumbered(result, np.bincount(result[result >= 0], minlength=1) > 1)
 
 
-def _scores(points: Floats, block: Block, marker: Ints, poses: LimbPoses, model: MarkerModel) -> Scores:
+def _scores(
+    points: Floats, block: point_labels.Block, marker: Ints, poses: LimbPoses, model: MarkerModel
+) -> point_labels.Scores:
     """How well each point of a block suits each marker; points keep theirs where nothing is known of its place."""
     predicted, gates = model.predict(poses)
-    scores = point_scores(points, block.frames, predicted, gates)
+    scores = assignment.point_scores(points, block.frames, predicted, gates)
     known = ~np.isnan(predicted[..., 0]) | ~model.is_placed
     owned = np.flatnonzero(marker >= 0)
     lost = owned[~known[block.frames[owned], marker[owned]]]

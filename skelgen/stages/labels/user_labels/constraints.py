@@ -12,18 +12,13 @@ from skelgen.progress import SILENT, Monitor
 from skelgen.stages.labels.parameters import LabelParameters
 from skelgen.stages.labels.point_labels import all_positions, find_points, marker_names, renumbered
 from skelgen.stages.labels.tracking.follow import follow_points
-from skelgen.stages.labels.user_labels.statements import (
-    PointConstraints,
-    find_constraints,
-    markers_of_names,
-    with_constraints,
-)
+from skelgen.stages.labels.user_labels import statements
 
 
 def apply_constraints(
     cloud: PointCloud,
     marker_of_point: Ints,
-    constraints: PointConstraints,
+    constraints: statements.PointConstraints,
     labels: tuple[str, ...] = (),
     n_markers: int | None = None,
 ) -> tuple[Ints, tuple[str, ...]]:
@@ -60,8 +55,8 @@ def apply_constraints(
         )
     frames = np.repeat(np.arange(cloud.n_frames), cloud.points_per_frame)
     n_before = max(int(marker_of_point.max(initial=-1)) + 1, len(labels))
-    target = markers_of_names(marker_of_point, constraints, n_before, labels)
-    marker_of_point = with_constraints(marker_of_point, frames, constraints, target)
+    target = statements.markers_of_names(marker_of_point, constraints, n_before, labels)
+    marker_of_point = statements.with_constraints(marker_of_point, frames, constraints, target)
     size = max(n_before, int(target.max(initial=-1)) + 1)
     counts = np.bincount(marker_of_point[marker_of_point >= 0], minlength=size)
     rank = counts + np.where(np.isin(np.arange(size), target), cloud.n_frames + 1, 0)  # stated ones before all others
@@ -106,7 +101,7 @@ def constrain_labelled(
     # Statements about markers by their index, as statements about positions
     entries = tuple(_located(identities, entry, file) for entry in identities.entries)
     tracks, _ = follow_points(cloud, parameters, monitor)
-    constraints = find_constraints(cloud, tracks, dataclasses.replace(identities, entries=entries))
+    constraints = statements.find_constraints(cloud, tracks, dataclasses.replace(identities, entries=entries))
     found, names = apply_constraints(cloud, find_points(cloud, repaired.positions), constraints, repaired.names)
     lost = int(repaired.seen.sum() - (found >= 0).sum())
     sentence = f"{len(identities.entries)} identities stated by hand are obeyed"
