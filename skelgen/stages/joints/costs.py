@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
-from skelgen.model.arrays import Bools, Floats
+from skelgen.model.arrays import Floats
 from skelgen.model.topology import spanning_forest
 from skelgen.stages.joints.pairs import LEAST_TURN, JointGuess
 from skelgen.stages.joints.parameters import Pair
@@ -93,7 +93,11 @@ def comparable_costs(guesses: Mapping[Pair, JointGuess], n_limbs: int, alpha: fl
     turns = _table(guesses, lambda guess: guess.turn, n_limbs, np.nan)
     wobbles = _table(guesses, lambda guess: guess.wobble, n_limbs, np.nan)
     kinds = np.where((wobbles <= CHANCE) & (turns >= LEAST_TURN), HINGE_PART, 1.0)
-    stillness = _stillness(turns, possible)
+    # Square of how much less than usual two limbs turn, at least 1
+    moves = np.maximum(np.nan_to_num(turns, nan=1.0), LEAST_TURN)
+    upper = np.triu(possible, 1)
+    usual = float(np.quantile(moves[upper], USUAL_PART)) if upper.any() else 1.0
+    stillness = np.maximum(1.0, (usual / moves) ** 2)
     wandering, chance, costs, expected = 0.0, CHANCE, squares, noise
     for _ in range(ROUNDS):
         expected = noise + wandering
@@ -117,14 +121,6 @@ def _chance(ratios: Floats) -> float:
     middle = float(np.median(ratios))
     spread = SIGMA_OF_MEDIAN * float(np.median(np.abs(ratios - middle)))
     return float(np.clip(middle + CHANCE_SPREAD * spread, 1.0, CHANCE))
-
-
-def _stillness(turns: Floats, possible: Bools) -> Floats:
-    """Square of how much less than usual two limbs turn, at least 1."""
-    moves = np.maximum(np.nan_to_num(turns, nan=1.0), LEAST_TURN)
-    upper = np.triu(possible, 1)
-    usual = float(np.quantile(moves[upper], USUAL_PART)) if upper.any() else 1.0
-    return np.asarray(np.maximum(1.0, (usual / moves) ** 2))
 
 
 def _table(

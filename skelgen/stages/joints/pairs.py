@@ -12,7 +12,6 @@ import numpy as np
 from skelgen._kernels import contiguous
 from skelgen._kernels.ball_joint import both_images, mean_distances
 from skelgen.geometry.statistics import quantile_of
-from skelgen.kinematics.bodies.shape import LimbShape
 from skelgen.kinematics.joints.closed_form import FixedPoint, fit_fixed_point, fit_sphere
 from skelgen.model.arrays import Floats
 from skelgen.stages.classic.conjugate_gradient import minimise
@@ -202,14 +201,10 @@ def _from_sphere(body: Segment, other: Segment, typical: float) -> JointGuess | 
     freedom = n_values / max(n_values - points.shape[1] - 3, 0.5)
     expected = float(of_body[used].mean()) + max(typical, LEAST_VARIANCE)
     turn = _turn(body, points, fit.centre)
-    positions = _images_of(body.shape, fit.centre)
+    # World positions of a point of a limb's frame, shape (n_frames, 3); NaN without a pose
+    poses = body.shape.world_from_limb
+    positions = poses[:, :3, :3] @ fit.centre + poses[:, :3, 3]
     return JointGuess(positions, freedom * fit.variance, expected, turn=turn, n_frames=int(used.sum()) // 3 + 1)
-
-
-def _images_of(shape: LimbShape, point: Floats) -> Floats:
-    """World positions of a point of a limb's frame, shape (n_frames, 3); NaN without a pose."""
-    poses = shape.world_from_limb
-    return np.asarray(poses[:, :3, :3] @ point + poses[:, :3, 3])
 
 
 def _turn(body: Segment, points: Floats, centre: Floats) -> float:

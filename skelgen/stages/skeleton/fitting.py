@@ -257,11 +257,8 @@ class _Fitter:
             return found
         are_stated = self._parameters.loops.strip() != FOUND
         last, poses, closed = closed_body(found.last, found.poses, found.used, loops, are_stated)
-        kinds, correlated = (
-            body_joints.with_axes(found.kinds, last.articulation),
         kinds = body_joints.with_axes(found.kinds, last.articulation)
         correlated = body_joints.correlation_time(last, found.inliers[found.used])
-        )
         return replace(found, last=last, kinds=kinds, poses=poses, correlated=correlated, loops=closed)
 
     def _robust(self, fit: Calibration, n_rounds: int | None) -> Calibration:

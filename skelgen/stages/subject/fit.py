@@ -253,8 +253,8 @@ def _moved_notices(changes: _Changes, test: take_changes.PlaceTest) -> Iterator[
     if _is_other(moved, test):
         yield (
             f"{len(moved)} of {test.n_tested} markers sit elsewhere on their limbs than in the calibrated take "
-            f"(Hotelling's test, all together at a level of {take_changes.LEVEL:g}): this is another body, or the markers "
-            "were put on anew; calibrate this take by itself"
+            f"(Hotelling's test, all together at a level of {take_changes.LEVEL:g}): this is another body, or the "
+            "markers were put on anew; calibrate this take by itself"
         )
     elif moved:
         largest_first = sorted(moved, key=lambda marker: -shifts[marker])
