@@ -1,7 +1,6 @@
 """Joints between all pairs of limbs, and those of the tree in all frames, of long takes block by block."""
 
 from dataclasses import replace
-from functools import partial
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -72,20 +71,14 @@ class PairSearch:
     def _guess(self, pairs: list[Pair]) -> None:
         """Guess the joints of some pairs, in several processes where that pays."""
         work = [self._common_frames(pair) for pair in pairs]
-        guess = partial(
-            guess_joint,
-            typical=self._typical,
-            alpha=self._parameters.alpha,
-            parameters=self._parameters,
-            seed=self._seed,
-        )
+        given = self._typical, self._parameters.alpha, self._parameters, self._seed
         by_descent = self._parameters.solver == "conjugate-gradient"
         if sum(by_descent or not (one.shape.has_pose or two.shape.has_pose) for one, two in work) < WORTH_PROCESSES:
-            found = (guess(first, second) for first, second in work)
+            found = (guess_joint(first, second, *given) for first, second in work)
         else:
             from joblib import Parallel, delayed  # noqa: PLC0415 - only wanted with many descents
 
-            found = Parallel(return_as="generator")(delayed(guess)(first, second) for first, second in work)
+            found = Parallel(return_as="generator")(delayed(guess_joint)(*pair, *given) for pair in work)
         for index, (pair, one) in enumerate(zip(pairs, found, strict=True), start=1):
             self._guesses[pair] = one
             self._monitor.advance(index, len(work))

@@ -139,9 +139,8 @@ def undo_moves(trajectories: Trajectories, moves: Iterable[Move]) -> Trajectorie
         return trajectories
     positions = trajectories.positions.copy()
     for move in moves:
-        frames = move.first_frame + np.flatnonzero(
-            trajectories.seen[move.first_frame : move.last_frame + 1, move.marker]
-        )
+        shown = trajectories.seen[move.first_frame : move.last_frame + 1, move.marker]
+        frames = move.first_frame + np.flatnonzero(shown)
         positions[frames, move.other] = positions[frames, move.marker]
         positions[frames, move.marker] = np.nan
     notices = (*trajectories.notices, *(move.sentence for move in moves))

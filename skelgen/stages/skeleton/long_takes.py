@@ -117,14 +117,9 @@ def play_back(
     for one in fitted:
         present = ~np.isnan(trajectories.positions[:, one.body.markers, 0]).all(axis=1)
         _fill_absence(one, np.asarray(present), found)
-    motion = PosedMotion(
-        skeleton,
-        _frozen(found.orientations),
-        _frozen(found.origins),
-        trajectories,
-        found.seen,
-        _frozen(_deviations(fitted, skeleton, frames, n_frames)),
-    )
+    deviations = _frozen(_deviations(fitted, skeleton, frames, n_frames))
+    orientations, origins = _frozen(found.orientations), _frozen(found.origins)
+    motion = PosedMotion(skeleton, orientations, origins, trajectories, found.seen, deviations)
     return Playback(motion, found.n_outliers)
 
 

@@ -207,9 +207,8 @@ def _with_rest_of_tracks(points: TrackedPoints, marker_of_point: Ints, predicted
     most = by_track_votes(points, [marker_of_point], n_markers)
     own = np.maximum(most, 0)
     tracks = np.maximum(points.tracks, 0)
-    agreed = np.bincount(tracks, (marker_of_point == most) & (most >= 0)) > HELD_SHARE * np.bincount(
-        tracks, points.tracks >= 0
-    )
+    held = np.bincount(tracks, (marker_of_point == most) & (most >= 0))
+    agreed = held > HELD_SHARE * np.bincount(tracks, points.tracks >= 0)
     away = np.linalg.norm(points.cloud.points - predicted[points.frames, own], axis=1)
     near = agreed[tracks] & (away < typical_spacing(points.cloud) / 2)
     return _frame_by_frame(points, [marker_of_point, np.where(near, most, -1)], n_markers)
@@ -243,9 +242,8 @@ def _reassigned(points: TrackedPoints, marker_of_point: Ints, predicted: Floats,
             continue
         frame = int(points.frames[some[0]])
         markers = np.flatnonzero(~taken[frame] & ~np.isnan(predicted[frame, :, 0]))
-        apart = (
-            np.linalg.norm(points.cloud.points[some, np.newaxis] - predicted[frame, markers], axis=2) / gates[markers]
-        )
+        apart = np.linalg.norm(points.cloud.points[some, np.newaxis] - predicted[frame, markers], axis=2)
+        apart /= gates[markers]
         rows, columns = linear_sum_assignment(np.minimum(apart, 1.0))
         near = apart[rows, columns] < 1.0
         kept[some[rows[near]]] = markers[columns[near]]

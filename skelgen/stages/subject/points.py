@@ -136,9 +136,8 @@ def place_tracks(
     marker_of_track : mapping of int to int
         The marker that a track is by its name.
     """
-    found = _joined(
-        _alone(points, marker_of_point, skeleton, poses, float(np.median(gates))), points, float(np.median(gates))
-    )
+    gate = float(np.median(gates))
+    found = _joined(_alone(points, marker_of_point, skeleton, poses, gate), points, gate)
     seen = np.zeros((points.cloud.n_frames, len(skeleton.limb_of_marker)), dtype=np.bool_)
     seen[points.frames[marker_of_point >= 0], marker_of_point[marker_of_point >= 0]] = True
     moved: list[PlacedTrack] = []

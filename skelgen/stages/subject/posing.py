@@ -151,10 +151,7 @@ def subject_motion(skeleton: Skeleton, poses: SubjectPoses, measured: Floats, ra
         rate=rate,
         compute_angles=MotionAngles(skeleton, measured),
     )
-    stds = [
-        posture_of(
-            skeleton, motion, poses.inliers, np.arange(first, min(first + BLOCK_FRAMES, len(measured)))
-        ).joint_std
-        for first in range(0, len(measured), BLOCK_FRAMES)
-    ]
+    starts = range(0, len(measured), BLOCK_FRAMES)
+    blocks = [np.arange(first, min(first + BLOCK_FRAMES, len(measured))) for first in starts]
+    stds = [posture_of(skeleton, motion, poses.inliers, block).joint_std for block in blocks]
     return replace(motion, joint_std=np.concatenate(stds))

@@ -122,14 +122,8 @@ def identity_confidence(
         original[sure], alone[sure], rare[sure] = -1, False, False
     statistics = statistics.without_pieces(original)
     seen = trajectories.seen
-    evidence, rival, n_seen = evidence_of(
-        trajectories.positions,
-        statistics.distance,
-        statistics.spread,
-        statistics.mates,
-        statistics.rivals,
-        statistics.reach,
-    )
+    usual, compared = (statistics.distance, statistics.spread), (statistics.mates, statistics.rivals)
+    evidence, rival, n_seen = evidence_of(trajectories.positions, *usual, *compared, statistics.reach)
     stated = np.zeros((0, 0), dtype=np.bool_) if stated is None else stated
     share = max(1.0, CORRELATED_SECONDS * trajectories.rate)
     breaks = breaks.copy()

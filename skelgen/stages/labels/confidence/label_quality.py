@@ -115,14 +115,8 @@ def labelling_of_cloud(trajectories: Trajectories, history: LabelHistory) -> Lab
         How points became markers.
     """
     certainty = identity_confidence(trajectories, history.changes, history.stated, LABELS_FOUND)
-    return Labelling(
-        certainty.confidence,
-        doubtful_spans(trajectories, certainty),
-        certainty.twins,
-        history.left_out,
-        history.tracklets,
-        history.classic,
-    )
+    spans = doubtful_spans(trajectories, certainty)
+    return Labelling(certainty.confidence, spans, certainty.twins, history.left_out, history.tracklets, history.classic)
 
 
 def labelling_of_markers(trajectories: Trajectories, file: Trajectories, findings: Iterable[Finding] = ()) -> Labelling:

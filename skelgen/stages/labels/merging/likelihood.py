@@ -244,13 +244,8 @@ def _log_weight(freedom: Floats, scatter: Floats, tau: float, prior: float) -> t
     """Log probability of a scatter if the usual deviation is tau, and Student's freedom and variance after it."""
     after = PRIOR_SAMPLES + freedom
     variance = (PRIOR_SAMPLES * tau**2 + scatter) / after
-    weight = (
-        np.log(prior)
-        + gammaln(after / 2)
-        - gammaln(PRIOR_SAMPLES / 2)
-        + PRIOR_SAMPLES / 2 * np.log(PRIOR_SAMPLES * tau**2)
-        - after / 2 * np.log(after * variance)
-    )
+    weight = np.log(prior) + gammaln(after / 2) - gammaln(PRIOR_SAMPLES / 2)
+    weight = weight + PRIOR_SAMPLES / 2 * np.log(PRIOR_SAMPLES * tau**2) - after / 2 * np.log(after * variance)
     return weight, after, variance
 
 

@@ -6,6 +6,7 @@ To the evidence of distances comes that of continuity: a tracklet may begin wher
 must be by now.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -246,35 +247,27 @@ def _missed(points: Floats, tracklets: TrackletPoints, which: tuple[Ints, Ints],
     return np.asarray(missed)
 
 
-class _ErrorDeviation:
-    """Deviation of a coordinate of the predictions [mm] by the time over which they reach [s]."""
+def _error_deviation(points: Floats, tracklets: TrackletPoints, rate: float) -> Callable[[Floats], Floats] | None:
+    """Deviation of a coordinate of predictions [mm] by the time over which they reach [s]; None if nothing shows it.
 
-    def __init__(self, times: Floats, deviations: Floats) -> None:
-        self._times, self._deviations = times, np.maximum.accumulate(deviations)
-
-    def __call__(self, time: Floats) -> Floats:
-        return np.asarray(np.interp(time, self._times, self._deviations))
-
-
-def _error_deviation(points: Floats, tracklets: TrackletPoints, rate: float) -> _ErrorDeviation | None:
-    """Measure how far predictions err, on tracklets that are seen before and after; None if there are none."""
+    It is measured on tracklets that are seen before and after.
+    """
     times, deviations = [], []
     for part in TRIED_GAPS:
         gap = max(1, round(part * LONGEST * rate))
         first = np.unique(np.linspace(0, max(0, tracklets.n_frames - 1 - gap), TRIED_FRAMES).astype(np.intp))
-        both = (
-            (tracklets.indices_at(first) >= 0) & (tracklets.indices_at(first + gap) >= 0)
-            if tracklets.n_frames > gap
-            else None
-        )
-        if both is None or not both.any():
+        if tracklets.n_frames <= gap:
+            continue
+        both = (tracklets.indices_at(first) >= 0) & (tracklets.indices_at(first + gap) >= 0)
+        if not both.any():
             continue
         frame, which = np.nonzero(both)
         missed = _missed(points, tracklets, (which, which), (first[frame], first[frame] + gap))
         if not np.isnan(missed).all():
             times.append(gap / rate)
             deviations.append(max(float(np.nanmedian(missed)) / CHI_MEDIAN, np.finfo(np.float64).eps))
-    return _ErrorDeviation(np.array(times), np.array(deviations)) if times else None
+    reached, largest = np.array(times), np.maximum.accumulate(np.array(deviations))
+    return (lambda time: np.asarray(np.interp(time, reached, largest))) if times else None
 
 
 def _tail(ratio: Floats) -> Floats:

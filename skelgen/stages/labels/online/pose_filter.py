@@ -86,9 +86,8 @@ class PoseFilter:
         self._of_limb: Floats = (self.limb == every).astype(np.float64)
         self._of_parent: Floats = (self.parents == every).astype(np.float64)
         self.reference: Floats = np.array(skeleton.reference_pose)
-        self.size = (
-            float(np.sqrt((self.offsets[self.carried] ** 2).sum(axis=1).mean())) or 1.0
-        )  # [mm], of a typical limb
+        # [mm], of a typical limb
+        self.size = float(np.sqrt((self.offsets[self.carried] ** 2).sum(axis=1).mean())) or 1.0
         # Deviation of each marker per coordinate [mm], not below the median one
         known = np.where(self.carried, skeleton.marker_std, np.nan)
         usual = float(np.nanmedian(known)) if self.carried.any() else 0.0

@@ -190,10 +190,8 @@ class RigidLabels:
         scores = self._remembered_scores(points[young], lost, visible, positions, spacing)
         scores = np.maximum(scores, self._learned_scores(points[young], lost, spacing))
         rows, columns = np.nonzero(scores > -np.inf)
-        return [
-            (float(scores[row, column]), int(young[row]), int(lost[column]))
-            for row, column in zip(rows, columns, strict=True)
-        ]
+        found = scores[rows, columns].tolist(), young[rows].tolist(), lost[columns].tolist()
+        return list(zip(*found, strict=True))
 
     def _remembered_scores(
         self, points: Floats, lost: Ints, visible: Ints, positions: Floats, spacing: float

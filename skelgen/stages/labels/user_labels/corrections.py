@@ -165,13 +165,7 @@ class _Editor:
         return CorrectedLabels(changed, self.source, self.touched & (self.source >= 0), tuple(self.notices))
 
 
-_ACTS = {
-    "merge": _Editor.merge,
-    "split": _Editor.split,
-    "rename": _Editor.rename,
-    "delete": _Editor.delete,
-    "swap": _Editor.swap,
-}
+_ACTS = {act.__name__: act for act in (_Editor.merge, _Editor.split, _Editor.rename, _Editor.delete, _Editor.swap)}
 
 
 def _frames(correction: Correction) -> slice:
