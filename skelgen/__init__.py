@@ -30,16 +30,7 @@ if TYPE_CHECKING:
     from skelgen.app.face import write as write
     from skelgen.capture.live import MotionCapture as MotionCapture
     from skelgen.capture.simulated_rig import simulated_rig as simulated_rig
-    from skelgen.errors import Cancelled as Cancelled
-    from skelgen.errors import CaptureError as CaptureError
-    from skelgen.errors import FormatError as FormatError
-    from skelgen.errors import InputError as InputError
-    from skelgen.errors import KernelError as KernelError
-    from skelgen.errors import MissingPackageError as MissingPackageError
-    from skelgen.errors import MissingResultError as MissingResultError
-    from skelgen.errors import ParameterError as ParameterError
-    from skelgen.errors import SkelgenError as SkelgenError
-    from skelgen.errors import WriteError as WriteError
+    from skelgen.errors import *  # noqa: F403 - all of them, and nothing else
     from skelgen.kinematics import LiveSkeleton as LiveSkeleton
     from skelgen.model import Identities as Identities
     from skelgen.model import Identity as Identity

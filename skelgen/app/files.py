@@ -271,9 +271,6 @@ STEREO = registry.Format(
 """Read by the application and not by the formats, because it needs `skelgen.capture`."""
 
 
-TEMPLATE = "page.html"
-
-
 def write_html(package: str, path: Path, **values: Any) -> Path:
     """Fill the template of a package and write the page.
 
@@ -293,7 +290,7 @@ def write_html(package: str, path: Path, **values: Any) -> Path:
     """
     from jinja2 import Environment, StrictUndefined  # noqa: PLC0415 - takes time to load
 
-    source = resources.files(package).joinpath(TEMPLATE).read_text(encoding="utf-8")
+    source = resources.files(package).joinpath("page.html").read_text(encoding="utf-8")
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     html = environment.from_string(source).render(values)
     with replacing(path) as temporary:

@@ -17,7 +17,7 @@ from skelgen.errors import InputError
 
 if TYPE_CHECKING:
     from skelgen.capture.calibration.stereo import StereoCalibration
-    from skelgen.model.rig import BodyTarget, CaptureSettings
+    from skelgen.model.rig import BodyTarget
 
 SETTINGS = Path("rig.xml")
 STRUCTURE = "arm"
@@ -35,7 +35,7 @@ def stereo(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate two cameras from pairs of images of a chessboard."""
-    from skelgen_formats.capture_settings import write_settings
+    from skelgen_formats.capture_settings import read_settings, write_settings
 
     from skelgen.capture.calibration.board import board_from_text
     from skelgen.capture.calibration.stereo import calibrate_stereo
@@ -45,7 +45,7 @@ def stereo(
     screen = Screen(quiet, as_json)
     what = board_from_text(board, square)
     left, right = split_pairs(images)
-    before = _settings_there(output)
+    before = read_settings(output) if output.exists() else None  # whose targets, joints and source stay
     with screen.watching() as monitor:
         found = calibrate_stereo(left, right, (what.columns, what.rows), square, lens, monitor)
     write_settings(CaptureSettings(found.rig) if before is None else replace(before, rig=found.rig), output)
@@ -117,13 +117,6 @@ def split_pairs(images: Sequence[Path]) -> tuple[list[Path], list[Path]]:
             "all left images, then all right ones, in one order"
         )
     return left, right
-
-
-def _settings_there(path: Path) -> CaptureSettings | None:
-    """The settings of a file that is there already: their targets, joints and source stay."""
-    from skelgen_formats.capture_settings import read_settings
-
-    return read_settings(path) if path.exists() else None
 
 
 def _pair_rows(found: StereoCalibration) -> list[dict[str, object]]:

@@ -113,7 +113,8 @@ def generated(function: Callable[..., None], options: Iterable[inspect.Parameter
     options : iterable of inspect.Parameter
         From `parameter_options` or `reader_options`; names that the command already has are left out.
     """
-    plain = [entry for entry in _parameters(function) if entry.kind is not inspect.Parameter.VAR_KEYWORD]
+    own = inspect.signature(function, eval_str=True).parameters.values()
+    plain = [entry for entry in own if entry.kind is not inspect.Parameter.VAR_KEYWORD]
     by_name = {entry.name: entry for entry in (*options, *plain)}  # what the command has itself comes last and wins
     every = plain + [entry for entry in by_name.values() if entry not in plain]
 
@@ -147,10 +148,6 @@ def writer_options() -> list[inspect.Parameter]:
 def given(values: dict[str, Any]) -> dict[str, Any]:
     """Return the generated options that the user gave."""
     return {name: value for name, value in values.items() if value is not None}
-
-
-def _parameters(function: Callable[..., None]) -> list[inspect.Parameter]:
-    return list(inspect.signature(function, eval_str=True).parameters.values())
 
 
 def _format_options(panel: str, *, reading: bool) -> list[inspect.Parameter]:

@@ -105,7 +105,7 @@ class BoardCollector(_Collector):
             monitor.begin(title)
             if any(view.size != source.size for view in self._views.views):
                 raise InputError("these images have another size than those of the views before: clear the views first")
-            names = _names(source)
+            names: tuple[str, ...] = getattr(source, "names", ())  # of image files; others are counted
             before: View | None = None
             n_seen = 0
             for number, pair in enumerate(self._pairs(source, monitor)):
@@ -132,12 +132,6 @@ class BoardCollector(_Collector):
 
 def _copied(image: Image, view: BoardView | None) -> CameraImage:
     return CameraImage.of_board(image.copy(), view)  # sources write the next image over this one
-
-
-def _names(source: FrameSource) -> tuple[str, ...]:
-    """Names of image files; others are counted."""
-    names = getattr(source, "names", ())
-    return names if isinstance(names, tuple) else ()
 
 
 class TargetCollector(_Collector, Generic[_Progress]):
