@@ -90,15 +90,11 @@ def _articulation(truth: Truth, chain: Chain, rotations: Floats) -> Articulation
         in_parent[limb] = parent[0].T @ truth.joint_axes[0, limb - 1]
         in_child[limb] = relative[0].T @ in_parent[limb]
         if kinds[limb] == "universal":
-            in_child[limb] = _second_axis(relative, in_parent[limb])
+            # The axis in the child about which the first one goes round in a cone.
+            seen = np.einsum("fji,j->fi", relative, in_parent[limb])
+            in_child[limb] = np.linalg.svd(seen - seen.mean(axis=0), full_matrices=False)[2][2]
             between[limb] = np.arccos(np.clip(in_parent[limb] @ relative[0] @ in_child[limb], -1.0, 1.0))
     return Articulation(kinds, in_parent, in_child, between)
-
-
-def _second_axis(relative: Floats, first: Floats) -> Floats:
-    """The axis in the child about which the first one goes round in a cone."""
-    seen = np.einsum("fji,j->fi", relative, first)
-    return np.asarray(np.linalg.svd(seen - seen.mean(axis=0), full_matrices=False)[2][2])
 
 
 def with_limits(

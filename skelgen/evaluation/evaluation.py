@@ -97,16 +97,9 @@ class Evaluation:
 
     def as_mapping(self) -> dict[str, object]:
         """Return everything as plain values for JSON: numbers, texts, lists, None."""
-        figures: tuple[str, ...] = (
-            "mean_joint_error",
-            "worst_joint_error",
-            "mean_joint_bound",
-            "times_bound",
-            "coverage",
-        )
-        figures += ("mean_length_error", "mean_marker_deviation")
-        summary = {name: getattr(self, name) for name in (*figures, "limb_deviations")}
-        return {**dataclasses.asdict(self), "summary": summary}
+        of_joints = ("mean_joint_error", "worst_joint_error", "mean_joint_bound", "times_bound", "coverage")
+        figures = (*of_joints, "mean_length_error", "mean_marker_deviation", "limb_deviations")
+        return {**dataclasses.asdict(self), "summary": {name: getattr(self, name) for name in figures}}
 
 
 def _mean(values: list[float | None]) -> float | None:
@@ -129,9 +122,15 @@ def evaluate(project: Project, truth: Truth) -> Evaluation:
     InputError
         If the truth is that of another take.
     """
-    _check_same_take(project, truth)
+    take = project.take
+    if isinstance(take, Poses):
+        raise InputError("a take of bodies with orientation has no markers to compare with the truth")
+    if take.n_frames != truth.n_frames:
+        raise InputError(f"the truth has {truth.n_frames} frames, the take {take.n_frames}: it belongs to another take")
     if not project.has("labels"):
         return Evaluation()
+    if project.trajectories.n_frames != truth.n_frames:
+        raise InputError(f"the result has {project.trajectories.n_frames} frames where the truth has {truth.n_frames}")
     true_of_marker, labels = find_identity(project, truth)
     if not project.has("limbs"):
         return Evaluation(labels)
@@ -167,13 +166,3 @@ def _with_motion_scores(
         lengths=score_lengths(skeleton, fitted, true_of_joint, truth),
         markers=score_markers(project.trajectories, motion, true_of_marker, truth),
     )
-
-
-def _check_same_take(project: Project, truth: Truth) -> None:
-    take = project.take
-    if isinstance(take, Poses):
-        raise InputError("a take of bodies with orientation has no markers to compare with the truth")
-    if take.n_frames != truth.n_frames:
-        raise InputError(f"the truth has {truth.n_frames} frames, the take {take.n_frames}: it belongs to another take")
-    if project.has("labels") and project.trajectories.n_frames != truth.n_frames:
-        raise InputError(f"the result has {project.trajectories.n_frames} frames where the truth has {truth.n_frames}")

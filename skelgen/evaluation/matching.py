@@ -72,18 +72,14 @@ def find_identity(project: Project, truth: Truth) -> tuple[Ints, LabelScore | No
     InputError
         If the truth is that of another take.
     """
-    take = project.take
+    take, trajectories = project.take, project.trajectories
     if isinstance(take, PointCloud):
-        return _identity_of_points(take, project.trajectories, truth)
-    return _identity_by_name(project.trajectories, truth), None
-
-
-def _identity_by_name(trajectories: Trajectories, truth: Truth) -> Ints:
+        return _identity_of_points(take, trajectories, truth)
     index_of = {_plain(name): index for index, name in enumerate(truth.marker_names)}
     unknown = [name for name in trajectories.names if _plain(name) not in index_of]
     if unknown:
         raise InputError(f"the truth knows no marker {unknown[0]!r}: it belongs to another take")
-    return np.array([index_of[_plain(name)] for name in trajectories.names], dtype=np.intp)
+    return np.array([index_of[_plain(name)] for name in trajectories.names], dtype=np.intp), None
 
 
 def _plain(name: str) -> str:
@@ -103,8 +99,10 @@ def _identity_of_points(cloud: PointCloud, trajectories: Trajectories, truth: Tr
     hits = together[rows, columns]
     true_of_marker = np.full(trajectories.n_markers, -1, dtype=np.intp)
     true_of_marker[rows[hits > 0]] = columns[hits > 0]
-    n_found, n_true = int(counts.sum()), int((truth.marker_of_point >= 0).sum())
-    return true_of_marker, _label_score(int(hits.sum()), n_found, n_true, (trajectories.n_markers, truth.n_markers))
+    n_hits, n_found, n_true = int(hits.sum()), int(counts.sum()), int((truth.marker_of_point >= 0).sum())
+    idf1 = 2 * n_hits / max(n_found + n_true, 1)
+    precision, recall = n_hits / max(n_found, 1), n_hits / max(n_true, 1)
+    return true_of_marker, LabelScore(idf1, precision, recall, trajectories.n_markers, truth.n_markers)
 
 
 def _points_of_result(cloud: PointCloud, trajectories: Trajectories) -> tuple[Ints, Ints]:
@@ -119,16 +117,6 @@ def _points_of_result(cloud: PointCloud, trajectories: Trajectories) -> tuple[In
     distance, point = tree.query(wanted, distance_upper_bound=POINT_TOLERANCE)
     made = np.isfinite(distance)
     return marker[made], point[made]
-
-
-def _label_score(n_hits: int, n_found: int, n_true: int, n_markers: tuple[int, int]) -> LabelScore:
-    return LabelScore(
-        idf1=2 * n_hits / max(n_found + n_true, 1),
-        precision=n_hits / max(n_found, 1),
-        recall=n_hits / max(n_true, 1),
-        n_markers_found=n_markers[0],
-        n_markers_true=n_markers[1],
-    )
 
 
 @dataclass(frozen=True)
@@ -259,14 +247,9 @@ def score_topology(edges: Ints, true_of_limb: Ints, truth: Truth) -> TopologySco
     """
     true_of_joint = match_joints(edges, true_of_limb, truth)
     hit = set(true_of_joint.tolist())
-    extra = tuple(
-        " - ".join(_limb_name(int(limb), true_of_limb, truth) for limb in edge) for edge in edges[true_of_joint < 0]
-    )
+    wrong, names = edges[true_of_joint < 0].tolist(), (*truth.limb_names, "")
+    named = {limb: names[true] or f"limb {limb} of the result" for limb, true in enumerate(true_of_limb.tolist())}
+    extra = tuple(" - ".join(named[limb] for limb in edge) for edge in wrong)
     found = tuple(name for index, name in enumerate(truth.joint_names) if index in hit)
     missed = tuple(name for index, name in enumerate(truth.joint_names) if index not in hit)
     return TopologyScore(found, missed, extra, is_exact=not missed and not extra)
-
-
-def _limb_name(limb: int, true_of_limb: Ints, truth: Truth) -> str:
-    true_limb = int(true_of_limb[limb])
-    return truth.limb_names[true_limb] if true_limb >= 0 else f"limb {limb} of the result"

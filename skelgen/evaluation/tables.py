@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from skelgen.evaluation.evaluation import Evaluation
-from skelgen.evaluation.joints import JointScore, LengthScore
+from skelgen.evaluation.joints import LengthScore
 
 _NOTHING = "-"
 
@@ -83,29 +83,13 @@ def _overview(evaluation: Evaluation) -> Table:
 
 
 def _joints(evaluation: Evaluation) -> Table:
-    columns = (
-        "joint",
-        "true kind",
-        "found kind",
-        "raw mean",
-        "mean",
-        "median",
-        "maximum",
-        "bound",
-        "times bound",
-        "predicted",
-        "coverage",
-    )
-    rows = tuple(
-        (joint.name, joint.kind_true, joint.kind_found or _NOTHING, *_joint_numbers(joint))
-        for joint in evaluation.joints
-    )
-    return Table("Joint errors [mm], hinges across their axis", columns, rows)
-
-
-def _joint_numbers(joint: JointScore) -> tuple[str, ...]:
-    errors = (joint.raw_mean, joint.mean, joint.median, joint.maximum)
-    return tuple(map(_number, (*errors, joint.bound, joint.times_bound, joint.predicted, joint.coverage)))
+    figures = ("raw mean", "mean", "median", "maximum", "bound", "times bound", "predicted", "coverage")
+    rows = []
+    for joint in evaluation.joints:
+        numbers = (_number(getattr(joint, name.replace(" ", "_"))) for name in figures)
+        rows.append((joint.name, joint.kind_true, joint.kind_found or _NOTHING, *numbers))
+    columns = ("joint", "true kind", "found kind", *figures)
+    return Table("Joint errors [mm], hinges across their axis", columns, tuple(rows))
 
 
 def _lengths(evaluation: Evaluation) -> Table:

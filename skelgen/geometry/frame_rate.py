@@ -14,8 +14,8 @@ import numpy as np
 
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
-from skelgen.model import Motion, PointCloud, Poses, Project, Skeleton, Take, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model import Motion, PointCloud, Project, Skeleton, Take, Trajectories
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.filled import Filled, PositionSource
 
 AS_RECORDED_RATE = 0.0
@@ -103,18 +103,15 @@ def _project(project: Project, rate: float) -> Project:
 def _take(take: Take, rate: float) -> Take:
     if isinstance(take, PointCloud):
         return take
-    return _poses(take, rate) if isinstance(take, Poses) else _markers(take, rate)
+    if isinstance(take, Trajectories):
+        return _markers(take, rate)
+    at = _between(take.n_frames, take.rate, rate)
+    return replace(take, world_from_body=_rigid(take.world_from_body, at), rate=rate)
 
 
 def _markers(markers: Trajectories, rate: float) -> Trajectories:
     at = _between(markers.n_frames, markers.rate, rate)
     return replace(markers, positions=_line(markers.positions, at), rate=rate)
-
-
-def _poses(poses: Poses, rate: float) -> Poses:
-    transforms = poses.world_from_body
-    at = _between(poses.n_frames, poses.rate, rate)
-    return replace(poses, world_from_body=_rigid(transforms, at), rate=rate)
 
 
 def _filled(filled: Filled, rate: float) -> Filled:
@@ -142,7 +139,7 @@ def _motion(motion: Motion, skeleton: Skeleton, measured: Trajectories, rate: fl
         joint_positions=_carried(motion, motion.joint_positions, parents, poses, at),
         marker_positions=markers,
         residuals=np.linalg.norm(measured.positions - markers, axis=2),
-        limb_seen=_both(motion.limb_seen, at),
+        limb_seen=motion.limb_seen[at.before] & motion.limb_seen[at.after],
         rate=rate,
         joint_std=None if motion.joint_std is None else _line(motion.joint_std, at),
     )
@@ -171,10 +168,6 @@ def _between(n_frames: int, recorded: float, rate: float) -> _Between:
 def _line(values: Floats, at: _Between) -> Floats:
     part = at.part.reshape(-1, *([1] * (values.ndim - 1)))
     return np.asarray((1 - part) * values[at.before] + part * values[at.after])
-
-
-def _both(claims: Bools, at: _Between) -> Bools:
-    return np.asarray(claims[at.before] & claims[at.after])
 
 
 def _rigid(transforms: Floats, at: _Between) -> Floats:

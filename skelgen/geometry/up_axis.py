@@ -75,13 +75,10 @@ def _project(project: Project, wish: str) -> Project:
 
 
 def _motion(motion: Motion, wish: str) -> Motion:
-    return replace(
-        motion,
-        world_from_limb=turned_poses(motion.world_from_limb, wish),
-        joint_positions=_vectors(motion.joint_positions, wish),
-        marker_positions=_vectors(motion.marker_positions, wish),
-        joint_std=None if motion.joint_std is None else np.abs(_vectors(motion.joint_std, wish)),
-    )
+    poses = turned_poses(motion.world_from_limb, wish)
+    joints, markers = _vectors(motion.joint_positions, wish), _vectors(motion.marker_positions, wish)
+    std = None if motion.joint_std is None else np.abs(_vectors(motion.joint_std, wish))
+    return replace(motion, world_from_limb=poses, joint_positions=joints, marker_positions=markers, joint_std=std)
 
 
 def _take(take: Take, wish: str) -> Take:

@@ -162,14 +162,11 @@ class _BoneReduction:
                 self._attach(child, -1, room)
         if any(self._moves(root) for root in self.children(-1)):
             for root in [root for root in self.children(-1) if not self._moves(root)]:
-                self._remove_branch(root)
+                for bone in self.below(root):
+                    del self.parents[bone]
 
     def _moves(self, root: int) -> bool:
         return any(self.slides(bone) or self.turns(bone) for bone in self.below(root))
-
-    def _remove_branch(self, root: int) -> None:
-        for bone in self.below(root):
-            del self.parents[bone]
 
     def _attach(self, bone: int, parent: int, through: int) -> None:
         """Attach a bone to another parent; `through` is its parent so far, given in the new one."""
@@ -231,7 +228,7 @@ class _BoneReduction:
 
     def _is_short(self, bone: int, shortest: float) -> bool:
         points = self.points(bone)
-        return not self.children(bone) and _extent(points) < shortest
+        return not self.children(bone) and bool(np.linalg.norm(points[:, np.newaxis] - points, axis=2).max() < shortest)
 
     def finished(self, name: str) -> BoneTree:
         """Return the limbs, joints fixed at their mean positions."""
@@ -244,7 +241,11 @@ class _BoneReduction:
         order = [roots[0]]
         for bone in order:
             order += self.children(bone)
-        self._notice_slides(order[1:])
+        sliding = {self.names[bone]: _spread(self.places[bone]) for bone in order[1:] if self.slides(bone)}
+        if sliding:
+            most = max(sliding, key=lambda name: sliding[name])
+            notice = f"joints that slide are held at their mean places: {', '.join(sliding)}"
+            self.notices.append(f"{notice}; most: {most}, by up to {sliding[most]:.1f} mm")
         index_of = {bone: index for index, bone in enumerate(order)}
         return BoneTree(
             names=tuple(self.names[bone] for bone in order),
@@ -256,18 +257,7 @@ class _BoneReduction:
             notices=tuple(self.notices),
         )
 
-    def _notice_slides(self, bones: list[int]) -> None:
-        sliding = {self.names[bone]: _spread(self.places[bone]) for bone in bones if self.slides(bone)}
-        if sliding:
-            most = max(sliding, key=lambda name: sliding[name])
-            notice = f"joints that slide are held at their mean places: {', '.join(sliding)}"
-            self.notices.append(f"{notice}; most: {most}, by up to {sliding[most]:.1f} mm")
-
 
 def _spread(places: Floats) -> float:
     """Largest distance [mm] from the mean position."""
     return float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
-
-
-def _extent(points: Floats) -> float:
-    return float(np.linalg.norm(points[:, np.newaxis] - points, axis=2).max())

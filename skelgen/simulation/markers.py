@@ -98,15 +98,10 @@ def blocked_by_limbs(structure: Structure, world_from_limb: Floats, positions: F
     """
     blocked = np.zeros(positions.shape[:2], dtype=np.bool_)
     for index, limb in enumerate(structure.limbs):  # one limb at a time keeps the memory at the size of the markers
-        start, tip = _world_segment(world_from_limb[:, index], limb.segment)
-        blocked |= _squared_distances(camera, positions, start, tip) < limb.radius**2
+        poses = world_from_limb[:, index, np.newaxis]
+        ends = (poses[..., :3, :3] @ limb.segment[..., np.newaxis])[..., 0] + poses[..., :3, 3]
+        blocked |= _squared_distances(camera, positions, ends[:, 0], ends[:, 1]) < limb.radius**2
     return blocked
-
-
-def _world_segment(world_from_limb: Floats, segment: Floats) -> tuple[Floats, Floats]:
-    ends = world_from_limb[:, np.newaxis, :3, :3] @ segment[..., np.newaxis]
-    world = ends[..., 0] + world_from_limb[:, np.newaxis, :3, 3]
-    return world[:, 0], world[:, 1]
 
 
 def _squared_distances(camera: Floats, positions: Floats, start: Floats, tip: Floats) -> Floats:

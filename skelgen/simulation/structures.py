@@ -213,7 +213,9 @@ def random_tree(n_limbs: int, seed: int = 0) -> Structure:
     n_children = [0]
     for index in range(1, n_limbs):
         parent = int(rng.choice([i for i, count in enumerate(n_children) if count < len(_TREE_ROOM)]))
-        joint = _random_joint(rng, limbs[parent], n_children[parent])
+        start, tip = limbs[parent].segment
+        aside = unit(np.cross(tip - start, _direction(rng)))
+        joint = start + _TREE_ROOM[n_children[parent]] * (tip - start) + _TREE_ASIDE * aside
         kind = str(rng.choice(["ball", "universal", "hinge"]))
         limbs.append(_random_limb(rng, f"limb {index + 1}", limbs[parent].name, kind, joint))
         n_children[parent] += 1
@@ -221,28 +223,18 @@ def random_tree(n_limbs: int, seed: int = 0) -> Structure:
     return Structure(f"{_TREE_PREFIX}{n_limbs}", tuple(limbs))
 
 
-def _random_joint(rng: np.random.Generator, parent: LimbModel, n_children: int) -> Floats:
-    start, tip = parent.segment
-    aside = unit(np.cross(tip - start, _direction(rng)))
-    return np.asarray(start + _TREE_ROOM[n_children] * (tip - start) + _TREE_ASIDE * aside)
-
-
 def _random_limb(rng: np.random.Generator, name: str, parent: str, kind: str, joint: Floats) -> LimbModel:
     segment = np.stack([np.zeros(3), rng.uniform(*_TREE_LENGTHS) * _direction(rng)])
     n_markers = int(rng.integers(_TREE_MARKERS[0], _TREE_MARKERS[1] + 1))
     markers = markers_around(segment, rng.uniform(*_TREE_STICKS), n_markers, rng.uniform(0, 2 * np.pi))
     amplitudes = rng.uniform(*_TREE_AMPLITUDES, size=DEGREES_OF_FREEDOM[kind])
-    axes = _random_axes(rng, kind, unit(segment[1]))
-    offsets = np.zeros(len(amplitudes))
-    return LimbModel(name, parent, kind, joint, segment, _ROD_RADIUS, markers, axes, amplitudes, offsets)
-
-
-def _random_axes(rng: np.random.Generator, kind: str, along: Floats) -> Floats:
     first = _direction(rng)
-    while np.linalg.norm(np.cross(first, along)) < _SMALLEST_SINE:
+    while np.linalg.norm(np.cross(first, unit(segment[1]))) < _SMALLEST_SINE:
         first = _direction(rng)
     second = unit(np.cross(first, _direction(rng)))
-    return np.stack([first, second, np.cross(first, second)])[: DEGREES_OF_FREEDOM[kind]]
+    axes = np.stack([first, second, np.cross(first, second)])[: DEGREES_OF_FREEDOM[kind]]
+    offsets = np.zeros(len(amplitudes))
+    return LimbModel(name, parent, kind, joint, segment, _ROD_RADIUS, markers, axes, amplitudes, offsets)
 
 
 def _direction(rng: np.random.Generator) -> Floats:

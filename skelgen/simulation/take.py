@@ -128,7 +128,8 @@ def simulate(
     ('middle rod - rear rod', 'middle rod - front rod')
     """
     if isinstance(structure, RecordedBody):
-        scene = _played(structure, _settings(parameters or _as_recorded(structure), options), seed)
+        recorded = SimulationParameters(n_frames=len(structure.world_from_limb), rate=structure.rate)
+        scene = _played(structure, _settings(parameters or recorded, options), seed)
     else:
         body = structure if isinstance(structure, Structure) else find_structure(structure, seed)
         scene = _moved(body, _settings(parameters or SimulationParameters(), options), seed)
@@ -146,10 +147,6 @@ class _Scene:
     angles: list[Floats]
     poses: Floats
     rigid: Floats
-
-
-def _as_recorded(body: RecordedBody) -> SimulationParameters:
-    return SimulationParameters(n_frames=len(body.world_from_limb), rate=body.rate)
 
 
 def _played(recorded: RecordedBody, settings: SimulationParameters, seed: int) -> _Scene:
@@ -194,20 +191,15 @@ def _settings(parameters: SimulationParameters, options: dict[str, object]) -> S
 
 
 def _observed(scene: _Scene) -> Floats:
-    settings, streams, positions = scene.settings, scene.streams, scene.rigid
+    body, settings, streams, positions = scene.body, scene.settings, scene.streams, scene.rigid
     if settings.soft_tissue > 0:
         positions = positions + soft_tissue_motion(
-            scene.body,
-            scene.poses,
-            scene.angles,
-            rate=settings.rate,
-            deviation=settings.soft_tissue,
-            rng=streams["tissue"],
+            body, scene.poses, scene.angles, rate=settings.rate, deviation=settings.soft_tissue, rng=streams["tissue"]
         )
     observed = positions + settings.noise * streams["noise"].normal(size=positions.shape)
     if settings.n_cameras:
         cameras = camera_ring(positions, settings.n_cameras)
-        observed[~seen_by_cameras(scene.body, scene.poses, positions, cameras)] = np.nan
+        observed[~seen_by_cameras(body, scene.poses, positions, cameras)] = np.nan
     if settings.dropouts > 0:
         n_frames, n_markers = positions.shape[:2]
         observed[dropouts(n_frames, n_markers, settings.dropouts, streams["dropouts"])] = np.nan

@@ -212,10 +212,7 @@ def effective_frames_of_both(residuals: Floats) -> tuple[float, float]:
     The squares of normal numbers decorrelate twice as fast as the numbers themselves.
     """
     correlation = _correlation(residuals)
-    return (
-        _effective(correlation, len(residuals)),
-        _effective(correlation * np.abs(correlation), len(residuals)),
-    )
+    return (_effective(correlation, len(residuals)), _effective(correlation * np.abs(correlation), len(residuals)))
 
 
 def _correlation(residuals: Floats) -> Floats:
