@@ -15,6 +15,20 @@ Ints = NDArray[np.signedinteger[Any]]
 Bools = NDArray[np.bool_]
 
 
+def set_fields(value: object, **fields: object) -> None:
+    """Give the fields of a frozen value what the checks of its `__post_init__` returned.
+
+    Parameters
+    ----------
+    value : object
+        The frozen value.
+    **fields : object
+        Its fields by name.
+    """
+    for name, field in fields.items():
+        object.__setattr__(value, name, field)
+
+
 def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, finite: bool = False) -> Floats:
     """Return a read-only float64 copy of the stated shape; what nobody can write to is not copied.
 

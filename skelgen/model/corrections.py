@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from skelgen.errors import FormatError, InputError, SkelgenError
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, set_fields
 
 SAME_PLACE = 1e-3
 """mm: a marker's place is a measured position, which only rounding in a file may change."""
@@ -120,12 +120,21 @@ class Correction:
     def __post_init__(self) -> None:
         if self.kind not in RULES:
             raise InputError(f"there is no correction {self.kind!r}; there are {', '.join(RULES)}")
-        object.__setattr__(self, "names", tuple(self.names))
-        object.__setattr__(self, "places", tuple(self.places))
-        self._check_names()
-        self._check_frames()
-        if self.rule.needs_value != bool(self.value.strip()):
-            raise InputError(f"{self.kind}: a value {'is missing' if self.rule.needs_value else 'has no meaning'}")
+        set_fields(self, names=tuple(self.names), places=tuple(self.places))
+        rule, n_names = self.rule, len(self.names)
+        if n_names < rule.least or (rule.most and n_names > max(rule.most, 0)):
+            raise InputError(f"{self.kind}: {n_names} markers are named; {rule.least} belong there")
+        if len(set(self.names)) != n_names or not all(name.strip() for name in self.names):
+            raise InputError(f"{self.kind}: every marker must have a name, and be named once")
+        if self.places and len(self.places) != n_names:
+            raise InputError(f"{self.kind}: {len(self.places)} places for {n_names} markers")
+        first, last = self.first_frame, self.last_frame
+        if not rule.has_frames and (first is not None or last is not None):
+            raise InputError(f"{self.kind}: it holds for the whole take, not for some frames")
+        if (first or 0) < 0 or (last is not None and last < (first or 0)):
+            raise InputError(f"{self.kind}: frames {first} to {last} are none")
+        if rule.needs_value != bool(self.value.strip()):
+            raise InputError(f"{self.kind}: a value {'is missing' if rule.needs_value else 'has no meaning'}")
         if self.kind in NUMBERS and not (self.value.isdecimal() and int(self.value) > 0):
             raise InputError(f"{self.kind}: {self.value!r} is no number from 1 on")
 
@@ -143,7 +152,7 @@ class Correction:
     def sentence(self) -> str:
         """What it says."""
         sentence = self.rule.sentence.format(
-            names=_listed(self.names),
+            names=" and ".join(filter(None, (", ".join(self.names[:-1]), *self.names[-1:]))),
             first=self.names[0] if self.names else "",
             rest=self.names[1] if len(self.names) > 1 else "",
             value=self.value,
@@ -153,22 +162,6 @@ class Correction:
         first = "the first frame" if self.first_frame is None else f"frame {self.first_frame}"
         last = "the end" if self.last_frame is None else f"frame {self.last_frame}"
         return f"{sentence}, from {first} to {last}"
-
-    def _check_names(self) -> None:
-        rule, n_names = self.rule, len(self.names)
-        if n_names < rule.least or (rule.most and n_names > max(rule.most, 0)):
-            raise InputError(f"{self.kind}: {n_names} markers are named; {rule.least} belong there")
-        if len(set(self.names)) != n_names or not all(name.strip() for name in self.names):
-            raise InputError(f"{self.kind}: every marker must have a name, and be named once")
-        if self.places and len(self.places) != n_names:
-            raise InputError(f"{self.kind}: {len(self.places)} places for {n_names} markers")
-
-    def _check_frames(self) -> None:
-        first, last = self.first_frame, self.last_frame
-        if not self.rule.has_frames and (first is not None or last is not None):
-            raise InputError(f"{self.kind}: it holds for the whole take, not for some frames")
-        if (first or 0) < 0 or (last is not None and last < (first or 0)):
-            raise InputError(f"{self.kind}: frames {first} to {last} are none")
 
 
 def named_marker(correction: Correction, which: int, names: Sequence[str], positions: Callable[[int], Floats]) -> int:
@@ -201,10 +194,6 @@ def named_marker(correction: Correction, which: int, names: Sequence[str], posit
         f"the correction '{correction.sentence}' names {correction.names[which]!r}, which the labels do not have; take "
         f"it back, or name one of {', '.join(names)}"
     )
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints
+from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, set_fields
 from skelgen.model.takes import Trajectories
 
 
@@ -64,9 +64,7 @@ class Filled:
             raise InputError("a filled take changes measured positions; they must stay as they are")
         if not np.array_equal(np.isnan(positions[:, :, 0]), source == PositionSource.NONE):
             raise InputError("the source of a filled take must be 'none' where there is no position, and only there")
-        object.__setattr__(self, "positions", positions)
-        object.__setattr__(self, "source", source)
-        object.__setattr__(self, "std", check_floats(self.std, shape, "std"))
+        set_fields(self, positions=positions, source=source, std=check_floats(self.std, shape, "std"))
 
     @property
     def filled(self) -> Bools:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints
+from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, set_fields
 
 DOUBT_KINDS = ("piece", "alone", "rare", "rival", "misfit", "unsupported", "repaired")
 """Why a span is doubtful. ``piece``: the marker is probably a part of another one. ``alone``: its distance to no other
@@ -216,11 +216,9 @@ class Labelling:
             raise InputError(f"twins that do not exist: there are {n_markers} markers")
         if self.tracklets is not None and self.tracklets.marker.max(initial=-1) >= n_markers:
             raise InputError(f"a tracklet went to a marker that does not exist: there are {n_markers}")
-        object.__setattr__(self, "confidence", confidence)
-        object.__setattr__(self, "doubts", doubts)
-        object.__setattr__(self, "findings", tuple(self.findings))
-        object.__setattr__(self, "twins", twins)
-        object.__setattr__(self, "left_out", check_ints(self.left_out, (n_frames,), "left_out"))
+        left_out = check_ints(self.left_out, (n_frames,), "left_out")
+        set_fields(self, confidence=confidence, doubts=doubts, findings=tuple(self.findings))
+        set_fields(self, twins=twins, left_out=left_out)
 
     @property
     def split(self) -> tuple[tuple[str, ...], ...]:

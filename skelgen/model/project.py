@@ -178,7 +178,8 @@ class Project:
 
     def has(self, stage: str) -> bool:
         """Whether the result of ``labels``, ``limbs``, ``joints`` or ``skeleton`` is there."""
-        return self._result(stage) is not None
+        results = (self._trajectories, self._limbs, self._topology, self._motion)
+        return dict(zip(STAGES, results, strict=True))[stage] is not None
 
     def with_trajectories(
         self, trajectories: Trajectories, report: StageReport, labelling: Labelling | None = None
@@ -250,10 +251,6 @@ class Project:
     def renamed(self, names: Sequence[str]) -> Project:
         """Return a project whose markers have other names; nothing else depends on these."""
         return replace(self, _trajectories=replace(self.trajectories, names=tuple(names)))
-
-    def _result(self, stage: str) -> object | None:
-        results = (self._trajectories, self._limbs, self._topology, self._motion)
-        return dict(zip(STAGES, results, strict=True))[stage]
 
     def _until(self, stage: str, report: StageReport) -> Project:
         for earlier in STAGES[: STAGES.index(stage)]:

@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats, check_floats, check_names
+from skelgen.model.arrays import Floats, check_floats, check_names, set_fields
 
 N_DISTORTION = 5
 TYPICAL_NOISE = 0.1
@@ -62,9 +62,7 @@ class Camera:
             raise InputError(f"the matrix of {what} needs focal lengths above 0 and 0 0 1 as its last row")
         distortion = check_floats(self.distortion, (N_DISTORTION,), f"distortion of {what}", finite=True)
         pose = check_pose(self.camera_from_world, f"camera_from_world of {what}")
-        object.__setattr__(self, "matrix", matrix)
-        object.__setattr__(self, "distortion", distortion)
-        object.__setattr__(self, "camera_from_world", pose)
+        set_fields(self, matrix=matrix, distortion=distortion, camera_from_world=pose)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -127,8 +125,8 @@ class BodyTarget:
         check_names([self.name], 1, "target")
         points = check_floats(self.points, (None, 3), f"points of body {self.name!r}", finite=True)
         std = np.zeros_like(points) if self.std is None else self.std
-        object.__setattr__(self, "points", points)
-        object.__setattr__(self, "std", check_floats(std, points.shape, f"std of body {self.name!r}", finite=True))
+        std = check_floats(std, points.shape, f"std of body {self.name!r}", finite=True)
+        set_fields(self, points=points, std=std)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,9 +208,8 @@ class CaptureSettings:
                     raise InputError(
                         f"joint {joint.name!r} names body {body!r}, which is not there (there are: {known})"
                     )
-        object.__setattr__(self, "bodies", tuple(self.bodies))
-        object.__setattr__(self, "joints", tuple(self.joints))
-        object.__setattr__(self, "detection", MappingProxyType(dict(self.detection)))
+        detection = MappingProxyType(dict(self.detection))
+        set_fields(self, bodies=tuple(self.bodies), joints=tuple(self.joints), detection=detection)
 
 
 def check_pose(pose: Floats, what: str) -> Floats:

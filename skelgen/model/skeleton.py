@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.errors import InputError, MissingResultError
-from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints
-from skelgen.model.topology import outward_order
+from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, check_ints, set_fields
+from skelgen.model.topology import joint_children, outward_order
 
 JOINT_KINDS = ("ball", "universal", "hinge", "rigid", "undetermined")
 
@@ -75,8 +76,7 @@ class Joint:
         squares = dict.fromkeys(("covariance", "covariance_in_child", "turn_covariance"), (3, 3))
         for name, shape in (vectors | squares).items():
             if getattr(self, name) is not None:
-                value = check_floats(getattr(self, name), shape, f"a joint's {name}", finite=True)
-                object.__setattr__(self, name, value)
+                set_fields(self, **{name: check_floats(getattr(self, name), shape, f"a joint's {name}", finite=True)})
 
     @property
     def std_in_child(self) -> Floats | None:
@@ -136,17 +136,12 @@ class Skeleton:
         parents = check_ints(self.parents, (None,), "parents")
         limb_of_marker = check_ints(self.limb_of_marker, (None,), "limb_of_marker")
         n_markers = len(limb_of_marker)
-        object.__setattr__(self, "parents", parents)
-        object.__setattr__(self, "joints", tuple(self.joints))
-        object.__setattr__(self, "loops", tuple(self.loops))
-        object.__setattr__(self, "limb_of_marker", limb_of_marker)
-        object.__setattr__(self, "marker_offsets", check_floats(self.marker_offsets, (n_markers, 3), "marker_offsets"))
-        object.__setattr__(self, "marker_std", check_floats(self.marker_std, (n_markers,), "marker_std"))
+        offsets = check_floats(self.marker_offsets, (n_markers, 3), "marker_offsets")
+        std = check_floats(self.marker_std, (n_markers,), "marker_std")
         pose = check_floats(self.reference_pose, (len(parents), 4, 4), "reference_pose", finite=True)
-        object.__setattr__(self, "reference_pose", pose)
-        order = outward_order(parents)
-        children = order[(parents[order] >= 0)]
-        if [joint.child for joint in self.joints] != children.tolist():
+        set_fields(self, parents=parents, joints=tuple(self.joints), loops=tuple(self.loops), reference_pose=pose)
+        set_fields(self, limb_of_marker=limb_of_marker, marker_offsets=offsets, marker_std=std)
+        if [joint.child for joint in self.joints] != joint_children(parents).tolist():
             raise InputError("joints must be listed from the root outward, one per child limb")
         shapes = {"offset_std": (n_markers, 3), "length_std": (len(self.lengths),), "marker_noise": (n_markers,)}
         for name, shape in shapes.items():
@@ -181,7 +176,11 @@ class Skeleton:
     @property
     def lengths(self) -> dict[tuple[int, int], float]:
         """Distances [mm] between each two joints of one limb: keys are pairs of joint indices."""
-        return {pair: float(np.linalg.norm(first - second)) for pair, first, second in self._joint_pairs()}
+        found = {}
+        for limb in range(self.n_limbs):
+            for (first, at_first), (second, at_second) in combinations(self.joints_of(limb), 2):
+                found[first, second] = float(np.linalg.norm(at_first - at_second))
+        return found
 
     def markers_of(self, limb: int) -> Ints:
         """Indices of the markers on one limb, rising."""
@@ -202,14 +201,6 @@ class Skeleton:
         first, second = (self.joints[index] for index in pair)
         shared = {first.parent, first.child} & {second.parent, second.child}
         return shared.pop()
-
-    def _joint_pairs(self) -> list[tuple[tuple[int, int], Floats, Floats]]:
-        pairs: list[tuple[tuple[int, int], Floats, Floats]] = []
-        for limb in range(self.n_limbs):
-            joints = self.joints_of(limb)
-            for i, (first, at_first) in enumerate(joints):
-                pairs.extend(((first, second), at_first, at_second) for second, at_second in joints[i + 1 :])
-        return pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,18 +261,14 @@ class Motion:
     def __post_init__(self) -> None:
         poses = check_floats(self.world_from_limb, (None, None, 4, 4), "world_from_limb", finite=True)
         n_frames, n_limbs = poses.shape[:2]
-        object.__setattr__(self, "world_from_limb", poses)
         joints = check_floats(self.joint_positions, (n_frames, None, 3), "joint_positions", finite=True)
-        object.__setattr__(self, "joint_positions", joints)
         markers = check_floats(self.marker_positions, (n_frames, None, 3), "marker_positions")
-        object.__setattr__(self, "marker_positions", markers)
         residuals = check_floats(self.residuals, (n_frames, markers.shape[1]), "residuals")
-        object.__setattr__(self, "residuals", residuals)
-        object.__setattr__(self, "limb_seen", check_bools(self.limb_seen, (n_frames, n_limbs), "limb_seen"))
-        object.__setattr__(self, "rate", float(self.rate))
+        seen = check_bools(self.limb_seen, (n_frames, n_limbs), "limb_seen")
+        set_fields(self, world_from_limb=poses, joint_positions=joints, marker_positions=markers)
+        set_fields(self, residuals=residuals, limb_seen=seen, rate=float(self.rate))
         if self.joint_std is not None:
-            std = check_floats(self.joint_std, joints.shape, "joint_std", finite=True)
-            object.__setattr__(self, "joint_std", std)
+            set_fields(self, joint_std=check_floats(self.joint_std, joints.shape, "joint_std", finite=True))
 
     @property
     def n_frames(self) -> int:

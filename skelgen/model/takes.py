@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, check_names, check_rate
+from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, check_names, check_rate, set_fields
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """Units of length that arrays may be in, in mm."""
@@ -56,11 +56,8 @@ class PointCloud:
         if (np.diff(times) < 0).any():
             raise InputError(f"time stamps go back at frame {int(np.argmax(np.diff(times) < 0)) + 1}")
         attributes = {key: check_floats(value, (len(points),), key) for key, value in self.attributes.items()}
-        object.__setattr__(self, "points", points)
-        object.__setattr__(self, "frame_starts", starts)
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "attributes", MappingProxyType(attributes))
-        object.__setattr__(self, "notices", tuple(self.notices))
+        set_fields(self, points=points, frame_starts=starts, times=times)
+        set_fields(self, attributes=MappingProxyType(attributes), notices=tuple(self.notices))
 
     @property
     def n_frames(self) -> int:
@@ -123,10 +120,8 @@ class Trajectories:
         if half_seen.any():
             positions = np.where(half_seen[..., np.newaxis], np.nan, positions)
             positions.flags.writeable = False
-        object.__setattr__(self, "positions", positions)
-        object.__setattr__(self, "names", check_names(self.names, positions.shape[1], "marker"))
-        object.__setattr__(self, "rate", check_rate(self.rate, "the take"))
-        object.__setattr__(self, "notices", tuple(self.notices))
+        names, rate = check_names(self.names, positions.shape[1], "marker"), check_rate(self.rate, "the take")
+        set_fields(self, positions=positions, names=names, rate=rate, notices=tuple(self.notices))
 
     @classmethod
     def from_array(
@@ -246,10 +241,8 @@ class Poses:
         if unseen.any():
             transforms = np.where(unseen[..., np.newaxis, np.newaxis], np.nan, transforms)
             transforms.flags.writeable = False
-        object.__setattr__(self, "world_from_body", transforms)
-        object.__setattr__(self, "names", check_names(self.names, transforms.shape[1], "body"))
-        object.__setattr__(self, "rate", check_rate(self.rate, "the take"))
-        object.__setattr__(self, "notices", tuple(self.notices))
+        names, rate = check_names(self.names, transforms.shape[1], "body"), check_rate(self.rate, "the take")
+        set_fields(self, world_from_body=transforms, names=names, rate=rate, notices=tuple(self.notices))
 
     @property
     def n_frames(self) -> int:
@@ -296,24 +289,22 @@ class BoneMotion:
     notices: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parents", check_ints(self.parents, (None,), "parents"))
-        n_bones = len(self.parents)
+        parents = check_ints(self.parents, (None,), "parents")
+        n_bones = len(parents)
         if n_bones == 0:
             raise InputError("a motion needs at least one bone")
-        object.__setattr__(self, "names", check_names(self.names, n_bones, "bone"))
-        if (self.parents >= np.arange(n_bones)).any() or (self.parents < -1).any():
+        names = check_names(self.names, n_bones, "bone")
+        if (parents >= np.arange(n_bones)).any() or (parents < -1).any():
             raise InputError("the parent of each bone must stand before it")
         rotations = check_floats(self.rotations, (None, n_bones, 3, 3), "rotations", finite=True)
         if len(rotations) == 0:
             raise InputError("a motion needs at least one frame")
-        object.__setattr__(self, "rotations", rotations)
         places = check_floats(self.places, (len(rotations), n_bones, 3), "places", finite=True)
-        object.__setattr__(self, "places", places)
         if len(self.tips) != n_bones:
             raise InputError(f"tips of {len(self.tips)} bones where {n_bones} belong")
-        tips = (check_floats(tips, (None, 3), "tips of a bone", finite=True) for tips in self.tips)
-        object.__setattr__(self, "tips", tuple(tips))
-        object.__setattr__(self, "rate", check_rate(self.rate, "the motion"))
+        tips = tuple(check_floats(tips, (None, 3), "tips of a bone", finite=True) for tips in self.tips)
+        rate = check_rate(self.rate, "the motion")
+        set_fields(self, names=names, parents=parents, rotations=rotations, places=places, tips=tips, rate=rate)
 
     @property
     def n_frames(self) -> int:

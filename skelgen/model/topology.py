@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Floats, Ints, check_floats, check_ints
+from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, set_fields
 
 if TYPE_CHECKING:
     from networkx import Graph
@@ -41,8 +41,7 @@ class Limbs:
         if (limb_of_marker < -1).any() or not np.array_equal(used, np.arange(len(used))):
             raise InputError("limbs must be numbered from 0 without holes; -1 marks what is left out")
         deviation = check_floats(self.distance_deviation, (n_markers, n_markers), "distance_deviation")
-        object.__setattr__(self, "limb_of_marker", limb_of_marker)
-        object.__setattr__(self, "distance_deviation", deviation)
+        set_fields(self, limb_of_marker=limb_of_marker, distance_deviation=deviation)
 
     @property
     def n_limbs(self) -> int:
@@ -99,16 +98,14 @@ class Topology:
     def __post_init__(self) -> None:
         parents = check_ints(self.parents, (None,), "parents")
         n_limbs = len(parents)
-        _check_forest(parents)
+        check_forest(parents)
         n_joints = int((parents >= 0).sum())
         costs = check_floats(self.joint_costs, (n_limbs, n_limbs), "joint_costs")
         raw = check_floats(self.raw_joint_positions, (None, n_joints, 3), "raw_joint_positions")
-        object.__setattr__(self, "parents", parents)
-        object.__setattr__(self, "joint_costs", costs)
-        object.__setattr__(self, "raw_joint_positions", raw)
-        object.__setattr__(self, "n_iterations", check_ints(self.n_iterations, (n_joints,), "n_iterations"))
-        object.__setattr__(self, "values", check_floats(self.values, (n_joints,), "values"))
-        object.__setattr__(self, "alpha", float(self.alpha))
+        n_iterations = check_ints(self.n_iterations, (n_joints,), "n_iterations")
+        values = check_floats(self.values, (n_joints,), "values")
+        set_fields(self, parents=parents, joint_costs=costs, raw_joint_positions=raw)
+        set_fields(self, n_iterations=n_iterations, values=values, alpha=float(self.alpha))
         for pair in self.loops:
             if len(pair) != 2 or not all(0 <= limb < n_limbs for limb in pair):
                 raise InputError(f"a loop joins two of {n_limbs} limbs, not {pair}")
@@ -333,7 +330,8 @@ def parents_from_names(names: tuple[str, ...], parents: Mapping[str, str | None]
     return index
 
 
-def _check_forest(parents: Ints) -> None:
+def check_forest(parents: Ints) -> None:
+    """Raise `InputError` unless following the parents of limbs ends at a root; `parents` as for `outward_order`."""
     if ((parents < -1) | (parents >= len(parents))).any():
         raise InputError("a parent index names no limb")
     if len(outward_order(parents)) != len(parents):

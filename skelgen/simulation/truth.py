@@ -15,9 +15,9 @@ import numpy as np
 
 from skelgen.errors import FormatError, InputError
 from skelgen.files import replacing
-from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_names, check_rate
+from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_names, check_rate, set_fields
 from skelgen.model.skeleton import JOINT_KINDS
-from skelgen.model.topology import outward_order
+from skelgen.model.topology import check_forest, joint_children
 
 TRUTH_SUFFIX = ".truth.npz"
 """Usual end of a truth file's name."""
@@ -89,24 +89,22 @@ class Truth:
         n_joints = int((self.parents >= 0).sum())
         poses = check_floats(self.world_from_limb, (None, n_limbs, 4, 4), "world_from_limb", finite=True)
         n_frames = len(poses)
-        object.__setattr__(self, "world_from_limb", poses)
+        set_fields(self, world_from_limb=poses)
         shapes: dict[str, tuple[int, ...]] = {"positions_in_parent": (n_joints, 3), "positions_in_child": (n_joints, 3)}
         shapes |= {"joint_positions": (n_frames, n_joints, 3), "marker_positions": (n_frames, n_markers, 3)}
         for field, wanted in shapes.items():
             object.__setattr__(self, field, check_floats(getattr(self, field), wanted, field, finite=True))
         axes = check_floats(self.joint_axes, (n_frames, n_joints, 3), "joint_axes")
-        object.__setattr__(self, "joint_axes", axes)
-        object.__setattr__(self, "marker_names", check_names(self.marker_names, n_markers, "marker"))
-        object.__setattr__(self, "limb_names", check_names(self.limb_names, n_limbs, "limb"))
-        object.__setattr__(self, "joint_kinds", tuple(str(kind) for kind in self.joint_kinds))
-        object.__setattr__(self, "rate", check_rate(self.rate, "the truth"))
+        markers, limbs = (
+            check_names(self.marker_names, n_markers, "marker"),
+            check_names(self.limb_names, n_limbs, "limb"),
+        )
+        kinds, rate = tuple(str(kind) for kind in self.joint_kinds), check_rate(self.rate, "the truth")
+        set_fields(self, joint_axes=axes, marker_names=markers, limb_names=limbs, joint_kinds=kinds, rate=rate)
         self._check_references(n_limbs, n_markers, n_joints)
 
     def _check_references(self, n_limbs: int, n_markers: int, n_joints: int) -> None:
-        if (self.parents < -1).any() or (self.parents >= n_limbs).any():
-            raise InputError("a parent index names no limb")
-        if len(outward_order(self.parents)) != n_limbs:
-            raise InputError("the parents form a cycle")
+        check_forest(self.parents)
         if (self.limb_of_marker < 0).any() or (self.limb_of_marker >= n_limbs).any():
             raise InputError("limb_of_marker names a limb that is not there")
         if (self.marker_of_point < -1).any() or (self.marker_of_point >= n_markers).any():
@@ -137,8 +135,7 @@ class Truth:
     @property
     def children(self) -> Ints:
         """The child limb of each joint, from the root outward, shape (n_joints,)."""
-        order = outward_order(self.parents)
-        return order[self.parents[order] >= 0]
+        return joint_children(self.parents)
 
     @property
     def edges(self) -> Ints:

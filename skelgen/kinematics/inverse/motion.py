@@ -15,7 +15,7 @@ from skelgen.geometry.rotations import matrix_from_quaternion, transform_from
 from skelgen.kinematics.inverse.inverse_kinematics import Posture, posture_of
 from skelgen.kinematics.joints.angles import angle_names
 from skelgen.model import JointAngles, Motion, Skeleton, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats
+from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats, set_fields
 
 CHUNK_FRAMES = 8_192
 
@@ -58,24 +58,16 @@ class PosedMotion(Motion):
         joint_std: Floats | None = None,
     ) -> None:
         n_frames, n_limbs = len(origins), skeleton.n_limbs
-        shapes = {"orientations_wxyz": (n_frames, n_limbs, 4), "origins": (n_frames, n_limbs, 3)}
-        values = {
-            "skeleton": skeleton,
-            "orientations_wxyz": check_floats(
-                orientations_wxyz, shapes["orientations_wxyz"], "orientations", finite=True
-            ),
-            "origins": check_floats(origins, shapes["origins"], "origins", finite=True),
-            "measured": check_floats(
-                trajectories.positions, (n_frames, len(skeleton.limb_of_marker), 3), "measured markers"
-            ),
-            "limb_seen": check_bools(limb_seen, (n_frames, n_limbs), "limb_seen"),
-            "rate": trajectories.rate,
-            "joint_std": joint_std,
-        }
+        wxyz = check_floats(orientations_wxyz, (n_frames, n_limbs, 4), "orientations", finite=True)
+        origins = check_floats(origins, (n_frames, n_limbs, 3), "origins", finite=True)
+        shape = (n_frames, len(skeleton.limb_of_marker), 3)
+        measured = check_floats(trajectories.positions, shape, "measured markers")
+        seen = check_bools(limb_seen, (n_frames, n_limbs), "limb_seen")
         if joint_std is not None:
-            values["joint_std"] = check_floats(joint_std, (n_frames, skeleton.n_joints, 3), "joint_std", finite=True)
-        values["compute_angles"] = MotionAngles(skeleton, trajectories.positions)
-        self.__dict__.update(values)  # the class is frozen
+            joint_std = check_floats(joint_std, (n_frames, skeleton.n_joints, 3), "joint_std", finite=True)
+        angles = MotionAngles(skeleton, trajectories.positions)
+        set_fields(self, skeleton=skeleton, orientations_wxyz=wxyz, origins=origins, measured=measured)
+        set_fields(self, limb_seen=seen, rate=trajectories.rate, joint_std=joint_std, compute_angles=angles)
 
     @cached_property
     def world_from_limb(self) -> Floats:
