@@ -92,21 +92,14 @@ class Hierarchy:
         return tuple(length for body in range(len(self.names)) for length in self._lengths_of(body))
 
     def _lengths_of(self, body: int) -> list[Length]:
+        pairs = [(*pair, joint.fit) for pair, joint in zip(self.loops, self.loop_joints, strict=True)]
+        pairs += [(int(self.parents[child]), child, joint.fit) for child, joint in self.joints.items()]
         places = []
-        for (first, second), joint in zip(self.loops, self.loop_joints, strict=True):
-            fit = joint.fit
-            if body == first:
-                places.append(_Place(second, fit.kind, fit.in_parent, fit.covariance[:3, :3], fit.axis_in_parent))
-            elif body == second:
-                places.append(_Place(first, fit.kind, fit.in_child, fit.covariance[3:, 3:], fit.axis_in_child))
-        if body in self.joints:
-            fit = self.joints[body].fit
-            places.append(
-                _Place(int(self.parents[body]), fit.kind, fit.in_child, fit.covariance[3:, 3:], fit.axis_in_child)
-            )
-        for child in np.flatnonzero(self.parents == body).tolist():
-            fit = self.joints[child].fit
-            places.append(_Place(child, fit.kind, fit.in_parent, fit.covariance[:3, :3], fit.axis_in_parent))
+        for parent, child, fit in pairs:
+            if body == parent:
+                places.append(_Place(child, fit.kind, fit.in_parent, fit.covariance[:3, :3], fit.axis_in_parent))
+            elif body == child:
+                places.append(_Place(parent, fit.kind, fit.in_child, fit.covariance[3:, 3:], fit.axis_in_child))
         return [self._length(body, first, second) for first, second in combinations(places, 2)]
 
     def _length(self, body: int, first: _Place, second: _Place) -> Length:
@@ -170,7 +163,11 @@ def find_hierarchy(
         parents = parents_from_names(poses.names, tree)
     else:
         parents = spanning_forest(gaps, root=None if tree is None else body_index(poses, tree))
-    wanted, size = _known_kinds(poses, kinds or {}), noise_size(poses) if size is None else size
+    for name, kind in (kinds or {}).items():
+        if name not in poses.names or kind not in KNOWN_KINDS:
+            raise InputError(f"kinds: {name}={kind} names no body or no kind; kinds are {', '.join(KNOWN_KINDS)}")
+    wanted = {poses.names.index(name): kind for name, kind in (kinds or {}).items()}
+    size = noise_size(poses) if size is None else size
 
     def relate(parent: int, child: int) -> RelativePoses:
         return relative_poses(poses, parent, child, covariances, size)
@@ -218,13 +215,6 @@ def joint_gaps(poses: Poses) -> Floats:
         if fit is not None:
             gaps[first, second] = gaps[second, first] = np.sqrt(fit.gap)
     return gaps
-
-
-def _known_kinds(poses: Poses, kinds: Mapping[str, str]) -> dict[int, str]:
-    for name, kind in kinds.items():
-        if name not in poses.names or kind not in KNOWN_KINDS:
-            raise InputError(f"kinds: {name}={kind} names no body or no kind; kinds are {', '.join(KNOWN_KINDS)}")
-    return {poses.names.index(name): kind for name, kind in kinds.items()}
 
 
 def _loops(hierarchy: Hierarchy, relate: Callable[[int, int], RelativePoses]) -> tuple[tuple[int, int], ...]:

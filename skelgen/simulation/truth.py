@@ -95,10 +95,8 @@ class Truth:
         for field, wanted in shapes.items():
             object.__setattr__(self, field, check_floats(getattr(self, field), wanted, field, finite=True))
         axes = check_floats(self.joint_axes, (n_frames, n_joints, 3), "joint_axes")
-        markers, limbs = (
-            check_names(self.marker_names, n_markers, "marker"),
-            check_names(self.limb_names, n_limbs, "limb"),
-        )
+        markers = check_names(self.marker_names, n_markers, "marker")
+        limbs = check_names(self.limb_names, n_limbs, "limb")
         kinds, rate = tuple(str(kind) for kind in self.joint_kinds), check_rate(self.rate, "the truth")
         set_fields(self, joint_axes=axes, marker_names=markers, limb_names=limbs, joint_kinds=kinds, rate=rate)
         self._check_references(n_limbs, n_markers, n_joints)

@@ -71,7 +71,11 @@ def calibrate_rigid_body(positions: Floats) -> RigidBody:
     points, body_from_limb = normal_form(shape.points)
     poses = shape.world_from_limb @ np.linalg.inv(body_from_limb)
     seen = ~np.isnan(positions[:, :, 0]) & shape.posed[:, np.newaxis]
-    noise = _noise(points, poses, positions, seen)
+    carried = np.einsum("fij,nj->fni", poses[:, :3, :3], points) + poses[:, np.newaxis, :3, 3]
+    squares = float((np.where(seen[..., np.newaxis], positions - carried, 0.0) ** 2).sum())
+    n_poses = int(seen.any(axis=1).sum())
+    freedoms = 3 * int(seen.sum()) - POSE_FREEDOMS * n_poses - (3 * len(points) - POSE_FREEDOMS)
+    noise = float(np.sqrt(squares / max(freedoms, 1)))
     return RigidBody(points, noise**2 * _unit_covariance(points, seen), noise, poses)
 
 
@@ -135,14 +139,6 @@ def _fixed(n_points: int) -> Bools:
     fixed = np.zeros((n_points, 3), dtype=bool)
     fixed[0], fixed[1, 1:], fixed[2, 2] = True, True, True
     return fixed.ravel()
-
-
-def _noise(points: Floats, poses: Floats, positions: Floats, seen: Bools) -> float:
-    carried = np.einsum("fij,nj->fni", poses[:, :3, :3], points) + poses[:, np.newaxis, :3, 3]
-    squares = float((np.where(seen[..., np.newaxis], positions - carried, 0.0) ** 2).sum())
-    n_poses = int(seen.any(axis=1).sum())
-    freedoms = 3 * int(seen.sum()) - POSE_FREEDOMS * n_poses - (3 * len(points) - POSE_FREEDOMS)
-    return float(np.sqrt(squares / max(freedoms, 1)))
 
 
 def _unit_covariance(points: Floats, seen: Bools) -> Floats:

@@ -101,7 +101,13 @@ def determines_pose(points: Floats, seen: Bools, flatness: float = FLATNESS) -> 
         Points whose second extent is below this part of the first are on one line.
     """
     patterns, inverse = distinct_rows(seen)
-    return np.asarray(_span_planes(points, patterns, flatness)[inverse])
+    spans = patterns.sum(axis=1) >= 3
+    counted = patterns[spans].astype(np.float64)
+    middles = counted @ points / counted.sum(axis=1, keepdims=True)
+    arms = (points - middles[:, np.newaxis]) * counted[..., np.newaxis]
+    extents = np.linalg.eigvalsh(arms.swapaxes(1, 2) @ arms)
+    spans[spans] = extents[:, 1] > max(flatness**2, _ROUNDING) * extents[:, 2]
+    return np.asarray(spans[inverse])
 
 
 def distinct_rows(seen: Bools) -> tuple[Bools, Ints]:
@@ -120,17 +126,6 @@ def distinct_rows(seen: Bools) -> tuple[Bools, Ints]:
     return (found[:, np.newaxis] >> np.arange(n_columns)[::-1] & 1).astype(bool), place[code]
 
 
-def _span_planes(points: Floats, sets: Bools, flatness: float) -> Bools:
-    """Whether the points of each set are three or more that are not on one line."""
-    spans = sets.sum(axis=1) >= 3
-    counted = sets[spans].astype(np.float64)
-    middles = counted @ points / counted.sum(axis=1, keepdims=True)
-    arms = (points - middles[:, np.newaxis]) * counted[..., np.newaxis]
-    extents = np.linalg.eigvalsh(arms.swapaxes(1, 2) @ arms)
-    spans[spans] = extents[:, 1] > max(flatness**2, _ROUNDING) * extents[:, 2]
-    return np.asarray(spans)
-
-
 def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floats:
     """Centred points, NaN for those that never appear together with three others."""
     seen = ~np.isnan(positions[:, :, 0])
@@ -142,16 +137,12 @@ def _average_shape(positions: Floats, rotator: Rotator, flatness: float) -> Floa
         usable = determines_pose(filled, seen & known, flatness)
         if not usable.any():
             break
-        average = _lined_up_mean(filled, positions[usable], seen[usable], known, rotator)
+        poses = fit_transform(filled, positions[usable], seen[usable] & known, rotator)
+        mean = means_in_body(poses, positions[usable], seen[usable])
+        average = mean - mean[~np.isnan(mean[:, 0])].mean(axis=0)
         moved = np.nanmax(np.abs(average - points), initial=0.0)
         gained = bool((np.isnan(points) & ~np.isnan(average)).any())
         points = average
         if moved < SHAPE_TOLERANCE and not gained:
             break
     return np.asarray(points)
-
-
-def _lined_up_mean(points: Floats, positions: Floats, seen: Bools, known: Bools, rotator: Rotator) -> Floats:
-    poses = fit_transform(points, positions, seen & known, rotator)
-    mean = means_in_body(poses, positions, seen)
-    return np.asarray(mean - mean[~np.isnan(mean[:, 0])].mean(axis=0))

@@ -156,10 +156,8 @@ def _improved(state: _State, first: Chain) -> _State | None:
     fit, n_places = state.fit, 3 * (first.n_markers + first.n_limbs - 1)
     step = _step(state, _packed(first) - _packed(fit.chain))
     for part in STEP_PARTS:
-        chain = _unpacked(fit.chain, _packed(fit.chain) + part * step[:n_places])
-        articulation, rotations = fit.articulation.tilted(chain.parents, fit.poses.rotations, part * step[n_places:])
-        trial = replace(fit, chain=chain, articulation=articulation, poses=ChainPoses(fit.poses.root, rotations))
-        better = _State.fitted(trial, POSE_STEPS)
+        offsets, joints, tilts = np.split(part * step, [3 * first.n_markers, n_places])
+        better = _State.fitted(fit.stepped(offsets, joints, tilts), POSE_STEPS)
         if better.squares <= state.squares:
             return better
     return None
@@ -185,12 +183,6 @@ def _step(state: _State, from_start: Floats) -> Floats:
 
 def _packed(chain: Chain) -> Floats:
     return np.concatenate([chain.offsets.ravel(), chain.joints[1:].ravel()])
-
-
-def _unpacked(chain: Chain, constants: Floats) -> Chain:
-    offsets = constants[: 3 * chain.n_markers].reshape(-1, 3)
-    joints = np.concatenate([np.zeros((1, 3)), constants[3 * chain.n_markers :].reshape(-1, 3)])
-    return chain.moved(joints, offsets)
 
 
 def _information(fit: ObservedChain, most: int) -> Floats:

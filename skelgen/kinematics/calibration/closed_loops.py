@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from skelgen.kinematics.calibration.calibrate import Calibration
-from skelgen.kinematics.chain.chain import ChainPoses
 from skelgen.kinematics.chain.normal_equations import (
     constant_gradient,
     frame_blocks,
@@ -75,10 +74,8 @@ class ClosedCalibration(Calibration):
     def whole_information(self) -> Floats:
         """Information of all constants, the loops' points last."""
         size = self.n_constants + 6 * self.loops.n_loops
-        together = frames_together(self)
         total = np.zeros((size, size))
-        for first in range(0, self.n_frames, together):
-            part = self.at(slice(first, first + together))
+        for part in self.in_parts(frames_together(self)):
             total += reduced_information(with_loops(frame_blocks(part), self.chain, self.loops, part.poses))
         return np.asarray((total + total.T) / 2)
 
@@ -98,19 +95,16 @@ def close_loops(last: Calibration, limbs: Ints) -> ClosedCalibration:
     limbs : ndarray of intp, shape (n_loops, 2)
         Pairs of limbs that meet.
     """
-    state = ClosedCalibration(
-        last.chain,
-        last.articulation,
-        last.poses,
-        last.positions,
-        last.weights,
-        last.noise,
-        last.known_information,
-        loops=KinematicLoops.of_poses(limbs, last.chain, last.poses),
-    )
+    fit = last.chain, last.articulation, last.poses, last.positions, last.weights
+    loops = KinematicLoops.of_poses(limbs, last.chain, last.poses)
+    state = ClosedCalibration(*fit, last.noise, last.known_information, loops=loops)
     for stiffness in STIFFNESSES:
         state = _fitted(replace(state, loops=replace(state.loops, stiffness=stiffness)))
-    return replace(state, noise=_noise(state))
+    # The noise of a coordinate of weight 1, freedoms taken off; gaps are data that are known exactly.
+    n_data = 3 * int((state.weights > 0).sum())
+    gaps = 3 * state.loops.n_loops * (state.n_frames - 2)
+    free = n_data + gaps - state.n_frames * state.articulation.n_freedoms - state.n_constants
+    return replace(state, noise=float(np.sqrt(state.closed_squares / max(free, 0.05 * n_data, 1))))
 
 
 def _fitted(state: ClosedCalibration) -> ClosedCalibration:
@@ -128,20 +122,14 @@ def _fitted(state: ClosedCalibration) -> ClosedCalibration:
 
 def _improved(state: ClosedCalibration) -> ClosedCalibration | None:
     """Take a Gauss-Newton step of all constants, shortened until it lowers the sum of squares; None if none does."""
-    chain, articulation = state.chain, state.articulation
     information = state.whole_information
     held = information + PRIOR * np.diag(np.maximum(np.diag(information), np.diag(information).mean()))
     step = np.linalg.solve(held, _gradient(state))
-    n_offsets, n_joints = 3 * chain.n_markers, 3 * (chain.n_limbs - 1)
-    n_axes = articulation.n_constants
-    parts = np.split(step, np.cumsum([n_offsets, n_joints, n_axes]))
+    n_offsets, n_joints = 3 * state.chain.n_markers, 3 * (state.chain.n_limbs - 1)
+    parts = np.split(step, np.cumsum([n_offsets, n_joints, state.articulation.n_constants]))
     for share in STEP_PARTS:
-        joints = chain.joints.copy()
-        joints[1:] += share * parts[1].reshape(-1, 3)
-        moved = chain.moved(joints, chain.offsets + share * parts[0].reshape(-1, 3))
-        changed, rotations = articulation.tilted(chain.parents, state.poses.rotations, share * parts[2])
-        poses, loops = ChainPoses(state.poses.root, rotations), state.loops.moved(share * parts[3])
-        trial = replace(state, chain=moved, articulation=changed, poses=poses, loops=loops)
+        loops = state.loops.moved(share * parts[3])
+        trial = replace(state.stepped(*(share * part for part in parts[:3])), loops=loops)
         trial = replace(trial, poses=fit_closed_poses(trial, loops))
         if trial.closed_squares <= state.closed_squares:
             return trial
@@ -159,11 +147,3 @@ def _gradient(state: ClosedCalibration) -> Floats:
     n_offsets, n_joints = 3 * chain.n_markers, 3 * (chain.n_limbs - 1)
     by_gaps = np.concatenate([np.zeros(n_offsets), at_constants[:n_joints], at_axes])
     return np.concatenate([constant_gradient(state) + by_gaps, at_constants[n_joints:]])
-
-
-def _noise(state: ClosedCalibration) -> float:
-    """Standard deviation of a coordinate of weight 1, freedoms taken off; gaps are data that are known exactly."""
-    n_data = 3 * int((state.weights > 0).sum())
-    gaps = 3 * state.loops.n_loops * (state.n_frames - 2)
-    free = n_data + gaps - state.n_frames * state.articulation.n_freedoms - state.n_constants
-    return float(np.sqrt(state.closed_squares / max(free, 0.05 * n_data, 1)))

@@ -192,7 +192,9 @@ class LimbErrors:
         chain = self.chain
         frames = frame_blocks(observed(chain, self.articulation, poses, positions, weights), poses_only=True)
         n_places = len(self.root) - self.articulation.n_constants
-        own = frames.tilts @ self.root[n_places:] - frames.turns @ (frames.follow() @ self.root)
+        own = frames.tilts @ self.root[n_places:] - frames.turns @ (
+            np.linalg.solve(frames.own, frames.coupling) @ self.root
+        )
         own = own[:, 3:].reshape(len(positions), chain.n_limbs, 3, -1)
         frame_turns = np.stack([self._points[limb].rigid_motion[2] for limb in range(chain.n_limbs)])
         own = own + poses.rotations @ frame_turns
@@ -259,18 +261,14 @@ class _Points:
         """Rigid motion of the markers."""
         return self.motion(None)
 
-    @cached_property
-    def is_fixed(self) -> bool:
-        """Whether the markers are not on one line."""
-        anchor = self.place[: self.n_markers or None]
-        return bool(determines_pose(anchor, np.ones((1, len(anchor)), dtype=bool))[0])
-
     def motion(self, apart: int | None) -> tuple[Floats, Floats, Floats]:
         """Rigid motion of the markers: centre (3,), mean change and rotation (3, n); the row `apart` hardly counts."""
         anchor = slice(0, self.n_markers or None)
         centre, shift = self.place[anchor].mean(axis=0), self.change[anchor].mean(axis=0)
         weights = np.full(len(self.place), FAINT)
-        weights[anchor if self.is_fixed else slice(None)] = 1.0
+        markers = self.place[anchor]
+        is_fixed = determines_pose(markers, np.ones((1, len(markers)), dtype=bool))[0]  # they are not on one line
+        weights[anchor if is_fixed else slice(None)] = 1.0
         if apart is not None:
             weights[apart] = FAINT
         arms = -cross_matrix(self.place - centre) * weights[:, np.newaxis, np.newaxis]

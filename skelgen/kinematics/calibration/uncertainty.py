@@ -71,15 +71,9 @@ def frame_covariances(observed: ObservedChain, root: Floats, noise: float) -> Fr
     noise : float, mm
         Standard deviation of a coordinate of weight 1.
     """
-    together = frames_together(observed)
-    parts = [
-        _covariances(observed.at(slice(first, first + together)), root, noise)
-        for first in range(0, observed.n_frames, together)
-    ]
-    return FrameCovariances(
-        joints=np.concatenate([part.joints for part in parts]),
-        constant_share=np.concatenate([part.constant_share for part in parts]),
-    )
+    parts = [_covariances(part, root, noise) for part in observed.in_parts(frames_together(observed))]
+    joints, shares = [part.joints for part in parts], [part.constant_share for part in parts]
+    return FrameCovariances(np.concatenate(joints), np.concatenate(shares))
 
 
 def _covariances(observed: ObservedChain, root: Floats, noise: float) -> FrameCovariances:

@@ -51,10 +51,6 @@ class FrameBlocks:
     tilts: Floats
     constants: Floats
 
-    def follow(self) -> Floats:
-        """Return how poses follow the constants, shape (n_frames, n_freedoms, n_constants)."""
-        return np.asarray(np.linalg.solve(self.own, self.coupling))
-
 
 def frames_together(observed: ObservedChain) -> int:
     """Number of frames whose couplings may be held at once."""
@@ -76,8 +72,12 @@ def frame_blocks(observed: ObservedChain, *, poses_only: bool = False) -> FrameB
     coupling = _coupling(chain, poses, weights)
     turns, tilts = articulation.bases(chain.parents, poses.rotations)
     by_tilt = hessian @ tilts
-    constants = np.zeros((0, 0)) if poses_only else _all_constants(chain, poses, weights, coupling, tilts, by_tilt)
+    constants = np.zeros((0, 0)) if poses_only else _constants(chain, poses, weights)
     if articulation.n_constants:
+        if not poses_only:
+            flat = tilts.reshape(-1, tilts.shape[2])
+            across = coupling.reshape(len(flat), -1).T @ flat
+            constants = np.block([[constants, across], [across.T, flat.T @ by_tilt.reshape(flat.shape)]])
         coupling = np.concatenate([coupling, by_tilt], axis=2)
     if not articulation.is_free:
         hessian = turns.swapaxes(1, 2) @ hessian @ turns
@@ -127,19 +127,6 @@ def _coupling(chain: Chain, poses: ChainPoses, weights: Floats) -> Floats:
     return coupling.reshape(n_frames, 3 + 3 * n_limbs, -1)
 
 
-def _all_constants(
-    chain: Chain, poses: ChainPoses, weights: Floats, coupling: Floats, tilts: Floats, by_tilt: Floats
-) -> Floats:
-    """Normal matrix of offsets, joints and axes, summed over frames."""
-    constants = _constants(chain, poses, weights)
-    if not tilts.shape[2]:
-        return constants
-    flat = tilts.reshape(-1, tilts.shape[2])
-    across = coupling.reshape(len(flat), -1).T @ flat
-    corner = flat.T @ by_tilt.reshape(flat.shape)
-    return np.block([[constants, across], [across.T, corner]])
-
-
 def _constants(chain: Chain, poses: ChainPoses, weights: Floats) -> Floats:
     """Normal matrix of offsets and joints, summed over frames."""
     n_markers = chain.n_markers
@@ -178,8 +165,7 @@ def total_information(observed: ObservedChain) -> Floats:
     """
     table, (columns, order) = observed.table, columns_of(observed.chain, observed.articulation)
     total = np.zeros((len(order), len(order)))
-    for first in range(0, observed.n_frames, CHUNK_FRAMES):
-        part = observed.at(slice(first, first + CHUNK_FRAMES))
+    for part in observed.in_parts(CHUNK_FRAMES):
         found = np.zeros_like(total)
         add_frames(table, columns, rows(part.poses.rotations, 9), writable(part.weights).ravel(), found)
         total[np.ix_(order, order)] += np.triu(found) + np.triu(found, 1).T
@@ -199,8 +185,7 @@ def constant_gradient(observed: ObservedChain) -> Floats:
     """
     table, (columns, order) = observed.table, columns_of(observed.chain, observed.articulation)
     total = np.zeros(len(order))
-    for first in range(0, observed.n_frames, CHUNK_FRAMES):
-        part = observed.at(slice(first, first + CHUNK_FRAMES))
+    for part in observed.in_parts(CHUNK_FRAMES):
         pose = writable(part.poses.root), rows(part.poses.rotations, 9)
         found = np.zeros_like(total)
         add_pulls(table, columns, *pose, rows(part.positions, 3), writable(part.weights).ravel(), found)
@@ -260,34 +245,35 @@ def normal_equations(chain: Chain, poses: ChainPoses, positions: Floats, weights
     tuple of ndarray
         Shapes (n_frames, d, d) and (n_frames, d) with d = 3 + 3 n_limbs: translation first, then rotation vectors.
     """
-    limbs = _limb_sums(chain, poses, positions, weights)
-    n_frames, n_limbs = limbs.weights.shape
-    flat = limbs.arms.reshape(n_frames, n_limbs, 3 * n_limbs)
-    weighted = flat * limbs.weights[:, :, np.newaxis]
+    total, arms, spread, force, own_moment = _limb_sums(chain, poses, positions, weights)
+    n_frames, n_limbs = total.shape
+    flat = arms.reshape(n_frames, n_limbs, 3 * n_limbs)
+    weighted = flat * total[:, :, np.newaxis]
     outer = (weighted.swapaxes(1, 2) @ flat).reshape(n_frames, n_limbs, 3, n_limbs, 3)
     every = np.arange(n_limbs)
-    outer[:, every, :, every] += limbs.spread.swapaxes(0, 1)
+    outer[:, every, :, every] += spread.swapaxes(0, 1)
     trace = np.einsum("faibi->fab", outer)
     hessian = np.zeros((n_frames, 3 + 3 * n_limbs, 3 + 3 * n_limbs))
     turns = trace[:, :, np.newaxis, :, np.newaxis] * np.eye(3)[:, np.newaxis] - outer.transpose(0, 1, 4, 3, 2)
     hessian[:, 3:, 3:] = turns.reshape(n_frames, 3 * n_limbs, 3 * n_limbs)
-    hessian[:, :3, :3] = limbs.weights.sum(axis=1)[:, np.newaxis, np.newaxis] * np.eye(3)
+    hessian[:, :3, :3] = total.sum(axis=1)[:, np.newaxis, np.newaxis] * np.eye(3)
     mixed = -cross_matrix(weighted.sum(axis=1).reshape(n_frames, n_limbs, 3))
     mixed = mixed.transpose(0, 2, 1, 3).reshape(n_frames, 3, 3 * n_limbs)
     hessian[:, :3, 3:] = mixed
     hessian[:, 3:, :3] = mixed.swapaxes(1, 2)
-    moment = (flat.swapaxes(1, 2) @ limbs.force).reshape(n_frames, n_limbs, 3, 3) + limbs.moment
+    moment = (flat.swapaxes(1, 2) @ force).reshape(n_frames, n_limbs, 3, 3) + own_moment
     torque = np.stack([moment[..., i, j] - moment[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
-    gradient = np.concatenate([limbs.force.sum(axis=1), torque.reshape(n_frames, -1)], axis=1)
+    gradient = np.concatenate([force.sum(axis=1), torque.reshape(n_frames, -1)], axis=1)
     return hessian, gradient
 
 
-@dataclass(frozen=True, eq=False)
-class _LimbSums:
+def _limb_sums(
+    chain: Chain, poses: ChainPoses, positions: Floats, weights: Floats
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Sums over the markers of each limb: to any other limb, all of them hang on the same arm.
 
-    Attributes
-    ----------
+    Returns
+    -------
     weights : ndarray, shape (n_frames, n_limbs)
         Sums of weights.
     arms : ndarray, shape (n_frames, n_limbs, n_limbs, 3), mm
@@ -297,15 +283,6 @@ class _LimbSums:
     force, moment : ndarray, shapes (n_frames, n_limbs, 3) and (n_frames, n_limbs, 3, 3)
         Weighted sums of residuals, and of their outer products with arms from the centroid.
     """
-
-    weights: Floats
-    arms: Floats
-    spread: Floats
-    force: Floats
-    moment: Floats
-
-
-def _limb_sums(chain: Chain, poses: ChainPoses, positions: Floats, weights: Floats) -> _LimbSums:
     n_frames, n_limbs = poses.rotations.shape[:2]
     arms_of_markers = chain.arms()
     forces = residuals(chain, poses, positions) * weights[:, :, np.newaxis]
@@ -332,4 +309,4 @@ def _limb_sums(chain: Chain, poses: ChainPoses, positions: Floats, weights: Floa
     arms = world_arms(carried, poses)
     for limb in range(n_limbs):
         arms[:, limb, limb] = np.einsum("fij,fj->fi", poses.rotations[:, limb], centre[limb])
-    return _LimbSums(total, arms, spread, force, moment)
+    return total, arms, spread, force, moment

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -65,9 +67,30 @@ class ObservedChain:
 
     def at(self, frames: slice | Ints | Bools) -> ObservedChain:
         """Return some of the frames."""
-        return ObservedChain(
-            self.chain, self.articulation, self.poses[frames], self.positions[frames], self.weights[frames]
-        )
+        observations = self.poses[frames], self.positions[frames], self.weights[frames]
+        return ObservedChain(self.chain, self.articulation, *observations)
+
+    def in_parts(self, together: int) -> Iterator[ObservedChain]:
+        """Return all frames, so many at a time."""
+        return (self.at(slice(first, first + together)) for first in range(0, self.n_frames, together))
+
+    def stepped(self, offsets: Floats, joints: Floats, tilts: Floats) -> Self:
+        """Return the chain after a step of its constants; the limbs turn as the tilted axes demand.
+
+        Parameters
+        ----------
+        offsets : ndarray, 3 n_markers numbers, mm
+            Steps of the markers in their limbs.
+        joints : ndarray, 3 (n_limbs - 1) numbers, mm
+            Steps of joints 1 .. n_limbs - 1 in their parents.
+        tilts : ndarray, shape (n_axis_constants,), rad
+            Steps of the constants of the axes, see `Articulation.tilted`.
+        """
+        places = self.chain.joints.copy()
+        places[1:] += joints.reshape(-1, 3)
+        chain = self.chain.moved(places, self.chain.offsets + offsets.reshape(-1, 3))
+        articulation, rotations = self.articulation.tilted(chain.parents, self.poses.rotations, tilts)
+        return replace(self, chain=chain, articulation=articulation, poses=ChainPoses(self.poses.root, rotations))
 
 
 def observed(

@@ -102,19 +102,11 @@ class BorderedSolution:
 def solve_bordered(linear: LinearisedProblem) -> BorderedSolution:
     """Solve a linear problem by eliminating the frames' own unknowns."""
     given = contiguous(linear.residuals, linear.constants, linear.angles)
-    inverse, follow, alone, reduced, left, normal, gradient = eliminate(*given)
+    own_inverse, follow, alone, reduced, left, normal, gradient = eliminate(*given)
     covariance, unknown = pseudo_inverse(normal)
-    step = covariance @ gradient
-    return BorderedSolution(
-        constants=step,
-        angles=alone - follow @ step,
-        covariance=covariance,
-        residuals=left - reduced @ step,
-        unknown=unknown,
-        own_inverse=inverse,
-        follow=follow,
-        reduced=reduced,
-    )
+    constants = covariance @ gradient
+    angles, residuals = alone - follow @ constants, left - reduced @ constants
+    return BorderedSolution(constants, angles, covariance, residuals, unknown, own_inverse, follow, reduced)
 
 
 def gain_of_frames(slopes: Floats) -> tuple[Floats, Floats]:

@@ -273,19 +273,17 @@ def _predict_from(
     towards = time_covariance.sum(variances[:n_times], aims, frames) + _sum(of_features, own, there)
     precision = _inverse(among)
     weights = precision @ towards.T
-    total = variances[:n_times].sum() + _own_variances(of_features, own) + noise
+    groups = own.linear + own.smooth
+    linear = sum(variance * (x**2).sum(axis=1) for variance, x in zip(of_features, groups, strict=False))
+    total = variances[:n_times].sum() + (linear + of_features[len(groups) :].sum()) + noise
     variance = np.maximum(total - (weights * towards.T).sum(axis=0), noise)
-    factor = _error_ratio(left_out_errors(precision, values), frames, aims)
-    return mean + weights.T @ values, factor * np.sqrt(variance)
-
-
-def _error_ratio(errors: Floats, frames: Ints, targets: Ints) -> float:
-    """How much larger errors near the gap are than predicted; where few values are near, the whole take counts."""
-    squares = (errors**2).mean(axis=1)
-    away = np.maximum(np.maximum(targets[0] - frames, frames - targets[-1]), 0)
+    # How much larger errors near the gap are than predicted; where few values are near, the whole take counts.
+    squares = (left_out_errors(precision, values) ** 2).mean(axis=1)
+    away = np.maximum(np.maximum(aims[0] - frames, frames - aims[-1]), 0)
     near = squares[np.argsort(away, kind="stable")[:_CHECKED]]
     usual = max(float(squares.mean()), 1.0)
-    return float(np.sqrt((_PRIOR_VALUES * usual + near.sum()) / (_PRIOR_VALUES + len(near))))
+    factor = float(np.sqrt((_PRIOR_VALUES * usual + near.sum()) / (_PRIOR_VALUES + len(near))))
+    return mean + weights.T @ values, factor * np.sqrt(variance)
 
 
 def _inverse(covariance: Floats) -> Floats:
@@ -321,12 +319,6 @@ def _sum(variances: Floats, first: Features, second: Features) -> Floats | float
             if variance > 0.0:
                 total += variance * np.exp(square / -(width**2) / 2)
     return np.asarray(total)
-
-
-def _own_variances(variances: Floats, features: Features) -> Floats | float:
-    groups = features.linear + features.smooth
-    linear = sum(variance * (x**2).sum(axis=1) for variance, x in zip(variances, groups, strict=False))
-    return np.asarray(linear + variances[len(groups) :].sum())
 
 
 def _squares(first: Floats, second: Floats) -> Floats:

@@ -108,9 +108,8 @@ class MovingFrame:
 
     def world(self, local: Floats) -> Floats:
         """Return positions in the moving frame [mm], shape (n, 3) or (3,), in the world."""
-        return np.asarray(
-            self.origin + np.einsum("fij,fj->fi", self.rotations, np.broadcast_to(local, self.origin.shape))
-        )
+        turned = np.einsum("fij,fj->fi", self.rotations, np.broadcast_to(local, self.origin.shape))
+        return np.asarray(self.origin + turned)
 
     def at(self, rows: Ints) -> MovingFrame:
         """Return some of its rows."""
@@ -148,10 +147,8 @@ class PosesByMarkers:
         error = np.linalg.norm(measured - carried, axis=2)
         seen = self.trajectories.seen[:, markers]
         posed = self.motion.limb_seen[:, [limb]]
-        medians = [
-            np.median(column[use]) if use.any() else np.inf
-            for column, use in zip(error.T, (seen & posed).T, strict=True)
-        ]
+        pairs = zip(error.T, (seen & posed).T, strict=True)
+        medians = [np.median(column[use]) if use.any() else np.inf for column, use in pairs]
         with np.errstate(invalid="ignore"):
             limits = np.maximum(_OUTLIER * np.array(medians), _LEAST_OUTLIER)
             return np.asarray(seen & ((error <= limits) | ~posed))
@@ -183,13 +180,17 @@ def find_predictors(poses: PosesByMarkers, limb: int) -> Predictors:
         is_independent.append(by_markers)
     reference = _reference(trajectories, skeleton, limb)
     others = {_neighbour(skeleton, joint, limb) for joint, _ in joints} | {reference}
+    # World from limb, if the limb never rotated against its reference.
+    both = motion.limb_seen[:, limb] & motion.limb_seen[:, reference]
+    turns = np.einsum("fji,fjk->fik", motion.rotations[:, reference], motion.rotations[:, limb])
+    at_rest = rotation_by_svd(turns[both if both.any() else slice(None)].mean(axis=0))
     return Predictors(
         offsets=np.concatenate(offsets),
         world=np.concatenate(world, axis=1),
         usable=np.concatenate(usables, axis=1),
         is_independent=np.array(is_independent, dtype=bool),
         n_markers=len(markers),
-        default_rotations=_default_rotations(motion, limb, reference),
+        default_rotations=motion.rotations[:, reference] @ at_rest,
         reference=reference,
         neighbours=tuple(sorted(others - {limb})),
     )
@@ -267,14 +268,6 @@ def _reference(trajectories: Trajectories, skeleton: Skeleton, limb: int) -> int
             if _posed_by_markers(trajectories, skeleton, one):
                 return one
     return limb
-
-
-def _default_rotations(motion: Motion, limb: int, reference: int) -> Floats:
-    """World from limb, if the limb never rotated against its reference."""
-    both = motion.limb_seen[:, limb] & motion.limb_seen[:, reference]
-    turns = np.einsum("fji,fjk->fik", motion.rotations[:, reference], motion.rotations[:, limb])
-    mean = rotation_by_svd(turns[both if both.any() else slice(None)].mean(axis=0))
-    return np.asarray(motion.rotations[:, reference] @ mean)
 
 
 def _neighbour(skeleton: Skeleton, joint: int, limb: int) -> int:

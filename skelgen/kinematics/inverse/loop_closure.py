@@ -155,9 +155,7 @@ def fit_closed_poses(start: ObservedChain, loops: KinematicLoops) -> ChainPoses:
     loops : KinematicLoops
         What is closed.
     """
-    parts = [
-        _closed(start.at(slice(first, first + CHUNK_FRAMES)), loops) for first in range(0, start.n_frames, CHUNK_FRAMES)
-    ]
+    parts = [_closed(part, loops) for part in start.in_parts(CHUNK_FRAMES)]
     return ChainPoses(np.concatenate([one.root for one in parts]), np.concatenate([one.rotations for one in parts]))
 
 

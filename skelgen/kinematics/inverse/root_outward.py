@@ -215,7 +215,7 @@ def outward_covariances(tree: SkeletonTree, poses: ChainPoses, fixed: Bools, pos
     positions : ndarray, shape (n_frames, n_markers, 3), mm
         Measured markers, NaN where unseen.
     """
-    chain, errors = tree.chain, _Errors.empty(*fixed.shape)
+    chain, errors = tree.chain, _Errors(*np.zeros((4, *fixed.shape, 3, 3)))
     seen = ~np.isnan(positions[:, :, 0])
     for limb in range(chain.n_limbs):
         own = chain.limb_of_marker == limb
@@ -232,10 +232,6 @@ class _Errors:
     world_turns: Floats
     mixed: Floats
     turns: Floats
-
-    @classmethod
-    def empty(cls, n_frames: int, n_limbs: int) -> _Errors:
-        return cls(*np.zeros((4, n_frames, n_limbs, 3, 3)))
 
     def add(self, tree: SkeletonTree, limb: int, rotations: Floats, arms: Floats, seen: Bools, fixed: Bools) -> None:
         """Carry errors to a limb whose markers have arms [mm], shape (n_frames, n_own, 3), 0 where unseen."""

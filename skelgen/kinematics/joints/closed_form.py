@@ -170,9 +170,14 @@ def fit_sphere(body: Floats, points: Floats, near: Floats) -> SphereFit | None:
     data = local[seen]
     if len(data) < FEWEST_ON_SPHERE * points.shape[1] or len(np.unique(which)) < points.shape[1]:
         return None
-    centre = _linear_centre(data, which, near)
+    shifted = data - near
+    right = _centred((shifted**2).sum(axis=1, keepdims=True), which)[:, 0]
+    centre = near + _near_zero(2 * _centred(shifted, which), right)
     for _ in range(MAX_STEPS):
-        step = _gauss_newton_step(data, which, centre)
+        offset = data - centre
+        distance = np.maximum(np.linalg.norm(offset, axis=1), np.finfo(np.float64).tiny)
+        residual = _centred(distance[:, np.newaxis], which)[:, 0]
+        step = -_near_zero(-_centred(offset / distance[:, np.newaxis], which), residual)
         centre = centre + step
         if np.abs(step).max() < STEP_TOLERANCE:
             break
@@ -190,23 +195,11 @@ def _centred(values: Floats, which: Ints) -> Floats:
     return np.asarray(values - means[which])
 
 
-def _linear_centre(data: Floats, which: Ints, near: Floats) -> Floats:
-    shifted = data - near
-    matrix = 2 * _centred(shifted, which)
-    right = _centred((shifted**2).sum(axis=1, keepdims=True), which)[:, 0]
+def _near_zero(matrix: Floats, right: Floats) -> Floats:
+    """Least squares solution, shape (3,), of what may not be determined, drawn to zero by a faint ridge."""
     normal = matrix.T @ matrix
     ridge = RIDGE * np.trace(normal) + np.finfo(np.float64).tiny
-    return np.asarray(near + np.linalg.solve(normal + ridge * np.eye(3), matrix.T @ right))
-
-
-def _gauss_newton_step(data: Floats, which: Ints, centre: Floats) -> Floats:
-    offset = data - centre
-    distance = np.maximum(np.linalg.norm(offset, axis=1), np.finfo(np.float64).tiny)
-    residual = _centred(distance[:, np.newaxis], which)[:, 0]
-    jacobian = -_centred(offset / distance[:, np.newaxis], which)
-    normal = jacobian.T @ jacobian
-    ridge = RIDGE * np.trace(normal) + np.finfo(np.float64).tiny
-    return np.asarray(-np.linalg.solve(normal + ridge * np.eye(3), jacobian.T @ residual))
+    return np.asarray(np.linalg.solve(normal + ridge * np.eye(3), matrix.T @ right))
 
 
 def nearest_hinge(rotations: Floats) -> HingeRotation:
@@ -257,7 +250,13 @@ def nearest_universal(rotations: Floats) -> UniversalRotation:
     best = int(np.argmin(variances))
     first, _ = best_partners(moments, mean, second[best : best + 1])
     second, _ = best_partners(moments.transpose(1, 0, 3, 2), mean.T, first)
-    return _universal_about(rotations, first[0], second[0])
+    in_parent, in_child = frame_along(first[0]), frame_along(second[0])
+    between = in_parent.T @ rotations @ in_child  # its angles are those of the Euler sequence z x z
+    cosine = between[:, 2, 2].mean()
+    angles = np.stack(
+        [np.arctan2(between[:, 0, 2], -between[:, 1, 2]), np.arctan2(between[:, 2, 0], between[:, 2, 1])], axis=1
+    )
+    return UniversalRotation(in_parent, in_child, float(np.arccos(np.clip(cosine, -1.0, 1.0))), angles)
 
 
 def best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats, Floats]:
@@ -279,17 +278,6 @@ def best_partners(moments: Floats, mean: Floats, known: Floats) -> tuple[Floats,
     values, vectors = np.linalg.eigh(root @ spread @ root.swapaxes(1, 2))
     axis = (root.swapaxes(1, 2) @ vectors[:, :, :1])[..., 0]
     return axis / np.linalg.norm(axis, axis=1, keepdims=True), values[:, 0]
-
-
-def _universal_about(rotations: Floats, first: Floats, second: Floats) -> UniversalRotation:
-    """The joint with two given axes; its angles are those of the Euler sequence z x z."""
-    in_parent, in_child = frame_along(first), frame_along(second)
-    between = in_parent.T @ rotations @ in_child
-    cosine = between[:, 2, 2].mean()
-    angles = np.stack(
-        [np.arctan2(between[:, 0, 2], -between[:, 1, 2]), np.arctan2(between[:, 2, 0], between[:, 2, 1])], axis=1
-    )
-    return UniversalRotation(in_parent, in_child, float(np.arccos(np.clip(cosine, -1.0, 1.0))), angles)
 
 
 def _half_sphere(count: int) -> Floats:

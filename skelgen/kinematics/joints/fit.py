@@ -13,7 +13,7 @@ from skelgen.errors import InputError
 from skelgen.geometry.rotations import nearest_rotation, transform_from, vector_from_matrix
 from skelgen.geometry.statistics import SIGMA_OF_MEDIAN
 from skelgen.kinematics.bodies.relative_poses import MIN_FRAMES, RelativePoses, relative_poses, whitener
-from skelgen.kinematics.chain.schur_complement import BorderedSolution, effective_frames, solve_bordered
+from skelgen.kinematics.chain.schur_complement import effective_frames, solve_bordered
 from skelgen.kinematics.joints.closed_form import nearest_hinge, nearest_universal
 from skelgen.kinematics.joints.joint_model import (
     JointModel,
@@ -183,14 +183,21 @@ def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
     singular, place = linear_place(measured, rank=5 if kind == "hinge" else 6)
     found = fit_joint_model(_start(kind, measured, place), measured)
     joint = conventional(found.state)
-    solution = solve_bordered(linearised(joint, measured, whitener(measured.covariances)))
-    freedoms = 6 * len(measured.frames) - solution.rank - joint.rotation.n_angles * len(measured.frames)
+    weight, n_frames = whitener(measured.covariances), len(measured.frames)
+    solution = solve_bordered(linearised(joint, measured, weight))
+    freedoms = 6 * n_frames - solution.rank - joint.rotation.n_angles * n_frames
     variance = found.squares / max(freedoms, 1)
     n_effective = effective_frames(solution.residuals)
     scale = max(variance, 1.0) if measured.is_scaled else variance
-    constants = _covariance_of_constants(joint, measured, solution, scale, n_effective)
+    covariance, gain = covariance_of_constants(joint, measured, weight, solution, scale)
+    constants = scale * covariance
+    if not measured.is_scaled:  # without covariances of the poses, by the frames' gradients (White 1980)
+        steps = solution.scores @ gain
+        constants = steps.T @ steps * n_frames / max(n_frames - 1, 1)
+    constants = constants * n_frames / n_effective + UNKNOWN**2 * solution.unknown @ solution.unknown.T
     free = joint.free_places()
     n_places = free.shape[1]
+    images = measured.shifts + measured.rotations @ joint.in_child - joint.in_parent
     angles, angle_std = _spread_over_take(joint, scale * solution.angle_covariance, measured)
     return JointFit(
         kind=kind,
@@ -203,7 +210,7 @@ def fit_kind(kind: str, measured: RelativePoses) -> JointFit:
         axis_covariance=axis_covariance(joint.rotation, constants[n_places:, n_places:]),
         singular_values=singular,
         noise=float(np.sqrt(variance)),
-        gap=_gap(joint, measured),
+        gap=float(np.sqrt((images**2).sum(axis=1).mean())),
         frames=measured.frames,
         n_effective=n_effective,
     )
@@ -232,22 +239,6 @@ def linear_place(measured: RelativePoses, rank: int = 6) -> tuple[Floats, Floats
     kept[rank:] = False
     place = vt[kept].T @ ((u[:, kept].T @ measured.shifts.ravel()) / singular[kept])
     return singular / np.sqrt(n_frames), place
-
-
-def _covariance_of_constants(
-    joint: JointModel, measured: RelativePoses, solution: BorderedSolution, scale: float, n_effective: float
-) -> Floats:
-    """Covariance of the model's constants; without covariances of the poses, by the frames' gradients (White 1980).
-
-    Errors that last count as fewer frames; directions that no frame determines are unknown.
-    """
-    n_frames = len(measured.frames)
-    covariance, gain = covariance_of_constants(joint, measured, whitener(measured.covariances), solution, scale)
-    covariance = scale * covariance
-    if not measured.is_scaled:
-        steps = solution.scores @ gain
-        covariance = steps.T @ steps * n_frames / max(n_frames - 1, 1)
-    return np.asarray(covariance * n_frames / n_effective + UNKNOWN**2 * solution.unknown @ solution.unknown.T)
 
 
 def _start(kind: str, measured: RelativePoses, place: Floats) -> JointModel:
@@ -279,12 +270,6 @@ def _frame(joint: JointModel, where: str) -> Floats:
     rotation = joint.rotation
     turn = getattr(rotation, where) if isinstance(rotation, HingeRotation | UniversalRotation) else np.eye(3)
     return transform_from(turn, getattr(joint, where))
-
-
-def _gap(joint: JointModel, measured: RelativePoses) -> float:
-    """Root mean square distance [mm] of the joint's images in the two measured bodies."""
-    images = measured.shifts + measured.rotations @ joint.in_child - joint.in_parent
-    return float(np.sqrt((images**2).sum(axis=1).mean()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ gradient of the residuals has the variance H, and the true information is H - N.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -141,7 +141,15 @@ def conventional(joint: JointModel) -> JointModel:
         first, second = rotation.axes()
         along = (in_parent @ first + in_child @ second) / 2
         in_parent, in_child = in_parent - along * first, in_child - along * second
-    return JointModel(_with_frames(_signed(rotation), in_parent, in_child), in_parent, in_child)
+    rotation = _signed(rotation)
+    parent = conventional_frame(rotation.in_parent[:, 2], in_parent)
+    child = conventional_frame(rotation.in_child[:, 2], in_child)
+    # The joint's frames turn about their axes to the convention; the angles take up the difference.
+    before, after = turn_between(rotation.in_parent, parent), turn_between(rotation.in_child, child)
+    if isinstance(rotation, HingeRotation):
+        return JointModel(HingeRotation(parent, child, _wrapped(rotation.angles - before + after)), in_parent, in_child)
+    angles = _wrapped(rotation.angles + np.array([-before, after]))
+    return JointModel(UniversalRotation(parent, child, rotation.between, angles), in_parent, in_child)
 
 
 def _signed(rotation: HingeRotation | UniversalRotation) -> HingeRotation | UniversalRotation:
@@ -162,32 +170,14 @@ def _signed(rotation: HingeRotation | UniversalRotation) -> HingeRotation | Univ
         in_parent, between, angles[:, 0] = in_parent @ half, np.pi + between, -angles[:, 0]
     if child_flips:
         in_child, between, angles[:, 1] = in_child @ half, between - np.pi, -angles[:, 1]
-    return _between_zero_and_pi(UniversalRotation(in_parent, in_child, between, angles))
-
-
-def _between_zero_and_pi(rotation: UniversalRotation) -> UniversalRotation:
-    """Rx(-b) = Rz(pi) Rx(b) Rz(-pi): an angle between axes needs no sign."""
-    between = float(np.angle(np.exp(1j * rotation.between)))
-    angles = rotation.angles
-    if between < 0:
+    between = float(np.angle(np.exp(1j * between)))
+    if between < 0:  # Rx(-b) = Rz(pi) Rx(b) Rz(-pi): an angle between axes needs no sign
         between, angles = -between, angles + np.array([np.pi, -np.pi])
-    return replace(rotation, between=between, angles=angles)
+    return UniversalRotation(in_parent, in_child, between, angles)
 
 
 def _is_negative(axis: Floats) -> bool:
     return bool(axis[np.argmax(np.abs(axis))] < 0)
-
-
-def _with_frames(
-    rotation: HingeRotation | UniversalRotation, in_parent: Floats, in_child: Floats
-) -> HingeRotation | UniversalRotation:
-    """Turn the joint's frames about their axes to the convention; the angles take up the difference."""
-    parent = conventional_frame(rotation.in_parent[:, 2], in_parent)
-    child = conventional_frame(rotation.in_child[:, 2], in_child)
-    before, after = turn_between(rotation.in_parent, parent), turn_between(rotation.in_child, child)
-    if isinstance(rotation, HingeRotation):
-        return HingeRotation(parent, child, _wrapped(rotation.angles - before + after))
-    return UniversalRotation(parent, child, rotation.between, _wrapped(rotation.angles + np.array([-before, after])))
 
 
 def _wrapped(angles: Floats) -> Floats:
@@ -258,22 +248,16 @@ def _information_of_noise(joint: JointModel, measured: RelativePoses, weight: Fl
     linear = linearised(joint, measured, weight)
     n_angles = linear.angles.shape[2]
     inverse, gain = gain_of_frames(linear.angles)
-    changes = [_change(joint, measured, weight, angle, linear) for angle in range(n_angles)]
-    left = [change - linear.angles @ (gain @ change) for change in changes]
+    still, left = np.zeros(linear.constants.shape[2]), []
+    for angle in range(n_angles):  # how the constants' slopes change with it, shape (n_frames, n_rows, n_constants)
+        step = np.zeros((len(linear.angles), n_angles))
+        step[:, angle] = STEP
+        after, before = (linearised(joint.stepped(still, sign * step), measured, weight).constants for sign in (1, -1))
+        change = (after - before) / (2 * STEP)
+        left.append(change - linear.angles @ (gain @ change))
     total = np.zeros((linear.constants.shape[2],) * 2)
     for first in range(n_angles):
         for second in range(n_angles):
             weighted = inverse[:, first, second, np.newaxis, np.newaxis] * left[second]
             total += np.einsum("frc,frd->cd", left[first], weighted)
     return total
-
-
-def _change(
-    joint: JointModel, measured: RelativePoses, weight: Floats, angle: int, linear: LinearisedProblem
-) -> Floats:
-    """How the constants' slopes change with one angle of each frame, shape (n_frames, n_rows, n_constants)."""
-    step = np.zeros((len(linear.angles), linear.angles.shape[2]))
-    step[:, angle] = STEP
-    still = np.zeros(linear.constants.shape[2])
-    after, before = (linearised(joint.stepped(still, sign * step), measured, weight).constants for sign in (1, -1))
-    return np.asarray((after - before) / (2 * STEP))

@@ -132,12 +132,9 @@ class JointKind:
         """Return the type for limbs whose frames were rotated: `parent` and `child` are new from old, shape (3, 3)."""
         turn = np.zeros((6, 6))
         turn[:3, :3], turn[3:, 3:] = parent, child
-        return replace(
-            self,
-            axis_in_parent=parent @ self.axis_in_parent,
-            axis_in_child=child @ self.axis_in_child,
-            axis_covariance=turn @ self.axis_covariance @ turn.T,
-        )
+        first, second = parent @ self.axis_in_parent, child @ self.axis_in_child
+        covariance = turn @ self.axis_covariance @ turn.T
+        return replace(self, axis_in_parent=first, axis_in_child=second, axis_covariance=covariance)
 
     def freedom_along_axis(self, noise: float) -> float:
         """Return how free the joint is along its axis: 1 for a perfect hinge, 0 where its wobble fixes it.

@@ -138,7 +138,15 @@ def observe_deformations(last: Calibration, tissue: SoftTissue, clusters: RigidD
     flexions, reach = tissue.flexions(last.chain, last.poses), tissue.reach(last.chain)
     limbs, after = [], local.copy()
     for limb in range(last.chain.n_limbs):
-        one = _deformation_of(last, local, flexions, clusters, limb, np.flatnonzero(reach[limb]))
+        own, followed = np.flatnonzero(last.chain.limb_of_marker == limb), np.flatnonzero(reach[limb])
+        some = flexions[:, followed]
+        products = (some[:, :, np.newaxis] * some[:, np.newaxis]).reshape(len(some), -1)
+        squares = (last.weights[:, own].T @ products).reshape(len(own), len(followed), len(followed))
+        moments = local[:, own].reshape(len(local), 3 * len(own)).T @ some
+        rigid = clusters.basis[own][:, :, clusters.limbs == limb]
+        rigid = rigid.reshape(3 * len(own), rigid.shape[2])
+        modes = np.linalg.svd(rigid, full_matrices=True)[0][:, rigid.shape[1] :].T
+        one = ClusterDeformation(own, followed, squares, moments, modes)
         limbs.append(one)
         explained = flexions[:, one.flexions] @ one.slopes.reshape(3 * len(one.own), len(one.flexions)).T
         after[:, one.own] -= explained.reshape(len(local), len(one.own), 3) * last.weights[:, one.own, np.newaxis]
@@ -146,18 +154,6 @@ def observe_deformations(last: Calibration, tissue: SoftTissue, clusters: RigidD
     growth = len(after) / effective_frames(after.reshape(len(after), -1))
     noise = kept * last.noise**2 * growth
     return ObservedDeformations(tuple(limbs), noise)
-
-
-def _deformation_of(
-    last: Calibration, local: Floats, flexions: Floats, clusters: RigidDisplacements, limb: int, reach: Ints
-) -> ClusterDeformation:
-    own, some = np.flatnonzero(last.chain.limb_of_marker == limb), flexions[:, reach]
-    products = (some[:, :, np.newaxis] * some[:, np.newaxis]).reshape(len(some), -1)
-    squares = (last.weights[:, own].T @ products).reshape(len(own), len(reach), len(reach))
-    rigid = clusters.basis[own][:, :, clusters.limbs == limb]
-    rigid = rigid.reshape(3 * len(own), rigid.shape[2])
-    modes = np.linalg.svd(rigid, full_matrices=True)[0][:, rigid.shape[1] :].T
-    return ClusterDeformation(own, reach, squares, local[:, own].reshape(len(local), 3 * len(own)).T @ some, modes)
 
 
 def _evidence(modes: tuple[Floats, Floats], variances: Floats) -> Floats:

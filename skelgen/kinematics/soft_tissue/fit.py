@@ -136,7 +136,8 @@ def _fitted(last: Calibration, tissue: SoftTissue, seen: ObservedDeformations, v
         gradient[n:] -= prior * coefficients
         matrix[np.arange(n, len(matrix)), np.arange(n, len(matrix))] += prior
         step: Floats = np.asarray(np.linalg.solve(matrix, gradient))
-        chain, articulation, poses = _stepped(here, system, step)
+        moved = _stepped(here, system, step)
+        chain, articulation, poses = moved.chain, moved.articulation, moved.poses
         tissue = tissue.with_slopes(system.slopes(coefficients + step[n:], len(tissue.joints)) + deformation)
         for _ in range(2):  # flexions follow the poses, and poses the displacements
             rigid = positions - tissue.displacements(chain, poses)
@@ -174,7 +175,8 @@ def calibrate_soft_tissue(fit: SoftTissueFit, poses: ChainPoses, positions: Floa
     gradient[n:] -= prior * coefficients
     held = matrix + np.diag(np.concatenate([variance / _prior_spread(system, chain) ** 2, np.zeros(len(prior))]))
     step: Floats = np.asarray(np.linalg.solve(held, gradient))
-    chain, articulation, found = _stepped(replace(last, articulation=articulation), system, step)
+    moved = _stepped(replace(last, articulation=articulation), system, step)
+    chain, articulation, found = moved.chain, moved.articulation, moved.poses
     tissue = tissue.with_slopes(system.slopes(coefficients + step[n:], len(tissue.joints)) + fit.deformation)
     rigid = positions - tissue.displacements(chain, found)
     found = fit_poses(chain, found, rigid, articulation, None, POSE_STEPS)
@@ -233,6 +235,7 @@ def _estimated_variances(
     reduced = (matrix[n:, n:] - matrix[n:, :n] @ across[:, :-1]) / seen.noise
     left = (gradient[n:] - matrix[n:, :n] @ across[:, -1]) / seen.noise
     found, limbs, flexion = variances.copy(), system.limbs, system.flexion
+    of_joint = tissue.joints[:, np.newaxis] == tissue.joints
     for _ in range(ESTIMATES):
         prior = found[limbs, flexion]
         spread = np.linalg.inv(reduced + np.diag(1 / prior))
@@ -240,7 +243,10 @@ def _estimated_variances(
         np.add.at(squares, (limbs, flexion), (spread @ left) ** 2)
         np.add.at(determined, (limbs, flexion), 1 - np.diag(spread) / prior)
         _add_deformations(seen, found, squares, determined)
-        found = _shared_by_joint(tissue, variances, squares, determined)
+        # One variance for all flexions of a joint, drawn to the common one.
+        squares, determined = squares @ of_joint, determined @ of_joint
+        drawn = (WEIGHT_OF_COMMON * variances + squares) / (WEIGHT_OF_COMMON + determined)
+        found = np.where(variances > 0, drawn, 0.0)
     return np.asarray(np.where(found > LEAST_PART * found.max(), found, 0.0))
 
 
@@ -254,14 +260,6 @@ def _add_deformations(seen: ObservedDeformations, variances: Floats, squares: Fl
         determined[limb, one.flexions[kept]] += (1 - spread / prior).sum(axis=0)
 
 
-def _shared_by_joint(tissue: SoftTissue, common: Floats, squares: Floats, determined: Floats) -> Floats:
-    """One variance for all flexions of a joint, drawn to the common one."""
-    of_joint = tissue.joints[:, np.newaxis] == tissue.joints
-    squares, determined = squares @ of_joint, determined @ of_joint
-    variance = (WEIGHT_OF_COMMON * common + squares) / (WEIGHT_OF_COMMON + determined)
-    return np.asarray(np.where(common > 0, variance, 0.0))
-
-
 def _prior_spread(system: SoftTissueEquations, chain: Chain) -> Floats:
     """Standard deviation of each constant that nothing determines: mm, of tilts rad."""
     spread = np.full(system.n_constants, PRIOR_SPREAD)
@@ -270,12 +268,8 @@ def _prior_spread(system: SoftTissueEquations, chain: Chain) -> Floats:
     return spread
 
 
-def _stepped(here: ObservedChain, system: SoftTissueEquations, step: Floats) -> tuple[Chain, Articulation, ChainPoses]:
+def _stepped(here: ObservedChain, system: SoftTissueEquations, step: Floats) -> ObservedChain:
     """Apply a step of the constants to a chain, its joints, and poses that follow them."""
-    chain, n_rigid = here.chain, len(system.clusters.limbs)
-    joints = chain.joints.copy()
-    joints[1:] += step[: system.n_joints].reshape(-1, 3)
-    offsets = chain.offsets + system.clusters.basis @ step[system.n_constants - n_rigid : system.n_constants]
-    tilts: Floats = np.asarray(step[system.n_joints : system.n_constants - n_rigid])
-    changed, rotations = here.articulation.tilted(chain.parents, here.poses.rotations, tilts)
-    return chain.moved(joints, offsets), changed, ChainPoses(here.poses.root, rotations)
+    first_rigid = system.n_constants - len(system.clusters.limbs)
+    offsets = system.clusters.basis @ step[first_rigid : system.n_constants]
+    return here.stepped(offsets, step[: system.n_joints], step[system.n_joints : first_rigid])

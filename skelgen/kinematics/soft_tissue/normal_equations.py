@@ -84,13 +84,9 @@ class SoftTissueEquations:
     def without(self, left_out: Bools) -> SoftTissueEquations:
         """Return the equations without some columns of soft tissue, shape (n_tissue,)."""
         kept = np.append(np.ones(self.n_constants, dtype=bool), ~left_out)
-        return replace(
-            self,
-            matrix=self.matrix[np.ix_(kept, kept)],
-            gradient=self.gradient[kept],
-            rigid=self.rigid[~left_out],
-            flexion=self.flexion[~left_out],
-        )
+        matrix, gradient = self.matrix[np.ix_(kept, kept)], self.gradient[kept]
+        rigid, flexion = self.rigid[~left_out], self.flexion[~left_out]
+        return replace(self, matrix=matrix, gradient=gradient, rigid=rigid, flexion=flexion)
 
     def slopes(self, coefficients: Floats, n_flexions: int) -> Floats:
         """Return the markers' slopes from the coefficients of soft tissue, shape (n_markers, 3, n_flexions), mm.
@@ -160,7 +156,8 @@ def soft_tissue_equations(
     joints, by_tilt, by_pose = in_basis(_joint_slopes(chain, poses)), by_pose @ tilts, by_pose @ turns
     unit = np.broadcast_to(np.eye(n_rigid), (n_frames, n_rigid, n_rigid))
     constants = np.concatenate([joints, by_tilt, unit], axis=2)
-    root = _root_of_weights(clusters, observed.weights)
+    counts = np.einsum("mie,fm,mik->fek", clusters.basis, observed.weights, clusters.basis, optimize=True)
+    root = np.linalg.cholesky(counts + UNSEEN * np.eye(n_rigid)).swapaxes(1, 2)
     weighted, own = root @ constants, root @ by_pose
     normal = own.swapaxes(1, 2) @ own + weak_prior(articulation, noise)
     follow = np.linalg.solve(normal, own.swapaxes(1, 2) @ weighted)
@@ -197,10 +194,3 @@ def _joint_slopes(chain: Chain, poses: ChainPoses) -> Floats:
     above = poses.rotations[:, chain.parents[1:]].swapaxes(1, 2)
     slopes = beyond[:, np.newaxis, :, np.newaxis] * above[:, np.newaxis]
     return np.asarray(slopes.reshape(*slopes.shape[:3], -1))
-
-
-def _root_of_weights(clusters: RigidDisplacements, weights: Floats) -> Floats:
-    """Roots of the weights of rigid displacements in each frame, shape (n_frames, n_rigid, n_rigid)."""
-    basis = clusters.basis
-    counts = np.einsum("mie,fm,mik->fek", basis, weights, basis, optimize=True)
-    return np.linalg.cholesky(counts + UNSEEN * np.eye(basis.shape[2])).swapaxes(1, 2)
