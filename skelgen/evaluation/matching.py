@@ -182,13 +182,8 @@ def score_limbs(limb_of_marker: Ints, true_of_marker: Ints, truth: Truth) -> Lim
     index = float(adjusted_rand_score(truth.limb_of_marker[true_of_marker[known]], groups)) if known.any() else 0.0
     n_found = int(limb_of_marker.max(initial=-1)) + 1
     is_complete = set(true_of_marker[known].tolist()) == set(range(truth.n_markers)) and not alone.any()
-    return LimbScore(
-        adjusted_rand=index,
-        is_exact=bool(is_complete and index == 1.0 and n_found == truth.n_limbs),
-        n_limbs_found=n_found,
-        n_limbs_true=truth.n_limbs,
-        n_left_out=int((limb_of_marker < 0).sum()),
-    )
+    is_exact = bool(is_complete and index == 1.0 and n_found == truth.n_limbs)
+    return LimbScore(index, is_exact, n_found, truth.n_limbs, n_left_out=int((limb_of_marker < 0).sum()))
 
 
 def match_limbs(limb_of_marker: Ints, true_of_marker: Ints, truth: Truth) -> Ints:

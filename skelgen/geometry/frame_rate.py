@@ -134,15 +134,11 @@ def _motion(motion: Motion, skeleton: Skeleton, measured: Trajectories, rate: fl
             poses[:, limb] = poses[:, parent] @ turn
     parents = np.array([joint.parent for joint in skeleton.joints], dtype=np.intp)
     markers = _carried(motion, motion.marker_positions, skeleton.limb_of_marker, poses, at)
-    return Motion(
-        world_from_limb=poses,
-        joint_positions=_carried(motion, motion.joint_positions, parents, poses, at),
-        marker_positions=markers,
-        residuals=np.linalg.norm(measured.positions - markers, axis=2),
-        limb_seen=motion.limb_seen[at.before] & motion.limb_seen[at.after],
-        rate=rate,
-        joint_std=None if motion.joint_std is None else _line(motion.joint_std, at),
-    )
+    joints = _carried(motion, motion.joint_positions, parents, poses, at)
+    residuals = np.linalg.norm(measured.positions - markers, axis=2)
+    seen = motion.limb_seen[at.before] & motion.limb_seen[at.after]
+    std = None if motion.joint_std is None else _line(motion.joint_std, at)
+    return Motion(poses, joints, markers, residuals, seen, rate, std)
 
 
 def _carried(motion: Motion, places: Floats, limbs: Ints, poses: Floats, at: _Between) -> Floats:

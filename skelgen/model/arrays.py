@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelgen.errors import InputError
 
+_Number = TypeVar("_Number", bound=np.generic)
 Floats = NDArray[np.float64]
 Ints = NDArray[np.signedinteger[Any]]
 Bools = NDArray[np.bool_]
@@ -48,11 +49,9 @@ def check_floats(values: ArrayLike, shape: Sequence[int | None], what: str, *, f
     InputError
         If the shape or a number is wrong.
     """
-    array = values if _is_frozen(values) else np.array(values, dtype=np.float64)
-    _check_shape(array, shape, what)
+    array = _frozen(values if _is_frozen(values) else np.array(values, dtype=np.float64), shape, what)
     if np.isinf(array).any() or (finite and np.isnan(array).any()):
         raise InputError(f"{what} holds values that are not finite numbers")
-    array.flags.writeable = False
     return array
 
 
@@ -76,10 +75,7 @@ def check_ints(values: ArrayLike, shape: Sequence[int | None], what: str) -> Int
     array = np.array(values)
     if array.size and not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"{what} must be whole numbers")
-    array = array.astype(np.intp)
-    _check_shape(array, shape, what)
-    array.flags.writeable = False
-    return array
+    return _frozen(array.astype(np.intp), shape, what)
 
 
 def check_bools(values: ArrayLike, shape: Sequence[int | None], what: str) -> Bools:
@@ -99,10 +95,7 @@ def check_bools(values: ArrayLike, shape: Sequence[int | None], what: str) -> Bo
     InputError
         If the shape is wrong.
     """
-    array = np.array(values, dtype=np.bool_)
-    _check_shape(array, shape, what)
-    array.flags.writeable = False
-    return array
+    return _frozen(np.array(values, dtype=np.bool_), shape, what)
 
 
 def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
@@ -166,13 +159,14 @@ def _is_frozen(values: ArrayLike) -> TypeGuard[Floats]:
     )
 
 
-def _check_shape(array: NDArray[Any], shape: Sequence[int | None], what: str) -> None:
-    fits = array.ndim == len(shape) and all(
-        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
-    )
-    if not fits:
-        wanted = "(" + ", ".join("any" if want is None else str(want) for want in shape) + ")"
-        raise InputError(f"{what} has shape {array.shape}; it must be {wanted}")
+def _frozen(array: NDArray[_Number], shape: Sequence[int | None], what: str) -> NDArray[_Number]:
+    """The same array, read-only, if it has the stated shape."""
+    wanted = tuple(have if want is None else want for have, want in zip(array.shape, shape, strict=False))
+    if array.ndim != len(shape) or array.shape != wanted:
+        axes = ", ".join("any" if want is None else str(want) for want in shape)
+        raise InputError(f"{what} has shape {array.shape}; it must be ({axes})")
+    array.flags.writeable = False
+    return array
 
 
 def evenly_spread(indices: Ints, most: int) -> Ints:

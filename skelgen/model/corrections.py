@@ -151,12 +151,9 @@ class Correction:
     @property
     def sentence(self) -> str:
         """What it says."""
-        sentence = self.rule.sentence.format(
-            names=" and ".join(filter(None, (", ".join(self.names[:-1]), *self.names[-1:]))),
-            first=self.names[0] if self.names else "",
-            rest=self.names[1] if len(self.names) > 1 else "",
-            value=self.value,
-        )
+        names = " and ".join(filter(None, (", ".join(self.names[:-1]), *self.names[-1:])))
+        first, rest = (*self.names, "", "")[:2]
+        sentence = self.rule.sentence.format(names=names, first=first, rest=rest, value=self.value)
         if self.first_frame is None and self.last_frame is None:
             return sentence
         first = "the first frame" if self.first_frame is None else f"frame {self.first_frame}"

@@ -37,14 +37,10 @@ def angles_table(skeleton: Skeleton, motion: Motion) -> DataFrame:
     pairs = list(zip(skeleton.joint_names, motion.joint_angles, strict=True))
     joints = [name for name, angles in pairs for _ in angles.names]
     nothing = np.zeros((motion.n_frames, 0))
-    return _table(
-        motion,
-        {"joint": joints, "angle": [name for _, angles in pairs for name in angles.names]},
-        {
-            "value_deg": np.rad2deg(np.concatenate([nothing, *(angles.values for _, angles in pairs)], axis=1)),
-            "std_deg": np.rad2deg(np.concatenate([nothing, *(angles.std for _, angles in pairs)], axis=1)),
-        },
-    )
+    values = np.rad2deg(np.concatenate([nothing, *(angles.values for _, angles in pairs)], axis=1))
+    std = np.rad2deg(np.concatenate([nothing, *(angles.std for _, angles in pairs)], axis=1))
+    items = {"joint": joints, "angle": [name for _, angles in pairs for name in angles.names]}
+    return _table(motion, items, {"value_deg": values, "std_deg": std})
 
 
 def joints_table(skeleton: Skeleton, motion: Motion) -> DataFrame:

@@ -229,22 +229,15 @@ def limb(name: str, attachment: Attachment, capsule: Capsule, n_markers: int) ->
         Number of markers.
     """
     parent, kind, joint, swing = attachment
-    amplitudes, offsets, axes = swing or (_ROOT_SWING if kind == "free" else _BALL_SWING)
+    swing = swing or (_ROOT_SWING if kind == "free" else _BALL_SWING)
     n_angles = DEGREES_OF_FREEDOM[kind]
     segment = np.stack([_floats(capsule.start), _floats(capsule.tip)])
     distance, phase = capsule.radius + MARKER_STANDOFF, float(len(name) + len(parent))
-    return LimbModel(
-        name=name,
-        parent=parent,
-        kind=kind,
-        joint=_floats(joint),
-        segment=segment,
-        radius=capsule.radius,
-        markers=markers_around(segment, distance, n_markers, phase),
-        axes=unit(np.eye(3)[:n_angles] if axes is None else axes),
-        amplitudes=_floats(amplitudes),
-        offsets=np.zeros(n_angles) if offsets is None else _floats(offsets),
-    )
+    markers = markers_around(segment, distance, n_markers, phase)
+    axes = unit(np.eye(3)[:n_angles] if swing.axes is None else swing.axes)
+    amplitudes = _floats(swing.amplitudes)
+    offsets = np.zeros(n_angles) if swing.offsets is None else _floats(swing.offsets)
+    return LimbModel(name, parent, kind, _floats(joint), segment, capsule.radius, markers, axes, amplitudes, offsets)
 
 
 def markers_around(segment: Floats, distance: float, n_markers: int, phase: float) -> Floats:

@@ -216,9 +216,7 @@ class _BoneReduction:
     def remove_short(self, shortest: float) -> None:
         """Remove short bones without children, until there is none."""
         dropped: list[str] = []
-        while short := [
-            bone for bone, parent in self.parents.items() if parent >= 0 and self._is_short(bone, shortest)
-        ]:
+        while short := [one for one, above in self.parents.items() if above >= 0 and self._is_short(one, shortest)]:
             for bone in short:
                 self.tips[self.parents[bone]].append(self.places[bone].mean(axis=0))
                 dropped.append(self.names[bone])
@@ -247,15 +245,12 @@ class _BoneReduction:
             notice = f"joints that slide are held at their mean places: {', '.join(sliding)}"
             self.notices.append(f"{notice}; most: {most}, by up to {sliding[most]:.1f} mm")
         index_of = {bone: index for index, bone in enumerate(order)}
-        return BoneTree(
-            names=tuple(self.names[bone] for bone in order),
-            parents=np.array([index_of.get(self.parents[bone], -1) for bone in order], dtype=np.intp),
-            rotations=np.stack([self.rotations[bone] for bone in order], axis=1),
-            root_places=self.places[roots[0]],
-            joints=np.array([self.places[bone].mean(axis=0) for bone in order]),
-            points=tuple(self.points(bone) for bone in order),
-            notices=tuple(self.notices),
-        )
+        names, points = tuple(self.names[bone] for bone in order), tuple(self.points(bone) for bone in order)
+        parents = np.array([index_of.get(self.parents[bone], -1) for bone in order], dtype=np.intp)
+        rotations = np.stack([self.rotations[bone] for bone in order], axis=1)
+        joints = np.array([self.places[bone].mean(axis=0) for bone in order])
+        root_places, notices = self.places[roots[0]], tuple(self.notices)
+        return BoneTree(names, parents, rotations, root_places, joints, points, notices)
 
 
 def _spread(places: Floats) -> float:

@@ -102,14 +102,9 @@ def recorded_body(
     roots = vectors_at_rate(tree.root_places, motion.rate, wanted)
     poses = tree.forward_kinematics(np.stack([turn.rotations for turn in turns], axis=1), roots)
     limbs = [_limb(tree, limb, turn, settings.markers_per_limb) for limb, turn in enumerate(turns)]
-    return RecordedBody(
-        structure=Structure(motion.name or "motion", tuple(limbs)),
-        angles=tuple(turn.angles for turn in turns),
-        world_from_limb=turned_poses(poses, settings.motion_axes),
-        rate=wanted,
-        name=motion.name,
-        notices=(*motion.notices, *tree.notices),
-    )
+    structure, angles = Structure(motion.name or "motion", tuple(limbs)), tuple(turn.angles for turn in turns)
+    notices = (*motion.notices, *tree.notices)
+    return RecordedBody(structure, angles, turned_poses(poses, settings.motion_axes), wanted, motion.name, notices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +124,8 @@ class _Turn:
         if self.rotation is None:
             poses = transforms_at_rate(transform_from(self.rotations, np.zeros(3)), recorded, rate)
             return _ball(poses[..., :3, :3], self.kind)
-        rotation = replace(
-            self.rotation, angles=vectors_at_rate(np.unwrap(self.rotation.angles, axis=0), recorded, rate)
-        )
-        return _about_axes(rotation)
+        angles = vectors_at_rate(np.unwrap(self.rotation.angles, axis=0), recorded, rate)
+        return _about_axes(replace(self.rotation, angles=angles))
 
 
 def _turn(tree: BoneTree, limb: int) -> _Turn:
@@ -183,15 +176,7 @@ def _limb(tree: BoneTree, limb: int, turn: _Turn, n_markers: int) -> LimbModel:
     segment = points[[start, end]]
     radius = float(np.clip(_RADIUS_PER_LENGTH * apart.max(), *_RADII))
     low, high = np.rad2deg(turn.angles.min(axis=0)), np.rad2deg(turn.angles.max(axis=0))
-    return LimbModel(
-        name=tree.names[limb],
-        parent=tree.names[parent] if parent >= 0 else "",
-        kind=turn.kind,
-        joint=tree.joints[limb],
-        segment=segment,
-        radius=radius,
-        markers=markers_around(segment, radius + MARKER_STANDOFF, n_markers, phase=float(limb)),
-        axes=turn.axes,
-        amplitudes=(high - low) / 2,
-        offsets=(high + low) / 2,
-    )
+    markers = markers_around(segment, radius + MARKER_STANDOFF, n_markers, phase=float(limb))
+    amplitudes, offsets = (high - low) / 2, (high + low) / 2
+    name, above, joint = tree.names[limb], tree.names[parent] if parent >= 0 else "", tree.joints[limb]
+    return LimbModel(name, above, turn.kind, joint, segment, radius, markers, turn.axes, amplitudes, offsets)

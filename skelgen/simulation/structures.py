@@ -20,19 +20,6 @@ from skelgen.simulation.articulated import (
     unit,
 )
 
-__all__ = [
-    "ROD_LENGTH",
-    "STRUCTURE_NAMES",
-    "LimbModel",
-    "Structure",
-    "classic_human",
-    "find_structure",
-    "human",
-    "quadruped",
-    "random_tree",
-    "rods_chain",
-]
-
 _SIDES = {"left": 1.0, "right": -1.0}
 _TRUNK = Swing((25, 30, 35))
 

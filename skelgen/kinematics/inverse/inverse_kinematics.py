@@ -196,14 +196,9 @@ def posture(skeleton: Skeleton, trees: list[SkeletonTree], found: list[PosedTree
     relative = [rotations[:, one.parent].swapaxes(1, 2) @ rotations[:, one.child] for one in skeleton.joints]
     children = [one.child for one in skeleton.joints]
     turned = list(zip(skeleton.joints, relative, strict=True))
-    return Posture(
-        world_from_limb=world,
-        joint_positions=world[:, :, :3, 3][:, children],
-        joint_covariances=places[:, children],
-        angles=tuple(joint_angles(one, turn) for one, turn in turned),
-        angle_std=tuple(angle_deviations(one, turn, turns[:, one.child]) for one, turn in turned),
-        limb_seen=seen,
-    )
+    angles = tuple(joint_angles(one, turn) for one, turn in turned)
+    angle_std = tuple(angle_deviations(one, turn, turns[:, one.child]) for one, turn in turned)
+    return Posture(world, world[:, :, :3, 3][:, children], places[:, children], angles, angle_std, seen)
 
 
 class LiveSkeleton:

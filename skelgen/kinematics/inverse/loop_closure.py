@@ -197,14 +197,11 @@ def with_loops(frames: FrameBlocks, chain: Chain, loops: KinematicLoops, poses: 
     tilted = by_pose @ frames.tilts
     follow = np.concatenate([nothing, by_constants[..., :n_joints], tilted, by_constants[..., n_joints:]], axis=2)
     more = 6 * loops.n_loops
-    coupling = np.pad(frames.coupling, ((0, 0), (0, 0), (0, more)))
+    normal = frames.own + loops.stiffness * own.swapaxes(1, 2) @ own
+    coupling = np.pad(frames.coupling, ((0, 0), (0, 0), (0, more))) + loops.stiffness * own.swapaxes(1, 2) @ follow
     flat = follow.reshape(-1, follow.shape[2])
-    return replace(
-        frames,
-        own=frames.own + loops.stiffness * own.swapaxes(1, 2) @ own,
-        coupling=coupling + loops.stiffness * own.swapaxes(1, 2) @ follow,
-        constants=np.pad(frames.constants, ((0, more), (0, more))) + loops.stiffness * flat.T @ flat,
-    )
+    constants = np.pad(frames.constants, ((0, more), (0, more))) + loops.stiffness * flat.T @ flat
+    return replace(frames, own=normal, coupling=coupling, constants=constants)
 
 
 def _closed(start: ObservedChain, loops: KinematicLoops) -> ChainPoses:

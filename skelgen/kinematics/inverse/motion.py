@@ -129,14 +129,12 @@ class MotionAngles:
         starts = range(0, max(motion.n_frames, 1), ANGLE_FRAMES)
         blocks = [np.arange(start, min(start + ANGLE_FRAMES, motion.n_frames)) for start in starts]
         parts = [posture_of(self.skeleton, motion, self.positions, frames) for frames in blocks]
-        return tuple(
-            JointAngles(
-                names=angle_names(joint),
-                values=np.concatenate([part.angles[index] for part in parts]),
-                std=np.concatenate([part.angle_std[index] for part in parts]),
-            )
-            for index, joint in enumerate(self.skeleton.joints)
-        )
+        found = []
+        for index, joint in enumerate(self.skeleton.joints):
+            values = np.concatenate([part.angles[index] for part in parts])
+            std = np.concatenate([part.angle_std[index] for part in parts])
+            found.append(JointAngles(angle_names(joint), values, std))
+        return tuple(found)
 
 
 @dataclass(frozen=True)

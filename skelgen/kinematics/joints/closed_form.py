@@ -115,17 +115,10 @@ def fit_fixed_point(
     right = np.concatenate([seen_from_first, -seen_from_second])
     near = np.concatenate([near_first, near_second])
     point = near + np.linalg.solve(normal + RELATIVE_RIDGE * np.eye(6), right - normal @ near)
-    gap = square - 2 * point @ right + point @ normal @ point
+    gap = max(float(square - 2 * point @ right + point @ normal @ point), 0.0)
     u, singular, vt = np.linalg.svd(relative)
-    return FixedPoint(
-        in_first=point[:3],
-        in_second=point[3:],
-        gap=max(float(gap), 0.0),
-        determinacy=np.asarray(1 - np.minimum(singular, 1.0) ** 2),
-        axis_in_first=u[:, 0],
-        axis_in_second=vt[0],
-        n_frames=n_frames,
-    )
+    determinacy = np.asarray(1 - np.minimum(singular, 1.0) ** 2)
+    return FixedPoint(point[:3], point[3:], gap, determinacy, u[:, 0], vt[0], n_frames)
 
 
 @dataclass(frozen=True, eq=False)

@@ -203,16 +203,10 @@ def find_kind(
             break
     axes = (type_fits[kind].rotation.axes() if kind in type_fits else None) or (u[:, 0], vt[0])
     last = next(reversed(type_fits.values()), None)
-    return JointKind(
-        kind=kind,
-        axis_in_parent=axes[0],
-        axis_in_child=axes[1],
-        main_turn=float(np.sqrt(max(2 * (1 - singular[1]), 0.0))),
-        true_wobble=last.true_wobble if last is not None and kind != "ball" else 0.0,
-        singular_values=singular,
-        type_fits=type_fits,
-        axis_covariance=type_fits[kind].axis_covariance if kind in type_fits else np.zeros((6, 6)),
-    )
+    main_turn = float(np.sqrt(max(2 * (1 - singular[1]), 0.0)))
+    true_wobble = last.true_wobble if last is not None and kind != "ball" else 0.0
+    covariance = type_fits[kind].axis_covariance if kind in type_fits else np.zeros((6, 6))
+    return JointKind(kind, axes[0], axes[1], main_turn, true_wobble, singular, type_fits, covariance)
 
 
 def _type_fit(
@@ -231,17 +225,11 @@ def _type_fit(
     unweighted = np.broadcast_to(np.eye(3), rotations.shape)
     wobble = float(np.sqrt(_linearised(rotation, rotations, unweighted).squares / n_frames))
     noise = wobble / np.sqrt(ratio) if ratio > 0 else 0.0
-    true_wobble = float(np.sqrt(max(wobble**2 - limit * noise**2, 0.0)))
-    return TypeFit(
-        rotation=rotation,
-        ratio=ratio,
-        limit=limit,
-        wobble=wobble,
-        true_wobble=true_wobble if wobble > ROUNDING_TURN else 0.0,
-        hidden=float(noise * np.sqrt(max(limit - 1, 0.0))),
-        allowed=_allowed(name, singular),
-        axis_covariance=ratio * n_frames / for_means * axis_covariance(rotation, solution.covariance),
-    )
+    torn = float(np.sqrt(max(wobble**2 - limit * noise**2, 0.0)))
+    true_wobble, hidden = torn if wobble > ROUNDING_TURN else 0.0, float(noise * np.sqrt(max(limit - 1, 0.0)))
+    allowed = _allowed(name, singular)
+    covariance = ratio * n_frames / for_means * axis_covariance(rotation, solution.covariance)
+    return TypeFit(rotation, ratio, limit, wobble, true_wobble, hidden, allowed, covariance)
 
 
 def _explains(left: TypeFit, limits: KindLimits) -> bool:

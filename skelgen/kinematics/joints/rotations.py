@@ -156,9 +156,8 @@ class HingeRotation:
 
     def stepped(self, constants: Floats, angles: Floats) -> HingeRotation:
         """Tilt the axis and rotate about it."""
-        return HingeRotation(
-            _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:]), self.angles + angles[:, 0]
-        )
+        in_parent, in_child = _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:])
+        return HingeRotation(in_parent, in_child, self.angles + angles[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,10 +184,8 @@ class UniversalRotation:
 
     def rotations(self) -> Floats:
         """Return the rotations."""
-        tilt = matrix_from_vector(self.between * X)
-        return np.asarray(
-            self.in_parent @ about_z(self.angles[:, 0]) @ tilt @ about_z(self.angles[:, 1]) @ self.in_child.T
-        )
+        first, second = about_z(self.angles[:, 0]), about_z(self.angles[:, 1])
+        return np.asarray(self.in_parent @ first @ matrix_from_vector(self.between * X) @ second @ self.in_child.T)
 
     def axes(self) -> tuple[Floats, Floats]:
         """Return the axis in the parent and in the child."""
@@ -209,12 +206,8 @@ class UniversalRotation:
 
     def stepped(self, constants: Floats, angles: Floats) -> UniversalRotation:
         """Tilt the axes and rotate about them."""
-        return UniversalRotation(
-            _tilted(self.in_parent, constants[:2]),
-            _tilted(self.in_child, constants[2:4]),
-            self.between + float(constants[4]),
-            self.angles + angles,
-        )
+        in_parent, in_child = _tilted(self.in_parent, constants[:2]), _tilted(self.in_child, constants[2:4])
+        return UniversalRotation(in_parent, in_child, self.between + float(constants[4]), self.angles + angles)
 
 
 ConstrainedRotation = RigidRotation | HingeRotation | UniversalRotation

@@ -169,15 +169,9 @@ def soft_tissue_equations(
     flexions, column = tissue.flexions(chain, poses)[:, flexion], constants.shape[2] - n_rigid + rigid
     columns = np.concatenate([reduced, reduced[:, :, column] * flexions[:, np.newaxis]], axis=2)
     flat = columns.reshape(n_frames * n_rigid, -1)
-    return SoftTissueEquations(
-        matrix=flat.T @ flat,
-        gradient=np.concatenate([gradient.sum(axis=0), (gradient[:, column] * flexions).sum(axis=0)]),
-        clusters=clusters,
-        n_joints=joints.shape[2],
-        n_constants=constants.shape[2],
-        rigid=rigid,
-        flexion=flexion,
-    )
+    total = np.concatenate([gradient.sum(axis=0), (gradient[:, column] * flexions).sum(axis=0)])
+    n_joints, n_constants = joints.shape[2], constants.shape[2]
+    return SoftTissueEquations(flat.T @ flat, total, clusters, n_joints, n_constants, rigid, flexion)
 
 
 def _pose_slopes(chain: Chain, poses: ChainPoses) -> Floats:
