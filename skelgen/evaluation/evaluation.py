@@ -160,9 +160,7 @@ def _with_motion_scores(
     kinds = tuple(joint.kind for joint in skeleton.joints)
     fitted = motion.joint_positions
     joints = score_joints(true_of_joint, truth, raw=raw if same_joints else None, fitted=fitted, kinds=kinds)
-    return dataclasses.replace(
-        found,
-        joints=with_limits(joints, project, true_of_joint, true_of_marker, truth),
-        lengths=score_lengths(skeleton, fitted, true_of_joint, truth),
-        markers=score_markers(project.trajectories, motion, true_of_marker, truth),
-    )
+    joints = with_limits(joints, project, true_of_joint, true_of_marker, truth)
+    lengths = score_lengths(skeleton, fitted, true_of_joint, truth)
+    markers = score_markers(project.trajectories, motion, true_of_marker, truth)
+    return dataclasses.replace(found, joints=joints, lengths=lengths, markers=markers)

@@ -255,13 +255,9 @@ def score_markers(
     is_carried = np.asarray(~np.isnan(motion.marker_positions).all(axis=(0, 2)))
     limb = np.where(true_of_marker >= 0, truth.limb_of_marker[true_of_marker], truth.n_limbs)
     names = (*truth.limb_names, "")
-    return tuple(
-        MarkerScore(
-            limb=names[limb[marker]],
-            marker=trajectories.names[marker],
-            from_tracked=mean_or_none(from_tracked[:, marker]),
-            from_true=mean_or_none(from_true[:, marker]),
-        )
-        for marker in np.lexsort((true_of_marker, limb))
-        if is_carried[marker]
-    )
+    scores = []
+    for marker in np.lexsort((true_of_marker, limb)):
+        if is_carried[marker]:
+            distances = mean_or_none(from_tracked[:, marker]), mean_or_none(from_true[:, marker])
+            scores.append(MarkerScore(names[limb[marker]], trajectories.names[marker], *distances))
+    return tuple(scores)

@@ -100,16 +100,16 @@ class Hierarchy:
                 places.append(_Place(child, fit.kind, fit.in_parent, fit.covariance[:3, :3], fit.axis_in_parent))
             elif body == child:
                 places.append(_Place(parent, fit.kind, fit.in_child, fit.covariance[3:, 3:], fit.axis_in_child))
-        return [self._length(body, first, second) for first, second in combinations(places, 2)]
-
-    def _length(self, body: int, first: _Place, second: _Place) -> Length:
-        vector = first.point - second.point
-        length = float(np.linalg.norm(vector))
-        unit = vector / length if length > 0 else vector
-        variance = float(unit @ (first.covariance + second.covariance) @ unit)
-        is_determined = first.is_determined_along(unit) and second.is_determined_along(unit)
-        names = (self.names[body], self.names[first.other], self.names[second.other])
-        return Length(*names, length, float(np.sqrt(max(variance, 0.0))), is_determined)
+        lengths = []
+        for first, second in combinations(places, 2):
+            vector = first.point - second.point
+            length = float(np.linalg.norm(vector))
+            unit = vector / length if length > 0 else vector
+            variance = float(unit @ (first.covariance + second.covariance) @ unit)
+            is_determined = first.is_determined_along(unit) and second.is_determined_along(unit)
+            names = (self.names[body], self.names[first.other], self.names[second.other])
+            lengths.append(Length(*names, length, float(np.sqrt(max(variance, 0.0))), is_determined))
+        return lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,17 +228,12 @@ def _loops(hierarchy: Hierarchy, relate: Callable[[int, int], RelativePoses]) ->
     pairs = []
     for first, second in combinations(range(len(parents)), 2):
         in_tree = parents[first] == second or parents[second] == first
-        if in_tree or not gaps[first, second] <= gap or _meets_rigid(parents, one, first, second):
+        between = set(_to_root(parents, first)) ^ set(_to_root(parents, second))
+        if in_tree or not gaps[first, second] <= gap or any(one.get(body, False) for body in between):
             continue
         if gaps[first, second] <= _EXACT_GAP or fit_kind("ball", relate(first, second)).noise <= noise:
             pairs.append((first, second))
     return tuple(pairs)
-
-
-def _meets_rigid(parents: Ints, one: dict[int, bool], first: int, second: int) -> bool:
-    """Whether a rigid joint lies on the way between two bodies."""
-    above = [set(_to_root(parents, body)) for body in (first, second)]
-    return any(one.get(body, False) for body in above[0] ^ above[1])
 
 
 def _to_root(parents: Ints, body: int) -> list[int]:

@@ -25,7 +25,7 @@ from skelgen.kinematics.chain.chain import Chain, ChainPoses
 from skelgen.kinematics.chain.normal_equations import constant_gradient, total_information
 from skelgen.kinematics.chain.observed_chain import ObservedChain, observed
 from skelgen.kinematics.inverse.poses import MAX_STEPS, fit_poses
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Bools, Floats, Ints, evenly_spread
 
 STEP_FRAMES = 80
 """Frames from which the matrix S of a step is computed: it need not be exact, but must determine all constants."""
@@ -194,13 +194,7 @@ def _information(fit: ObservedChain, most: int) -> Floats:
 
 def _spread_frames(seen: Bools, most: int) -> Ints:
     """Evenly spread frames, and more of each marker that is seen in few of these."""
-    frames = np.arange(len(seen))
-    if len(frames) <= most:
-        return frames
-    chosen = np.unique(np.linspace(0, len(frames) - 1, most).astype(np.intp))
+    chosen = evenly_spread(np.arange(len(seen)), most)
     rare = np.flatnonzero(seen[chosen].sum(axis=0) < LEAST_SIGHTS)
-    more = [np.flatnonzero(seen[:, marker]) for marker in rare]
-    picked = [
-        one[np.linspace(0, len(one) - 1, min(LEAST_SIGHTS, len(one))).astype(np.intp)] for one in more if len(one)
-    ]
-    return np.unique(np.concatenate([chosen, *picked]))
+    more = [evenly_spread(np.flatnonzero(seen[:, marker]), LEAST_SIGHTS) for marker in rare]
+    return np.unique(np.concatenate([chosen, *more]))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from skelgen.geometry.rotations import cross_matrix, matrix_from_vector
+from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, transform_from
 from skelgen.kinematics.chain.chain import Chain, ChainPoses, world_arms
 from skelgen.kinematics.chain.normal_equations import FrameBlocks, normal_equations
 from skelgen.kinematics.chain.observed_chain import ObservedChain
@@ -63,8 +63,7 @@ class KinematicLoops:
         poses : ChainPoses
             Their poses.
         """
-        world = np.tile(np.eye(4), (*poses.rotations.shape[:2], 1, 1))
-        world[..., :3, :3], world[..., :3, 3] = poses.rotations, poses.origins(chain)
+        world = transform_from(poses.rotations, poses.origins(chain))
         places = []
         for first, second in limbs.tolist():
             near = [_centroid(chain, limb) for limb in (first, second)]

@@ -33,7 +33,7 @@ def angle_names(joint: Joint) -> tuple[str, ...]:
         return ()
     if joint.kind == "hinge" and joint.axis is not None:
         return ("turn",)
-    if _has_two_axes(joint):
+    if joint.kind == "universal" and joint.axis is not None and joint.second_axis is not None:
         return ("first", "second")
     return ("x", "y", "z")
 
@@ -52,7 +52,7 @@ def joint_angles(joint: Joint, relative: Floats) -> Floats:
         return np.zeros((len(relative), 0))
     if joint.kind == "hinge" and joint.axis is not None:
         return _about(joint.axis, relative)[:, np.newaxis]
-    if joint.axis is not None and joint.second_axis is not None and _has_two_axes(joint):
+    if joint.kind == "universal" and joint.axis is not None and joint.second_axis is not None:
         first, second = joint.axis, joint.second_axis
         start, end = np.cross(first, second), np.cross(first, relative @ second)
         swing = np.arctan2(np.cross(start, end) @ first, end @ start)
@@ -81,7 +81,7 @@ def _slopes(joint: Joint, relative: Floats) -> Floats:
     """Derivatives of the angles by small rotations in the parent's axes, shape (n_frames, n_angles, 3)."""
     if joint.kind == "hinge" and joint.axis is not None:
         return np.broadcast_to(joint.axis, (len(relative), 1, 3))
-    if joint.axis is not None and joint.second_axis is not None and _has_two_axes(joint):
+    if joint.kind == "universal" and joint.axis is not None and joint.second_axis is not None:
         first = np.broadcast_to(joint.axis, (len(relative), 3))
         return np.asarray(np.linalg.pinv(np.stack([first, relative @ joint.second_axis], axis=2)))
     vector = vector_from_matrix(relative)
@@ -91,10 +91,6 @@ def _slopes(joint: Joint, relative: Floats) -> Floats:
     bend = np.where(near, 1 / 12, (1 - half / np.tan(half)) / (4 * half**2))
     cross = cross_matrix(vector)
     return np.asarray(np.eye(3) - cross / 2 + bend[:, np.newaxis, np.newaxis] * (cross @ cross))
-
-
-def _has_two_axes(joint: Joint) -> bool:
-    return joint.kind == "universal" and joint.axis is not None and joint.second_axis is not None
 
 
 def _about(axis: Floats, relative: Floats) -> Floats:

@@ -198,7 +198,9 @@ def find_kind(
         if name == "ball":
             break
         left = type_fits[name] = _type_fit(name, rotations, weight, singular, freedoms, limits)
-        if wanted is not None or _explains(left, limits):
+        # Only noise is left over, or so little that it makes no difference.
+        tolerated = max(limits.wobble_share * left.allowed, limits.least_turn)
+        if wanted is not None or left.ratio <= left.limit or left.true_wobble <= tolerated:
             kind = name if wanted is not None or _is_determined(left) else "undetermined"
             break
     axes = (type_fits[kind].rotation.axes() if kind in type_fits else None) or (u[:, 0], vt[0])
@@ -227,14 +229,13 @@ def _type_fit(
     noise = wobble / np.sqrt(ratio) if ratio > 0 else 0.0
     torn = float(np.sqrt(max(wobble**2 - limit * noise**2, 0.0)))
     true_wobble, hidden = torn if wobble > ROUNDING_TURN else 0.0, float(noise * np.sqrt(max(limit - 1, 0.0)))
-    allowed = _allowed(name, singular)
+    # The smallest rotation that the type allows, of those that are there: variances a, b and c about three axes give the
+    # singular values 1 - (b + c) / 2, 1 - (a + c) / 2 and 1 - (a + b) / 2 of the mean rotation.
+    lost = 2 * (1 - singular)
+    variances = lost.sum() / 2 - lost
+    allowed = 0.0 if name == "rigid" else float(np.sqrt(max(variances[0 if name == "hinge" else 1], 0.0)))
     covariance = ratio * n_frames / for_means * axis_covariance(rotation, solution.covariance)
     return TypeFit(rotation, ratio, limit, wobble, true_wobble, hidden, allowed, covariance)
-
-
-def _explains(left: TypeFit, limits: KindLimits) -> bool:
-    """Whether only noise is left over, or so little that it makes no difference."""
-    return left.ratio <= left.limit or left.true_wobble <= max(limits.wobble_share * left.allowed, limits.least_turn)
 
 
 def _is_determined(left: TypeFit) -> bool:
@@ -242,17 +243,6 @@ def _is_determined(left: TypeFit) -> bool:
     if isinstance(left.rotation, UniversalRotation) and np.sin(left.rotation.between) < np.sin(LEAST_BETWEEN):
         return False
     return left.hidden <= (CLEARLY_LESS * left.allowed if left.rotation.n_angles else RIGID_TURN)
-
-
-def _allowed(name: str, singular: Floats) -> float:
-    """Root mean square [rad] of the smallest rotation that a type allows, of those that are there.
-
-    Rotations of variance a, b and c about three axes give the singular values 1 - (b + c) / 2, 1 - (a + c) / 2 and
-    1 - (a + b) / 2 of the mean rotation.
-    """
-    lost = 2 * (1 - singular)
-    variances = lost.sum() / 2 - lost
-    return 0.0 if name == "rigid" else float(np.sqrt(max(variances[0 if name == "hinge" else 1], 0.0)))
 
 
 def _start(name: str, rotations: Floats) -> ConstrainedRotation:

@@ -10,7 +10,7 @@ from skelgen._kernels import contiguous
 from skelgen._kernels.joint_models import relative_vectors
 from skelgen.geometry.rotations import nearest_rotation
 from skelgen.model import Motion, Skeleton
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, evenly_spread
 
 DETERMINED_PART = 0.1
 """Of a limb's size: a position with a larger standard deviation is called not determined."""
@@ -96,7 +96,7 @@ def observed_joints(skeleton: Skeleton, motion: Motion) -> tuple[Observed, ...]:
     found = []
     for joint in skeleton.joints:
         shown = np.flatnonzero(motion.limb_seen[:, [joint.parent, joint.child]].all(axis=1))
-        frames = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), MOST_FRAMES)).astype(np.intp))]
+        frames = evenly_spread(shown, MOST_FRAMES)
         parent, child = (motion.world_from_limb[frames, limb, :3, :3] for limb in (joint.parent, joint.child))
         turned = range_of_motion(parent.swapaxes(1, 2) @ child)
         covariance = np.diag(joint.std**2) if joint.covariance is None else joint.covariance

@@ -31,7 +31,7 @@ from skelgen.kinematics.soft_tissue.normal_equations import (
     rigid_displacements,
     soft_tissue_equations,
 )
-from skelgen.model.arrays import Floats, Ints
+from skelgen.model.arrays import Floats, Ints, evenly_spread
 
 EQUATION_FRAMES = 100
 """Frames from which soft tissue and its uncertainty are computed, evenly spread: it is slow, more would add nothing."""
@@ -218,7 +218,7 @@ def _information_of_offsets(reduced: Floats, system: SoftTissueEquations, sights
 def _equation_frames(last: Calibration) -> tuple[Ints, float]:
     """Evenly spread frames among those that show anything, and how many of all frames each stands for."""
     shown = np.flatnonzero((last.weights > 0).any(axis=1))
-    frames = shown[np.unique(np.linspace(0, len(shown) - 1, min(len(shown), EQUATION_FRAMES)).astype(np.intp))]
+    frames = evenly_spread(shown, EQUATION_FRAMES)
     return frames, float(last.weights.sum() / max(last.weights[frames].sum(), 1.0))
 
 
