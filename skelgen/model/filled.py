@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -74,10 +74,7 @@ class Filled:
     @property
     def trajectories(self) -> Trajectories:
         """The complete markers, for programs that do not distinguish filled ones; a notice counts these."""
-        measured = self.measured
-        return Trajectories(
-            self.positions, measured.names, measured.rate, measured.name, (*measured.notices, self.sentence)
-        )
+        return replace(self.measured, positions=self.positions, notices=(*self.measured.notices, self.sentence))
 
     @property
     def sentence(self) -> str:

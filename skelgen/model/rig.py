@@ -161,9 +161,8 @@ class TargetJoint:
     def __post_init__(self) -> None:
         check_names([self.name], 1, "joint")
         if self.kind not in JOINT_KINDS:
-            raise InputError(
-                f"joint {self.name!r} is of kind {self.kind!r}; it must be one of {', '.join(JOINT_KINDS)}"
-            )
+            kinds = ", ".join(JOINT_KINDS)
+            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; it must be one of {kinds}")
         if self.parent == self.child:
             raise InputError(f"joint {self.name!r} connects body {self.parent!r} with itself")
         for attribute in ("parent_from_joint", "child_from_joint"):

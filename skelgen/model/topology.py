@@ -321,9 +321,8 @@ def parents_from_names(names: tuple[str, ...], parents: Mapping[str, str | None]
     for child, parent in parents.items():
         for name in (child, parent):
             if name and name not in names:
-                raise InputError(
-                    f"the hierarchy names {name!r}, which is not in the take; there are {', '.join(names)}"
-                )
+                known = ", ".join(names)
+                raise InputError(f"the hierarchy names {name!r}, which is not in the take; there are {known}")
     index = np.array([names.index(parent) if (parent := parents.get(name)) else -1 for name in names], dtype=np.intp)
     if len(outward_order(index)) != len(names):
         raise InputError("the hierarchy goes round in a circle: following the parents must end at a root")

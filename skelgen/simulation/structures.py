@@ -55,31 +55,24 @@ def human(n_markers_per_limb: int = 3) -> Structure:
         limb("chest", Attachment("pelvis", "ball", (-15, 0, 110), _TRUNK), Capsule((0, 0, 300), 120), n),
         limb("head", Attachment("chest", "ball", (10, 0, 370), Swing((30, 35, 50))), Capsule((15, 0, 190), 80), n),
     ]
-    for side in _SIDES:
-        limbs += _arm(side, n) + _leg(side, n)
+    for side, s in _SIDES.items():
+        upper, fore, hand = f"{side} upper arm", f"{side} forearm", f"{side} hand"
+        elbow = Swing((50,), (60,), [(-0.1 * s, -1, 0.15 * s)])
+        wrist = Swing((40, 30), (5, 0), [(0, -1, 0), (1, 0, 0)])
+        limbs += [
+            limb(upper, Attachment("chest", "ball", (0, 185 * s, 300), _shoulder(s)), Capsule((0, 0, -300), 45), n),
+            limb(fore, Attachment(upper, "hinge", (0, 10 * s, -305), elbow), Capsule((0, 0, -250), 36), n),
+            limb(hand, Attachment(fore, "universal", (5, 5 * s, -260), wrist), Capsule((0, 0, -170), 28), n),
+        ]
+        thigh, shank, foot = f"{side} thigh", f"{side} shank", f"{side} foot"
+        knee = Swing((45,), (50,), [(0.05 * s, 1, -0.1 * s)])
+        ankle = Swing((30, 25), axes=[(0, 1, 0), (1, 0, 0.3 * s)])
+        limbs += [
+            limb(thigh, Attachment("pelvis", "ball", (0, 95 * s, -70), _hip(s)), Capsule((0, 0, -415), 70), n),
+            limb(shank, Attachment(thigh, "hinge", (0, 5 * s, -420), knee), Capsule((0, 0, -390), 50), n),
+            limb(foot, Attachment(shank, "universal", (-10, 0, -405), ankle), Capsule((190, 0, -55), 34), n),
+        ]
     return Structure("human", tuple(limbs))
-
-
-def _arm(side: str, n: int) -> list[LimbModel]:
-    s, upper, fore, hand = _SIDES[side], f"{side} upper arm", f"{side} forearm", f"{side} hand"
-    elbow = Swing((50,), (60,), [(-0.1 * s, -1, 0.15 * s)])
-    wrist = Swing((40, 30), (5, 0), [(0, -1, 0), (1, 0, 0)])
-    return [
-        limb(upper, Attachment("chest", "ball", (0, 185 * s, 300), _shoulder(s)), Capsule((0, 0, -300), 45), n),
-        limb(fore, Attachment(upper, "hinge", (0, 10 * s, -305), elbow), Capsule((0, 0, -250), 36), n),
-        limb(hand, Attachment(fore, "universal", (5, 5 * s, -260), wrist), Capsule((0, 0, -170), 28), n),
-    ]
-
-
-def _leg(side: str, n: int) -> list[LimbModel]:
-    s, thigh, shank, foot = _SIDES[side], f"{side} thigh", f"{side} shank", f"{side} foot"
-    knee = Swing((45,), (50,), [(0.05 * s, 1, -0.1 * s)])
-    ankle = Swing((30, 25), axes=[(0, 1, 0), (1, 0, 0.3 * s)])
-    return [
-        limb(thigh, Attachment("pelvis", "ball", (0, 95 * s, -70), _hip(s)), Capsule((0, 0, -415), 70), n),
-        limb(shank, Attachment(thigh, "hinge", (0, 5 * s, -420), knee), Capsule((0, 0, -390), 50), n),
-        limb(foot, Attachment(shank, "universal", (-10, 0, -405), ankle), Capsule((190, 0, -55), 34), n),
-    ]
 
 
 def _shoulder(s: float) -> Swing:
@@ -100,28 +93,21 @@ def classic_human() -> Structure:
         limb("head", Attachment("breast", "ball", (10, 0, 300)), Capsule((15, 0, 190), 80), 2),
         limb("hip", Attachment("breast", "ball", (0, 0, -120), _TRUNK), Capsule((0, 0, -150), 110), 2),
     ]
-    for side in _SIDES:
-        limbs += _classic_arm(side) + _classic_leg(side)
+    for side, s in _SIDES.items():
+        upper, fore, hand = f"{side} upper arm", f"{side} forearm", f"{side} hand"
+        elbow = Swing((25, 45, 35), (0, -55, 0))
+        limbs += [
+            limb(upper, Attachment("breast", "ball", (0, 185 * s, 220), _shoulder(s)), Capsule((0, 0, -300), 45), 2),
+            limb(fore, Attachment(upper, "ball", (0, 10 * s, -305), elbow), Capsule((0, 0, -250), 36), 2),
+            limb(hand, Attachment(fore, "ball", (5, 5 * s, -260)), Capsule((0, 0, -170), 28), 2),
+        ]
+        thigh, shank = f"{side} thigh", f"{side} lower leg"
+        knee = Swing((45,), (50,), [(0, 1, 0)])
+        limbs += [
+            limb(thigh, Attachment("hip", "ball", (0, 95 * s, -220), _hip(s)), Capsule((0, 0, -415), 70), 3),
+            limb(shank, Attachment(thigh, "hinge", (0, 5 * s, -420), knee), Capsule((0, 0, -390), 50), 3),
+        ]
     return Structure("classic-human", tuple(limbs))
-
-
-def _classic_arm(side: str) -> list[LimbModel]:
-    s, upper, fore, hand = _SIDES[side], f"{side} upper arm", f"{side} forearm", f"{side} hand"
-    elbow = Swing((25, 45, 35), (0, -55, 0))
-    return [
-        limb(upper, Attachment("breast", "ball", (0, 185 * s, 220), _shoulder(s)), Capsule((0, 0, -300), 45), 2),
-        limb(fore, Attachment(upper, "ball", (0, 10 * s, -305), elbow), Capsule((0, 0, -250), 36), 2),
-        limb(hand, Attachment(fore, "ball", (5, 5 * s, -260)), Capsule((0, 0, -170), 28), 2),
-    ]
-
-
-def _classic_leg(side: str) -> list[LimbModel]:
-    s, thigh, shank = _SIDES[side], f"{side} thigh", f"{side} lower leg"
-    knee = Swing((45,), (50,), [(0, 1, 0)])
-    return [
-        limb(thigh, Attachment("hip", "ball", (0, 95 * s, -220), _hip(s)), Capsule((0, 0, -415), 70), 3),
-        limb(shank, Attachment(thigh, "hinge", (0, 5 * s, -420), knee), Capsule((0, 0, -390), 50), 3),
-    ]
 
 
 def quadruped() -> Structure:
@@ -133,31 +119,24 @@ def quadruped() -> Structure:
         limb("head", Attachment("neck", "ball", (150, 0, 150), Swing((30, 30, 35))), Capsule((200, 0, -30), 55), 3),
         limb("tail", Attachment("pelvis", "ball", (-140, 0, 20), Swing((20, 30, 45))), Capsule((-320, 0, 0), 20), 3),
     ]
-    for side in _SIDES:
-        limbs += _foreleg(side) + _hindleg(side)
+    for side, s in _SIDES.items():
+        upper, fore, foot = f"{side} upper foreleg", f"{side} forearm", f"{side} forefoot"
+        shoulder = Swing((20, 35, 20))
+        elbow, carpus = Swing((40,), (30,), [(0.1 * s, -1, 0)]), Swing((45,), (20,), [(0, 1, 0.2 * s)])
+        limbs += [
+            limb(upper, Attachment("trunk", "ball", (380, 100 * s, -60), shoulder), Capsule((-40, 0, -190), 40), 3),
+            limb(fore, Attachment(upper, "hinge", (-45, 0, -200), elbow), Capsule((20, 0, -190), 30), 3),
+            limb(foot, Attachment(fore, "hinge", (20, 0, -200), carpus), Capsule((50, 0, -110), 24), 3),
+        ]
+        thigh, shank, foot = f"{side} thigh", f"{side} shank", f"{side} hind foot"
+        hip = Swing((20, 35, 20))
+        stifle, hock = Swing((40,), (30,), [(0.1 * s, 1, 0)]), Swing((35, 20), axes=[(0, 1, 0), (1, 0, 0)])
+        limbs += [
+            limb(thigh, Attachment("pelvis", "ball", (-40, 80 * s, -50), hip), Capsule((40, 0, -210), 55), 3),
+            limb(shank, Attachment(thigh, "hinge", (45, 0, -220), stifle), Capsule((-70, 0, -190), 35), 3),
+            limb(foot, Attachment(shank, "universal", (-75, 0, -200), hock), Capsule((60, 0, -130), 24), 3),
+        ]
     return Structure("quadruped", tuple(limbs))
-
-
-def _foreleg(side: str) -> list[LimbModel]:
-    s, upper, fore, foot = _SIDES[side], f"{side} upper foreleg", f"{side} forearm", f"{side} forefoot"
-    shoulder = Swing((20, 35, 20))
-    elbow, carpus = Swing((40,), (30,), [(0.1 * s, -1, 0)]), Swing((45,), (20,), [(0, 1, 0.2 * s)])
-    return [
-        limb(upper, Attachment("trunk", "ball", (380, 100 * s, -60), shoulder), Capsule((-40, 0, -190), 40), 3),
-        limb(fore, Attachment(upper, "hinge", (-45, 0, -200), elbow), Capsule((20, 0, -190), 30), 3),
-        limb(foot, Attachment(fore, "hinge", (20, 0, -200), carpus), Capsule((50, 0, -110), 24), 3),
-    ]
-
-
-def _hindleg(side: str) -> list[LimbModel]:
-    s, thigh, shank, foot = _SIDES[side], f"{side} thigh", f"{side} shank", f"{side} hind foot"
-    hip = Swing((20, 35, 20))
-    stifle, hock = Swing((40,), (30,), [(0.1 * s, 1, 0)]), Swing((35, 20), axes=[(0, 1, 0), (1, 0, 0)])
-    return [
-        limb(thigh, Attachment("pelvis", "ball", (-40, 80 * s, -50), hip), Capsule((40, 0, -210), 55), 3),
-        limb(shank, Attachment(thigh, "hinge", (45, 0, -220), stifle), Capsule((-70, 0, -190), 35), 3),
-        limb(foot, Attachment(shank, "universal", (-75, 0, -200), hock), Capsule((60, 0, -130), 24), 3),
-    ]
 
 
 def rods_chain() -> Structure:

@@ -158,9 +158,8 @@ def _played(recorded: RecordedBody, settings: SimulationParameters, seed: int) -
     if n_frames > recorded_frames:
         raise ParameterError(f"n_frames is {n_frames}; the motion has {recorded_frames} at {recorded.rate:g} Hz")
     if settings.rate != recorded.rate:
-        raise ParameterError(
-            f"rate is {settings.rate:g} Hz, the body moves at {recorded.rate:g} Hz: give the rate when it is made"
-        )
+        moves = f"the body moves at {recorded.rate:g} Hz"
+        raise ParameterError(f"rate is {settings.rate:g} Hz, {moves}: give the rate when it is made")
     poses = recorded.world_from_limb[:n_frames]
     angles = [angles[:n_frames] for angles in recorded.angles]
     body, name = recorded.structure, f"{recorded.name}-{seed}"

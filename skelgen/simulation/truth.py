@@ -186,9 +186,8 @@ def read_truth(path: Path | str) -> Truth:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             version = int(archive["skelgen_truth"])
             if version != _VERSION:
-                raise FormatError(
-                    path, "", f"a truth file of version {version} where {_VERSION} is known; update skelgen"
-                )
+                what = f"a truth file of version {version} where {_VERSION} is known; update skelgen"
+                raise FormatError(path, "", what)
             return _from_arrays({name: archive[name] for name in archive.files})
     except InputError as error:
         raise FormatError(path, "", f"not a consistent truth file: {error}") from error

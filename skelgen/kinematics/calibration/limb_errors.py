@@ -192,9 +192,8 @@ class LimbErrors:
         chain = self.chain
         frames = frame_blocks(observed(chain, self.articulation, poses, positions, weights), poses_only=True)
         n_places = len(self.root) - self.articulation.n_constants
-        own = frames.tilts @ self.root[n_places:] - frames.turns @ (
-            np.linalg.solve(frames.own, frames.coupling) @ self.root
-        )
+        follow = np.linalg.solve(frames.own, frames.coupling)  # how poses follow the constants
+        own = frames.tilts @ self.root[n_places:] - frames.turns @ (follow @ self.root)
         own = own[:, 3:].reshape(len(positions), chain.n_limbs, 3, -1)
         frame_turns = np.stack([self._points[limb].rigid_motion[2] for limb in range(chain.n_limbs)])
         own = own + poses.rotations @ frame_turns

@@ -299,9 +299,8 @@ def _limb_sums(
         total[:, limb], force[:, limb] = used.sum(axis=1), forces[:, own].sum(axis=1)
         centre[limb] = (used @ offsets) / np.maximum(total[:, limb], np.finfo(np.float64).tiny)[:, np.newaxis]
         squares = used @ (offsets[:, :, np.newaxis] * offsets[:, np.newaxis]).reshape(-1, 9)
-        about = squares.reshape(-1, 3, 3) - total[:, limb, np.newaxis, np.newaxis] * (
-            centre[limb][:, :, np.newaxis] * centre[limb][:, np.newaxis]
-        )
+        of_centre = centre[limb][:, :, np.newaxis] * centre[limb][:, np.newaxis]
+        about = squares.reshape(-1, 3, 3) - total[:, limb, np.newaxis, np.newaxis] * of_centre
         turn = poses.rotations[:, limb]
         spread[:, limb] = turn @ about @ turn.swapaxes(1, 2)
         moments = offsets.T @ forces[:, own] - centre[limb][:, :, np.newaxis] * force[:, limb][:, np.newaxis]

@@ -243,9 +243,8 @@ class _Errors:
         before, mixed = self.world_turns[:, parent], self.mixed[:, parent]
         at_joint = mixed + lever @ before  # origin with the parent's turn
         across = mixed @ lever.swapaxes(1, 2)
-        self.origins[:, limb] = (
-            self.origins[:, parent] + across + across.swapaxes(1, 2) + lever @ before @ lever.swapaxes(1, 2)
-        )
+        turned = lever @ before @ lever.swapaxes(1, 2)
+        self.origins[:, limb] = self.origins[:, parent] + across + across.swapaxes(1, 2) + turned
         tells = fixed[:, np.newaxis, np.newaxis]  # a limb that is not fixed turns with its parent
         inverse = np.linalg.inv(_inertia(arms) + np.eye(3) * (noise / UNKNOWN_TURN) ** 2)
         inverse = np.where(tells, inverse, np.eye(3) * (UNKNOWN_TURN / noise) ** 2)

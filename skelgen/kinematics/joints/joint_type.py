@@ -229,7 +229,7 @@ def _type_fit(
     noise = wobble / np.sqrt(ratio) if ratio > 0 else 0.0
     torn = float(np.sqrt(max(wobble**2 - limit * noise**2, 0.0)))
     true_wobble, hidden = torn if wobble > ROUNDING_TURN else 0.0, float(noise * np.sqrt(max(limit - 1, 0.0)))
-    # The smallest rotation that the type allows, of those that are there: variances a, b and c about three axes give the
+    # The smallest rotation that the type allows, of those that are there: variances a, b, c about three axes give the
     # singular values 1 - (b + c) / 2, 1 - (a + c) / 2 and 1 - (a + b) / 2 of the mean rotation.
     lost = 2 * (1 - singular)
     variances = lost.sum() / 2 - lost
