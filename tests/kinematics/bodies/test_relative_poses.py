@@ -14,7 +14,7 @@ from skelgen.kinematics.bodies.relative_poses import (
     pose_covariance,
     relative_poses,
 )
-from skelgen.kinematics.chain.schur_complement import effective_frames
+from skelgen.kinematics.chain.schur_complement import effective_frames, effective_frames_of_both
 from skelgen.model import Poses
 
 
@@ -84,4 +84,4 @@ def test_squares_forget_faster():
     for frame in range(1, 4000):
         residuals[frame] = 0.9 * residuals[frame - 1] + random.normal()
     assert effective_frames(residuals) == pytest.approx(4000 * 0.1 / 1.9, rel=0.3)
-    assert effective_frames(residuals, of_squares=True) == pytest.approx(4000 * 0.19 / 1.81, rel=0.3)
+    assert effective_frames_of_both(residuals)[1] == pytest.approx(4000 * 0.19 / 1.81, rel=0.3)
