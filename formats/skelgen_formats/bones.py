@@ -212,10 +212,8 @@ def lost_in_animations(project: Project, title: str) -> tuple[str, ...]:
     """
     remarks = []
     if project.skeleton.loops:
-        n_loops = len(project.skeleton.loops)
-        remarks.append(
-            f"{title} holds trees only: {n_loops} joint{'s' if n_loops > 1 else ''} closing loops are left out."
-        )
+        joints = f"{len(project.skeleton.loops)} joint{'s' if len(project.skeleton.loops) > 1 else ''}"
+        remarks.append(f"{title} holds trees only: {joints} closing loops are left out.")
     interpolated = int((~project.motion.limb_seen).any(axis=1).sum())
     if interpolated:
         frames = f"{interpolated} of {project.motion.n_frames} frames"

@@ -87,7 +87,11 @@ def write_bvh(value: Writable, path: Path, unit: str = "mm", monitor: Monitor = 
 
 def _hierarchy(skeleton: Skeleton, unit: str) -> Iterator[str]:
     yield "HIERARCHY"
-    offsets = _offsets(skeleton) * per_mm(unit)
+    # each joint in its parent's bone [mm], shape (n_limbs, 3): in the axes of the world at rest; zero for roots
+    offsets = np.zeros((skeleton.n_limbs, 3))
+    for joint in skeleton.joints:
+        offsets[joint.child] = skeleton.reference_pose[joint.parent, :3, :3] @ joint.position_in_parent
+    offsets = offsets * per_mm(unit)
     if len(skeleton.roots) > 1:
         yield from (f"ROOT {_WORLD}", "{", f"  OFFSET 0 0 0\n  CHANNELS 6 {_PLACES} {_TURNS}")
     for root in skeleton.roots.tolist():
@@ -108,14 +112,6 @@ def _bone(skeleton: Skeleton, offsets: Floats, limb: int, word: str, margin: str
         tip = skeleton.reference_pose[limb, :3, :3] @ bone_tip(skeleton, limb) * per_mm(unit)
         yield from (f"{margin}  End Site", f"{margin}  {{", f"{margin}    OFFSET {_place(tip, unit)}", f"{margin}  }}")
     yield margin + "}"
-
-
-def _offsets(skeleton: Skeleton) -> Floats:
-    """Each joint in its parent's bone [mm], shape (n_limbs, 3): in the axes of the world at rest; zero for roots."""
-    offsets = np.zeros((skeleton.n_limbs, 3))
-    for joint in skeleton.joints:
-        offsets[joint.child] = skeleton.reference_pose[joint.parent, :3, :3] @ joint.position_in_parent
-    return offsets
 
 
 def _rows(project: Project, unit: str) -> Iterator[str]:

@@ -118,8 +118,7 @@ def _template(name: str, length: int) -> str:
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
-    unit = options.unit
-    return (f"Cal3D files name neither unit nor axes: remember that lengths are in {unit}.",)
+    return (f"Cal3D files name neither unit nor axes: remember that lengths are in {options.unit}.",)
 
 
 FORMAT = Format(

@@ -159,9 +159,8 @@ def _read_group(path: Path, element: Any, group: _Group, at: str) -> Iterator[tu
             held = ", ".join(group.groups[child.tag].names)
             raise ParameterError(f"{where} is a group of parameters and has no value; it holds {held}")
         elif child.tag not in group.retired:
-            raise ParameterError(
-                f"{where} is unknown; {at or ROOT} has {', '.join(closest_first(child.tag, group.names))}"
-            )
+            known = ", ".join(closest_first(child.tag, group.names))
+            raise ParameterError(f"{where} is unknown; {at or ROOT} has {known}")
 
 
 def _value(where: str, element: Any, declaration: Declaration) -> Any:

@@ -198,13 +198,10 @@ def _animation(project: Project, scale: float, data: _Data, monitor: Monitor) ->
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     remarks = ["glTF takes y to be up: where z is up in the recording, choose axes z-to-y."]
-    unit = options.unit
-    if unit != _METRES.default:
-        remarks.append(f"glTF demands metres: other programs will take the {unit} in the file for metres.")
-    remarks.append(
-        "Markers ride on their limbs, where the skeleton has them; measured positions and gaps are not held."
-    )
-    return (*remarks, *lost_in_animations(project, _TITLE))
+    if options.unit != _METRES.default:
+        remarks.append(f"glTF demands metres: other programs will take the {options.unit} in the file for metres.")
+    riding = "Markers ride on their limbs, where the skeleton has them; measured positions and gaps are not held."
+    return (*remarks, riding, *lost_in_animations(project, _TITLE))
 
 
 FORMAT = Format(

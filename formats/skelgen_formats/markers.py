@@ -62,9 +62,8 @@ def scaled(path: Path, positions: Floats, factor: float) -> Floats:
     if len(wild):
         frame, marker, axis = wild[0]
         value = positions[frame, marker, axis]
-        raise FormatError(
-            path, f"frame {frame + 1}", f"marker {marker + 1} lies at {value:g}; the file is damaged or its unit wrong"
-        )
+        what = f"marker {marker + 1} lies at {value:g}; the file is damaged or its unit wrong"
+        raise FormatError(path, f"frame {frame + 1}", what)
     millimetres[np.isnan(millimetres).any(axis=2)] = np.nan
     return millimetres
 
@@ -218,9 +217,8 @@ def check_writable_names(
     cleaned = [clean(name) for name in names]
     for name in cleaned:
         if not name or any(character in name for character in forbidden + "\r\n\0"):
-            raise WriteError(
-                f"{path}: the name {name!r} is empty or holds a character that this format cannot hold; rename it"
-            )
+            what = "is empty or holds a character that this format cannot hold; rename it"
+            raise WriteError(f"{path}: the name {name!r} {what}")
     twice = [name for name, count in Counter(cleaned).items() if count > 1]
     if twice:
         raise WriteError(f"{path}: two names would both be written as {twice[0]!r}; rename one")
@@ -254,9 +252,8 @@ def check_markers(value: Writable, title: str, filled: bool) -> None:
     if not filled or isinstance(value, Filled):
         trajectories_of(value, title)
     elif not isinstance(value, Project):
-        raise WriteError(
-            f"{title}: gaps are filled from a skeleton, and a take has none: give a project that is fitted"
-        )
+        what = "gaps are filled from a skeleton, and a take has none: give a project that is fitted"
+        raise WriteError(f"{title}: {what}")
     elif not value.has("skeleton"):
         raise MissingResultError(f"{title}: gaps are filled from a skeleton: run the stage 'skeleton' first")
 

@@ -258,9 +258,8 @@ def frame_headers(view: mmap.mmap | bytes, width: int) -> Iterator[tuple[int, in
         if start + count * marker_size > size:
             raise UnparsableError(position, n_markers, f"frame {number} announces {count} markers and is cut off")
         if stamp < last_stamp:
-            raise UnparsableError(
-                position, n_markers, f"the time stamp of frame {number} goes back from {last_stamp} to {stamp}"
-            )
+            problem = f"the time stamp of frame {number} goes back from {last_stamp} to {stamp}"
+            raise UnparsableError(position, n_markers, problem)
         yield start, count, stamp
         position, last_stamp = start + count * marker_size, stamp
         n_markers += count

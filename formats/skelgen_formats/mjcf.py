@@ -80,7 +80,13 @@ def _add_bodies(document: Element, project: Project, links: Mapping[str, Link]) 
     for name, link in links.items():
         elements[name] = body = SubElement(elements[link.parent_name], "body", name=name)
         body.set("pos", number_text(link.place * M_PER_MM))
-        _add_joints(body, link)
+        if link.kind == "free":
+            SubElement(body, "freejoint", name=link.joint)
+        elif link.kind == "ball":
+            SubElement(body, "joint", name=link.joint, type="ball")
+        else:
+            for turn, axis in zip(link.angle_names, link.axes, strict=True):
+                SubElement(body, "joint", name=turn, type="hinge", axis=number_text(axis))
         # add what is seen of the limb; it also gives the mass without which MuJoCo refuses what moves
         ends = bones_of(project, link)
         for end in ends:
@@ -90,16 +96,6 @@ def _add_bodies(document: Element, project: Project, links: Mapping[str, Link]) 
         for marker, place in markers_on(project, link.limb):
             SubElement(body, "site", name=project.trajectories.names[marker], pos=number_text(place * M_PER_MM))
     return [str(body.get("name")) for body in elements["world"].iter("body")]
-
-
-def _add_joints(body: Element, link: Link) -> None:
-    if link.kind == "free":
-        SubElement(body, "freejoint", name=link.joint)
-    elif link.kind == "ball":
-        SubElement(body, "joint", name=link.joint, type="ball")
-    else:
-        for name, axis in zip(link.angle_names, link.axes, strict=True):
-            SubElement(body, "joint", name=name, type="hinge", axis=number_text(axis))
 
 
 def _columns(link: Link) -> list[str]:

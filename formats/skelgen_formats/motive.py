@@ -140,9 +140,8 @@ def _columns_of(path: Path, titles: _Titles, kind: str) -> dict[str, list[int]]:
         if titles.kinds[column] == kind and titles.quantities[column] == "Position" and axis in _AXES:
             axes = groups.setdefault((titles.names[column], titles.ids[column]), {})
             if axis in axes:
-                raise FormatError(
-                    path, titles.first, f"two markers are labelled {titles.names[column][:60]!r}; rename one"
-                )
+                what = f"two markers are labelled {titles.names[column][:60]!r}; rename one"
+                raise FormatError(path, titles.first, what)
             axes[axis] = column
     columns: dict[str, list[int]] = {}
     for (name, _), axes in groups.items():

@@ -122,10 +122,8 @@ def recognise(path: Path) -> Format:
             return entry
     for entry in known_formats():
         if entry.read_motion is not None and path.name.lower().endswith(entry.suffixes):
-            hint = (
-                f"{entry.title} holds bones, not markers; `skelgen simulate --motion {path.name}` puts markers on them"
-            )
-            raise FormatError(path, "", hint)
+            hint = f"`skelgen simulate --motion {path.name}` puts markers on them"
+            raise FormatError(path, "", f"{entry.title} holds bones, not markers; {hint}")
     names = ", ".join(f"{entry.name} ({' '.join(entry.suffixes)})" for entry in readable)
     raise FormatError(path, "", f"neither content nor suffix belongs to a known format; known are {names}")
 
@@ -231,7 +229,15 @@ def format_for_writing(path: Path, format_name: str | None = None) -> Format:
     WriteError
         If there is none.
     """
-    return find_format(format_name) if format_name else _by_suffix_for_writing(path)
+    if format_name:
+        return find_format(format_name)
+    name = path.name.lower()
+    writable = [entry for entry in known_formats() if entry.write is not None]
+    pairs = [(len(suffix), entry) for entry in writable for suffix in entry.suffixes if name.endswith(suffix)]
+    if pairs:
+        return max(pairs, key=lambda pair: pair[0])[1]  # .poses.csv says more than .csv
+    suffixes = " ".join(suffix for entry in writable for suffix in entry.suffixes)
+    raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}")
 
 
 def options_of(entry: Format, given: Mapping[str, object], *, reading: bool = False) -> Options:
@@ -265,17 +271,6 @@ def checked_options(entry: Format, given: Mapping[str, object], *, reading: bool
             raise WriteError(f"the format {entry.name} has no option {name!r}; it has {', '.join(declared) or 'none'}")
     where = f"the format {entry.name}"
     return {name: declared[name].declaration.check(value, where) for name, value in given.items()}
-
-
-def _by_suffix_for_writing(path: Path) -> Format:
-    writable = [entry for entry in known_formats() if entry.write is not None]
-    fitting = [
-        (len(suffix), entry) for entry in writable for suffix in entry.suffixes if path.name.lower().endswith(suffix)
-    ]
-    if fitting:
-        return max(fitting, key=lambda pair: pair[0])[1]  # .poses.csv says more than .csv
-    suffixes = " ".join(suffix for entry in writable for suffix in entry.suffixes)
-    raise WriteError(f"{path}: no format is written with this suffix; there are {suffixes}")
 
 
 def read_motion(

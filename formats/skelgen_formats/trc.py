@@ -112,10 +112,8 @@ def write_trc(
     names = check_writable_names(path, take.names, "\t", str.strip)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(_header_text(path, take, names, unit))
-        frames = with_progress(
-            zip(take.times.tolist(), take.positions * per_mm(unit), strict=True), take.n_frames, monitor
-        )
-        for number, (time, row) in enumerate(frames, start=1):
+        frames = zip(take.times.tolist(), take.positions * per_mm(unit), strict=True)
+        for number, (time, row) in enumerate(with_progress(frames, take.n_frames, monitor), start=1):
             cells = ["" if x != x else repr(x) for x in row.ravel().tolist()]  # noqa: PLR0124 - NaN differs from itself
             cells[-1:] = [cells[-1] or _LAST_UNSEEN] if cells else []
             stream.write(f"{number}\t{time!r}\t" + "\t".join(cells) + "\n")

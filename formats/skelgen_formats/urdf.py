@@ -95,7 +95,9 @@ def _robot(project: Project, links: Sequence[Link], name: str) -> Element:
     for link in links:
         _add_link(robot, link, bones_of(project, link))
         for marker, place in markers_on(project, link.limb):
-            _add_fixed(robot, link.name, f"marker_{marker_names[marker]}", place)
+            marker_name = f"marker_{marker_names[marker]}"
+            SubElement(robot, "link", name=marker_name)
+            _add_joint(robot, "fixed", f"{marker_name}_joint", link.name, marker_name, place)
     return robot
 
 
@@ -116,16 +118,9 @@ def _add_link(robot: Element, link: Link, bones: Sequence[Floats]) -> None:
             SubElement(robot, "link", name=child)
         joint = _add_joint(robot, single.kind, single.name, parent, child, place if number == 1 else np.zeros(3))
         SubElement(joint, "axis", xyz=number_text(single.axis))
-        lower, upper = single.values.min(), single.values.max()
-        SubElement(
-            joint, "limit", lower=repr(float(lower)), upper=repr(float(upper)), effort=_EFFORT, velocity=_VELOCITY
-        )
+        lower, upper = (repr(float(end)) for end in (single.values.min(), single.values.max()))
+        SubElement(joint, "limit", lower=lower, upper=upper, effort=_EFFORT, velocity=_VELOCITY)
         parent = child
-
-
-def _add_fixed(robot: Element, parent: str, name: str, place: Floats) -> None:
-    SubElement(robot, "link", name=name)
-    _add_joint(robot, "fixed", f"{name}_joint", parent, name, place)
 
 
 def _add_joint(robot: Element, kind: str, name: str, parent: str, child: str, place: Floats) -> Element:

@@ -203,10 +203,8 @@ def _vectors(places: Floats) -> Any:
 
 
 def _remarks(project: Project, options: Options) -> tuple[str, ...]:
-    remarks = []
-    if options.axes == AS_RECORDED:
-        remarks.append("The file states that z is up; where y is up in the recording, choose axes y-to-z.")
-    return (*remarks, *lost_in_animations(project, _TITLE))
+    up = "The file states that z is up; where y is up in the recording, choose axes y-to-z."
+    return (*((up,) if options.axes == AS_RECORDED else ()), *lost_in_animations(project, _TITLE))
 
 
 FORMAT = Format(

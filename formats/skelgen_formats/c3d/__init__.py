@@ -71,12 +71,8 @@ def _remarks(project: Project, options: Options) -> tuple[str, ...]:
     take = trajectories_of(project, _TITLE)
     far = float(np.nanmax(np.abs(take.positions), initial=0.0))
     rounded = f"Positions are rounded to single precision, to {np.spacing(np.float32(far)):.1g} mm."
-    if take.n_frames <= MOST_HEADER_FRAMES:
-        return (rounded,)
-    return (
-        rounded,
-        f"Some programs show only the first {MOST_HEADER_FRAMES} of the {take.n_frames} frames of a C3D file.",
-    )
+    cut = f"Some programs show only the first {MOST_HEADER_FRAMES} of the {take.n_frames} frames of a C3D file."
+    return (rounded, cut) if take.n_frames > MOST_HEADER_FRAMES else (rounded,)
 
 
 C3D = Format(

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from skelgen.model.arrays import Floats
-from skelgen.model.rig import Camera, CaptureSettings, ParameterValue, TargetJoint
+from skelgen.model.rig import Camera, CaptureSettings, ParameterValue
 from skelgen_formats.capture_settings.reader import LEFT, RIGHT, ROOT, UNIT, VERSION
 from skelgen_formats.xml_files import write_lines
 
@@ -55,7 +55,12 @@ def _inside(settings: CaptureSettings) -> Iterator[str]:
             yield f'    <point std="{_text(std)}">{_text(point)}</point>'
         yield "  </body>"
     for joint in settings.joints:
-        yield from _joint(joint)
+        ends = f"parent={quoteattr(joint.parent)} child={quoteattr(joint.child)}"
+        yield f'  <joint name={quoteattr(joint.name)} kind="{joint.kind}" {ends}>'
+        for side, tag in enumerate(("parent_from_joint", "child_from_joint")):
+            std = f' std="{_text(joint.std[side])}" axis_std="{float(joint.axis_std[side])!r}"'
+            yield from _matrix("    ", tag, std, getattr(joint, tag))
+        yield "  </joint>"
 
 
 def _parameter(value: ParameterValue) -> str:
@@ -72,15 +77,6 @@ def _camera(side: str, camera: Camera) -> Iterator[str]:
     yield f"      <distortion>{_text(camera.distortion)}</distortion>"
     yield from _matrix("      ", "camera_from_world", "", camera.camera_from_world)
     yield f"    </{side}>"
-
-
-def _joint(joint: TargetJoint) -> Iterator[str]:
-    ends = f"parent={quoteattr(joint.parent)} child={quoteattr(joint.child)}"
-    yield f'  <joint name={quoteattr(joint.name)} kind="{joint.kind}" {ends}>'
-    for side, tag in enumerate(("parent_from_joint", "child_from_joint")):
-        std = f' std="{_text(joint.std[side])}" axis_std="{float(joint.axis_std[side])!r}"'
-        yield from _matrix("    ", tag, std, getattr(joint, tag))
-    yield "  </joint>"
 
 
 def _matrix(indent: str, tag: str, attributes: str, matrix: Floats) -> Iterator[str]:

@@ -180,7 +180,12 @@ def assemble(path: Path, contents: Contents) -> ClassicXml:
     FormatError
         If parts of the file are missing or contradict each other.
     """
-    parents = _parents(path, contents)
+    n_limbs = len(contents.bones)
+    if sorted(contents.bones) != list(range(n_limbs)):
+        raise FormatError(path, "", f"the {n_limbs} bones must have the ids 0 to {n_limbs - 1}")
+    parents = np.array([contents.bones[limb].parent for limb in range(n_limbs)], dtype=np.intp)
+    if len(outward_order(parents)) != n_limbs:
+        raise FormatError(path, "", "the parents of the bones form no tree: a cycle, or a parent that is no bone")
     children = [int(limb) for limb in outward_order(parents) if parents[limb] >= 0]
     edges = [(int(parents[child]), child) for child in children]
     _check_complete(path, contents, len(parents), edges)
@@ -189,16 +194,6 @@ def assemble(path: Path, contents: Contents) -> ClassicXml:
             return _values(contents, parents, edges)
     except InputError as error:
         raise FormatError(path, "", str(error)) from error
-
-
-def _parents(path: Path, contents: Contents) -> Ints:
-    n_limbs = len(contents.bones)
-    if sorted(contents.bones) != list(range(n_limbs)):
-        raise FormatError(path, "", f"the {n_limbs} bones must have the ids 0 to {n_limbs - 1}")
-    parents = np.array([contents.bones[limb].parent for limb in range(n_limbs)], dtype=np.intp)
-    if len(outward_order(parents)) != n_limbs:
-        raise FormatError(path, "", "the parents of the bones form no tree: a cycle, or a parent that is no bone")
-    return parents
 
 
 def _check_complete(path: Path, contents: Contents, n_limbs: int, edges: list[tuple[int, int]]) -> None:
@@ -294,18 +289,7 @@ def _motion(contents: Contents, skeleton: Skeleton, keys: Floats, tracked: Float
     seen = np.zeros((len(tracked), skeleton.n_limbs), dtype=np.bool_)
     for limb, marks in contents.seen.items():
         seen[:, limb] = np.frombuffer(marks, dtype=np.uint8)
-    return Motion(
-        world_from_limb=_world_from_limb(skeleton, keys),
-        joint_positions=_columns(contents.final_joints, edges, (len(tracked), 3)),
-        marker_positions=rebuilt,
-        residuals=np.linalg.norm(tracked - rebuilt, axis=2),
-        limb_seen=seen,
-        rate=contents.rate,
-    )
-
-
-def _world_from_limb(skeleton: Skeleton, keys: Floats) -> Floats:
-    """Compose the keys, which are relative to the parents, from the roots outward."""
+    # compose the keys, which are relative to the parents, from the roots outward
     poses = np.zeros((len(keys), skeleton.n_limbs, 4, 4))
     poses[:, :, 3, 3] = 1.0
     for limb in skeleton.outward.tolist():
@@ -313,7 +297,14 @@ def _world_from_limb(skeleton: Skeleton, keys: Floats) -> Floats:
         poses[:, limb, :3, 3] = keys[:, limb, :3]
         if skeleton.parents[limb] >= 0:
             poses[:, limb] = poses[:, skeleton.parents[limb]] @ poses[:, limb]
-    return poses
+    return Motion(
+        world_from_limb=poses,
+        joint_positions=_columns(contents.final_joints, edges, (len(tracked), 3)),
+        marker_positions=rebuilt,
+        residuals=np.linalg.norm(tracked - rebuilt, axis=2),
+        limb_seen=seen,
+        rate=contents.rate,
+    )
 
 
 def _columns(rows: Mapping[_Key, array[float]], order: list[_Key], shape: tuple[int, int]) -> Floats:

@@ -175,9 +175,8 @@ def joint_lengths(project: Project) -> list[Length]:
     for limb in limb_order(project):
         joints = np.flatnonzero((topology.edges == limb).any(axis=1)).tolist() if topology.n_joints else []
         pairs = [(first, second) for i, first in enumerate(joints) for second in joints[i + 1 :]]
-        lengths.extend(
-            _length(topology, limb, pair, (rigid.get(pair, np.nan), float(known.get(pair, np.nan)))) for pair in pairs
-        )
+        for pair in pairs:
+            lengths.append(_length(topology, limb, pair, (rigid.get(pair, np.nan), float(known.get(pair, np.nan)))))
     return lengths
 
 

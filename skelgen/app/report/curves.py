@@ -121,14 +121,8 @@ def angle_figure(times: Floats, angles: Floats, stds: Floats, names: tuple[str, 
     """
     low, high = float((angles - _SURE * stds).min()), float((angles + _SURE * stds).max())
     margin = max(0.04 * (high - low), _LEAST_HEIGHT / 2)
-    axes = Axes(
-        _WIDTH,
-        _ANGLES_HEIGHT,
-        _ANGLES_BOTTOM,
-        max(float(times[-1]), np.finfo(np.float64).eps),
-        high + margin,
-        low - margin,
-    )
+    last = max(float(times[-1]), np.finfo(np.float64).eps)
+    axes = Axes(_WIDTH, _ANGLES_HEIGHT, _ANGLES_BOTTOM, last, high + margin, low - margin)
     parts = [axes.frame("angle [deg]", "time [s]")]
     for number, (angle, std) in enumerate(zip(angles.T, stds.T, strict=True)):
         parts.append(_band(axes, times, angle, std, f"angle{number}"))

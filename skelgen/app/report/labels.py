@@ -18,7 +18,7 @@ _FINDING_WORDS = {"exchanged": "Labels exchanged", "moved": "Label on another ma
 def labels_content(project: Project) -> dict[str, object]:
     """Return what the template shows of the labels of a project that knows how sure they are."""
     labelling = project.labelling
-    tracklets = labelling.tracklets
+    drawn = labelling.tracklets if labelling.tracklets is not None and labelling.tracklets.n_parts else None
     shown = sorted(labelling.doubts, key=lambda doubt: doubt.first_frame - doubt.last_frame)[:_MOST_ROWS]
     return {
         "facts": _facts(project),
@@ -28,10 +28,8 @@ def labels_content(project: Project) -> dict[str, object]:
         "more_findings": max(len(labelling.findings) - _MOST_ROWS, 0),
         "more": len(labelling.doubts) - len(shown),
         "confidence": confidence_figure(project),
-        "tracks": tracks_figure(project, tracklets) if tracklets is not None and tracklets.n_parts else "",
-        "marker_tracks": marker_tracks_figure(project, tracklets)
-        if tracklets is not None and tracklets.n_parts
-        else "",
+        "tracks": tracks_figure(project, drawn) if drawn else "",
+        "marker_tracks": marker_tracks_figure(project, drawn) if drawn else "",
         "classic": _comparison(project, labelling),
     }
 
@@ -90,12 +88,8 @@ def _comparison(project: Project, labelling: Labelling) -> list[tuple[str, str, 
         return []
     own = project.trajectories
     method = str(project.reports["labels"].parameters.get("method", "this run")) if "labels" in project.reports else ""
+    counts = [counted(each.n_markers, "marker") for each in (own, classic)]
     return [
-        (method, counted(own.n_markers, "marker"), str(int(own.seen.sum())), ""),
-        (
-            f"{classic.method} (classic)",
-            counted(classic.n_markers, "marker"),
-            str(classic.n_points),
-            percent(classic.share),
-        ),
+        (method, counts[0], str(int(own.seen.sum())), ""),
+        (f"{classic.method} (classic)", counts[1], str(classic.n_points), percent(classic.share)),
     ]

@@ -133,7 +133,10 @@ def gaps_figure(project: Project, filled: Filled | None = None) -> Markup:
     seen_part = svg.image(LEFT, 0, PLOT, height, png_uri(_brightness(parts_of_states)))
     box = {"x": LEFT, "y": 0, "width": PLOT, "height": height}
     mask = svg.tag("mask", seen_part, id="seen-mask", maskUnits="userSpaceOnUse", **box)
-    parts = [mask, svg.group(*_bars(lanes.limbs, row), mask="url(#seen-mask)")]
+    classes = [f"fill limb{limb}" if limb >= 0 else "fill limbless" for limb in lanes.limbs.tolist()]
+    bar = row - 2 if row > 4 else row
+    bars = [svg.rect(LEFT, row * index + 1, PLOT, bar, cls) for index, cls in enumerate(classes)]
+    parts = [mask, svg.group(*bars, mask="url(#seen-mask)")]
     if filled:
         parts.append(svg.image(LEFT, 0, PLOT, height, png_uri(parted(_tints(filled.source[:, lanes.markers]), row))))
     if project.has_labelling and project.labelling.doubts:
@@ -185,12 +188,6 @@ def _left_out_strip(labelling: Labelling, top: float) -> Markup:
         svg.text(LEFT - 6, baseline, "left out", "small", anchor="end"),
         svg.text(WIDTH - RIGHT + 6, baseline, str(int(labelling.left_out.sum())), "small"),
     )
-
-
-def _bars(limbs: Ints, row: float) -> list[Markup]:
-    classes = [f"fill limb{limb}" if limb >= 0 else "fill limbless" for limb in limbs.tolist()]
-    height = row - 2 if row > 4 else row
-    return [svg.rect(LEFT, row * index + 1, PLOT, height, cls) for index, cls in enumerate(classes)]
 
 
 def confidence_figure(project: Project) -> Markup:

@@ -166,9 +166,8 @@ def _cost_label(joint: JointCost, far: tuple[float, float], near: tuple[float, f
     x, y = (end + _LABEL_PLACE * (start - end) for start, end in zip(far, near, strict=True))
     label = digits(joint.cost, 2)
     width = _CHARACTER * len(label) + 6
-    return svg.group(
-        svg.rect(x - width / 2, y - 7, width, 14, "plate", rx=7), svg.text(x, y + 4, label, "small", anchor="middle")
-    )
+    plate = svg.rect(x - width / 2, y - 7, width, 14, "plate", rx=7)
+    return svg.group(plate, svg.text(x, y + 4, label, "small", anchor="middle"))
 
 
 def _node(limb: int, x: float, y: float) -> Markup:
