@@ -18,7 +18,7 @@ from skelgen.geometry.euler import euler_angles, gimbal_distance
 from skelgen.geometry.rotations import matrix_from_vector, transform_from, vector_from_matrix
 from skelgen.model import Joint, Motion, Project
 from skelgen.model.arrays import Floats
-from skelgen_formats.bones import joint_names, parent_from_child
+from skelgen_formats.bones import parent_from_child
 from skelgen_formats.options import AS_FOUND, AS_MOVED, JOINTS, Options
 
 M_PER_MM = 1e-3
@@ -93,7 +93,7 @@ def links_of(project: Project, joints: str) -> tuple[Link, ...]:
         A choice of `JOINTS`.
     """
     skeleton, motion = project.skeleton, project.motion
-    names = dict(zip((joint.child for joint in skeleton.joints), joint_names(skeleton), strict=True))
+    names = dict(zip((joint.child for joint in skeleton.joints), skeleton.joint_names, strict=True))
     above = {joint.child: joint for joint in skeleton.joints}
     return tuple(
         _link(above[limb], names[limb], motion, joints) if limb in above else _root(project, limb)

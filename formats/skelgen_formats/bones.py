@@ -175,11 +175,6 @@ def bone_name(limb: int) -> str:
     return f"limb{limb}"
 
 
-def joint_names(skeleton: Skeleton) -> tuple[str, ...]:
-    """Return a name for each joint, such as ``limb0-limb1`` (parent, child)."""
-    return tuple(f"limb{joint.parent}-limb{joint.child}" for joint in skeleton.joints)
-
-
 def bone_tip(skeleton: Skeleton, limb: int) -> Floats:
     """Return where a limb that carries no other ends, in its frame [mm], shape (3,): as far as its markers reach.
 

@@ -32,6 +32,7 @@ _HEADER_ROW = [("start", np.intp), ("count", np.intp), ("stamp", np.uint64)]
 _EXACT_INTEGERS = 2**53  # up to here float64 holds every whole number, as the attribute `id` must
 _PLAUSIBLE_MARKERS = 10_000  # a frame of a real capture has fewer; only for sniffing
 _U32 = 2**32
+_REMARK = "The recording is written as it was read: labels that were found or repaired are not in it."
 
 __all__ = ["FORMAT", "iterate_mfml", "read_mfml", "write_frames", "write_mfml"]
 
@@ -188,9 +189,7 @@ FORMAT = Format(
     ),
     check=lambda value, options: _take_of(value),
     keeps=("points", "markers"),
-    remarks=lambda project, options: (
-        "The recording is written as it was read: labels that were found or repaired are not in it.",
-    ),
+    remarks=lambda project, options: (_REMARK,),
     options=(
         Option("id_width", "auto", "Bytes of a unique id; auto finds out, and writes 8.", ("auto", "4", "8", "16")),
         Option("timestamp_unit", "us", "Unit of the time stamps.", tuple(SECONDS_PER_UNIT)),

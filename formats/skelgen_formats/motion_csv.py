@@ -19,7 +19,6 @@ from skelgen.files import replacing
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bones import joint_names
 from skelgen_formats.options import AXES, MM_PER_UNIT, RATE, UNIT, Writable, per_mm
 from skelgen_formats.parts import finished_project
 from skelgen_formats.registry import Format
@@ -52,7 +51,7 @@ def write_joints_csv(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     """
     project = finished_project(value, _JOINTS_TITLE)
     motion = project.motion
-    header = [f"{name}_{axis}_{unit}" for name in joint_names(project.skeleton) for axis in "xyz"]
+    header = [f"{name}_{axis}_{unit}" for name in project.skeleton.joint_names for axis in "xyz"]
     positions = motion.joint_positions.reshape(motion.n_frames, -1)
     chunks = (positions[frames] * per_mm(unit) for frames in _chunks(motion.n_frames))
     decimals = _DECIMALS + round(math.log10(MM_PER_UNIT[unit]))
@@ -83,7 +82,7 @@ def write_angles_csv(value: Writable, path: Path, monitor: Monitor = SILENT) -> 
 
     project = finished_project(value, _ANGLES_TITLE)
     header: list[str] = []
-    for name, joint in zip(joint_names(project.skeleton), project.skeleton.joints, strict=True):
+    for name, joint in zip(project.skeleton.joint_names, project.skeleton.joints, strict=True):
         header += [f"{name}_{angle}{what}_deg" for angle in angle_names(joint) for what in ("", "_std")]
     write_motion(path, header, project.motion.times, _angles(project), _DECIMALS, monitor)
     return [path]

@@ -21,7 +21,6 @@ from skelgen.files import replacing
 from skelgen.model import PointCloud, Project, Skeleton
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.bones import joint_names
 from skelgen_formats.options import Writable
 from skelgen_formats.registry import Format
 
@@ -174,7 +173,7 @@ def _joints(project: Project) -> list[dict[str, object]]:
             "range_of_motion": _turns(observed[index].motion),
             "not_determined": observed[index].sentence or None,
         }
-        for index, (name, joint) in enumerate(zip(joint_names(skeleton), skeleton.joints, strict=True))
+        for index, (name, joint) in enumerate(zip(skeleton.joint_names, skeleton.joints, strict=True))
     ]
 
 
@@ -190,12 +189,11 @@ def _loops(skeleton: Skeleton) -> list[dict[str, object]]:
 
 def _turns(motion: Any) -> list[dict[str, object]]:
     """How far a joint turns about its three directions, unit vectors in the parent."""
-    both = zip(motion.directions, motion.ranges, strict=True)
-    return [{"direction": direction, "range": turn} for direction, turn in both]
+    return [{"direction": axis, "range": turn} for axis, turn in zip(motion.directions, motion.ranges, strict=True)]
 
 
 def _lengths(skeleton: Skeleton) -> list[dict[str, object]]:
-    names = joint_names(skeleton)
+    names = skeleton.joint_names
     return [
         {
             "limb": skeleton.limb_of_length((first, second)),

@@ -19,7 +19,6 @@ from skelgen.files import arriving_together, replacing
 from skelgen.model import Project
 from skelgen.model.arrays import Floats, Ints
 from skelgen.progress import SILENT, Monitor, with_progress
-from skelgen_formats.bones import joint_names
 from skelgen_formats.motion_csv import write_csv
 from skelgen_formats.options import AXES, RATE, UNIT, Writable, per_mm
 from skelgen_formats.parts import finished_project
@@ -111,7 +110,7 @@ def _joints(project: Project, frames: Ints, unit: str) -> Columns:
     motion = project.motion
     std = np.full(motion.joint_positions.shape, np.nan) if motion.joint_std is None else motion.joint_std
     return {
-        **_head(motion.times, frames, {"joint": joint_names(project.skeleton)}),
+        **_head(motion.times, frames, {"joint": project.skeleton.joint_names}),
         **_axes("{}_" + unit, motion.joint_positions[frames] * per_mm(unit)),
         **_axes("std_{}_" + unit, std[frames] * per_mm(unit)),
     }
@@ -123,7 +122,7 @@ def _angles(project: Project, frames: Ints, unit: str) -> Columns:
 
     skeleton = project.skeleton
     posture = posture_of(skeleton, project.motion, project.trajectories.positions, frames)
-    named = zip(joint_names(skeleton), skeleton.joints, strict=True)
+    named = zip(skeleton.joint_names, skeleton.joints, strict=True)
     pairs = [(name, angle) for name, joint in named for angle in angle_names(joint)]
     items = {"joint": tuple(name for name, _ in pairs), "angle": tuple(angle for _, angle in pairs)}
     none = np.zeros((len(frames), 0))

@@ -10,7 +10,6 @@ import c3d as independent
 import ezc3d
 import numpy as np
 import pytest
-from skelgen_formats.bones import joint_names
 from skelgen_formats.c3d.layout import BLOCK, read_layout
 from skelgen_formats.c3d.writer import C3dStream, point_words, write_points
 from skelgen_formats.registry import read_take, write_file
@@ -111,7 +110,7 @@ def with_joints(small_project, tmp_path):
 def test_ezc3d_finds_markers_and_joints_and_tells_them_apart(with_joints, small_project):
     content = ezc3d.c3d(str(with_joints))
     labels = content["parameters"]["POINT"]["LABELS"]["value"]
-    assert labels == [*small_project.trajectories.names, *joint_names(small_project.skeleton)]
+    assert labels == [*small_project.trajectories.names, *small_project.skeleton.joint_names]
     n_markers = small_project.trajectories.n_markers
     points = np.moveaxis(content["data"]["points"][:3], 0, -1).swapaxes(0, 1)
     assert np.abs(points[:, n_markers:] - small_project.motion.joint_positions).max() < F32_MM
@@ -131,7 +130,7 @@ def test_c3d_finds_the_joints_in_their_places(with_joints, small_project):
 
 def test_joints_are_read_back_as_points(with_joints, small_project):
     take = read_take(with_joints)
-    assert take.names[-2:] == joint_names(small_project.skeleton)
+    assert take.names[-2:] == small_project.skeleton.joint_names
 
 
 def test_take_is_refused_where_joints_belong(small_project, tmp_path):

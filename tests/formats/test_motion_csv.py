@@ -6,7 +6,6 @@ import csv
 
 import numpy as np
 import pytest
-from skelgen_formats.bones import joint_names
 from skelgen_formats.motion_csv import write_motion
 from skelgen_formats.registry import write_file
 
@@ -44,7 +43,7 @@ def test_every_frame_has_its_positions(joints, small_project):
 
 
 def test_joints_are_called_after_parent_and_child(small_project):
-    assert joint_names(small_project.skeleton) == ("limb1-limb0", "limb1-limb2")
+    assert small_project.skeleton.joint_names == ("limb1-limb0", "limb1-limb2")
 
 
 def test_plain_csv_of_a_project_holds_its_joints(small_project, tmp_path):

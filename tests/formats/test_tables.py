@@ -7,7 +7,6 @@ import sys
 import numpy as np
 import pytest
 from skelgen_formats import tables
-from skelgen_formats.bones import joint_names
 from skelgen_formats.registry import write_file
 
 from skelgen.errors import WriteError
@@ -56,7 +55,7 @@ def test_markers_come_back_exactly(read, small_project):
 def test_joints_come_back_exactly_in_the_unit_wanted(read, small_project):
     table, motion = read(unit="m")["joints"], small_project.motion
     assert np.array_equal(vectors(table, "{}_m").reshape(motion.joint_positions.shape), motion.joint_positions * 1e-3)
-    assert table["joint"].tolist() == list(joint_names(small_project.skeleton)) * motion.n_frames
+    assert table["joint"].tolist() == list(small_project.skeleton.joint_names) * motion.n_frames
 
 
 def test_angles_come_back_exactly(read, small_project):

@@ -16,7 +16,6 @@ import numpy as np
 from skelgen.model import Project
 from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor
-from skelgen_formats.bones import joint_names
 from skelgen_formats.c3d.layout import MAGIC, MOST_HEADER_FRAMES
 from skelgen_formats.c3d.reader import read_c3d
 from skelgen_formats.c3d.writer import write_points
@@ -122,7 +121,7 @@ def write_c3d_joints(value: Writable, path: Path, unit: str = "mm", monitor: Mon
     points = replace(
         markers,
         positions=np.concatenate([markers.positions, joints], axis=1),
-        names=(*markers.names, *joint_names(project.skeleton)),
+        names=(*markers.names, *project.skeleton.joint_names),
     )
     measured = np.where(markers.seen, PositionSource.MEASURED, PositionSource.NONE)
     computed = np.full(joints.shape[:2], PositionSource.JOINT)
