@@ -94,21 +94,16 @@ def find_angles(joint: TargetJoint, bodies: Mapping[str, FoundBody]) -> JointAng
     poses = parent.world_from_body, child.world_from_body
     in_parent, in_child = poses[0] @ joint.parent_from_joint, poses[1] @ joint.child_from_joint
     turn = in_parent[:3, :3].T @ in_child[:3, :3]
-    gap, tilt = in_child[:3, 3] - in_parent[:3, 3], _tilt(joint, turn)
+    kind = _kinematic(joint.kind)
+    gap, tilt = in_child[:3, 3] - in_parent[:3, 3], np.zeros(0)
+    if joint.kind == "hinge":  # the rotation about x and y [rad] that the least squares angle leaves
+        tilt = vector_from_matrix(turn @ matrix_from_vector(-joint_angles(kind, turn[np.newaxis])[0] * _Z))[:2]
     error, spread = _most_likely(
         joint, poses, block_diagonal(parent.covariance, child.covariance), np.concatenate([gap, tilt])
     )
-    kind, held = _kinematic(joint.kind), (matrix_from_vector(-error) @ turn)[np.newaxis]
+    held = (matrix_from_vector(-error) @ turn)[np.newaxis]
     angles, std = joint_angles(kind, held)[0], angle_deviations(kind, held, spread[np.newaxis])[0]
     return JointAngle(joint.name, angles, std, _residual(turn, in_parent[:3, :3].T @ gap, tilt))
-
-
-def _tilt(joint: TargetJoint, turn: Floats) -> Floats:
-    """Rotation about x and y that the least squares angle of a hinge leaves [rad], shape (2,); none for a ball."""
-    if joint.kind == "ball":
-        return np.zeros(0)
-    angle = joint_angles(_kinematic(joint.kind), turn[np.newaxis])[0]
-    return vector_from_matrix(turn @ matrix_from_vector(-angle * _Z))[:2]
 
 
 def _residual(turn: Floats, gap: Floats, tilt: Floats) -> float:

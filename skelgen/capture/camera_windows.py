@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from types import TracebackType
 from typing import Any, Self
 
 from skelgen.capture.live import Captured
-from skelgen.capture.values import Balls, Image
 
 _MARK = (0, 255, 0)  # green, in OpenCV's order
 _MARK_SIZE = 9  # px
@@ -31,9 +29,7 @@ class Pictures:
         """Windows open with the first pictures."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close the windows."""
         if self._cv2 is not None:
             self._cv2.destroyAllWindows()
@@ -42,11 +38,12 @@ class Pictures:
         """Show both pictures of a pair."""
         if self._cv2 is None:
             return
-        for side, image, balls in (
-            ("left", captured.pair.left, captured.left),
-            ("right", captured.pair.right, captured.right),
-        ):
-            self._cv2.imshow(side, _marked(self._cv2, image, balls))
+        pair = captured.pair
+        for side, image, balls in (("left", pair.left, captured.left), ("right", pair.right, captured.right)):
+            coloured = self._cv2.cvtColor(image, self._cv2.COLOR_GRAY2BGR)
+            for x, y in balls.centres.round().astype(int).tolist():
+                self._cv2.drawMarker(coloured, (x, y), _MARK, self._cv2.MARKER_CROSS, _MARK_SIZE)
+            self._cv2.imshow(side, coloured)
         self._cv2.waitKey(1)
 
 
@@ -63,10 +60,3 @@ def _opened() -> tuple[str, Any]:
     except cv2.error:
         return "this OpenCV shows no windows (it is the headless one), so that no pictures are shown (-n says so)", None
     return "", cv2
-
-
-def _marked(cv2: Any, image: Image, balls: Balls) -> Any:
-    coloured = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
-    for x, y in balls.centres.round().astype(int).tolist():
-        cv2.drawMarker(coloured, (x, y), _MARK, cv2.MARKER_CROSS, _MARK_SIZE)
-    return coloured

@@ -82,17 +82,13 @@ def pose_covariances(rig: StereoRig, target: BodyTarget, world_from_body: Floats
     points = turned + world_from_body[..., np.newaxis, :3, 3]
     seen = seen_by_both(rig, points) if seen is None else seen
     turn = world_from_body[..., np.newaxis, :3, :3]
-    calibrated = (turn * target_variance(target)[:, np.newaxis, :]) @ np.swapaxes(turn, -1, -2)
+    variance = np.zeros_like(target.points) if target.std is None else target.std**2
+    calibrated = (turn * variance[:, np.newaxis, :]) @ np.swapaxes(turn, -1, -2)
     weights = _inverse_where_finite(point_covariances(rig, points) + calibrated)
     weights = np.where(seen[..., np.newaxis, np.newaxis], weights, 0.0)
     slope = np.concatenate([-cross_matrix(turned), np.broadcast_to(np.eye(3), (*turned.shape, 3))], axis=-1)
     information = (np.swapaxes(slope, -1, -2) @ weights @ slope).sum(axis=-3)
     return _inverse_where(information, seen.sum(axis=-1) >= LEAST_POINTS)
-
-
-def target_variance(target: BodyTarget) -> Floats:
-    """Return the variances of a target's balls along its axes, shape (n_points, 3), mm^2."""
-    return np.zeros_like(target.points) if target.std is None else target.std**2
 
 
 def _inverse_where(information: Floats, is_known: Bools) -> Floats:
@@ -107,15 +103,11 @@ def _inverse_where(information: Floats, is_known: Bools) -> Floats:
     return out
 
 
-BALL, HINGE = "ball", "hinge"
+HINGE = "hinge"
 
 
 def angle_covariance(
-    joint: TargetJoint,
-    poses: tuple[Floats, Floats],
-    covariances: tuple[Floats, Floats],
-    *,
-    is_joined: bool = False,
+    joint: TargetJoint, poses: tuple[Floats, Floats], covariances: tuple[Floats, Floats], *, is_joined: bool = False
 ) -> Floats:
     """Return the covariance of a joint's angles.
 

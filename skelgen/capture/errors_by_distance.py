@@ -123,10 +123,7 @@ def typical_pair() -> tuple[BodyTarget, BodyTarget]:
 
 def typical_joints() -> tuple[TargetJoint, TargetJoint]:
     """Return a ball joint and a hinge between two typical targets, each with its middle 150 mm from the joint."""
-    up, down = (
-        transform_from(np.eye(3), np.array([0.0, 0.0, ARM])),
-        transform_from(np.eye(3), np.array([0.0, 0.0, -ARM])),
-    )
+    up, down = (transform_from(np.eye(3), np.array([0.0, 0.0, height])) for height in (ARM, -ARM))
     parent, child = (target.name for target in typical_pair())
     across = transform_from(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.zeros(3))
     return (
@@ -159,7 +156,9 @@ def _of_joint(
 ) -> Curve:
     """Figures 6.3 and 6.4: angles of a joint, each body posed alone, and both held together by the joint."""
     parents = _placed(turns, places, joint.parent_from_joint[:3, 3])
-    bent = transform_from(_bends(joint, len(turns)), np.zeros(3))
+    bends = np.random.default_rng(0).uniform(-LARGEST_BEND, LARGEST_BEND, (len(turns), 3))
+    bends *= [0.0, 0.0, 1.0] if joint.kind == HINGE else [1.0, 1.0, 1.0]
+    bent = transform_from(matrix_from_vector(bends), np.zeros(3))
     children = parents @ joint.parent_from_joint @ bent @ np.linalg.inv(joint.child_from_joint)
     covariances = (
         _covariances_where_seen(rig, targets[joint.parent], parents),
@@ -178,12 +177,6 @@ def _placed(turns: Floats, places: Floats, arm: Floats) -> Floats:
     """Poses in all orientations with a point of the body at all places, shape (n_places, n_turns, 4, 4)."""
     shape = (len(places), len(turns), 3, 3)
     return transform_from(np.broadcast_to(turns, shape), places[:, np.newaxis] - turns @ arm)
-
-
-def _bends(joint: TargetJoint, count: int) -> Floats:
-    """Rotations of a joint, evenly spread up to `LARGEST_BEND` about each of its axes."""
-    angles = np.random.default_rng(0).uniform(-LARGEST_BEND, LARGEST_BEND, (count, 3))
-    return matrix_from_vector(angles * ([0.0, 0.0, 1.0] if joint.kind == HINGE else [1.0, 1.0, 1.0]))
 
 
 def _covariances_where_seen(rig: StereoRig, target: BodyTarget, poses: Floats) -> Floats:

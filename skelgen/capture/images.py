@@ -11,13 +11,6 @@ import numpy as np
 from skelgen.capture.values import Image
 from skelgen.errors import CaptureError, FormatError
 
-__all__ = [
-    "IMAGE_SUFFIXES",
-    "extra_module",
-    "opencv",
-    "read_image",
-]
-
 
 def opencv() -> ModuleType:
     """Return the module ``cv2``.

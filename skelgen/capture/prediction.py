@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from skelgen._kernels.kalman import N_STATE, BodyState, Innovation, correct, predict
+from skelgen._kernels.kalman import N_STATE, BodyState, correct, predict
 from skelgen.capture.bodies import ExpectedPose
 from skelgen.capture.values import FoundBody
 from skelgen.parameters import StageParameters, declare
@@ -104,16 +104,12 @@ class BodyFilter:
         if not innovation.deviation <= DOUBT * _POSE.stop:
             return self._begun(time, found)
         self._ahead = None
-        self._follow_jerk(innovation)
+        for part, deviation in enumerate((innovation.rotation, innovation.shift)):  # in units of what is expected
+            scale = self._scales[part] * math.exp(PACE * (min(deviation, MAX_INNOVATION) - 1))
+            self._scales[part] = min(max(scale, SCALES[0]), SCALES[1])
         self._state = BodyState(*state)
         self._time = self._seen = time
         return replace(found, world_from_body=self._state.pose, covariance=self._state.covariance[_POSE, _POSE].copy())
-
-    def _follow_jerk(self, innovation: Innovation) -> None:
-        """Raise or lower the jerk by how far the pose is from the predicted one, in units of what is to be expected."""
-        for part, deviation in enumerate((innovation.rotation, innovation.shift)):
-            scale = self._scales[part] * math.exp(PACE * (min(deviation, MAX_INNOVATION) - 1))
-            self._scales[part] = min(max(scale, SCALES[0]), SCALES[1])
 
     def _begun(self, time: float, found: FoundBody) -> FoundBody:
         """Start anew where the body was found, with unknown velocity."""

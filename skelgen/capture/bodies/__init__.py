@@ -6,8 +6,6 @@ Pairs of balls are matched to pairs of points by their distance, and the best pa
 
 from skelgen.capture.bodies.design import (
     AmbiguousTargetError,
-    BallMove,
-    Confusion,
     check_targets,
     find_confusions,
     propose_move,
@@ -18,10 +16,8 @@ from skelgen.capture.parameters import BodyParameters
 
 __all__ = [
     "AmbiguousTargetError",
-    "BallMove",
     "BodyFinder",
     "BodyParameters",
-    "Confusion",
     "ExpectedPose",
     "check_targets",
     "find_bodies",

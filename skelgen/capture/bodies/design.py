@@ -149,7 +149,7 @@ class _Matcher:
         self.is_same = first is second
         self.best: tuple[float, dict[int, int]] = (self.n_matched * self.distinct**2, {})
         self.points = [np.array(target.points, order="C") for target in (first, second)]
-        self.lengths = [_lengths(target.points) for target in (first, second)]
+        self.lengths = [np.linalg.norm(points[:, np.newaxis] - points, axis=2) for points in self.points]
         self.tolerance = np.sqrt(2 * self.n_matched) * self.distinct
 
     def worst(self) -> Confusion | None:
@@ -168,7 +168,8 @@ class _Matcher:
             if not (self.is_same and all(one == other for one, other in matched.items())):
                 self.best = (self._squares(matched), matched)
             return
-        if len(matched) + len(self.first.points) - ball < self.n_matched or self._is_bad_enough():
+        is_bad_enough = self.best[1] and self.best[0] < self.n_matched * (BAD_ENOUGH * self.distinct) ** 2
+        if is_bad_enough or len(matched) + len(self.first.points) - ball < self.n_matched:
             return
         for other in range(len(self.second.points)):
             if other in matched.values() or not self._agrees(matched, ball, other):
@@ -184,9 +185,6 @@ class _Matcher:
         others[list(matched)] = list(matched.values())
         first, second = self.points
         return sum_of_squares(first, second, others)
-
-    def _is_bad_enough(self) -> bool:
-        return bool(self.best[1]) and self.best[0] < self.n_matched * (BAD_ENOUGH * self.distinct) ** 2
 
     def _agrees(self, matched: dict[int, int], ball: int, other: int) -> bool:
         one, two = self.lengths
@@ -208,10 +206,6 @@ class _Matcher:
             f"{what} {_listed(others)}, {distance:.2f} mm apart where {self.distinct:g} mm are needed, because "
             f"distances are near equal: {', '.join(pairs[:MAX_LISTED])}"
         )
-
-
-def _lengths(points: Floats) -> Floats:
-    return np.asarray(np.linalg.norm(points[:, np.newaxis] - points, axis=2))
 
 
 def _listed(balls: Sequence[int]) -> str:
@@ -295,9 +289,7 @@ class BallMove:
 
 
 def propose_move(
-    target: BodyTarget,
-    beside: Sequence[BodyTarget] = (),
-    parameters: BodyParameters | None = None,
+    target: BodyTarget, beside: Sequence[BodyTarget] = (), parameters: BodyParameters | None = None
 ) -> BallMove | None:
     """Return the smallest move of one ball that makes a target good beside others; None if none was found.
 

@@ -22,7 +22,7 @@ from skelgen._kernels.rigid_body_search import Search, find_matching, point_dist
 from skelgen.capture.bodies.design import check_targets
 from skelgen.capture.parameters import BodyParameters
 from skelgen.capture.values import FoundBody, StereoPoints
-from skelgen.geometry.rotations import vector_from_matrix
+from skelgen.geometry.rotations import cross_matrix, vector_from_matrix
 from skelgen.model.arrays import Bools, Floats, Ints
 from skelgen.model.rig import BodyTarget
 
@@ -108,10 +108,7 @@ class BodyFinder:
     """
 
     def __init__(
-        self,
-        targets: Sequence[BodyTarget],
-        parameters: BodyParameters | None = None,
-        executor: Executor | None = None,
+        self, targets: Sequence[BodyTarget], parameters: BodyParameters | None = None, executor: Executor | None = None
     ) -> None:
         parameters = parameters or BodyParameters()
         check_targets(targets, parameters)
@@ -141,13 +138,16 @@ class BodyFinder:
             candidates = self._candidates(scene, left, free, expected or {})
             left = []
             for body, candidate in sorted(candidates.items(), key=lambda item: item[1].cost):
-                matched = candidate.body.matched
-                if free[matched[matched >= 0]].all():
+                taken = candidate.body.matched[candidate.body.matched >= 0]
+                if free[taken].all():
                     found[body] = candidate.body
-                    free &= _not_excluded(scene, matched)
+                    free &= np.isfinite(scene.distances[taken]).all(axis=0)  # nor points that share a ball with them
                 else:
                     left.append(body)  # another body has its points: search again among those that are left
-        return [_found_body(self.targets[body], found[body]) for body in sorted(found)]
+        return [
+            FoundBody(self.targets[body].name, posed.pose, posed.covariance, posed.matched, float(posed.rms))
+            for body, posed in sorted(found.items())
+        ]
 
     def _candidates(
         self, scene: PointTable, bodies: Sequence[int], free: Bools, expected: Mapping[str, ExpectedPose]
@@ -239,16 +239,9 @@ class BodyFinder:
         return _Candidate(PosedBody(*fit_body(search.target, search.scene, matched, free, search.rules)), cost)
 
 
-def search_rules(parameters: BodyParameters) -> SearchRules:
+def search_rules(given: BodyParameters) -> SearchRules:
     """Return parameters as kernels take them."""
-    return SearchRules(
-        float(parameters.max_distance),
-        parameters.min_points,
-        parameters.penalty,
-        parameters.gate,
-        parameters.floor,
-        parameters.queue,
-    )
+    return SearchRules(float(given.max_distance), given.min_points, given.penalty, given.gate, given.floor, given.queue)
 
 
 def table_of_target(target: BodyTarget) -> TargetTable:
@@ -268,28 +261,15 @@ def table_of_points(found: StereoPoints) -> PointTable:
     return PointTable(points, covariances, *point_distances(points, covariances, left, right))
 
 
-def _not_excluded(scene: PointTable, matched: Ints) -> Bools:
-    """Points that are not taken, and share no ball of an image with those that are."""
-    return np.asarray(np.isfinite(scene.distances[matched[matched >= 0]]).all(axis=0))
-
-
 def _near(table: TargetTable, scene: PointTable, expected: ExpectedPose, rules: SearchRules) -> Bools:
     """Which point may be which ball, if the body is where it is expected, shape (k, n)."""
     turn, place = expected.world_from_body[:3, :3], expected.world_from_body[:3, 3]
     arms = table.points @ turn.T
     away = scene.points - (arms + place)[:, np.newaxis]
-    x, y, z = arms.T
-    slopes = np.zeros((len(arms), 3, 6))
-    slopes[:, 0, 1], slopes[:, 0, 2], slopes[:, 1, 2] = z, -y, x
-    slopes[:, 1, 0], slopes[:, 2, 0], slopes[:, 2, 1] = -z, y, -x
-    slopes[:, :, 3:] = np.eye(3)
+    slopes = np.concatenate([-cross_matrix(arms), np.broadcast_to(np.eye(3), (len(arms), 3, 3))], axis=2)
     spread = np.einsum("kai,ij,kai->ka", slopes, expected.covariance, slopes) + table.variances
     limits = rules.floor**2 + spread[:, np.newaxis] + np.einsum("nii->ni", scene.covariances)
     return np.asarray((away**2 <= rules.gate**2 * limits).all(axis=2))
-
-
-def _found_body(target: BodyTarget, posed: PosedBody) -> FoundBody:
-    return FoundBody(target.name, posed.pose, posed.covariance, posed.matched, float(posed.rms))
 
 
 def resolved_points(points: StereoPoints, bodies: Iterable[FoundBody]) -> Ints:

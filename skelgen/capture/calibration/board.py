@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -114,10 +115,11 @@ def find_board(image: Image, board: Board) -> BoardView | None:
     found, corners = cv2.findChessboardCorners(image, size)
     if not found:
         return None
-    window = int(np.clip(REFINING_PART * _shortest_side(corners, board), SMALLEST_WINDOW, LARGEST_WINDOW))
+    window = int(np.clip(REFINING_PART * shortest_side(corners, board), SMALLEST_WINDOW, LARGEST_WINDOW))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
     corners = cv2.cornerSubPix(image, corners, (window, window), (-1, -1), criteria)
-    return BoardView(corners.reshape(-1, 2).astype(np.float64), _edge(image, size, corners))
+    edges = [cv2.estimateChessboardSharpness(image, size, corners, 0.8, across)[0][0] for across in (False, True)]
+    return BoardView(corners.reshape(-1, 2).astype(np.float64), float(max(edges)))
 
 
 def board_that_is_there(images: Sequence[Image], board: Board) -> Board | None:
@@ -144,14 +146,18 @@ def board_that_is_there(images: Sequence[Image], board: Board) -> Board | None:
     return None
 
 
-def _shortest_side(corners: Any, board: Board) -> float:
+def shortest_side(corners: Any, board: Board) -> float:
+    """Return the shortest side [px] of a square.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (n_corners, 2) or alike, px
+        Where the board's corners are in an image.
+    board : Board
+        What is seen.
+    """
     grid = corners.reshape(board.rows, board.columns, 2)
     return float(min(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min() for axis in (0, 1)))
-
-
-def _edge(image: Image, size: tuple[int, int], corners: Any) -> float:
-    widths = [opencv().estimateChessboardSharpness(image, size, corners, 0.8, across)[0][0] for across in (False, True)]
-    return float(max(widths))
 
 
 PARTS = (
@@ -195,10 +201,5 @@ def uncovered(corners: Sequence[Floats], size: tuple[int, int]) -> list[str]:
     size : tuple of int, px
         Width and height of the image.
     """
-    counts = coverage(corners, size)
-    return [
-        name
-        for row, names in enumerate(PARTS)
-        for column, name in enumerate(names)
-        if counts[row, column] < LEAST_CORNERS
-    ]
+    counts = coverage(corners, size).ravel().tolist()
+    return [name for name, count in zip(chain(*PARTS), counts, strict=True) if count < LEAST_CORNERS]

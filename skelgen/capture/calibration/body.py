@@ -13,13 +13,13 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.capture.bodies import AmbiguousTargetError, BodyFinder, BodyParameters, check_targets, propose_move
-from skelgen.capture.calibration.joints import LEAST_TURN
+from skelgen.capture.calibration.joints import LEAST_TURN, evenly_spread
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
 from skelgen.geometry.rotations import cross_matrix, matrix_from_vector, vector_from_matrix
 from skelgen.kinematics import calibrate_rigid_body
-from skelgen.model.arrays import Bools, Floats, Ints
+from skelgen.model.arrays import Floats, Ints
 from skelgen.model.rig import BodyTarget
 from skelgen.progress import SILENT, Monitor, with_progress
 
@@ -113,19 +113,21 @@ def calibrate_body(
         If no frame shows the target alone, too few show it at all, or its design is ambiguous.
     """
     parameters = parameters or BodyParameters()
-    chosen = [frames[index] for index in _evenly_spread(np.arange(len(frames)), MAX_FRAMES)]
+    chosen = evenly_spread(frames, MAX_FRAMES)
     n_balls = n_balls or _typical_number(chosen, parameters.min_points)
     target = _first_target(chosen, name, n_balls, parameters)
     monitor.begin("body")
     found = _find_in_frames(chosen, target, parameters, monitor)
-    shape = _shape(*_ball_positions(chosen, found, n_balls), name)
-    target = _target(name, shape)
+    shape = _shape(chosen, found, name, n_balls)
+    std = np.sqrt(np.maximum(np.diag(shape.covariance), 0.0)).reshape(shape.points.shape)
+    target = BodyTarget(name, shape.points, std)
     try:
         check_targets([*beside, target], parameters)
     except AmbiguousTargetError as error:
         raise InputError(_with_advice(error, beside, parameters)) from error
     n_frames = len(shape.world_from_body)
-    turn = _largest_turn(shape)
+    turns = shape.world_from_body[:, :3, :3] @ shape.world_from_body[0, :3, :3].T
+    turn = float(np.rad2deg(np.linalg.norm(vector_from_matrix(turns), axis=1).max()))
     notices = tuple(_notices(name, shape, turn))
     return BodyCalibration(target, shape.noise, n_frames, len(chosen) - n_frames, turn, notices)
 
@@ -144,15 +146,15 @@ def sure_points(frame: StereoPoints) -> Ints:
 
 def _first_target(frames: Sequence[StereoPoints], name: str, n_balls: int, parameters: BodyParameters) -> BodyTarget:
     """A target from one frame that shows nothing else: of some such frames, that which agrees with most others."""
-    alone = [index for index, frame in enumerate(frames) if len(sure_points(frame)) == n_balls == len(frame)]
+    alone = [frame for frame in frames if len(sure_points(frame)) == n_balls == len(frame)]
     if not alone:
         most = max((len(frame) for frame in frames), default=0)
         raise InputError(
             f"no frame shows exactly {n_balls} points, the balls of body {name!r} and nothing else (the fullest shows "
             f"{most}); cover what else reflects, or state the number of balls"
         )
-    trials = [first_shape(frames[index], name) for index in _evenly_spread(np.array(alone), FIRST_FRAMES)]
-    samples = [frames[index] for index in _evenly_spread(np.arange(len(frames)), 10 * FIRST_FRAMES)]
+    trials = [first_shape(frame, name) for frame in evenly_spread(alone, FIRST_FRAMES)]
+    samples = evenly_spread(frames, 10 * FIRST_FRAMES)
     try:
         agreeing = [sum(map(bool, _find_in_frames(samples, trial, parameters, SILENT))) for trial in trials]
     except InputError as error:
@@ -206,39 +208,22 @@ def _find_in_frames(
     return [finder.find(frame) for frame in with_progress(frames, len(frames), monitor)]
 
 
-def _ball_positions(
-    frames: Sequence[StereoPoints], found: Sequence[list[FoundBody]], n_balls: int
-) -> tuple[Floats, Floats]:
-    """Positions and covariances of the balls in the frames that show the target."""
+def _shape(frames: Sequence[StereoPoints], found: Sequence[list[FoundBody]], name: str, n_balls: int) -> WeightedShape:
+    """The shape by the positions and covariances of the balls in the frames that show the target."""
     shown = [(frame, bodies[0]) for frame, bodies in zip(frames, found, strict=True) if bodies]
+    if len(shown) < MIN_FRAMES:
+        raise InputError(
+            f"body {name!r} was found in {len(shown)} frames; {MIN_FRAMES} are the least, "
+            f"{ENOUGH_FRAMES} or more from many sides are better"
+        )
     positions = np.full((len(shown), n_balls, 3), np.nan)
     covariances = np.full((len(shown), n_balls, 3, 3), np.nan)
     for index, (frame, body) in enumerate(shown):
         seen = body.points >= 0
         positions[index, seen] = frame.points[body.points[seen]]
         covariances[index, seen] = frame.covariance[body.points[seen]]
-    return positions, covariances
-
-
-def _shape(positions: Floats, covariances: Floats, name: str) -> WeightedShape:
-    if len(positions) < MIN_FRAMES:
-        raise InputError(
-            f"body {name!r} was found in {len(positions)} frames; {MIN_FRAMES} are the least, "
-            f"{ENOUGH_FRAMES} or more from many sides are better"
-        )
     start = calibrate_rigid_body(positions)
     return fit_weighted_shape(start.points, start.world_from_body, positions, covariances)
-
-
-def _target(name: str, shape: WeightedShape) -> BodyTarget:
-    std = np.sqrt(np.maximum(np.diag(shape.covariance), 0.0)).reshape(shape.points.shape)
-    return BodyTarget(name, shape.points, std)
-
-
-def _largest_turn(shape: WeightedShape) -> float:
-    """Degrees by which the target turned at most from where it was first seen."""
-    turns = shape.world_from_body[:, :3, :3] @ shape.world_from_body[0, :3, :3].T
-    return float(np.rad2deg(np.linalg.norm(vector_from_matrix(turns), axis=1).max()))
 
 
 def _notices(name: str, shape: WeightedShape, turn: float) -> list[str]:
@@ -257,13 +242,6 @@ def _notices(name: str, shape: WeightedShape, turn: float) -> list[str]:
             "bends, or the cameras have moved since their calibration"
         )
     return notices
-
-
-def _evenly_spread(indices: Ints, most: int) -> Ints:
-    """At most so many of the indices, evenly spread."""
-    if len(indices) <= most:
-        return indices
-    return np.asarray(indices[np.linspace(0, len(indices) - 1, most).round().astype(np.intp)])
 
 
 MAX_STEPS = 20
@@ -317,27 +295,26 @@ def fit_weighted_shape(points: Floats, poses: Floats, positions: Floats, covaria
     seen = ~np.isnan(positions[:, :, 0])
     weights = np.linalg.inv(np.where(seen[..., np.newaxis, np.newaxis], covariances, np.eye(3)))
     weights[~seen] = 0.0
-    free = _is_free(len(points))
+    point, axis = np.divmod(np.arange(points.size), 3)
+    free = axis < point  # the coordinates that the normal form leaves free
     points, poses = points.copy(), poses.copy()
     for _ in range(MAX_STEPS):
         information, gradient, back_substitute = _schur_complement(points, poses, np.nan_to_num(positions), weights)
         step = np.zeros(points.size)
         step[free] = np.linalg.solve(information[np.ix_(free, free)], gradient[free])
         points += step.reshape(points.shape)
-        poses = _moved_poses(poses, back_substitute(step))
+        moves = back_substitute(step)
+        poses[:, :3, :3] = matrix_from_vector(moves[:, :3]) @ poses[:, :3, :3]
+        poses[:, :3, 3] += moves[:, 3:]
         if np.abs(step).max() < STEP_TOLERANCE:
             break
     information, _, _ = _schur_complement(points, poses, np.nan_to_num(positions), weights)
-    noise = _noise(points, poses, positions, weights, seen)
+    _, residuals = _residuals(points, poses, np.nan_to_num(positions))
+    freedoms = 3 * int(seen.sum()) - POSE_FREEDOMS * len(poses) - int(free.sum())
+    noise = float(np.sqrt(float(np.einsum("fki,fkij,fkj->", residuals, weights, residuals)) / max(freedoms, 1)))
     covariance = np.zeros((points.size, points.size))
     covariance[np.ix_(free, free)] = max(noise, 1.0) ** 2 * np.linalg.inv(information[np.ix_(free, free)])
     return WeightedShape(points, covariance, poses, noise)
-
-
-def _is_free(n_points: int) -> Bools:
-    """Which coordinates the normal form leaves free, shape (3 n_points,)."""
-    point, axis = np.divmod(np.arange(3 * n_points), 3)
-    return np.asarray(axis < point)
 
 
 def _residuals(points: Floats, poses: Floats, positions: Floats) -> tuple[Floats, Floats]:
@@ -370,17 +347,3 @@ def _schur_complement(
         return np.asarray(np.einsum("fab,fb->fa", of_poses, gradient_of_poses - mixed @ step))
 
     return information, gradient, back_substitute
-
-
-def _moved_poses(poses: Floats, steps: Floats) -> Floats:
-    poses = poses.copy()
-    poses[:, :3, :3] = matrix_from_vector(steps[:, :3]) @ poses[:, :3, :3]
-    poses[:, :3, 3] += steps[:, 3:]
-    return poses
-
-
-def _noise(points: Floats, poses: Floats, positions: Floats, weights: Floats, seen: Bools) -> float:
-    _, residuals = _residuals(points, poses, np.nan_to_num(positions))
-    squares = float(np.einsum("fki,fkij,fkj->", residuals, weights, residuals))
-    freedoms = 3 * int(seen.sum()) - POSE_FREEDOMS * len(poses) - int(_is_free(len(points)).sum())
-    return float(np.sqrt(squares / max(freedoms, 1)))

@@ -96,11 +96,6 @@ class Adjusted:
         """The same for each image, shape (n_cameras, n_views), px."""
         return np.asarray(np.sqrt((self.residuals**2).sum(axis=-1).mean(axis=-1)))
 
-    @property
-    def sum_of_squares(self) -> float:
-        """What was minimised [px^2]."""
-        return float((self.residuals**2).sum())
-
 
 def adjust(bundle: Bundle, free: Bools) -> Adjusted:
     """Return the most likely cameras and poses.
@@ -124,7 +119,8 @@ def adjust(bundle: Bundle, free: Bools) -> Adjusted:
         damping = max(10.0 * damping, LEAST_DAMPING) if moved is None else damping / 10.0
         bundle = bundle if moved is None else moved
     residuals = residuals_of(bundle)
-    noise, inverse = _noise(residuals, slope), _inverse(slope, 0.0)
+    noise = float(np.sqrt((residuals**2).sum() / max(slope.shape[0] - slope.shape[1], 1)))
+    inverse = _inverse(slope, 0.0)
     covariance = np.zeros((len(free), len(free)))
     n_free = int(free.sum())
     covariance[np.ix_(free, free)] = noise**2 * inverse[:n_free, :n_free]
@@ -213,11 +209,6 @@ def _inverse(slope: Floats, damping: float) -> Floats:
     if values[0] < LEAST_EIGENVALUE:
         raise InputError(UNDETERMINED)
     return np.asarray((vectors / (values + damping)) @ vectors.T * np.outer(scale, scale))
-
-
-def _noise(residuals: Floats, slope: Floats) -> float:
-    freedom = max(slope.shape[0] - slope.shape[1], 1)
-    return float(np.sqrt((residuals**2).sum() / freedom))
 
 
 def _step_if_better(bundle: Bundle, free: Bools, step: Floats, squares: float) -> Bundle | None:

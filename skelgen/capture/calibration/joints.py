@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -36,6 +37,8 @@ DOUBTFUL_NOISE = 2.0
 
 ANY_RATE = 30.0
 """Hz, where the rate is unknown: fits with covariances do not depend on it."""
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,10 +185,7 @@ def _model(request: JointRequest, fit: JointFit) -> TargetJoint:
 
 
 def _fit_chains(
-    models: Sequence[TargetJoint],
-    fits: Sequence[JointFit],
-    frames: Sequence[Sequence[FoundBody]],
-    notices: list[str],
+    models: Sequence[TargetJoint], fits: Sequence[JointFit], frames: Sequence[Sequence[FoundBody]], notices: list[str]
 ) -> tuple[list[TargetJoint], float]:
     """The joints of each tree fitted together where there are several, and the noise of the last."""
     fitted, noise = list(models), float("nan")
@@ -249,12 +249,25 @@ def _poses_in_common(
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Poses and covariances of some targets in frames that show them all."""
     by_name = [{body.name: body for body in frame} for frame in frames]
-    shown = [frame for frame in by_name if all(name in frame for name in names)]
-    if len(shown) > MAX_FRAMES:
-        shown = [shown[index] for index in np.linspace(0, len(shown) - 1, MAX_FRAMES).round().astype(int)]
+    shown = evenly_spread([frame for frame in by_name if all(name in frame for name in names)], MAX_FRAMES)
     poses = {name: np.array([frame[name].world_from_body for frame in shown]).reshape(-1, 4, 4) for name in names}
     covariances = {name: np.array([frame[name].covariance for frame in shown]).reshape(-1, 6, 6) for name in names}
     return poses, covariances
+
+
+def evenly_spread(items: Sequence[_T], most: int) -> Sequence[_T]:
+    """Return at most so many of some things, evenly spread.
+
+    Parameters
+    ----------
+    items : sequence
+        All, in their order.
+    most : int
+        How many may be left.
+    """
+    if len(items) <= most:
+        return items
+    return [items[index] for index in np.linspace(0, len(items) - 1, most).round().astype(np.intp).tolist()]
 
 
 LEAST_TURN = 20.0
@@ -311,18 +324,10 @@ def joint_motion(frames: Sequence[Sequence[FoundBody]], parent: str, child: str)
     """
     found: list[Mapping[str, FoundBody]] = [{body.name: body for body in frame} for frame in frames]
     both = [frame for frame in found if parent in frame and child in frame]
-    n_frames = len(both)
-    if n_frames > MAX_FRAMES:
-        both = [both[index] for index in np.linspace(0, n_frames - 1, MAX_FRAMES).round().astype(int)]
     if not both:
         return JointMotion(parent, child, 0, np.zeros((0, 3)))
-    turns = [frame[parent].world_from_body[:3, :3].T @ frame[child].world_from_body[:3, :3] for frame in both]
-    return JointMotion(parent, child, n_frames, _main_turns(np.array(turns)))
-
-
-def _main_turns(relative: Floats) -> Floats:
-    """Turns [degrees] from the mean attitude about their main axes, the largest first."""
-    middle = nearest_rotation(relative.mean(axis=0))
-    vectors = np.rad2deg(vector_from_matrix(relative @ middle.T))
+    used = evenly_spread(both, MAX_FRAMES)
+    turns = np.array([one[parent].world_from_body[:3, :3].T @ one[child].world_from_body[:3, :3] for one in used])
+    vectors = np.rad2deg(vector_from_matrix(turns @ nearest_rotation(turns.mean(axis=0)).T))
     _, axes = np.linalg.eigh(vectors.T @ vectors)
-    return np.asarray(vectors @ axes[:, ::-1])
+    return JointMotion(parent, child, len(both), vectors @ axes[:, ::-1])

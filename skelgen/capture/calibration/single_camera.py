@@ -26,6 +26,8 @@ from skelgen.model.rig import Camera
 LENSES = {"radial": (0, 1), "tangential": (0, 1, 2, 3), "full": (0, 1, 2, 3, 4)}
 """Lens models: which of k1 k2 p1 p2 k3 are estimated. Gaschler (2011) uses the first."""
 
+_NO_CAMERA = "no camera explains these views of the board; see that its corners are counted right"
+
 AUTO = "auto"
 """The lens model that the views themselves ask for: the least Bayesian information criterion."""
 
@@ -120,12 +122,10 @@ def guess_camera(corners: Floats, board: Board, size: tuple[int, int]) -> tuple[
     try:
         _, matrix, lens, turns, shifts = cv2.calibrateCamera(points, seen, size, None, None, flags=flags)
     except cv2.error as error:
-        raise InputError(
-            "no camera explains these views of the board; see that its corners are counted right"
-        ) from error
+        raise InputError(_NO_CAMERA) from error
     poses = [transform_from(matrix_from_vector(np.ravel(t)), np.ravel(s)) for t, s in zip(turns, shifts, strict=True)]
     if not (np.isfinite(matrix).all() and min(matrix[0, 0], matrix[1, 1]) > 0):
-        raise InputError("no camera explains these views of the board; see that its corners are counted right")
+        raise InputError(_NO_CAMERA)
     return Camera(size[0], size[1], matrix, np.ravel(lens)), np.stack(poses)
 
 
@@ -168,5 +168,5 @@ def _free(bundle: Bundle, lens: str) -> Bools:
 
 def _information(found: Robust, n_free: int) -> float:
     """Bayesian information criterion, but for a constant: poses of the board are the same for all models."""
-    squares, n = found.adjusted.sum_of_squares, found.adjusted.residuals.size
+    squares, n = float((found.adjusted.residuals**2).sum()), found.adjusted.residuals.size
     return float(n * np.log(squares / n) + n_free * np.log(n))

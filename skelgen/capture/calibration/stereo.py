@@ -33,8 +33,6 @@ Picture = Image | Path | str
 DISAGREEMENT = 10.0
 """A pair is left out at first if its corners are so many times as far from the guess as those of the median pair."""
 
-_TRIED = 1  # images of each camera in which another board is looked for when the right one is in none
-
 
 @dataclass(frozen=True, eq=False)
 class StereoCalibration:
@@ -113,8 +111,7 @@ def calibrate_stereo(
     ]
     names = [_name(picture, index) for index, picture in enumerate(left_images)]
     if not any(view is not None for pair in views for view in pair):
-        examples = [_grey(picture) for picture in (*left_images[:_TRIED], *right_images[:_TRIED])]
-        raise InputError(absence(examples, what))
+        raise InputError(absence([_grey(left_images[0]), _grey(right_images[0])], what))
     return calibrate_views(names, views, what, size, lens)
 
 
@@ -142,7 +139,12 @@ def calibrate_views(
     """
     pairs = [(left, right) for left, right in views if left is not None and right is not None]
     if len(pairs) < LEAST_VIEWS:
-        raise InputError(_too_few(views, len(pairs)))
+        n_left, n_right = (sum(pair[side] is not None for pair in views) for side in (0, 1))
+        raise InputError(
+            f"the board was found in both images of {len(pairs)} pairs ({n_left} left, {n_right} right images of "
+            f"{len(views)}); at least {LEAST_VIEWS} pairs are needed, 10 to 20 are better: keep the whole board in "
+            "both images"
+        )
     corners = np.stack([np.stack([pair[side].corners for pair in pairs]) for side in (0, 1)])
     found = adjust_lens(*_first_guess(corners, board, size), lens)
     both = np.array([left is not None and right is not None for left, right in views])
@@ -175,18 +177,12 @@ def _with_deviations(adjusted: Adjusted, seen: tuple[PairSeen, ...]) -> StereoCa
     )
     rig = StereoRig(left, right, max(TYPICAL_NOISE, adjusted.noise))
     std = np.sqrt(np.diag(adjusted.covariance))
+    left_std, right_std, rotation_std, translation_std = np.split(std, [N_INTRINSIC, 2 * N_INTRINSIC, -3])
     along = rig.right_from_left[:3, 3] / rig.baseline
     baseline_std = float(np.sqrt(along @ adjusted.covariance[-3:, -3:] @ along))
+    verdict = judge(rig, adjusted, baseline_std, seen)
     return StereoCalibration(
-        rig,
-        adjusted.rms,
-        std[:N_INTRINSIC],
-        std[N_INTRINSIC : 2 * N_INTRINSIC],
-        std[-6:-3],
-        std[-3:],
-        baseline_std,
-        seen,
-        judge(rig, adjusted, baseline_std, seen),
+        rig, adjusted.rms, left_std, right_std, rotation_std, translation_std, baseline_std, seen, verdict
     )
 
 
@@ -231,14 +227,6 @@ def absence(images: Sequence[Image], board: Board) -> str:
     return (
         f"{what}; count the corners where four squares meet, light the board evenly without reflections, and keep it "
         "whole, with its white border, in both images"
-    )
-
-
-def _too_few(views: Sequence[tuple[BoardView | None, BoardView | None]], n_pairs: int) -> str:
-    left, right = (sum(pair[side] is not None for pair in views) for side in (0, 1))
-    return (
-        f"the board was found in both images of {n_pairs} pairs ({left} left, {right} right images of {len(views)}); "
-        f"at least {LEAST_VIEWS} pairs are needed, 10 to 20 are better: keep the whole board in both images"
     )
 
 
@@ -291,15 +279,11 @@ def _guess_of_pair(
     right: Camera, right_from_left: Floats, left_poses: Floats, corners: Floats, orders: Ints, board: Board
 ) -> Pairing:
     """The guess from one pair, with the error of each pair in its best order; infinite behind the camera."""
-    eye = replace(right, camera_from_world=_proper_pose(right_from_left))
+    turn = nearest_rotation(right_from_left[:3, :3])  # a product of poses: takes the rounding off
+    eye = replace(right, camera_from_world=transform_from(turn, right_from_left[:3, 3]))
     in_left = board.points @ np.swapaxes(left_poses[:, :3, :3], 1, 2) + left_poses[:, np.newaxis, :3, 3]
     expected = project(eye, in_left)
     shifts = corners[:, orders] - expected[:, np.newaxis]
     errors = np.nan_to_num(np.sqrt((shifts**2).sum(axis=-1).mean(axis=-1)), nan=np.inf)
     best = errors.argmin(axis=1)
     return Pairing(eye.camera_from_world, orders[best], errors.min(axis=1))
-
-
-def _proper_pose(pose: Floats) -> Floats:
-    """A product of poses, with the rounding taken off its rotation."""
-    return transform_from(nearest_rotation(pose[:3, :3]), pose[:3, 3])

@@ -133,7 +133,12 @@ class BodyTaking:
             self._begin_with(points)
         found = None if self._finder is None else next(iter(self._finder.find(points)), None)
         if found is not None:
-            self._follow(found)
+            pose = found.world_from_body[:3, :3]
+            self._n_missed = 0
+            self._n_found += 1
+            if self._first is None:
+                self._first = pose
+            self._turn = max(self._turn, float(np.rad2deg(np.linalg.norm(vector_from_matrix(pose @ self._first.T)))))
         elif is_whole:
             self._n_missed += 1
         return found
@@ -144,14 +149,6 @@ class BodyTaking:
         if self._n_balls:
             return self._n_balls
         return max(self._counts, key=lambda count: (self._counts[count], count)) if self._counts else 0
-
-    def _follow(self, found: FoundBody) -> None:
-        pose = found.world_from_body[:3, :3]
-        self._n_missed = 0
-        self._n_found += 1
-        if self._first is None:
-            self._first = pose
-        self._turn = max(self._turn, float(np.rad2deg(np.linalg.norm(vector_from_matrix(pose @ self._first.T)))))
 
     def _begin_with(self, points: StereoPoints) -> None:
         """Take the shape from a frame that shows the target whole and alone."""

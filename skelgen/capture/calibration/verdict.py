@@ -9,7 +9,6 @@ import numpy as np
 
 from skelgen.capture.calibration.board import BoardView, uncovered
 from skelgen.capture.calibration.bundle_adjustment import Adjusted
-from skelgen.model.arrays import Floats
 from skelgen.model.rig import StereoRig
 
 GOOD, USABLE, REPEAT = "good", "usable", "repeat"
@@ -100,27 +99,24 @@ def judge(rig: StereoRig, adjusted: Adjusted, baseline_std: float, pairs: Sequen
     scale = max(float((std[[0, 1, 9, 10]] / focal).max()), baseline_std / rig.baseline)
     swapped = _swapped(rig)
     used = [pair for pair in pairs if pair.is_used]
-    grade = REPEAT if swapped else _grade(adjusted.rms, scale, len(used))
+    is_good = adjusted.rms <= GOOD_RMS and scale <= GOOD_SCALE and len(used) >= ENOUGH_PAIRS
+    is_usable = adjusted.rms <= USABLE_RMS and scale <= USABLE_SCALE
+    grade = REPEAT if swapped else GOOD if is_good else USABLE if is_usable else REPEAT
     first = (
         f"{grade.capitalize()}: corners lie {adjusted.rms:.2f} px from where they are expected, in {len(used)} of "
         f"{len(pairs)} pairs; lengths are known to {100 * scale:.2g} %."
     )
-    advice = [
-        *swapped,
-        *_errors(adjusted.rms),
-        *_missing(pairs),
-        *_blurred(pairs),
-        *_unfitting(pairs),
-        *_few(len(used)),
-    ]
-    advice += [*_lean(adjusted.bundle.first_from_board), *_gaps(rig, used)]
-    return Verdict(grade, (first, *advice))
-
-
-def _grade(rms: float, scale: float, n_used: int) -> str:
-    if rms <= GOOD_RMS and scale <= GOOD_SCALE and n_used >= ENOUGH_PAIRS:
-        return GOOD
-    return USABLE if rms <= USABLE_RMS and scale <= USABLE_SCALE else REPEAT
+    advice = swapped
+    if adjusted.rms > USABLE_RMS:
+        advice.append("Errors of more than a pixel are no noise: see that the board is flat, still, and counted right.")
+    advice += _left_out(pairs)
+    if len(used) < ENOUGH_PAIRS:
+        advice.append(f"{len(used)} pairs are few: take {ENOUGH_PAIRS} to 20.")
+    normals = adjusted.bundle.first_from_board[:, :3, 2]
+    lean = np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0)))
+    if lean < LEAST_LEAN:
+        advice.append(f"The board leans by {lean:.0f} degrees at most: turn it about different axes by 20 to 45.")
+    return Verdict(grade, (first, *advice, *_gaps(rig, used)))
 
 
 def _swapped(rig: StereoRig) -> list[str]:
@@ -133,59 +129,31 @@ def _swapped(rig: StereoRig) -> list[str]:
     ]
 
 
-def _errors(rms: float) -> list[str]:
-    if rms <= USABLE_RMS:
-        return []
-    return ["Errors of more than a pixel are no noise: see that the board is flat, still, and counted right."]
-
-
-def _missing(pairs: Sequence[PairSeen]) -> list[str]:
-    names = [pair.name for pair in pairs if pair.left is None or pair.right is None]
-    return _about(names, "does not show the whole board in both images.", "do not show the whole board in both images.")
-
-
-def _blurred(pairs: Sequence[PairSeen]) -> list[str]:
-    names = [pair.name for pair, is_blurred in zip(pairs, _are_blurred(pairs), strict=True) if is_blurred]
-    return _about(names, "is blurred: hold the board still.", "are blurred: hold the board still.")
-
-
-def _unfitting(pairs: Sequence[PairSeen]) -> list[str]:
-    names = [
-        pair.name
-        for pair, is_blurred in zip(pairs, _are_blurred(pairs), strict=True)
-        if not (pair.is_used or is_blurred or pair.left is None or pair.right is None)
+def _left_out(pairs: Sequence[PairSeen]) -> list[str]:
+    """Pairs that do not show the whole board, are blurred, or are not used for another reason."""
+    missing = [pair for pair in pairs if pair.left is None or pair.right is None]
+    blurred = [pair for pair, is_blurred in zip(pairs, _are_blurred(pairs), strict=True) if is_blurred]
+    others = [pair for pair in pairs if not (pair.is_used or pair in missing or pair in blurred)]
+    whole, one = "show the whole board in both images.", "one board at one moment."
+    return [
+        *_about(missing, f"does not {whole}", f"do not {whole}"),
+        *_about(blurred, "is blurred: hold the board still.", "are blurred: hold the board still."),
+        *_about(others, f"is left out: its images do not show {one}", f"are left out: none shows {one}"),
     ]
-    why = (
-        "is left out: its images do not show one board at one moment.",
-        "are left out: none shows one board at one moment.",
-    )
-    return _about(names, *why)
 
 
 def _are_blurred(pairs: Sequence[PairSeen]) -> list[bool]:
     sides = [[pair.left for pair in pairs], [pair.right for pair in pairs]]
-    limits = [_blur_limit(views) for views in sides]
+    edges = [[view.edge for view in views if view is not None] for views in sides]
+    limits = [max(SHARP_EDGE, BLUR_RATIO * float(np.median(one))) if one else np.inf for one in edges]
     return [
         any(view is not None and view.edge > limit for view, limit in zip(views, limits, strict=True))
         for views in zip(*sides, strict=True)
     ]
 
 
-def _blur_limit(views: Sequence[BoardView | None]) -> float:
-    edges = [view.edge for view in views if view is not None]
-    return max(SHARP_EDGE, BLUR_RATIO * float(np.median(edges))) if edges else np.inf
-
-
 def _few(n_used: int) -> list[str]:
     return [] if n_used >= ENOUGH_PAIRS else [f"{n_used} pairs are few: take {ENOUGH_PAIRS} to 20."]
-
-
-def _lean(poses: Floats) -> list[str]:
-    normals = poses[:, :3, 2]
-    lean = np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0)))
-    if lean >= LEAST_LEAN:
-        return []
-    return [f"The board leans by {lean:.0f} degrees at most: turn it about different axes by 20 to 45."]
 
 
 def _gaps(rig: StereoRig, used: Sequence[PairSeen]) -> list[str]:
@@ -198,9 +166,10 @@ def _gaps(rig: StereoRig, used: Sequence[PairSeen]) -> list[str]:
     return advice
 
 
-def _about(names: Sequence[str], of_one: str, of_more: str) -> list[str]:
-    if not names:
+def _about(pairs: Sequence[PairSeen], of_one: str, of_more: str) -> list[str]:
+    if not pairs:
         return []
+    names = [pair.name for pair in pairs]
     return [f"Pair {names[0]} {of_one}" if len(names) == 1 else f"Pairs {_list_of(names)} {of_more}"]
 
 

@@ -113,11 +113,9 @@ class _Fit:
                 angles = hinge_angles(between, np.eye(3), np.eye(3))
                 between = matrix_from_vector(angles[:, np.newaxis] * [0.0, 0.0, 1.0])
             turns.append(between)
-        frames = [
-            tuple(np.array(getattr(joint, name)) for joint in self.joints)
-            for name in ("parent_from_joint", "child_from_joint")
-        ]
-        return _State(np.array(self.poses[self.root]), tuple(turns), *frames)
+        parents = tuple(np.array(joint.parent_from_joint) for joint in self.joints)
+        children = tuple(np.array(joint.child_from_joint) for joint in self.joints)
+        return _State(np.array(self.poses[self.root]), tuple(turns), parents, children)
 
     def moved(self, state: _State, local: Floats, constant: Floats) -> _State:
         """The state after a step of the frames, one row each, and of the constants."""

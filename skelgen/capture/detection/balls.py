@@ -8,31 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skelgen._kernels import bright_spots as column
 from skelgen._kernels.ball_discs import BRIGHTNESS, RADIUS, STD
-from skelgen._kernels.bright_spots import (
-    AREA,
-    BOTTOM,
-    EDGE,
-    EDGE_X,
-    EDGE_XX,
-    EDGE_Y,
-    EDGE_YY,
-    FULL,
-    LEFT,
-    M00,
-    M01,
-    M02,
-    M10,
-    M11,
-    M20,
-    MOST_PIXELS,
-    RIGHT,
-    TOP,
-    SpotTable,
-    edge_centres,
-    find_spots,
-    histogram,
-)
+from skelgen._kernels.bright_spots import FULL, MOST_PIXELS, SpotTable, edge_centres, find_spots, histogram
 from skelgen._kernels.touching_balls import MARGIN, find_discs, light_of_spot
 from skelgen.capture.detection.thresholds import Thresholds, dark_noise, find_thresholds
 from skelgen.capture.parameters import DetectionParameters
@@ -144,9 +122,12 @@ class _Spots:
 
     def balls(self, settings: DetectionParameters) -> Balls:
         """Return the balls of all spots, largest first."""
-        elongation, is_cut = _elongation(self.table), self._is_cut()
-        may_be_several = settings.separate & _may_be_several(self.table, elongation, settings.separate_elongation)
-        is_small = self.table[:, AREA] <= settings.max_area
+        height, width = self.image.shape
+        is_cut = (self.table[:, [column.LEFT, column.TOP]] == 0).any(axis=1)  # by the image's border
+        is_cut |= (self.table[:, column.RIGHT] == width - 1) | (self.table[:, column.BOTTOM] == height - 1)
+        elongation, is_too_spread = _shapes(self.table)
+        may_be_several = settings.separate & ((elongation > settings.separate_elongation) | is_too_spread)
+        is_small = self.table[:, column.AREA] <= settings.max_area
         is_one_ball = is_small & ~is_cut & (may_be_several | (elongation <= settings.max_elongation))
         parts = []
         for spot in np.nonzero(is_small & (is_cut | may_be_several))[0]:
@@ -175,17 +156,11 @@ class _Spots:
         """Standard deviation of a pixel between the thresholds, 1 being the upper one."""
         return self.noise / (self.thresholds.high - self.thresholds.low)
 
-    def _is_cut(self) -> Bools:
-        """Whether the image's border cuts each spot."""
-        height, width = self.image.shape
-        low = (self.table[:, [LEFT, TOP]] == 0).any(axis=1)
-        return np.asarray(low | (self.table[:, RIGHT] == width - 1) | (self.table[:, BOTTOM] == height - 1))
-
     def _fitted_discs(self, spot: NDArray[np.int64]) -> Floats | None:
         """Rows of the balls that discs fitted to a spot are, or None if it is not made of discs."""
         height, width = self.image.shape
-        left, top = max(spot[LEFT] - MARGIN, 0), max(spot[TOP] - MARGIN, 0)
-        right, bottom = min(spot[RIGHT] + MARGIN + 1, width), min(spot[BOTTOM] + MARGIN + 1, height)
+        left, top = max(spot[column.LEFT] - MARGIN, 0), max(spot[column.TOP] - MARGIN, 0)
+        right, bottom = min(spot[column.RIGHT] + MARGIN + 1, width), min(spot[column.BOTTOM] + MARGIN + 1, height)
         window = light_of_spot(self.thresholds.weights[self.image[top:bottom, left:right]])
         at_border = (bool(left == 0), bool(right == width), bool(top == 0), bool(bottom == height))
         discs, _, rms = find_discs(window, self._noise_of_weight(), at_border)
@@ -198,11 +173,12 @@ class _Spots:
 
 def _weighted_centres(spots: SpotTable, noise: float) -> Floats:
     """Rows of spots that are one ball each, centres weighted by brightness (Gaschler 2011, equation 3.2)."""
-    total = spots[:, M00].astype(np.float64)
-    x, y = spots[:, M10] / total, spots[:, M01] / total
-    spread = _squares_about(spots[:, [EDGE, EDGE_X, EDGE_XX]], x) + _squares_about(spots[:, [EDGE, EDGE_Y, EDGE_YY]], y)
+    total = spots[:, column.M00].astype(np.float64)
+    x, y = spots[:, column.M10] / total, spots[:, column.M01] / total
+    in_x, in_y = [column.EDGE, column.EDGE_X, column.EDGE_XX], [column.EDGE, column.EDGE_Y, column.EDGE_YY]
+    spread = _squares_about(spots[:, in_x], x) + _squares_about(spots[:, in_y], y)
     std = np.hypot(noise * np.sqrt(spread / 2) * FULL / total, _FLOOR)
-    return np.column_stack([x, y, spots[:, AREA], total / FULL, std, np.zeros(len(spots))])
+    return np.column_stack([x, y, spots[:, column.AREA], total / FULL, std, np.zeros(len(spots))])
 
 
 def _squares_about(sums: NDArray[np.int64], centre: Floats) -> Floats:
@@ -211,23 +187,13 @@ def _squares_about(sums: NDArray[np.int64], centre: Floats) -> Floats:
     return np.asarray(np.maximum(second - 2 * centre * first + centre * centre * count, 0.0))
 
 
-def _covariances(spots: SpotTable) -> tuple[Floats, Floats, Floats]:
-    """Second moments xx, xy, yy [px^2] of each spot about its centre."""
-    total = spots[:, M00].astype(np.float64)
-    x, y = spots[:, M10] / total, spots[:, M01] / total
-    return spots[:, M20] / total - x * x, spots[:, M11] / total - x * y, spots[:, M02] / total - y * y
-
-
-def _elongation(spots: SpotTable) -> Floats:
-    """Longest axis of each spot over its shortest."""
-    xx, xy, yy = _covariances(spots)
+def _shapes(spots: SpotTable) -> tuple[Floats, Bools]:
+    """Longest axis of each spot over its shortest, and whether it is too spread for its area to be one disc."""
+    total = spots[:, column.M00].astype(np.float64)
+    x, y = spots[:, column.M10] / total, spots[:, column.M01] / total
+    # second moments [px^2] about the centre; of a disc 4 pi sqrt(det) is the area
+    xx, xy, yy = spots[:, [column.M20, column.M11, column.M02]].T / total - [x * x, x * y, y * y]
     middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-    return np.asarray(np.sqrt((middle + half) / np.maximum(middle - half, _TINY)))
-
-
-def _may_be_several(spots: SpotTable, elongation: Floats, limit: float) -> Bools:
-    """Whether a spot is too long, or too spread for its area, to be one disc: of a disc 4 pi sqrt(det) is the area."""
-    xx, xy, yy = _covariances(spots)
+    elongation = np.sqrt((middle + half) / np.maximum(middle - half, _TINY))
     own = 4 * np.pi * np.sqrt(np.maximum(xx * yy - xy * xy, 0.0))
-    area = spots[:, M00] / FULL
-    return np.asarray((elongation > limit) | (own > (1 + _ROUNDER) * area + 4 * np.pi * _BLUR_VARIANCE))
+    return elongation, own > (1 + _ROUNDER) * (spots[:, column.M00] / FULL) + 4 * np.pi * _BLUR_VARIANCE

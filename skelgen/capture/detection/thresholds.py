@@ -57,7 +57,9 @@ def find_thresholds(counts: NDArray[np.int64], parameters: DetectionParameters) 
     margin = parameters.mix * (bright - dark)
     low, high = dark + margin, bright - margin
     notice = _why_no_balls(counts, dark, bright, parameters.min_contrast)
-    return Thresholds(level_of(counts, 0.5), low, high, _weights(low, max(high, low + 1.0)), notice)
+    part = (np.arange(256) - low) / (max(high, low + 1.0) - low)
+    weights = np.round(np.clip(part, 0.0, 1.0) * FULL).astype(np.int64)
+    return Thresholds(level_of(counts, 0.5), low, high, np.where(part > 0.0, np.maximum(weights, 1), 0), notice)
 
 
 def level_of(counts: NDArray[np.int64], quantile: float) -> float:
@@ -97,12 +99,6 @@ def _levels(counts: NDArray[np.int64], parameters: DetectionParameters) -> tuple
     if dark - middle > (bright - middle) / 2:  # so many or so large balls that the quantile lies inside them
         dark = middle
     return dark, bright
-
-
-def _weights(low: float, high: float) -> NDArray[np.int64]:
-    part = (np.arange(256) - low) / (high - low)
-    weights = np.round(np.clip(part, 0.0, 1.0) * FULL).astype(np.int64)
-    return np.where(part > 0.0, np.maximum(weights, 1), 0)
 
 
 def _why_no_balls(counts: NDArray[np.int64], dark: float, bright: float, min_contrast: float) -> str:

@@ -151,7 +151,10 @@ class BallTracks:
             speeds[now] = (centres[now] - self._places[before]) / pause
             if len(now):  # new balls most likely move as the others do
                 speeds[tracks < 0] = np.median(speeds[now], axis=0)
-        self._begin_tracks(tracks)
+        new = np.flatnonzero(tracks < 0)
+        tracks[new] = len(self.first) + np.arange(len(new))
+        self.first.extend([self._n_frames] * len(new))
+        self.last.extend([self._n_frames] * len(new))
         for track in tracks.tolist():
             self.last[track] = self._n_frames
         self._places, self._speeds, self._tracks, self._time = centres, speeds, tracks, time
@@ -169,10 +172,3 @@ class BallTracks:
         others = np.minimum(gaps.min(axis=1), gaps.min(axis=0)[now])
         is_sure: Bools = is_mutual & (nearest < self._reach) & (MIN_RATIO * nearest < others)
         return before[is_sure], now[is_sure]
-
-    def _begin_tracks(self, tracks: Ints) -> None:
-        """Number the balls without a track."""
-        new = np.flatnonzero(tracks < 0)
-        tracks[new] = len(self.first) + np.arange(len(new))
-        self.first.extend([self._n_frames] * len(new))
-        self.last.extend([self._n_frames] * len(new))

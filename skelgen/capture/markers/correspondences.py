@@ -208,9 +208,7 @@ def track_pairs(candidates: Candidates, left: Spans, right: Spans) -> TrackPairs
     keys, of_candidate = np.unique(candidates.left.astype(np.int64) * n_right + candidates.right, return_inverse=True)
     tracks = np.stack(np.divmod(keys, n_right), axis=1)
     first, last = (
-        np.stack(
-            [np.asarray(spans[end], dtype=np.intp)[tracks[:, side]] for side, spans in enumerate((left, right))], 1
-        )
+        np.stack([np.asarray(spans[end], np.intp)[own] for spans, own in zip((left, right), tracks.T, strict=True)], 1)
         for end in (0, 1)
     )
     return TrackPairs(tracks, first, last, of_candidate)
@@ -229,7 +227,9 @@ def evidence_over_time(candidates: Candidates, pairs: TrackPairs, noise: float) 
         Least standard deviation of a misfit, that of the rig; the recording's own is taken where it is larger.
     """
     together = pairs.last.min(axis=1) - pairs.first.max(axis=1) + 1
-    fits = _log_likelihood_ratios(candidates.misfit.astype(np.float64), noise)
+    misfit = candidates.misfit.astype(np.float64)
+    deviation = max(typical_misfit(misfit), noise)
+    fits = np.log(CHANCE_SPREAD / deviation) - np.minimum((misfit / deviation) ** 2 / 2, MAX_LOSS)
     counts = np.bincount(pairs.of_candidate, minlength=len(pairs))
     return np.asarray(np.bincount(pairs.of_candidate, fits, len(pairs)) - MISMATCH * (together - counts))
 
@@ -237,12 +237,6 @@ def evidence_over_time(candidates: Candidates, pairs: TrackPairs, noise: float) 
 def typical_misfit(misfit: Floats) -> float:
     """Return the standard deviation [px] of the misfits of right pairs, by the median: most candidates are right."""
     return SIGMA_OF_MEDIAN * float(np.median(misfit)) if len(misfit) else 0.0
-
-
-def _log_likelihood_ratios(misfit: Floats, noise: float) -> Floats:
-    """Log likelihood ratio [nats] of one marker against chance for each misfit."""
-    deviation = max(typical_misfit(misfit), noise)
-    return np.asarray(np.log(CHANCE_SPREAD / deviation) - np.minimum((misfit / deviation) ** 2 / 2, MAX_LOSS))
 
 
 def accept_best_first(pairs: TrackPairs, evidence: Floats) -> Bools:

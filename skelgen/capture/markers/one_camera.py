@@ -139,15 +139,8 @@ def points_of_one_camera(
         In the rig's world; of each marker at most one in a frame, and none where both cameras see it.
     """
     known = _TwoCameraMarkers(candidates, kept, pairs, rig, scale)
-    found = (
-        []
-        if known.motion is None
-        else [
-            known.locate(camera, run)
-            for side, camera in enumerate((rig.left, rig.right))
-            for run in known.runs(balls, side, camera)
-        ]
-    )
+    sides = [] if known.motion is None else enumerate((rig.left, rig.right))
+    found = [known.locate(camera, run) for side, camera in sides for run in known.runs(balls, side, camera)]
     frames = np.concatenate([np.empty(0, dtype=np.intp), *(one.frames for one in found)])
     points = np.concatenate([np.empty((0, 3)), *(one.points for one in found)])
     return OneCameraPoints(frames, points, np.concatenate([np.empty(0), *(one.std for one in found)]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from skelgen.capture.health import FEWEST_BALLS, LEAST_MATCHED, exchanged_share, matched_share, mismatch
 from skelgen.capture.live import PointFinder
-from skelgen.capture.markers.candidates import BallTracks, Candidates, CandidateStore
+from skelgen.capture.markers.candidates import BallTracks, CandidateStore
 from skelgen.capture.markers.correspondences import find_markers, noise_scale, track_pairs
 from skelgen.capture.markers.one_camera import BallStore, points_of_one_camera
 from skelgen.capture.values import Balls, FramePair, FrameSource, StereoPoints
@@ -88,10 +89,7 @@ class _Recording:
 
     def add(self, pair: FramePair) -> None:
         left, right, points = self._finder.find(pair)
-        tracks = [
-            follower.follow(balls.centres, pair.time)
-            for follower, balls in zip(self._tracks, (left, right), strict=True)
-        ]
+        tracks = [one.follow(balls.centres, pair.time) for one, balls in zip(self._tracks, (left, right), strict=True)]
         self._store.add(points, *tracks)
         for store, balls, track in zip(self._balls, (left, right), tracks, strict=True):
             store.add(balls.centres, track)
@@ -103,7 +101,8 @@ class _Recording:
         self._health.check(name)
         candidates = self._store.all()
         pairs = track_pairs(candidates, *((follower.first, follower.last) for follower in self._tracks))
-        kept = find_markers(candidates, pairs, self._rig.noise, _step(self._times), self._targets)
+        step = float(np.median(np.diff(self._times))) if len(self._times) > 1 else 0.0
+        kept = find_markers(candidates, pairs, self._rig.noise, step, self._targets)
         index = np.flatnonzero(kept)
         points, covariance = candidates.points[kept], candidates.covariance(index)
         balls = self._balls[0].all(), self._balls[1].all()
@@ -119,12 +118,7 @@ class _Recording:
             "n_blobs": np.repeat([float(N_BLOBS), 1.0], [len(points), len(one.frames)])[order],
         }
         points = np.concatenate([points, one.points])[order]
-        notices = (
-            *self._health.notices(),
-            *_notice_of_chance_pairs(candidates, kept),
-            *_notice_of_one_camera(len(one.frames), len(points)),
-            *_notice_of_times(rate),
-        )
+        notices = (*self._health.notices(), *_notices(kept, len(one.frames), len(points), rate))
         return PointCloud(points, starts.astype(np.intp), np.array(self._times), attributes, name, notices)
 
 
@@ -193,34 +187,19 @@ def misfit_in_space(points: Floats, misfit: Floats, camera: Camera) -> Floats:
     return np.asarray(misfit * depths / camera.matrix[0, 0])
 
 
-def _step(times: list[float]) -> float:
-    """Median time [s] between pairs of images."""
-    steps = np.diff(times)
-    return float(np.median(steps)) if len(steps) else 0.0
-
-
-def _notice_of_chance_pairs(candidates: Candidates, kept: Bools) -> tuple[str, ...]:
+def _notices(kept: Bools, n_of_one_camera: int, n_points: int, rate: float | None) -> Iterator[str]:
+    """What the user should know of the markers: what was left out, and what rests on less than two cameras."""
     n_left_out = int((~kept).sum())
-    if not n_left_out:
-        return ()
-    share = 100 * n_left_out / len(kept)
-    return (f"{n_left_out} of {len(kept)} pairs of balls ({share:.1f} %) fit only by chance and are left out",)
-
-
-def _notice_of_one_camera(n_points: int, n_all: int) -> tuple[str, ...]:
-    if not n_points:
-        return ()
-    share = 100 * n_points / n_all
-    return (
-        f"{n_points} of {n_all} points ({share:.1f} %) are seen by one camera only; constant distances to other "
-        "markers give their depth",
-    )
-
-
-def _notice_of_times(rate: float | None) -> tuple[str, ...]:
-    if rate is not None:
-        return ()
-    return ("the number of images per second is unknown: one is assumed; give the source ?rate=60",)
+    if n_left_out:
+        share = 100 * n_left_out / len(kept)
+        yield f"{n_left_out} of {len(kept)} pairs of balls ({share:.1f} %) fit only by chance and are left out"
+    if n_of_one_camera:
+        yield (
+            f"{n_of_one_camera} of {n_points} points ({100 * n_of_one_camera / n_points:.1f} %) are seen by one camera "
+            "only; constant distances to other markers give their depth"
+        )
+    if rate is None:
+        yield "the number of images per second is unknown: one is assumed; give the source ?rate=60"
 
 
 def _mean(values: list[float], if_none: float) -> float:

@@ -73,7 +73,8 @@ def triangles_of_targets(targets: Sequence[BodyTarget]) -> Triangles:
         table = table_of_target(target)
         corners = np.array(list(combinations(range(len(table.points)), 3)), dtype=np.intp).reshape(-1, 3)
         no_pair = np.full(corners.shape, NO_PAIR)
-        found += _from_every_ball(corners, table.distances, np.sqrt(table.distance_variances), no_pair)
+        at, std = (corners[:, [0, 0, 1]], corners[:, [1, 2, 2]]), np.sqrt(table.distance_variances)
+        found += _by_ball(table.distances[at], std[at].max(axis=1, initial=0.0), no_pair)
     return found
 
 
@@ -99,14 +100,7 @@ def learned_triangles(candidates: Candidates, kept: Bools, pairs: Ints, scale: f
         if len(neighbours[one]) < MAX_NEIGHBOURS and len(neighbours[other]) < MAX_NEIGHBOURS:
             neighbours[one][other] = neighbours[other][one] = edge
     rows = [
-        (
-            names[one],
-            names[other],
-            names[third],
-            neighbours[one][other],
-            neighbours[one][third],
-            neighbours[other][third],
-        )
+        (*names[[one, other, third]], neighbours[one][other], neighbours[one][third], neighbours[other][third])
         for one in range(len(names))
         for other, third in combinations(sorted(neighbours[one]), 2)
         if one < other and third in neighbours[other]
@@ -144,14 +138,12 @@ def log_ratios(
     index = _TriangleIndex(triangles, scale)
     for_right, for_wrong = _triangle_rates(candidates, kept, pairs, index, ~queried)
     if_hit, if_missed = np.log(for_right / for_wrong), np.log((1 - for_right) / (1 - for_wrong))
-    for start, end in frames_of(
-        candidates, np.bincount(candidates.frames[queried], minlength=len(candidates.per_frame)) > 0
-    ):
+    n_queried = np.bincount(candidates.frames[queried], minlength=len(candidates.per_frame))
+    for start, end in frames_of(candidates, n_queried > 0):
         here = np.arange(start, end)
         wanted, witnesses = here[queried[start:end]], here[kept[start:end]]
-        hits = index.make_known_triangles(
-            FrameCandidates.of(candidates, wanted, pairs), FrameCandidates.of(candidates, witnesses, pairs)
-        )
+        seen, others = (FrameCandidates.of(candidates, indices, pairs) for indices in (wanted, witnesses))
+        hits = index.make_known_triangles(seen, others)
         ratios[wanted] = np.where(hits, if_hit, if_missed)
     return ratios
 
@@ -194,13 +186,6 @@ def _no_triangles() -> Triangles:
     return Triangles(np.empty((0, 3)), np.empty(0), np.empty((0, 3), dtype=np.intp))
 
 
-def _from_every_ball(corners: Ints, edges: Floats, std: Floats, learned_from: Ints) -> Triangles:
-    one, other, third = corners.T
-    at = ((one, other), (one, third), (other, third))
-    sides = np.stack([edges[pair] for pair in at], axis=1)
-    return _by_ball(sides, np.max([std[pair] for pair in at], axis=0, initial=0.0), learned_from)
-
-
 def _by_ball(sides: Floats, std: Floats, learned_from: Ints) -> Triangles:
     """Triangles of the sides 01, 02, 12, as each of the three balls sees them."""
     views = []
@@ -224,7 +209,8 @@ class _TriangleIndex:
         found = np.zeros(len(queried.points), dtype=np.bool_)
         lengths, std = self._measured(queried, witnesses)
         between, their_std = self._measured(witnesses, witnesses)
-        near = self._is_known(lengths, std)
+        low, high = (np.searchsorted(self._lengths, lengths + part * GATE * std) for part in (-1, 1))
+        near = np.isfinite(lengths) & (low < high)  # some triangle has such a side
         queries, radii, whose = [], [], []
         for candidate in np.flatnonzero(near.sum(axis=1) >= 2):
             neighbours = np.flatnonzero(near[candidate])
@@ -251,11 +237,6 @@ class _TriangleIndex:
     def _measured(self, seen: FrameCandidates, others: FrameCandidates) -> tuple[Floats, Floats]:
         lengths, variances = seen.distances_to(others)
         return lengths, np.sqrt(self._scale**2 * variances + self._std**2)
-
-    def _is_known(self, lengths: Floats, std: Floats) -> Bools:
-        """Whether some triangle has such a side."""
-        low = np.searchsorted(self._lengths, lengths - GATE * std)
-        return np.asarray(np.isfinite(lengths) & (low < np.searchsorted(self._lengths, lengths + GATE * std)))
 
 
 def _triangle_rates(
@@ -332,9 +313,8 @@ def rigid_edges(
     wanted : ndarray of bool, shape (n_frames,), optional
         In which frames to look; by default in all of them.
     """
-    frames = list(
-        frames_of(candidates, np.ones(len(candidates.per_frame), dtype=np.bool_) if wanted is None else wanted)
-    )
+    everywhere = np.ones(len(candidates.per_frame), dtype=np.bool_)
+    frames = list(frames_of(candidates, everywhere if wanted is None else wanted))
     sums = np.empty((0, 6))
     for first in range(0, len(frames), SPAN_FRAMES):  # distances of a long recording would not fit into memory
         block = _spans_of(candidates, kept, names, frames[first : first + SPAN_FRAMES])
@@ -382,13 +362,8 @@ class FrameCandidates:
         pairs : ndarray of intp, shape (n_candidates,)
             The pair of tracks or the marker of each candidate.
         """
-        return cls(
-            candidates.points[indices],
-            candidates.covariance(indices),
-            candidates.left[indices].astype(np.intp),
-            candidates.right[indices].astype(np.intp),
-            pairs[indices],
-        )
+        left, right = (tracks[indices].astype(np.intp) for tracks in (candidates.left, candidates.right))
+        return cls(candidates.points[indices], candidates.covariance(indices), left, right, pairs[indices])
 
     def distances_to(self, other: FrameCandidates) -> tuple[Floats, Floats]:
         """Return distances [mm] to others, shape (n, n_others), and variances; infinite where they share a ball."""

@@ -69,7 +69,8 @@ def undistort(camera: Camera, pixels: Floats) -> Floats:
     ndarray, shape (..., 2)
         Normalised coordinates; NaN where the lens sends no ray to the pixel.
     """
-    behind_lens = np.ascontiguousarray(normalised_from_pixels(camera, pixels), dtype=np.float64)
+    normalised = (pixels - camera.matrix[:2, 2]) @ np.linalg.inv(camera.matrix[:2, :2]).T
+    behind_lens = np.ascontiguousarray(normalised, dtype=np.float64)
     rays = _kernels_camera.undistort(behind_lens.reshape(-1, 2), camera_numbers(camera))
     return rays.reshape(behind_lens.shape)
 
@@ -118,19 +119,6 @@ def pixels_from_normalised(camera: Camera, normalised: Floats) -> Floats:
         Where the lens put the rays.
     """
     return np.asarray(normalised @ camera.matrix[:2, :2].T + camera.matrix[:2, 2])
-
-
-def normalised_from_pixels(camera: Camera, pixels: Floats) -> Floats:
-    """Return the normalised coordinates behind the lens of pixels, shape (..., 2).
-
-    Parameters
-    ----------
-    camera : Camera
-        Its place does not matter.
-    pixels : ndarray, shape (..., 2), px
-        As the camera sees them.
-    """
-    return np.asarray((pixels - camera.matrix[:2, 2]) @ np.linalg.inv(camera.matrix[:2, :2]).T)
 
 
 def in_image(camera: Camera, pixels: Floats) -> Bools:

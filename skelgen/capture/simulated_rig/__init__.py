@@ -2,8 +2,8 @@
 
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.reference_rig import reference_arm
-from skelgen.capture.simulated_rig.board import BoardTruth, SimulatedBoard, board_places, draw_board
-from skelgen.capture.simulated_rig.render import PairTruth, projected_balls, render_pair, render_view
+from skelgen.capture.simulated_rig.board import SimulatedBoard, board_places
+from skelgen.capture.simulated_rig.render import projected_balls, render_pair, render_view
 from skelgen.capture.simulated_rig.scene import (
     Scene,
     Wandering,
@@ -13,19 +13,14 @@ from skelgen.capture.simulated_rig.scene import (
     wandering_poses,
 )
 from skelgen.capture.simulated_rig.source import SimulatedRig, simulated_rig, suited_parameters
-from skelgen.capture.simulated_rig.view import ViewTruth
 
 __all__ = [
-    "BoardTruth",
-    "PairTruth",
     "RenderParameters",
     "Scene",
     "SimulatedBoard",
     "SimulatedRig",
-    "ViewTruth",
     "Wandering",
     "board_places",
-    "draw_board",
     "hand_held_target",
     "projected_balls",
     "reference_arm",

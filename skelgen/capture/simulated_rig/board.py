@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from types import TracebackType
 from typing import Self
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from skelgen._kernels.rendering import PADDING
-from skelgen.capture.calibration.board import Board, coverage
+from skelgen.capture.calibration.board import Board, coverage, shortest_side
 from skelgen.capture.optics.projection import project
 from skelgen.capture.reference_rig import reference_rig
 from skelgen.capture.simulated_rig.source import due_pairs
@@ -92,26 +91,15 @@ class SimulatedBoard:
         paced: bool = False,
     ) -> None:
         self.board, self.rig = board or Board(), rig or reference_rig()
+        self.name, self.size = "simulated board", self.rig.left.size
         self.rate, self.n_frames, self.n_dropped = rate, n_frames, 0
         self._seed, self._paced = seed, paced
-
-    @property
-    def name(self) -> str:
-        """What it is, for messages and files."""
-        return "simulated board"
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height [px] of both images."""
-        return self.rig.left.size
 
     def __enter__(self) -> Self:
         """Return itself: there is nothing to open."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Do nothing: there is nothing to close."""
 
     def __iter__(self) -> Iterator[FramePair]:
@@ -255,16 +243,10 @@ def _candidates(board: Board, rig: StereoRig, rng: np.random.Generator) -> tuple
         if all(_is_whole(camera, board, pose) for camera in (rig.left, rig.right)):
             corners = board.points @ turn.T + place
             view = project(rig.left, corners), project(rig.right, corners)
-            if min(_smallest_square(side, board) for side in view) >= SMALLEST_SQUARE:
+            if min(shortest_side(side, board) for side in view) >= SMALLEST_SQUARE:
                 poses.append(pose)
                 views.append(view)
     return np.array(poses).reshape(-1, 4, 4), views
-
-
-def _smallest_square(corners: Floats, board: Board) -> float:
-    """Shortest side [px] of a square."""
-    grid = corners.reshape(board.rows, board.columns, 2)
-    return float(min(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min() for axis in (0, 1)))
 
 
 def _is_whole(camera: Camera, board: Board, pose: Floats) -> bool:

@@ -13,7 +13,7 @@ from skelgen._kernels.rendering import N_NORMALS, SAMPLES, DrawnBall, Light, Nea
 from skelgen.capture.optics.projection import in_image, project
 from skelgen.capture.parameters import RenderParameters
 from skelgen.capture.simulated_rig.scene import Scene
-from skelgen.capture.simulated_rig.view import SeenBalls, ViewTruth, background, corner_rays, look_at
+from skelgen.capture.simulated_rig.view import ViewTruth, background, corner_rays, look_at
 from skelgen.capture.values import Balls, FramePair, Image
 from skelgen.model.arrays import Bools, Floats, Ints, check_bools, check_floats
 from skelgen.model.rig import Camera, StereoRig
@@ -114,16 +114,12 @@ def render_view(
     rays, blur = corner_rays(camera), _blur_of_samples(parameters.blur)
     radius, darkening = parameters.diameter / 2, parameters.limb_darkening
     for ball in range(len(balls.index)):
-        covering = _covering(balls, ball)
+        mine, others = balls.windows[ball], balls.windows[:ball]  # of nearer balls
+        overlap = (others[:, 0] < mine[1]) & (others[:, 1] > mine[0])
+        covering = np.nonzero(overlap & (others[:, 2] < mine[3]) & (others[:, 3] > mine[2]))[0]
         nearer = NearerBalls(balls.places[covering], balls.scale[covering])
-        drawn = DrawnBall(
-            balls.windows[ball],
-            balls.places[ball],
-            radius,
-            float(balls.scale[ball]),
-            float(balls.light[ball]),
-            darkening,
-        )
+        scale, level = float(balls.scale[ball]), float(balls.light[ball])
+        drawn = DrawnBall(mine, balls.places[ball], radius, scale, level, darkening)
         visible = draw_ball(light, rays, drawn, nearer, blur)
         truth.visible[balls.index[ball]] = min(visible / balls.areas[ball], 1.0)
     image = np.empty((camera.height, camera.width), dtype=np.uint8)
@@ -131,13 +127,6 @@ def render_view(
     expose(light, _normal_quantiles(), Sensor(key, parameters.noise, parameters.shot_noise), image)
     image.flags.writeable = False
     return image, truth
-
-
-def _covering(balls: SeenBalls, ball: int) -> Ints:
-    """Nearer balls whose windows overlap that of a ball."""
-    mine, others = balls.windows[ball], balls.windows[:ball]
-    across = (others[:, 0] < mine[1]) & (others[:, 1] > mine[0])
-    return np.nonzero(across & (others[:, 2] < mine[3]) & (others[:, 3] > mine[2]))[0]
 
 
 @lru_cache(maxsize=1)
@@ -184,21 +173,12 @@ def projected_balls(
     rng : Generator
         Noise, and the order of the balls.
     """
-    return _seen(scene, frame, 0, rig, noise, rng), _seen(scene, frame, 1, rig, noise, rng)
-
-
-def _seen(
-    scene: Scene, frame: int, side: int, rig: StereoRig, noise: float, rng: np.random.Generator
-) -> tuple[Balls, Ints]:
-    camera = (rig.left, rig.right)[side]
-    centres = project(camera, scene.points[frame])
-    index = rng.permutation(np.flatnonzero(in_image(camera, centres) & ~scene.hidden[frame, side]))
-    n_balls = len(index)
-    seen = Balls(
-        centres=centres[index] + rng.normal(scale=noise, size=(n_balls, 2)),
-        area=np.full(n_balls, _AREA),
-        brightness=np.full(n_balls, _BRIGHTNESS),
-        std=np.full(n_balls, noise),
-        touching=np.zeros(n_balls, dtype=np.bool_),
-    )
-    return seen, index
+    seen = []
+    for side, camera in enumerate((rig.left, rig.right)):
+        centres = project(camera, scene.points[frame])
+        index = rng.permutation(np.flatnonzero(in_image(camera, centres) & ~scene.hidden[frame, side]))
+        places = centres[index] + rng.normal(scale=noise, size=(len(index), 2))
+        area, brightness, std = (np.full(len(index), value) for value in (_AREA, _BRIGHTNESS, noise))
+        seen.append((Balls(places, area, brightness, std, np.zeros(len(index), dtype=np.bool_)), index))
+    left, right = seen
+    return left, right

@@ -173,7 +173,9 @@ def scene_of_structure(
     InputError
         If it fits into both images at no distance.
     """
-    body = structure if isinstance(structure, Structure) else _find_structure(structure, seed)
+    body = reference_arm() if structure == "arm" else structure
+    if isinstance(body, str):
+        body = find_structure(body, seed)
     options = {"n_frames": 600, "rate": 60.0, "walk": _WALK} | options | {"labelled": True}
     simulated = simulate(body, seed=seed, **options)
     truth, seen = simulated.truth, simulated.take.positions  # type: ignore[union-attr]  # labelled: Trajectories
@@ -249,13 +251,7 @@ class Wandering:
 
 
 def wandering_poses(
-    rig: StereoRig,
-    n_frames: int,
-    n_bodies: int,
-    motion: Wandering | None = None,
-    *,
-    rate: float = 60.0,
-    seed: int = 0,
+    rig: StereoRig, n_frames: int, n_bodies: int, motion: Wandering | None = None, *, rate: float = 60.0, seed: int = 0
 ) -> Floats:
     """Return smooth random poses of bodies before a rig, shape (n_frames, n_bodies, 4, 4), translations in mm.
 
@@ -305,10 +301,6 @@ def _frame_about(axis: Floats) -> Floats:
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     return np.column_stack([first, np.cross(axis, first), axis])
-
-
-def _find_structure(name: str, seed: int) -> Structure:
-    return reference_arm() if name == "arm" else find_structure(name, seed)
 
 
 _IN_THE_HAND = Wandering(distance=900.0, spread=80.0, turn=0.9)

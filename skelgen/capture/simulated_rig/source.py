@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -56,37 +55,12 @@ class SimulatedRig:
         self.scene = scene
         self.rig = rig or reference_rig()
         self.parameters = parameters or RenderParameters()
-        self._seed = seed
-        self._paced = paced
-        self._n_dropped = 0
+        self._seed, self._paced = seed, paced
+        self.name, self.size = f"simulated {scene.name}", self.rig.left.size
+        self.rate, self.n_frames, self.n_dropped = scene.rate, scene.n_frames, 0
         if self.rig.left.size != self.rig.right.size:
             left, right = ("{} x {}".format(*camera.size) for camera in (self.rig.left, self.rig.right))
             raise InputError(f"the left camera takes {left} pixels and the right one {right}; a pair has one size")
-
-    @property
-    def name(self) -> str:
-        """What it is, for messages and files."""
-        return f"simulated {self.scene.name}"
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height [px] of both images."""
-        return self.rig.left.size
-
-    @property
-    def rate(self) -> float | None:
-        """Pairs a second [Hz]."""
-        return self.scene.rate
-
-    @property
-    def n_frames(self) -> int | None:
-        """Number of pairs."""
-        return self.scene.n_frames
-
-    @property
-    def n_dropped(self) -> int:
-        """Pairs lost so far."""
-        return self._n_dropped
 
     @property
     def settings(self) -> CaptureSettings:
@@ -97,15 +71,13 @@ class SimulatedRig:
         """Return itself: there is nothing to open."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Do nothing: there is nothing to close."""
 
     def __iter__(self) -> Iterator[FramePair]:
         """Deliver the pairs of the scene in order."""
-        for index, dropped in due_pairs(self.scene.n_frames, self.scene.rate, self._paced):
-            self._n_dropped += dropped
+        for index, dropped in due_pairs(self.n_frames, self.rate, self._paced):
+            self.n_dropped += dropped
             yield self.render(index, dropped)[0]
 
     def render(self, index: int, dropped: int = 0) -> tuple[FramePair, PairTruth]:
@@ -123,17 +95,11 @@ class SimulatedRig:
         InputError
             If the scene has no such frame.
         """
-        if not 0 <= index < self.scene.n_frames:
-            raise InputError(f"frame {index} is asked for; the scene has frames 0 to {self.scene.n_frames - 1}")
-        pair, truth = render_pair(
-            self.rig,
-            self.scene.points[index],
-            self.parameters,
-            hidden=self.scene.hidden[index],
-            seed=self._seed,
-            index=index,
-        )
-        return FramePair(pair.left, pair.right, index / self.scene.rate, index, dropped), truth
+        if not 0 <= index < self.n_frames:
+            raise InputError(f"frame {index} is asked for; the scene has frames 0 to {self.n_frames - 1}")
+        points, hidden = self.scene.points[index], self.scene.hidden[index]
+        pair, truth = render_pair(self.rig, points, self.parameters, hidden=hidden, seed=self._seed, index=index)
+        return FramePair(pair.left, pair.right, index / self.rate, index, dropped), truth
 
 
 def simulated_rig(

@@ -84,7 +84,8 @@ def look_at(camera: Camera, points: Floats, parameters: RenderParameters) -> tup
     radius = parameters.diameter / 2
     places = points @ camera.camera_from_world[:3, :3].T + camera.camera_from_world[:3, 3]
     distances = np.linalg.norm(places, axis=1)
-    outlines = project(camera, _outlines(points, _place_of(camera), radius))
+    eye = -camera.camera_from_world[:3, :3].T @ camera.camera_from_world[:3, 3]
+    outlines = project(camera, _outlines(points, eye, radius))
     areas = _polygon_areas(outlines)
     windows = _windows(outlines, camera)
     with np.errstate(invalid="ignore"):
@@ -123,11 +124,6 @@ def brightness(places: Floats, parameters: RenderParameters) -> Floats:
 def _lobe(distances: Floats, parameters: RenderParameters) -> Floats:
     angle = np.arctan2(parameters.lamp_offset, distances) / np.deg2rad(parameters.lamp_lobe)
     return np.asarray(np.exp(-(angle**2) / 2))
-
-
-def _place_of(camera: Camera) -> Floats:
-    pose = camera.camera_from_world
-    return np.asarray(-pose[:3, :3].T @ pose[:3, 3])
 
 
 def _outlines(points: Floats, eye: Floats, radius: float) -> Floats:

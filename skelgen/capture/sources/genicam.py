@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +117,30 @@ def common_rate(rates: tuple[float | None, float | None], names: tuple[str, str]
     return left
 
 
+def only_two(found: list[Any], listed: str, example: str) -> list[Any]:
+    """Return the only two cameras that there are, where the user names none.
+
+    Parameters
+    ----------
+    found : list
+        All cameras.
+    listed : str
+        What was found, in words.
+    example : str
+        A text that names two, for messages.
+
+    Raises
+    ------
+    CaptureError
+        If there are not two.
+    """
+    if len(found) == 1:
+        raise CaptureError(f"one camera is missing: {listed}, and a pair needs two")
+    if len(found) != 2:
+        raise CaptureError(f"{listed}; name left and right, as {example}")
+    return found
+
+
 def first_size(camera: SizelessCamera, options: GenicamOptions) -> tuple[int, int]:
     """Wait until the clock's offset is known, and return the images' size [px]; a trigger may delay the first image.
 
@@ -139,6 +163,3 @@ def first_size(camera: SizelessCamera, options: GenicamOptions) -> tuple[int, in
             raise CaptureError(f"{camera.name} sends no image within {options.timeout:g} s; check its trigger")
         size = (shot.image.shape[1], shot.image.shape[0])
     return size
-
-
-__all__ = ["FrameNumber", "SharedClock", "common_rate", "first_size", "grey"]

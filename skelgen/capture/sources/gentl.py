@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey
+from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey, only_two
 from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
 from skelgen.capture.sources.text import GenicamOptions, check_two_cameras
 from skelgen.errors import CaptureError, ParameterError
@@ -96,15 +96,12 @@ class GentlCamera:
                 return None
             arrived = clock.time()
             with buffer:
-                return self._shot(buffer, arrived)
-
-    def _shot(self, buffer: Any, arrived: float) -> Shot:
-        image = buffer.payload.components[0]
-        values = image.data
-        if values.size == image.height * image.width:
-            values = values.reshape(image.height, image.width)
-        taken = self._clock.time(_device_time(buffer), arrived)
-        return Shot(grey(values, image.data_format, self.name), taken, self._number.of(buffer.frame_id))
+                image = buffer.payload.components[0]
+                values = image.data
+                if values.size == image.height * image.width:
+                    values = values.reshape(image.height, image.width)
+                taken = self._clock.time(_device_time(buffer), arrived)
+                return Shot(grey(values, image.data_format, self.name), taken, self._number.of(buffer.frame_id))
 
 
 def _open_pair(stack: ExitStack, producer: Path, names: tuple[str, ...], options: GenicamOptions) -> OpenPair:
@@ -114,7 +111,7 @@ def _open_pair(stack: ExitStack, producer: Path, names: tuple[str, ...], options
         harvester.add_file(str(producer))
         harvester.update()
     found = list(harvester.device_info_list)
-    chosen = _named(found, names, producer) if names else _only_two(found, producer)
+    chosen = _named(found, names, producer) if names else only_two(found, f"{producer} {_listed(found)}", _EXAMPLE)
     left, right = (GentlCamera(harvester, device, options, stack) for device in chosen)
     return OpenPair(left, right, common_rate((left.rate, right.rate), (left.name, right.name)))
 
@@ -128,11 +125,8 @@ def _set_up(nodes: Any, options: GenicamOptions) -> float | None:
     if options.gain >= 0:
         _set(nodes, _GAIN, options.gain)
     if options.trigger:
-        for name, value in (
-            ("TriggerSelector", "FrameStart"),
-            ("TriggerSource", options.trigger),
-            ("TriggerMode", "On"),
-        ):
+        trigger = {"TriggerSelector": "FrameStart", "TriggerSource": options.trigger, "TriggerMode": "On"}
+        for name, value in trigger.items():
             _feature(nodes, (name,)).value = value
         return options.rate or None
     if options.rate:
@@ -177,14 +171,6 @@ def _named(found: list[Any], names: tuple[str, ...], producer: Path) -> list[Any
     return chosen
 
 
-def _only_two(found: list[Any], producer: Path) -> list[Any]:
-    if len(found) == 1:
-        raise CaptureError(f"one camera is missing: {producer} {_listed(found)}, and a pair needs two")
-    if len(found) != 2:
-        raise CaptureError(f"{producer} {_listed(found)}; name left and right, as {_EXAMPLE}")
-    return found
-
-
 def _listed(found: list[Any]) -> str:
     return "found " + (", ".join(device.id_ for device in found) or "no camera; check cables and power")
 
@@ -219,6 +205,3 @@ def _genicam_error() -> tuple[type[Exception], ...]:
 
 def _harvesters() -> ModuleType:
     return extra_module("harvesters.core", "harvesters for GenTL cameras", "gentl")
-
-
-__all__ = ["GentlCamera", "gentl_pairs"]

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -17,15 +16,7 @@ from skelgen.capture.sources.text import FileOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError, FormatError
 
-__all__ = [
-    "ImagePair",
-    "ImagePairs",
-    "folder_pairs",
-    "listed_pairs",
-]
-
 _SIDES = (("left", "right"), ("_l", "_r"), ("-l", "-r"), ("cam0", "cam1"), ("cam1", "cam2"))
-_WITHOUT_TIME, _WITH_TIME = 2, 3  # fields of a line
 
 
 @dataclass(frozen=True)
@@ -70,11 +61,9 @@ def folder_pairs(folder: Path, options: FileOptions) -> list[ImagePair]:
     """
     if not folder.is_dir():
         raise CaptureError(f"{folder}: no such folder")
-    if options.left or options.right:
-        sides = [_matching(folder, pattern) for pattern in (options.left, options.right)]
-    else:
-        sides = _by_usual_names(folder)
-    left, right = sides
+    patterns = [options.left, options.right]
+    named = [_matching(folder, pattern) for pattern in patterns] if any(patterns) else _by_usual_names(folder)
+    left, right = named
     if not set(left) & set(right):
         raise CaptureError(_why_no_pairs(folder, left, right))
     return _ordered(left, right)
@@ -106,12 +95,11 @@ def listed_pairs(path: Path) -> list[ImagePair]:
 def _listed(path: Path, number: int, line: str, before: float | None) -> ImagePair:
     separator = next((mark for mark in "\t," if mark in line), None)
     fields = [field.strip() for field in line.split(separator)]
-    if len(fields) not in (_WITHOUT_TIME, _WITH_TIME):
-        raise FormatError(
-            path, number, f"{len(fields)} entries where a left and a right image and perhaps a time belong"
-        )
+    if len(fields) not in (2, 3):
+        wrong = f"{len(fields)} entries where a left and a right image and perhaps a time belong"
+        raise FormatError(path, number, wrong)
     time = None
-    if len(fields) == _WITH_TIME:
+    if len(fields) == 3:
         try:
             time = float(fields[2])
         except ValueError as error:
@@ -136,10 +124,9 @@ def _without(paths: list[Path], word: str) -> dict[str, Path]:
     found = {}
     for path in paths:
         stem = path.stem.lower()
-        at = stem.rfind(word)
-        ends = at >= 0 and not stem[at + len(word) :][:1].isalpha()
-        if ends:
-            found[stem[:at] + "|" + stem[at + len(word) :]] = path
+        before, there, after = stem.rpartition(word)
+        if there and not after[:1].isalpha():
+            found[f"{before}|{after}"] = path
     return found
 
 
@@ -203,15 +190,13 @@ class ImagePairs:
         self.name = name
         self.n_dropped = 0
         self._pairs = pairs[: options.frames or None]
-        self.rate = options.rate or _rate_of(self._pairs)
+        times = [pair.time for pair in self._pairs if pair.time is not None]
+        follows = float(1 / np.median(np.diff(times))) if len(times) == len(self._pairs) > 1 else None
+        self.rate = options.rate or follows  # at which most pairs of a list follow each other
+        self.n_frames = len(self._pairs)
         first = self._pairs[0]
         sizes = [_size(read_image(path)) for path in (first.left, first.right)]
         self.size = check_same_size(sizes[0], sizes[1], (str(first.left), str(first.right)))
-
-    @property
-    def n_frames(self) -> int | None:
-        """Number of pairs that are there whole."""
-        return len(self._pairs)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -221,9 +206,7 @@ class ImagePairs:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         pass
 
     def __iter__(self) -> Iterator[FramePair]:
@@ -253,12 +236,6 @@ class ImagePairs:
         if _size(image) != self.size:
             raise FormatError(path, "", f"is {_by(_size(image))} pixels where the images before are {_by(self.size)}")
         return image
-
-
-def _rate_of(pairs: list[ImagePair]) -> float | None:
-    """Return the rate [Hz] at which most pairs of a list follow each other; None without times."""
-    times = [pair.time for pair in pairs if pair.time is not None]
-    return float(1 / np.median(np.diff(times))) if len(times) == len(pairs) > 1 else None
 
 
 def _size(image: Image) -> tuple[int, int]:

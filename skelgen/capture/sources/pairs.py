@@ -5,21 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Protocol, Self
 
 from skelgen.capture.sources.text import CameraOptions
 from skelgen.capture.values import FramePair, Image
 from skelgen.errors import CaptureError
-
-__all__ = [
-    "LiveCamera",
-    "LivePairs",
-    "OpenPair",
-    "PairCounter",
-    "Shot",
-    "check_same_size",
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +161,7 @@ class LivePairs:
 
     def __init__(self, name: str, open_pair: Callable[[ExitStack], OpenPair], options: CameraOptions) -> None:
         self.name = name
+        self.n_frames = options.frames or None
         self.worst_skew = 0.0
         self._open_pair = open_pair
         self._options = options
@@ -189,11 +180,6 @@ class LivePairs:
         return self._opened.rate
 
     @property
-    def n_frames(self) -> int | None:
-        """Number of pairs that were asked for."""
-        return self._options.frames or None
-
-    @property
     def n_dropped(self) -> int:
         """Pairs lost so far."""
         return self._counter.n_dropped
@@ -208,9 +194,7 @@ class LivePairs:
         self._counter = PairCounter(pair.rate)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Stop both cameras and let go of them."""
         self._pair = None
         self._stack.close()
@@ -224,7 +208,7 @@ class LivePairs:
             If a camera is unplugged or falls silent, or the images of a pair are further apart than allowed.
         """
         n_delivered = 0
-        while self._pair is not None and (not self._options.frames or n_delivered < self._options.frames):
+        while self._pair is not None and (self.n_frames is None or n_delivered < self.n_frames):
             yield self._counter.pair(*self._next(self._pair))
             n_delivered += 1
 

@@ -45,18 +45,12 @@ class SourceKind:
     open: Callable[[SourceText], FrameSource]
 
 
-def _open_folder(text: SourceText) -> FrameSource:
-    from skelgen.capture.sources.images import ImagePairs, folder_pairs  # noqa: PLC0415 - each source as it is needed
+def _open_images(text: SourceText) -> FrameSource:
+    from skelgen.capture.sources import images  # noqa: PLC0415 - each source as it is needed
 
-    options = FileOptions.from_mapping(text.options, str(text))
-    return ImagePairs(text.place, folder_pairs(Path(text.place), options), options)
-
-
-def _open_list(text: SourceText) -> FrameSource:
-    from skelgen.capture.sources.images import ImagePairs, listed_pairs  # noqa: PLC0415 - each source as it is needed
-
-    options = FileOptions.from_mapping(text.options, str(text))
-    return ImagePairs(text.place, listed_pairs(Path(text.place)), options)
+    options, place = FileOptions.from_mapping(text.options, str(text)), Path(text.place)
+    pairs = images.folder_pairs(place, options) if text.kind == "folder" else images.listed_pairs(place)
+    return images.ImagePairs(text.place, pairs, options)
 
 
 def _open_video(text: SourceText) -> FrameSource:
@@ -101,8 +95,8 @@ def _open_simulated(text: SourceText) -> FrameSource:
 
 
 SOURCES = (
-    SourceKind("folder", "folder:images", "a folder with left and right images", FileOptions, _open_folder),
-    SourceKind("list", "list:pairs.txt", "a list of left and right images, with times", FileOptions, _open_list),
+    SourceKind("folder", "folder:images", "a folder with left and right images", FileOptions, _open_images),
+    SourceKind("list", "list:pairs.txt", "a list of left and right images, with times", FileOptions, _open_images),
     SourceKind("video", "video:left.avi,right.avi", "two video files", VideoOptions, _open_video),
     SourceKind("firewire", "firewire:GUID1,GUID2", "cameras on an IEEE 1394 bus", FireWireOptions, _open_firewire),
     SourceKind("gige", "gige:10.0.0.2,10.0.0.3", "GigE Vision cameras", GenicamOptions, _open_gige),
@@ -148,9 +142,6 @@ def open_source(text: str) -> FrameSource:
     if parsed is not None and kind is not None:
         return kind.open(parsed)
     if text.strip() and Path(text).is_dir():
-        return _open_folder(SourceText("folder", text))
+        return _open_images(SourceText("folder", text))
     known = ", ".join(kind.example for kind in SOURCES)
     raise InputError(f"{text!r} is no source of images; known are {known}, or a folder")
-
-
-__all__ = ["SOURCES", "SourceKind", "open_source"]

@@ -10,18 +10,6 @@ from typing import ClassVar
 from skelgen.errors import ParameterError
 from skelgen.parameters import StageParameters, declare
 
-__all__ = [
-    "CameraOptions",
-    "FileOptions",
-    "FireWireOptions",
-    "GenicamOptions",
-    "SimulatedOptions",
-    "SourceText",
-    "VideoOptions",
-    "check_two_cameras",
-    "parse_source",
-]
-
 _TEXT = re.compile(r"(?P<kind>[a-z][a-z0-9]+):(?P<place>.*?)(\?(?P<options>\w+=[^?]*))?", re.DOTALL)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -44,9 +43,11 @@ class VideoPairs:
         self._limit = options.frames
         self._videos: list[Any] = []
         with self:
-            sizes = [_size(video) for video in self._videos]
+            cv2 = opencv()
+            width, height, count = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_COUNT
+            sizes = [(int(video.get(width)), int(video.get(height))) for video in self._videos]
             self.size = check_same_size(sizes[0], sizes[1], (str(left), str(right)))
-            self._counts = [_count(video) for video in self._videos]
+            self._counts = [int(video.get(count)) for video in self._videos]
             self.rate = options.rate or self._common_rate()
 
     @property
@@ -62,15 +63,18 @@ class VideoPairs:
         """Open both files from their beginnings."""
         try:
             for path in self._paths:
-                self._videos.append(_opened(path))
+                if not path.is_file():
+                    raise FormatError(path, "", "no such file")
+                video = opencv().VideoCapture(str(path))
+                if not video.isOpened():
+                    raise FormatError(path, "", "is no video that can be read")
+                self._videos.append(video)
         except BaseException:
             self._close()
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close both files."""
         self._close()
 
@@ -116,15 +120,6 @@ class VideoPairs:
         self._videos = []
 
 
-def _opened(path: Path) -> Any:
-    if not path.is_file():
-        raise FormatError(path, "", "no such file")
-    video = opencv().VideoCapture(str(path))
-    if not video.isOpened():
-        raise FormatError(path, "", "is no video that can be read")
-    return video
-
-
 def _next_image(video: Any) -> Image | None:
     there, frame = video.read()
     if not there:
@@ -132,15 +127,3 @@ def _next_image(video: Any) -> Image | None:
     grey = frame if frame.ndim == 2 else opencv().cvtColor(frame, opencv().COLOR_BGR2GRAY)
     grey.flags.writeable = False
     return np.asarray(grey, np.uint8)
-
-
-def _size(video: Any) -> tuple[int, int]:
-    cv2 = opencv()
-    return int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT))
-
-
-def _count(video: Any) -> int:
-    return int(video.get(opencv().CAP_PROP_FRAME_COUNT))
-
-
-__all__ = ["VideoPairs"]
