@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from skelgen.capture.bodies import AmbiguousTargetError, BodyFinder, BodyParameters, check_targets, propose_move
-from skelgen.capture.calibration.joints import LEAST_TURN, evenly_spread
+from skelgen.capture.calibration.joints import LEAST_TURN, thinned
 from skelgen.capture.calibration.verdict import GOOD, REPEAT, USABLE, Verdict, as_sentence
 from skelgen.capture.values import FoundBody, StereoPoints
 from skelgen.errors import InputError
@@ -113,7 +113,7 @@ def calibrate_body(
         If no frame shows the target alone, too few show it at all, or its design is ambiguous.
     """
     parameters = parameters or BodyParameters()
-    chosen = evenly_spread(frames, MAX_FRAMES)
+    chosen = thinned(frames, MAX_FRAMES)
     n_balls = n_balls or _typical_number(chosen, parameters.min_points)
     target = _first_target(chosen, name, n_balls, parameters)
     monitor.begin("body")
@@ -153,8 +153,8 @@ def _first_target(frames: Sequence[StereoPoints], name: str, n_balls: int, param
             f"no frame shows exactly {n_balls} points, the balls of body {name!r} and nothing else (the fullest shows "
             f"{most}); cover what else reflects, or state the number of balls"
         )
-    trials = [first_shape(frame, name) for frame in evenly_spread(alone, FIRST_FRAMES)]
-    samples = evenly_spread(frames, 10 * FIRST_FRAMES)
+    trials = [first_shape(frame, name) for frame in thinned(alone, FIRST_FRAMES)]
+    samples = thinned(frames, 10 * FIRST_FRAMES)
     try:
         agreeing = [sum(map(bool, _find_in_frames(samples, trial, parameters, SILENT))) for trial in trials]
     except InputError as error:

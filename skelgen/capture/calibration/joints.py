@@ -249,14 +249,14 @@ def _poses_in_common(
 ) -> tuple[dict[str, Floats], dict[str, Floats]]:
     """Poses and covariances of some targets in frames that show them all."""
     by_name = [{body.name: body for body in frame} for frame in frames]
-    shown = evenly_spread([frame for frame in by_name if all(name in frame for name in names)], MAX_FRAMES)
+    shown = thinned([frame for frame in by_name if all(name in frame for name in names)], MAX_FRAMES)
     poses = {name: np.array([frame[name].world_from_body for frame in shown]).reshape(-1, 4, 4) for name in names}
     covariances = {name: np.array([frame[name].covariance for frame in shown]).reshape(-1, 6, 6) for name in names}
     return poses, covariances
 
 
-def evenly_spread(items: Sequence[_T], most: int) -> Sequence[_T]:
-    """Return at most so many of some things, evenly spread.
+def thinned(items: Sequence[_T], most: int) -> Sequence[_T]:
+    """Return at most so many of some things, evenly spread over them, the first and the last among them.
 
     Parameters
     ----------
@@ -326,7 +326,7 @@ def joint_motion(frames: Sequence[Sequence[FoundBody]], parent: str, child: str)
     both = [frame for frame in found if parent in frame and child in frame]
     if not both:
         return JointMotion(parent, child, 0, np.zeros((0, 3)))
-    used = evenly_spread(both, MAX_FRAMES)
+    used = thinned(both, MAX_FRAMES)
     turns = np.array([one[parent].world_from_body[:3, :3].T @ one[child].world_from_body[:3, :3] for one in used])
     vectors = np.rad2deg(vector_from_matrix(turns @ nearest_rotation(turns.mean(axis=0)).T))
     _, axes = np.linalg.eigh(vectors.T @ vectors)

@@ -103,8 +103,7 @@ class _Recording:
         pairs = track_pairs(candidates, *((follower.first, follower.last) for follower in self._tracks))
         step = float(np.median(np.diff(self._times))) if len(self._times) > 1 else 0.0
         kept = find_markers(candidates, pairs, self._rig.noise, step, self._targets)
-        index = np.flatnonzero(kept)
-        points, covariance = candidates.points[kept], candidates.covariance(index)
+        points, covariance = candidates.points[kept], candidates.covariance(np.flatnonzero(kept))
         balls = self._balls[0].all(), self._balls[1].all()
         scale = noise_scale(candidates, self._rig.noise)
         one = points_of_one_camera(candidates, kept, pairs, balls, self._rig, scale)

@@ -165,9 +165,6 @@ def _why_no_pairs(folder: Path, left: dict[str, Path], right: dict[str, Path]) -
     return f"{folder}: no pairs of images; {how}"
 
 
-_SECONDS_IF_UNKNOWN = 1.0  # from pair to pair, so that times at least grow
-
-
 class ImagePairs:
     """A frame source of image files.
 
@@ -229,7 +226,7 @@ class ImagePairs:
         first = self._pairs[0].time
         if pair.time is not None and first is not None:
             return pair.time - first
-        return index / self.rate if self.rate else index * _SECONDS_IF_UNKNOWN
+        return index / self.rate if self.rate else float(index)  # a second each, so that times at least grow
 
     def _read(self, path: Path) -> Image:
         image = read_image(path)
