@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from skelgen.capture.images import extra_module
-from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey, only_two
+from skelgen.capture.sources.genicam import FrameNumber, SharedClock, common_rate, first_size, grey
 from skelgen.capture.sources.pairs import LivePairs, OpenPair, Shot
 from skelgen.capture.sources.text import GenicamOptions, check_two_cameras
 from skelgen.errors import CaptureError
@@ -18,6 +18,7 @@ from skelgen.errors import CaptureError
 _EXAMPLE = "gige:10.0.0.2,10.0.0.3"
 _DISCOVERY_MS = 500
 _TICKS_REGISTER = 0x093C  # GigE Vision bootstrap: ticks of the time stamp a second, 64 bits
+_LEAST_WAIT_MS = 0
 
 
 def gige_pairs(addresses: tuple[str, ...], options: GenicamOptions) -> LivePairs:
@@ -78,12 +79,12 @@ class GigeCamera:
             If another program took the camera, or it answers no more.
         """
         try:
-            frame = self._stream.next_frame(max(int(timeout * 1000), 0))
+            frame = self._stream.next_frame(max(int(timeout * 1000), _LEAST_WAIT_MS))
         except self._viva.TransportError as error:
             if "timeout" not in str(error):
                 raise CaptureError(f"{self.name}: {error}") from error
-            if timeout and self._camera.control_state != self._viva.ControlState.HELD:
-                raise CaptureError(f"{self.name} was unplugged, or another program has taken it") from error
+            if timeout:
+                self._check_control()
             return None
         except self._viva.GenicamError as error:
             raise CaptureError(f"{self.name}: {error}") from error
@@ -94,14 +95,18 @@ class GigeCamera:
         image = grey(frame.to_numpy(), frame.pixel_format, self.name)
         return Shot(image, self._clock.time(taken, arrived), self._number.of(frame.block_id))
 
+    def _check_control(self) -> None:
+        if self._camera.control_state != self._viva.ControlState.HELD:
+            raise CaptureError(f"{self.name} was unplugged, or another program has taken it")
+
 
 def _open_pair(stack: ExitStack, addresses: tuple[str, ...], options: GenicamOptions) -> OpenPair:
     with _errors_in_words("the network"):
-        there = _viva().discover(timeout_ms=_DISCOVERY_MS, all=True)
-        found = sorted(there, key=lambda device: [int(part) for part in device.ip.split(".")])
-    chosen = _named(found, addresses) if addresses else only_two(found, _listed(found), _EXAMPLE)
+        found = sorted(_viva().discover(timeout_ms=_DISCOVERY_MS, all=True), key=lambda device: _ip_order(device.ip))
+    chosen = _named(found, addresses) if addresses else _only_two(found)
     left, right = (GigeCamera(device, options, stack) for device in chosen)
-    return OpenPair(left, right, common_rate((left.rate, right.rate), (left.name, right.name)))
+    rate = common_rate((left.rate, right.rate), (left.name, right.name))
+    return OpenPair(left, right, rate)
 
 
 def _set_up(camera: Any, options: GenicamOptions) -> float | None:
@@ -134,10 +139,22 @@ def _named(found: list[Any], addresses: tuple[str, ...]) -> list[Any]:
     return chosen
 
 
+def _only_two(found: list[Any]) -> list[Any]:
+    if len(found) == 1:
+        raise CaptureError(f"one camera is missing: {_listed(found)}, and a pair needs two")
+    if len(found) != 2:
+        raise CaptureError(f"{_listed(found)}; name left and right, as {_EXAMPLE}")
+    return found
+
+
 def _listed(found: list[Any]) -> str:
     if not found:
         return "no GigE Vision camera answers on the network; check cables, power and the computer's address"
     return "found " + ", ".join(f"{device.ip} ({device.manufacturer} {device.model})" for device in found)
+
+
+def _ip_order(address: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in address.split("."))
 
 
 def _quietly(act: Any, *arguments: Any) -> None:
@@ -156,3 +173,6 @@ def _errors_in_words(who: str) -> Iterator[None]:
 
 def _viva() -> ModuleType:
     return extra_module("viva_genicam", "viva-genicam for GigE Vision cameras", "gige")
+
+
+__all__ = ["GigeCamera", "gige_pairs"]

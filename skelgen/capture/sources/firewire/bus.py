@@ -107,12 +107,10 @@ def _open_pair(stack: ExitStack, guids: tuple[int, ...], options: FireWireOption
         cameras.append(FireWireCamera(context, guid))
         stack.callback(cameras[-1].close)
     left, right = cameras
-    modes = left.modes(), right.modes()
-    size, rate = common_mode(modes, (left.name, right.name), options.size, options.rate)
+    names = (left.name, right.name)
+    size, rate = common_mode((left.modes(), right.modes()), names, options.size, options.rate)
     speed = options.speed or (_FAST if left.knows_1394b and right.knows_1394b else _SLOW)
-    for camera in cameras:
-        if speed >= _FAST and not camera.knows_1394b:
-            raise CaptureError(f"{camera.name} does not know 1394b, which {speed} Mb/s needs; take ?speed={_SLOW}")
+    _check_speed(cameras, speed)
     setting = Setting(size, rate, speed, options.shutter, options.gain, options.buffers)
     _set_up(cameras, setting)
     _start(left, right)
@@ -149,6 +147,12 @@ def _only_two(guids: list[int]) -> list[int]:
             f"{len(guids)} cameras are on the IEEE 1394 bus: {listed}; name left and right, as {_EXAMPLE}"
         )
     return guids
+
+
+def _check_speed(cameras: list[FireWireCamera], speed: int) -> None:
+    for camera in cameras:
+        if speed >= _FAST and not camera.knows_1394b:
+            raise CaptureError(f"{camera.name} does not know 1394b, which {speed} Mb/s needs; take ?speed={_SLOW}")
 
 
 def _set_up(cameras: list[FireWireCamera], setting: Setting) -> None:
@@ -197,3 +201,6 @@ def _listed(offer: Modes) -> str:
     return ", ".join(
         f"{size[0]}x{size[1]} at {' '.join(f'{rate:g}' for rate in rates)} Hz" for size, rates in sorted(offer.items())
     )
+
+
+__all__ = ["common_mode", "firewire_guids", "firewire_pairs", "why_no_camera"]

@@ -222,10 +222,10 @@ class FireWireCamera:
         return bool(self._number("dc1394_feature_is_present", which, kind=ctypes.c_int))
 
     def _number(self, name: str, *arguments: Any, kind: Any = ctypes.c_uint32) -> int:
-        """What a function returns through its last argument, a number of this kind."""
-        value = kind()
-        self._call(name, *arguments, ctypes.byref(value))
-        return int(value.value)
+        try:
+            return self._library.number(name, self._camera, *arguments, kind=kind)
+        except dc.FireWireError as error:
+            raise dc.FireWireError(error.code, f"{self.name}: {error}") from error
 
     def _call(self, name: str, *arguments: Any) -> None:
         try:
@@ -240,3 +240,6 @@ def _text(name: bytes | None) -> str:
 
 def _key(table: dict[int, Any], value: Any) -> int:
     return next(key for key, entry in table.items() if entry == value)
+
+
+__all__ = ["FireWireCamera", "Modes", "Setting"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
-from ctypes import POINTER, c_char_p, c_int, c_uint16, c_uint32, c_uint64, c_void_p
+from ctypes import POINTER, byref, c_char_p, c_int, c_uint16, c_uint32, c_uint64, c_void_p
 from typing import Any
 
 from skelgen.errors import CaptureError
@@ -224,6 +224,22 @@ class Library:
         if code:
             words = self.other("dc1394_error_get_string", code) or b"unknown error"
             raise FireWireError(code, f"{name} failed: {words.decode(errors='replace')} ({code})")
+
+    def number(self, name: str, *arguments: Any, kind: Any = c_uint32) -> int:
+        """Call a function that returns one number through its last argument.
+
+        Parameters
+        ----------
+        name : str
+            Of the function.
+        *arguments
+            As libdc1394 declares them, without the last.
+        kind : type
+            Type of the number, of ctypes.
+        """
+        value = kind()
+        self.call(name, *arguments, byref(value))
+        return int(value.value)
 
 
 @functools.cache
