@@ -74,14 +74,7 @@ class Window(QMainWindow):
         self.actions_by_id = make_actions(self)
         self._make_views()
         context = Context(
-            self.session,
-            self.document,
-            self.jobs,
-            self.runner,
-            preferences,
-            report,
-            self.files,
-            self.cameras,
+            self.session, self.document, self.jobs, self.runner, preferences, report, self.files, self.cameras
         )
         self.pages = PageStack(entries, context)
         self._make_docks()

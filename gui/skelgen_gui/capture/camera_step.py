@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QDoubleSpinBox, QFileDialog, QFormLayout, QLabel, QPushButton, QSpinBox, QWidget
+from PySide6.QtWidgets import QDoubleSpinBox, QFormLayout, QLabel, QPushButton, QSpinBox, QWidget
 
 from skelgen.app.capture_jobs.board_views import ENOUGH, View, ViewCollection, gaps
 from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, FoundInSpace
@@ -67,19 +67,8 @@ class CameraStep(Step[BoardShot]):
         self.calibrate, self.save = QPushButton(self.tr("Calibrate"), self), QPushButton(self)
         self.cameras = CameraTable(self)
         self._describe()
-        self.lay_out(
-            (
-                self.form,
-                row_of(self.go, self.take),
-                self.state,
-                self.coverage,
-                row_of(self.calibrate, self.save),
-                self.verdict,
-                self.views,
-                row_of(self.remove, self.clear),
-                self.cameras,
-            )
-        )
+        parts = (self.form, row_of(self.go, self.take), self.state, self.coverage, row_of(self.calibrate, self.save))
+        self.lay_out((*parts, self.verdict, self.views, row_of(self.remove, self.clear), self.cameras))
         self._connect()
         self.follow()
 
@@ -124,16 +113,9 @@ class CameraStep(Step[BoardShot]):
 
     def save_settings(self) -> None:
         """Ask for a file, and write the settings of the cameras."""
-        proposed = self._settings() or "rig.xml"
-        title, kinds = self.tr("Save the settings of the capture"), self.tr("Settings (*.xml)")
-        name, _ = QFileDialog.getSaveFileName(self, title, proposed, kinds)
-        if name:
-            path = Path(name)
-            self._save(path if path.suffix else path.with_suffix(".xml"))
-
-    def _save(self, path: Path) -> None:
         found, before, source = self.found, self._settings(), self.form.source.source
-        if found is None:
+        path = self.asked_settings(before or "rig.xml")
+        if found is None or path is None:
             return
 
         def work(_: Monitor) -> int:
@@ -168,7 +150,7 @@ class CameraStep(Step[BoardShot]):
         self.form.start_wanted.connect(self._start_anew)
         self.form.changed.connect(self._start_over)
         self.form.size_changed.connect(self._forget_result)
-        self.remove.clicked.connect(lambda: self._remove(self.views.selected_views))
+        self.remove.clicked.connect(self._remove)
         self.clear.clicked.connect(self._start_over)
         self.views.removal_wanted.connect(self._remove)
         self.views.itemSelectionChanged.connect(self._mark)
@@ -190,10 +172,11 @@ class CameraStep(Step[BoardShot]):
         if self._control is not None:
             self._control.keep_next.set()
 
-    def _remove(self, views: list[View]) -> None:
-        self.collection.remove(views)
-        self._forget_result()
-        self._show_views()
+    def _remove(self) -> None:
+        if self.views.selected_views:
+            self.collection.remove(self.views.selected_views)
+            self._forget_result()
+            self._show_views()
 
     def _mark(self) -> None:
         """Show which corners are those of the chosen views."""

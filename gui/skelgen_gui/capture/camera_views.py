@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PySide6.QtCore import QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QKeyEvent, QKeySequence, QPainter, QPaintEvent, QPalette, QPen
+from PySide6.QtCore import QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPen
 from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
 from skelgen.app.capture_jobs.board_views import View, sides
@@ -115,18 +115,11 @@ class CoverageView(QWidget):
 class ViewList(ValueTable):
     """One row for each view; Delete takes the chosen ones away.
 
-    Signals
-    -------
-    removal_wanted(object)
-        These views, a list, shall go.
-
     Parameters
     ----------
     parent : QWidget, optional
         Parent widget.
     """
-
-    removal_wanted = Signal(object)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -165,13 +158,6 @@ class ViewList(ValueTable):
         """The chosen views."""
         rows = sorted({index.row() for index in self.selectedIndexes()})
         return [self._views[row] for row in rows if row < len(self._views)]
-
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Take the chosen views away."""
-        if event.matches(QKeySequence.StandardKey.Delete) and self.selected_views:
-            self.removal_wanted.emit(self.selected_views)
-        else:
-            super().keyPressEvent(event)
 
     def _cell(self, side: BoardView | None, rms: float) -> str:
         if side is None:

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
-from PySide6.QtGui import QKeyEvent, QKeySequence
-from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QPushButton, QWidget
 
 from skelgen.app.capture_jobs.messages import CollectingControl, Feed, JointProgress, TargetShot
 from skelgen.capture.values import JointRequest
@@ -20,7 +19,7 @@ from skelgen_gui.capture.measured import JointTable, MotionTable, RowTable, Turn
 from skelgen_gui.capture.steps import AddingStep, Plan
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import describe, row_of
+from skelgen_gui.widgets.layouts import bare_column, describe, row_of
 
 if TYPE_CHECKING:
     from skelgen.app.capture_jobs.collecting import JointCollector
@@ -132,31 +131,6 @@ def _targets_in(path: str) -> tuple[str, ...]:
         return ()  # the user sees the reason when the settings are used
 
 
-class _RequestTable(RowTable):
-    """The joints that were named; Delete takes the chosen ones away.
-
-    Signals
-    -------
-    removal_wanted()
-        The chosen ones shall go.
-    """
-
-    removal_wanted = Signal()
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        tip = self.tr("Joints that are measured; Delete takes the chosen ones away. Without any, joints are found")
-        titles = self.tr("Joint"), self.tr("Parent"), self.tr("Child"), self.tr("Kind")
-        self.describe(self.tr("Joints that are measured"), tip, titles)
-
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Take the chosen ones away."""
-        if event.matches(QKeySequence.StandardKey.Delete):
-            self.removal_wanted.emit()
-        else:
-            super().keyPressEvent(event)
-
-
 class RequestList(QWidget):
     """A row to name a joint, and the joints that were named.
 
@@ -177,23 +151,15 @@ class RequestList(QWidget):
         super().__init__(parent)
         self.requests: tuple[JointRequest, ...] = ()
         self.name, self.parent_box, self.child_box = QLineEdit(self), QComboBox(self), QComboBox(self)
-        self.kind, self.more, self.table = (
-            QComboBox(self),
-            QPushButton(self.tr("Name joint"), self),
-            _RequestTable(self),
-        )
+        self.kind, self.more, self.table = QComboBox(self), QPushButton(self.tr("Name joint"), self), RowTable(self)
         self.less = QPushButton(self.tr("Remove joint"), self)
         self._kinds = {self.tr("kind is found"): "", self.tr("ball"): "ball", self.tr("hinge"): "hinge"}
         self._describe()
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
         fields = QGridLayout()
         for number, widget in enumerate((self.name, self.kind, self.parent_box, self.child_box)):
             fields.addWidget(widget, number // 2, number % 2)
             fields.setColumnStretch(number % 2, 1)
-        layout.addLayout(fields)
-        layout.addLayout(row_of(self.more, self.less))
-        layout.addWidget(self.table)
+        bare_column(self, (fields, row_of(self.more, self.less), self.table))
         self.name.textChanged.connect(self._follow)
         for box in (self.parent_box, self.child_box):
             box.currentIndexChanged.connect(self._follow)
@@ -218,30 +184,22 @@ class RequestList(QWidget):
         self.name.setAccessibleName(self.tr("Name of the joint"))
         self.name.setToolTip(self.tr("Without names, joints are found from the motion, with their kinds"))
         self.kind.addItems(list(self._kinds))
+        titles = self.tr("Joint"), self.tr("Parent"), self.tr("Child"), self.tr("Kind")
+        tip = self.tr("Joints that are measured; Delete takes the chosen ones away. Without any, joints are found")
+        self.table.describe(self.tr("Joints that are measured"), tip, titles)
+        carries = self.tr("The target that carries the joint, such as the upper arm of the elbow")
+        turns = self.tr("The target that turns, such as the lower arm of the elbow")
         for box, name, tip, hint in (
             (self.kind, self.tr("Kind of the joint"), self.tr("Found from the motion, or stated"), ""),
-            (
-                self.parent_box,
-                self.tr("Parent of the joint"),
-                self.tr("The target that carries the joint, such as the upper arm of the elbow"),
-                self.tr("Parent"),
-            ),
-            (
-                self.child_box,
-                self.tr("Child of the joint"),
-                self.tr("The target that turns, such as the lower arm of the elbow"),
-                self.tr("Child"),
-            ),
+            (self.parent_box, self.tr("Parent of the joint"), carries, self.tr("Parent")),
+            (self.child_box, self.tr("Child of the joint"), turns, self.tr("Child")),
         ):
             describe(box, name, tip)
             box.setPlaceholderText(hint)
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.setMinimumContentsLength(8)
-        for button, tip in (
-            (self.more, self.tr("Measure this joint, and others that are named")),
-            (self.less, self.tr("Do not measure the chosen joints")),
-        ):
-            describe(button, button.text(), tip)
+        describe(self.more, self.more.text(), self.tr("Measure this joint, and others that are named"))
+        describe(self.less, self.less.text(), self.tr("Do not measure the chosen joints"))
 
     @property
     def _request(self) -> JointRequest:

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFileDialog, QGridLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFileDialog, QGridLayout, QLabel, QLineEdit, QPushButton, QWidget
 
 from skelgen.app.capture_jobs.messages import CaptureControl, CaptureEnd, Feed, LiveShot
 from skelgen.progress import Monitor
 from skelgen_gui.capture.forms import LiveChoice
 from skelgen_gui.capture.results import AngleTable, BodyTable, Notices, Numbers
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import column, describe
 
 _LEAST_HEIGHT = 48  # px, of the notices: two lines
 
@@ -60,7 +60,7 @@ class LivePanel(QWidget):
         self.notices = Notices(self)
         self._lay_out()
         self._arrived.connect(self._show_newest)
-        self.go.clicked.connect(self._start_or_stop)
+        self.go.clicked.connect(lambda: self.stop() if self.is_running else self.start())
         self.choice.simulation_wanted.connect(self.start)
         self.recorder.changed.connect(self._set_recording)
         self.recorder.open_wanted.connect(self.open_wanted)
@@ -103,24 +103,10 @@ class LivePanel(QWidget):
 
     def _lay_out(self) -> None:
         self.notices.setMinimumHeight(_LEAST_HEIGHT)
-        layout = QVBoxLayout(self)
-        for widget, share in (
-            (self.choice, 0),
-            (self.go, 0),
-            (self.recorder, 0),
-            (self.numbers, 0),
-            (self.angles, 4),
-            (self.bodies, 3),
-            (QLabel(self.tr("What to know"), self), 0),
-            (self.notices, 1),
-        ):
-            layout.addWidget(widget, share)
-
-    def _start_or_stop(self) -> None:
-        if self.is_running:
-            self.stop()
-        else:
-            self.start()
+        known = QLabel(self.tr("What to know"), self), self.notices
+        layout = column(self, (self.choice, self.go, self.recorder, self.numbers, self.angles, self.bodies, *known))
+        for widget, share in ((self.angles, 4), (self.bodies, 3), (self.notices, 1)):
+            layout.setStretchFactor(widget, share)
 
     def _set_recording(self, target: Path | None) -> None:
         if self._control is not None:
@@ -139,9 +125,9 @@ class LivePanel(QWidget):
     def _finish(self, ended: CaptureEnd) -> None:
         self._control = None
         self._show_newest()
-        self.recorder.stop()
+        self.recorder.record.setChecked(False)
         if ended.recorded:
-            self.recorder.keep(ended.recorded[-1].path)
+            self.recorder.recorded = ended.recorded[-1].path
         for recorded in ended.recorded:
             self.notices.add(self.tr("Recorded: {0}, {1} frames.").format(recorded.path, recorded.n_frames))
         if ended.error is not None:
@@ -154,7 +140,7 @@ class LivePanel(QWidget):
     def _fail(self, error: Exception) -> None:
         """Report an error that nobody foresaw; what was recorded stays whole."""
         self._control = None
-        self.recorder.stop()
+        self.recorder.record.setChecked(False)
         self.numbers.clear()
         self._follow()
         self._report_error(error)
@@ -204,21 +190,7 @@ class _RecordRow(QWidget):
         layout.addWidget(self.record, 1, 1)
         self.browse.clicked.connect(self._choose)
         self.record.toggled.connect(self._switch)
-        self.open.clicked.connect(self._open)
-
-    @property
-    def target(self) -> Path | None:
-        """The file that shall be recorded; None if nothing shall."""
-        return Path(self.line.text()) if self.record.isChecked() else None
-
-    def stop(self) -> None:
-        """Record no more."""
-        self.record.setChecked(False)
-
-    def keep(self, recorded: Path | None) -> None:
-        """Note what was recorded last, so that it can be opened."""
-        self.recorded = recorded
-        self.open.setEnabled(recorded is not None)
+        self.open.clicked.connect(lambda: self.open_wanted.emit(self.recorded))
 
     def set_running(self, is_running: bool) -> None:
         """Enable recording while something is captured, and opening what was recorded afterwards."""
@@ -252,11 +224,7 @@ class _RecordRow(QWidget):
         self.line.setEnabled(not is_on)
         self.browse.setEnabled(not is_on)
         self.record.setText(self.tr("■ End recording") if is_on else self.tr("● Record"))
-        self.changed.emit(self.target)
-
-    def _open(self) -> None:
-        if self.recorded is not None:
-            self.open_wanted.emit(self.recorded)
+        self.changed.emit(Path(self.line.text()) if is_on else None)
 
 
 def free_path(path: Path) -> Path:

@@ -112,14 +112,10 @@ class MotionTable(RowTable):
         names = [(motion.parent, motion.child) for motion in motions]
         is_other = names != [(motion.parent, motion.child) for motion in self._motions]
         self._motions = tuple(motions)
-        rows = [
-            (
-                f"{motion.parent} – {motion.child}",
-                str(motion.n_frames),
-                " · ".join(f"{span:.0f}" for span in motion.spans) if motion.n_frames else "",
-            )
-            for motion in motions
-        ]
+        rows = []
+        for motion in motions:
+            turned = " · ".join(f"{span:.0f}" for span in motion.spans) if motion.n_frames else ""
+            rows.append((f"{motion.parent} – {motion.child}", str(motion.n_frames), turned))
         if is_other:
             self.show_rows(rows)
             return

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QSplitter, QTabWidget, QWidget
 
-from skelgen.app.capture_jobs.messages import BoardShot, CaptureEnd, FoundInSpace, JointProgress, LiveShot, TargetShot
+from skelgen.app.capture_jobs.messages import CaptureEnd, FoundInSpace, JointProgress, LiveShot, TargetShot
 from skelgen.model.rig import StereoRig
 from skelgen_gui.capture.camera_step import CameraStep
 from skelgen_gui.capture.forms import FileField
@@ -64,7 +64,7 @@ class CapturePage(QWidget):
         self.live.shot.connect(self.view.show_shot)
         self.live.open_wanted.connect(context.files.open)
         self.live.ended.connect(self._remember)
-        self.camera_step.shot.connect(self._show_board)
+        self.camera_step.shot.connect(lambda shot: self.view.pictures.show_pair(shot.left, shot.right))
         self.camera_step.calibrated.connect(self._show_calibrated)
         self._fields = [one.settings for one in (self.live.choice, self.target.form, self.joints.form)]
         for field in self._fields:
@@ -79,9 +79,6 @@ class CapturePage(QWidget):
         for recorded in ended.recorded:
             if ended.settings is not None:
                 self._cameras.remember(recorded.path, ended.settings.rig)
-
-    def _show_board(self, shot: BoardShot) -> None:
-        self.view.pictures.show_pair(shot.left, shot.right)
 
     def _show_calibrated(self, rig: StereoRig, boards: FoundInSpace) -> None:
         self.view.space.show_rig(rig)

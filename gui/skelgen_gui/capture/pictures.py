@@ -9,7 +9,6 @@ from PySide6.QtWidgets import QWidget
 
 from skelgen.app.capture_jobs.messages import NO_BODY, CameraImage
 from skelgen.app.drawing.colours import limb_colour
-from skelgen.capture.values import Image
 from skelgen.model.arrays import Floats
 from skelgen_gui.widgets.painting import draw_lines
 
@@ -42,7 +41,6 @@ class PicturePair(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._images: tuple[CameraImage, CameraImage] | None = None
-        self._idle = self.tr("Pictures of both cameras are shown here")
         self.setAccessibleName(self.tr("Pictures of both cameras"))
         self.setToolTip(self.tr("Rings are balls that were found, in the colours of their bodies"))
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
@@ -56,11 +54,6 @@ class PicturePair(QWidget):
             What both cameras see.
         """
         self._images = left, right
-        self.update()
-
-    def forget(self, why: str) -> None:
-        """Show a sentence instead of pictures."""
-        self._images, self._idle = None, why
         self.update()
 
     def place_of(self, side: int, x: float, y: float) -> QPointF:
@@ -92,7 +85,8 @@ class PicturePair(QWidget):
             if self._images is None:
                 painter.setPen(_TEXT)
                 flags = Qt.AlignmentFlag.AlignCenter | Qt.TextFlag.TextWordWrap
-                painter.drawText(self.rect().adjusted(12, 12, -12, -12), flags, self._idle)
+                words = self.tr("Pictures of both cameras are shown here")
+                painter.drawText(self.rect().adjusted(12, 12, -12, -12), flags, words)
                 return
             for side, title in enumerate((self.tr("left"), self.tr("right"))):
                 box, scale = self._box(side, self._images[side])
@@ -112,17 +106,11 @@ class PicturePair(QWidget):
         return QRectF(left, (self.height() - scale * height) / 2, scale * width, scale * height), scale
 
 
-def _grey_image(image: Image) -> QImage:
-    """Return a picture that shares the memory of an array of shape (height, width), which must outlive it."""
-    image = np.ascontiguousarray(image)
-    height, width = image.shape
-    return QImage(image.data, width, height, width, QImage.Format.Format_Grayscale8)
-
-
 def _paint_image(painter: QPainter, seen: CameraImage, box: QRectF, scale: float) -> None:
     image = np.ascontiguousarray(seen.image)  # kept in a name: the picture shares its memory
     painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-    painter.drawImage(box, _grey_image(image))
+    height, width = image.shape
+    painter.drawImage(box, QImage(image.data, width, height, width, QImage.Format.Format_Grayscale8))
     painter.setPen(_FRAME)
     painter.drawRect(box.adjusted(0, 0, -1, -1))
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)

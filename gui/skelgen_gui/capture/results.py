@@ -6,16 +6,9 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QHeaderView,
-    QLabel,
-    QListWidget,
-    QTableWidget,
-    QTableWidgetItem,
-    QWidget,
-)
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QKeyEvent, QKeySequence
+from PySide6.QtWidgets import QHeaderView, QLabel, QListWidget, QTableWidget, QTableWidgetItem, QWidget
 
 from skelgen.app.capture_jobs.messages import LiveShot
 from skelgen.model.rig import CaptureSettings, TargetJoint
@@ -50,14 +43,10 @@ class Numbers(QLabel):
 
     def show_shot(self, shot: LiveShot) -> None:
         """Show the numbers of a pair."""
-        lines = [
-            self.tr("{0:.1f} frames/s, {1} dropped, {2:.1f} ms latency").format(
-                shot.rate, shot.n_dropped, 1000 * shot.latency
-            ),
-            self.tr("frame {3}: {0} and {1} balls, {2} points").format(
-                len(shot.left.places), len(shot.right.places), len(shot.found.points), shot.index
-            ),
-        ]
+        speed = self.tr("{0:.1f} frames/s, {1} dropped, {2:.1f} ms latency")
+        counts = self.tr("frame {3}: {0} and {1} balls, {2} points")
+        found = (len(shot.left.places), len(shot.right.places), len(shot.found.points))
+        lines = [speed.format(shot.rate, shot.n_dropped, 1000 * shot.latency), counts.format(*found, shot.index)]
         if shot.recorded is not None:
             lines.append(self.tr("recording {0}: {1} frames").format(shot.recorded.path.name, shot.recorded.n_frames))
         self.setText("\n".join(lines))
@@ -66,16 +55,23 @@ class Numbers(QLabel):
 class ValueTable(QTableWidget):
     """Rows with a name and numbers; the rows stay while their numbers change.
 
+    Signals
+    -------
+    removal_wanted()
+        Delete was pressed.
+
     Parameters
     ----------
     parent : QWidget, optional
         Parent widget.
     """
 
+    removal_wanted = Signal()
+
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
+        self.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.verticalHeader().hide()
         self.verticalHeader().setDefaultSectionSize(self.fontMetrics().height() + 6)
 
@@ -97,6 +93,13 @@ class ValueTable(QTableWidget):
         header = self.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Ask for the chosen rows to be taken away."""
+        if event.matches(QKeySequence.StandardKey.Delete):
+            self.removal_wanted.emit()
+        else:
+            super().keyPressEvent(event)
 
     def show_names(self, names: Sequence[str]) -> None:
         """Show rows of these names, without numbers."""

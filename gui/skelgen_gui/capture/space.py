@@ -62,7 +62,7 @@ class Space(QWidget):
             return
         self._rig, self._is_home, self._found = rig, True, FoundInSpace()
         self._canvas = replace(self._canvas, viewpoint=_HOME)
-        self._lay_frustums(_working_distance(rig))
+        self._lay_frustums(2 * rig.baseline)  # a typical distance, before anything was seen
 
     def show_found(self, found: FoundInSpace) -> None:
         """Show what was found in a pair of images."""
@@ -202,11 +202,6 @@ class Space(QWidget):
             if not np.isnan(place).any():
                 painter.setPen(colours.ink)
                 painter.drawText(QPointF(place[0] + 8, place[1] + 14), body.name)
-
-
-def _working_distance(rig: StereoRig) -> float:
-    """Typical distance [mm] of what a rig looks at, before anything was seen: twice its baseline."""
-    return 2 * rig.baseline
 
 
 def _shown(points: Floats) -> Floats:

@@ -18,7 +18,7 @@ from skelgen.progress import Monitor
 from skelgen_gui.capture.camera_views import VerdictLabel
 from skelgen_gui.capture.forms import SourceForm
 from skelgen_gui.project.jobs import Jobs
-from skelgen_gui.widgets.layouts import bare_column, scrolled
+from skelgen_gui.widgets.layouts import bare_column, describe, scrolled
 
 _T = TypeVar("_T")
 _Shot = TypeVar("_Shot")
@@ -72,7 +72,7 @@ class Step(QWidget, Generic[_Shot]):
         self.results: tuple[QWidget, ...] = ()
         self._area = QScrollArea(self)
         self._arrived.connect(self.show_newest)
-        self.go.clicked.connect(self._start_or_stop)
+        self.go.clicked.connect(lambda: self.stop() if self.is_collecting else self.start())
         jobs.begun.connect(self.follow)
         jobs.ended.connect(self.follow)
 
@@ -150,6 +150,12 @@ class Step(QWidget, Generic[_Shot]):
             self._control = None
         self.follow()
 
+    def asked_settings(self, proposed: str) -> Path | None:
+        """Ask where to save the settings, beginning with a proposed file; None if the user cancels."""
+        title, kinds = self.tr("Save the settings of the capture"), self.tr("Settings (*.xml)")
+        name, _ = QFileDialog.getSaveFileName(self, title, proposed, kinds)
+        return Path(name if Path(name).suffix else f"{name}.xml") if name else None
+
     def show_end(self) -> None:
         """Scroll to what came out, the verdict before all, when the layout has made room."""
 
@@ -163,12 +169,6 @@ class Step(QWidget, Generic[_Shot]):
         """Put everything below each other, where it can be scrolled."""
         self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         bare_column(self, [scrolled(parts, self._area, has_margin=True)])
-
-    def _start_or_stop(self) -> None:
-        if self.is_collecting:
-            self.stop()
-        else:
-            self.start()
 
     def _fail(self, error: Exception) -> None:
         self._control = None
@@ -309,7 +309,7 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
 
     def add_to_settings(self) -> None:
         """Write what was found into the settings; ask for a file if none is in use."""
-        path, collector = self.form.settings.path or self._asked_path(), self._collector
+        path, collector = self.form.settings.path or self.asked_settings("rig.xml"), self._collector
         if not path or collector is None or collector.settings is None or self.found is None:
             return
         add, used = self.adding(self.found), collector.settings
@@ -337,10 +337,7 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
         """Enable what can be done now."""
         super().follow()
         is_busy = self._jobs.is_busy
-        self.go.setAccessibleName(
-            self.tr("Stop and calibrate") if self.is_collecting else self.tr("Take pairs of images")
-        )
-        self.go.setToolTip(self.go.accessibleName())
+        describe(self.go, self.tr("Stop and calibrate") if self.is_collecting else self.tr("Take pairs of images"))
         self.form.setEnabled(not is_busy)
         collector = self._collector
         self.calibrate.setEnabled(collector is not None and collector.settings is not None and not is_busy)
@@ -365,8 +362,3 @@ class AddingStep(Step[TargetShot[_ProgressT]], Generic[_CollectorT, _Calibration
         self.found = None
         self.verdict.clear()
         self.show_found(None)
-
-    def _asked_path(self) -> str:
-        title, kinds = self.tr("Save the settings of the capture"), self.tr("Settings (*.xml)")
-        name, _ = QFileDialog.getSaveFileName(self, title, "rig.xml", kinds)
-        return name if not name or Path(name).suffix else f"{name}.xml"

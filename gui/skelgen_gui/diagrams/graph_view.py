@@ -9,19 +9,12 @@ from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
-from skelgen.app.drawing.graph import CostGraph, JointCost, find_cost_graph
+from skelgen.app.drawing.graph import CostGraph, JointCost
 from skelgen.app.drawing.wording import shortened
 from skelgen.model import Project
 from skelgen.model.arrays import Floats
 from skelgen_gui.diagrams.graph_painting import NODE, GraphPainting
-from skelgen_gui.model.graph import (
-    body_places,
-    joint_sentences,
-    nearest_line,
-    nearest_point,
-    pair_sentences,
-    tree_places,
-)
+from skelgen_gui.model.graph import find_graph, joint_sentences, nearest_line, nearest_point, pair_sentences
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.project.session import Session
@@ -32,6 +25,7 @@ _FOOT = 36.0  # px below it, for what the signs mean
 _NEAR_JOINT, _NEAR_PAIR = 9.0, 4.0  # px within which a line is caught
 _ZOOMS = (0.5, 20.0)
 _NAMES_ROOM = 60  # characters of markers' names
+_KINDS = ("ball", "hinge", "universal", "rigid", "undetermined")  # of joints, in the legend
 # Directions of the arrow keys: right, down
 _STEPS = {Qt.Key.Key_Up: (0, -1), Qt.Key.Key_Down: (0, 1), Qt.Key.Key_Left: (-1, 0), Qt.Key.Key_Right: (1, 0)}
 
@@ -58,13 +52,6 @@ class GraphView(QWidget):
         self._pressed: QPointF | None = None
         self._pointed_limb: int | None = None
         self._pointed_joint: int | None = None
-        self._kinds = [
-            ("ball", self.tr("ball")),
-            ("hinge", self.tr("hinge")),
-            ("universal", self.tr("universal")),
-            ("rigid", self.tr("rigid")),
-            ("undetermined", self.tr("undetermined")),
-        ]
         self.deriver = Deriver(self)
         self.layout_box = QComboBox(self)
         self.layout_box.addItems([self.tr("As in the take"), self.tr("As a tree")])
@@ -173,20 +160,20 @@ class GraphView(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the graph, and what is selected."""
-        painter = QPainter(self)
-        if self._graph is None:
-            words = self.tr("Run the step Joints to see what the tree was chosen from")
-            paint_words(painter, QRectF(self.rect()), words, self.palette())
-        else:
-            painting = GraphPainting(painter, self._graph, self.places, self.palette())
-            painting.pairs()
-            painting.tree(self._session.selection.joint)
-            painting.rival(self._marked_joint(self._graph))
-            painting.signs()
-            painting.limbs(self._selected_limbs(), self._pointed_limb)
-            painting.margins()
-            painting.legend(self._kinds, self.tr("2× : the next best joint costs twice as much"), QRectF(self.rect()))
-        painter.end()
+        with QPainter(self) as painter:
+            if self._graph is None:
+                words = self.tr("Run the step Joints to see what the tree was chosen from")
+                paint_words(painter, QRectF(self.rect()), words, self.palette())
+            else:
+                painting = GraphPainting(painter, self._graph, self.places, self.palette())
+                painting.pairs()
+                painting.tree(self._session.selection.joint)
+                painting.rival(self._marked_joint(self._graph))
+                painting.signs()
+                painting.limbs(self._selected_limbs(), self._pointed_limb)
+                painting.margins()
+                words = self.tr("2× : the next best joint costs twice as much")
+                painting.legend([(kind, translate("Graph", kind)) for kind in _KINDS], words, QRectF(self.rect()))
 
     def _follow_project(self) -> None:
         """Derive the graph; until it is there, that of an earlier result stays."""
@@ -196,7 +183,7 @@ class GraphView(QWidget):
             self._graph = self._graph_of = None
             self.update()
         else:
-            self.deriver.derive(partial(_derive, project), partial(self._take, project))
+            self.deriver.derive(partial(find_graph, project), partial(self._take, project))
 
     def _take(self, project: Project, found: tuple[CostGraph, tuple[Floats, Floats]]) -> None:
         is_same_take = self._graph_of is not None and self._graph_of.take is project.take
@@ -258,7 +245,3 @@ class GraphView(QWidget):
         above = np.flatnonzero(graph.topology.children == self._session.selection.limb)
         if len(above):
             self._session.select(Selection(joint=int(above[0])))
-
-
-def _derive(project: Project) -> tuple[CostGraph, tuple[Floats, Floats]]:
-    return find_cost_graph(project), (body_places(project), tree_places(project.topology.parents))

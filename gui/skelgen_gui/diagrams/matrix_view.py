@@ -127,21 +127,20 @@ class MatrixView(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint cells, limbs, names, the bar of colours, and what is marked."""
-        painter = QPainter(self)
-        if self._matrix is None:
-            words = self.tr("Run the step Limbs to see how much distances between markers vary")
-            paint_words(painter, QRectF(self.rect()), words, self.palette())
-        else:
-            painting = MatrixPainting(painter, self._matrix, self._placed, self.palette())
-            painting.cells(self._image)
-            painting.limbs()
-            painting.names()
-            painting.selected(self._session.selection.markers)
-            painting.pointed(self._cell)
-            painting.colour_bar()
-            if self._pressed is not None and self._dragged is not None:
-                painting.rubber_band(self._pressed, self._dragged)
-        painter.end()
+        with QPainter(self) as painter:
+            if self._matrix is None:
+                words = self.tr("Run the step Limbs to see how much distances between markers vary")
+                paint_words(painter, QRectF(self.rect()), words, self.palette())
+            else:
+                painting = MatrixPainting(painter, self._matrix, self._placed, self.palette())
+                painting.cells(self._image)
+                painting.limbs()
+                painting.names()
+                painting.selected(self._session.selection.markers)
+                painting.pointed(self._cell)
+                painting.colour_bar()
+                if self._pressed is not None and self._dragged is not None:
+                    painting.rubber_band(self._pressed, self._dragged)
 
     def _follow_project(self) -> None:
         project = self._session.project

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from skelgen.app.drawing.graph import CostGraph, JointCost, tree_path
+from skelgen.app.drawing.graph import CostGraph, JointCost, find_cost_graph, tree_path
 from skelgen.app.drawing.measures import tidy_places
 from skelgen.app.drawing.poses import find_views, reference_markers
 from skelgen.app.drawing.wording import digits, fixed, listed
@@ -79,6 +79,11 @@ def pair_sentences(graph: CostGraph, first: int, second: int) -> str:
 
 def _pair(first: int, second: int) -> str:
     return translate("Graph", "limb {0} – limb {1}").format(first, second)
+
+
+def find_graph(project: Project) -> tuple[CostGraph, tuple[Floats, Floats]]:
+    """Return the graph of a project with joints, and the limbs' places as in the take and as a tree."""
+    return find_cost_graph(project), (body_places(project), tree_places(project.topology.parents))
 
 
 def body_places(project: Project) -> Floats:

@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QMenu,
     QPushButton,
     QSpinBox,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -27,7 +26,7 @@ from skelgen_gui.model.selection import Offer, Selection, new_name, offers
 from skelgen_gui.project.document import Document
 from skelgen_gui.project.runner import Runner
 from skelgen_gui.project.session import Session
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import column, describe
 from skelgen_gui.widgets.painting import as_rich_text
 
 
@@ -65,10 +64,7 @@ class CorrectionActions(QObject):
         menu.clear()
         session = self._document.session
         # Kinds of which there are many: each has a menu of its own
-        titles = {
-            "move": self.tr("Move to the limb of"),
-            "kind": self.tr("Kind of the joint"),
-        }  # there are many of them
+        titles = {"move": self.tr("Move to the limb of"), "kind": self.tr("Kind of the joint")}
         submenus: dict[str, QMenu] = {}
         for offer in offers(session.project, selection or session.selection):
             target = menu
@@ -255,9 +251,7 @@ class CorrectionList(QWidget):
         self.at_once.setToolTip(self.tr("After a correction, run again the steps that had run before"))
         self.at_once.setAccessibleName(self.at_once.text())
         self.at_once.setChecked(runner.computes_at_once)
-        layout = QVBoxLayout(self)
-        for widget in (self.hint, self.entries, self.take_back, self.at_once):
-            layout.addWidget(widget)
+        column(self, (self.hint, self.entries, self.take_back, self.at_once))
         session.project_changed.connect(self._follow)
         self.entries.currentRowChanged.connect(self._follow_row)
         self.take_back.clicked.connect(lambda: actions.take_back(self.entries.currentRow()))

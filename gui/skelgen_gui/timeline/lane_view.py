@@ -149,20 +149,19 @@ class LaneView(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint selected lanes, bars, names, and the cursor."""
-        painter = QPainter(self)
-        if self._lanes is not None and self._lanes_of is not None and self._lanes.n_lanes:
-            shown = self._shown_lanes(self._lanes)
-            self._paint_backs(painter, self._lanes, shown)
-            top = _LANE * int(shown[0]) - self._bar.value()
-            painter.drawPixmap(GUTTER, top, self._bars(self._lanes, shown))
-            self._paint_names(painter, self._lanes, shown, self._lanes_of)
-        else:
-            self._paint_nothing(painter)
-        if self._session.n_frames and GUTTER <= self._x(self._session.frame) <= self.width() - MARGIN:
-            painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
-            x = round(self._x(self._session.frame))
-            painter.drawLine(x, 0, x, self.height())
-        painter.end()
+        with QPainter(self) as painter:
+            if self._lanes is not None and self._lanes_of is not None and self._lanes.n_lanes:
+                shown = self._shown_lanes(self._lanes)
+                self._paint_backs(painter, self._lanes, shown)
+                top = _LANE * int(shown[0]) - self._bar.value()
+                painter.drawPixmap(GUTTER, top, self._bars(self._lanes, shown))
+                self._paint_names(painter, self._lanes, shown, self._lanes_of)
+            else:
+                self._paint_nothing(painter)
+            if self._session.n_frames and GUTTER <= self._x(self._session.frame) <= self.width() - MARGIN:
+                painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
+                x = round(self._x(self._session.frame))
+                painter.drawLine(x, 0, x, self.height())
 
     def _follow_project(self) -> None:
         """Derive lanes; until they are there, those of an earlier result of the same take stay."""
@@ -304,20 +303,19 @@ class Legend(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the samples as lanes are painted."""
-        painter = QPainter(self)
-        metrics = QFontMetricsF(self.font())
-        widths = [_SAMPLE + 5 + metrics.horizontalAdvance(words) + _GAP for words in self._words.values()]
-        x = min(float(GUTTER), max(self.width() - sum(widths), _LEAST))  # below the lanes, if there is room
-        ratio = self.devicePixelRatioF()
-        doubt = rgb_of(doubt_colour(self.palette()))
-        for (state, words), width in zip(self._words.items(), widths, strict=True):
-            shares = np.zeros((1, round(_SAMPLE * ratio), len(State)))
-            shares[..., state] = 1.0
-            colour = colour_of_limb(-1 if state == State.LEFT_OUT else 0, self.palette())
-            colours = rgb_of(colour)[np.newaxis]
-            bar = lane_picture(shares, colours, doubt, round(_BAR * ratio))
-            painter.drawPixmap(QPointF(x, 4), pixmap_of(bar, ratio))
-            painter.setPen(self.palette().color(QPalette.ColorRole.WindowText))
-            painter.drawText(QPointF(x + _SAMPLE + 5, 4 + (_BAR + metrics.ascent() - metrics.descent()) / 2), words)
-            x += width
-        painter.end()
+        with QPainter(self) as painter:
+            metrics = QFontMetricsF(self.font())
+            widths = [_SAMPLE + 5 + metrics.horizontalAdvance(words) + _GAP for words in self._words.values()]
+            x = min(float(GUTTER), max(self.width() - sum(widths), _LEAST))  # below the lanes, if there is room
+            ratio = self.devicePixelRatioF()
+            doubt = rgb_of(doubt_colour(self.palette()))
+            for (state, words), width in zip(self._words.items(), widths, strict=True):
+                shares = np.zeros((1, round(_SAMPLE * ratio), len(State)))
+                shares[..., state] = 1.0
+                colour = colour_of_limb(-1 if state == State.LEFT_OUT else 0, self.palette())
+                colours = rgb_of(colour)[np.newaxis]
+                bar = lane_picture(shares, colours, doubt, round(_BAR * ratio))
+                painter.drawPixmap(QPointF(x, 4), pixmap_of(bar, ratio))
+                painter.setPen(self.palette().color(QPalette.ColorRole.WindowText))
+                painter.drawText(QPointF(x + _SAMPLE + 5, 4 + (_BAR + metrics.ascent() - metrics.descent()) / 2), words)
+                x += width

@@ -113,19 +113,18 @@ class PlotView(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint the curves that are kept, legends and cursor."""
-        painter = QPainter(self)
-        painter.drawPixmap(0, 0, self._curves())
-        frame = self._session.frame
-        for index, panel in enumerate(self._panels):
-            paint_legend(painter, panel, frame, self.panel_rect(index), self.palette())
-        x = round(self._span.place(frame + 0.5, GUTTER, plot_width(self.width())))
-        if self._panels and GUTTER <= x <= self.width() - MARGIN:
-            painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
-            painter.drawLine(x, 0, x, round(self.panel_rect(len(self._panels) - 1).bottom()))
-        if self._hint:
-            room = self.panel_rect(len(self._panels)) if self._panels else QRectF(self.rect())
-            paint_words(painter, room, self._hint, self.palette())
-        painter.end()
+        with QPainter(self) as painter:
+            painter.drawPixmap(0, 0, self._curves())
+            frame = self._session.frame
+            for index, panel in enumerate(self._panels):
+                paint_legend(painter, panel, frame, self.panel_rect(index), self.palette())
+            x = round(self._span.place(frame + 0.5, GUTTER, plot_width(self.width())))
+            if self._panels and GUTTER <= x <= self.width() - MARGIN:
+                painter.setPen(QPen(cursor_colour(self.palette()), 1.0))
+                painter.drawLine(x, 0, x, round(self.panel_rect(len(self._panels) - 1).bottom()))
+            if self._hint:
+                room = self.panel_rect(len(self._panels)) if self._panels else QRectF(self.rect())
+                paint_words(painter, room, self._hint, self.palette())
 
     def _forget_other_take(self) -> None:
         """Drop the curves of another take, which has other frames, until those of this one are there."""
@@ -149,11 +148,10 @@ class PlotView(QWidget):
             picture = QPixmap(self.size() * ratio)
             picture.setDevicePixelRatio(ratio)
             picture.fill(Qt.GlobalColor.transparent)
-            painter = QPainter(picture)
-            painter.setFont(self.font())
-            for index, panel in enumerate(self._panels):
-                paint_plot(painter, panel, self._span, self.panel_rect(index), self.palette())
-            painter.end()
+            with QPainter(picture) as painter:
+                painter.setFont(self.font())
+                for index, panel in enumerate(self._panels):
+                    paint_plot(painter, panel, self._span, self.panel_rect(index), self.palette())
             self._picture = key, picture
         return self._picture[1]
 

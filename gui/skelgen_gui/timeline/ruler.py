@@ -51,14 +51,13 @@ class Ruler(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Paint ticks, the range with its handles, and the cursor's head."""
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        if self._session.n_frames:
-            painter.setClipRect(QRectF(GUTTER - _LABEL, 0, self.width(), self.height()))
-            self._paint_range(painter)
-            self._paint_ticks(painter)
-            self._paint_cursor(painter)
-        painter.end()
+        with QPainter(self) as painter:
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            if self._session.n_frames:
+                painter.setClipRect(QRectF(GUTTER - _LABEL, 0, self.width(), self.height()))
+                self._paint_range(painter)
+                self._paint_ticks(painter)
+                self._paint_cursor(painter)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Take a handle, or go to a frame."""

@@ -6,20 +6,10 @@ from collections.abc import Iterable
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QDialog,
-    QDialogButtonBox,
-    QHeaderView,
-    QLineEdit,
-    QTableWidget,
-    QTableWidgetItem,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHeaderView, QLineEdit, QTableWidget, QTableWidgetItem, QWidget
 
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import column, describe
 from skelgen_gui.widgets.preferences import Preferences, PreferenceValues
 
 _SIZE = (640, 560)  # px
@@ -45,9 +35,7 @@ class ShortcutsDialog(QDialog):
         self.table = QTableWidget(0, 3, self)
         buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, parent=self)
         buttons.rejected.connect(self.reject)
-        layout = QVBoxLayout(self)
-        for widget in (self.search, self.table, buttons):
-            layout.addWidget(widget)
+        column(self, (self.search, self.table, buttons))
         self._describe()
         for action in dict.fromkeys(actions):
             if not action.shortcut().isEmpty():
@@ -63,8 +51,8 @@ class ShortcutsDialog(QDialog):
         self.table.setHorizontalHeaderLabels([self.tr("Command"), self.tr("Key"), self.tr("What it does")])
         self.table.horizontalHeader().setSectionResizeMode(2, QHeaderView.ResizeMode.Stretch)
         self.table.verticalHeader().hide()
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+        self.table.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
+        self.table.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.table.setAlternatingRowColors(True)
         self.table.setTabKeyNavigation(False)
         self.table.setAccessibleName(self.tr("Keyboard shortcuts"))
@@ -73,21 +61,17 @@ class ShortcutsDialog(QDialog):
     def _add(self, action: QAction) -> None:
         row = self.table.rowCount()
         self.table.insertRow(row)
+        name = action.text().replace("&", "").removesuffix("…")  # without its mark of a key
         key = action.shortcut().toString(QKeySequence.SequenceFormat.NativeText)
-        for column, text in enumerate((_plain(action.text()), key, action.statusTip() or action.toolTip())):
+        for number, text in enumerate((name, key, action.statusTip() or action.toolTip())):
             item = QTableWidgetItem(text)
             item.setFlags(Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable)
-            self.table.setItem(row, column, item)
+            self.table.setItem(row, number, item)
 
     def _filter(self, text: str) -> None:
         for row in range(self.table.rowCount()):
-            cells = (self.table.item(row, column) for column in range(self.table.columnCount()))
+            cells = (self.table.item(row, number) for number in range(self.table.columnCount()))
             self.table.setRowHidden(row, not any(text.lower() in cell.text().lower() for cell in cells if cell))
-
-
-def _plain(text: str) -> str:
-    """The text of an action without its mark of a key."""
-    return text.replace("&", "").removesuffix("…")
 
 
 class PreferencesDialog(QDialog):
@@ -110,9 +94,7 @@ class PreferencesDialog(QDialog):
         )
         self.setWindowTitle(self.tr("Preferences"))
         self.setMinimumWidth(_WIDTH)
-        layout = QVBoxLayout(self)
-        layout.addWidget(self.form)
-        layout.addWidget(self.buttons)
+        column(self, (self.form, self.buttons))
         self.buttons.accepted.connect(self.accept)
         self.buttons.rejected.connect(self.reject)
         self.form.changed.connect(self._follow)

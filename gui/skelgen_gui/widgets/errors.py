@@ -12,19 +12,11 @@ from types import TracebackType
 import PySide6
 from PySide6.QtCore import QCoreApplication, QObject, Qt, Signal, qVersion
 from PySide6.QtGui import QFontDatabase, QGuiApplication
-from PySide6.QtWidgets import (
-    QDialog,
-    QDialogButtonBox,
-    QHBoxLayout,
-    QLabel,
-    QPlainTextEdit,
-    QStyle,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QPlainTextEdit, QStyle, QWidget
 
 import skelgen
 from skelgen.errors import SkelgenError
+from skelgen_gui.widgets.layouts import column, row_of
 
 translate = QCoreApplication.translate
 
@@ -96,7 +88,7 @@ class ErrorDialog(QDialog):
         self._describe()
         buttons.rejected.connect(self.reject)
         self.toggle.toggled.connect(self._show_details)
-        self.copy.clicked.connect(self._copy)
+        self.copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self.details.toPlainText()))
 
     def count_another(self) -> None:
         """Count another error that happened while this dialog was open."""
@@ -107,13 +99,10 @@ class ErrorDialog(QDialog):
     def _lay_out(self, buttons: QDialogButtonBox) -> None:
         icon = QLabel(self)
         icon.setPixmap(self.style().standardIcon(QStyle.StandardPixmap.SP_MessageBoxWarning).pixmap(40, 40))
-        head = QHBoxLayout()
-        head.addWidget(icon, 0, Qt.AlignmentFlag.AlignTop)
-        head.addWidget(self.sentence, 1)
-        layout = QVBoxLayout(self)
-        layout.addLayout(head)
-        for widget in (self.more, self.details, buttons):
-            layout.addWidget(widget)
+        icon.setAlignment(Qt.AlignmentFlag.AlignTop)
+        head = row_of(icon, self.sentence)
+        head.setStretchFactor(self.sentence, 1)
+        column(self, (head, self.more, self.details, buttons))
         self.more.hide()
         self.details.hide()
 
@@ -134,9 +123,6 @@ class ErrorDialog(QDialog):
     def _show_details(self, shown: bool) -> None:
         self.details.setVisible(shown)
         self.adjustSize()
-
-    def _copy(self) -> None:
-        QGuiApplication.clipboard().setText(self.details.toPlainText())
 
 
 def show_error(parent: QWidget | None, error: BaseException) -> ErrorDialog:

@@ -57,11 +57,10 @@ def scrolled(parts: Iterable[QWidget | QLayout], area: QScrollArea, *, has_margi
         Whether there is a margin around the parts; otherwise there is only room beside the scroll bar.
     """
     inner = QWidget(area)
-    column = QVBoxLayout(inner)
+    layout = column(inner, parts)
     if not has_margin:
-        column.setContentsMargins(0, 0, _BESIDE_BAR, 0)
-    fill(column, parts)
-    column.addStretch(1)
+        layout.setContentsMargins(0, 0, _BESIDE_BAR, 0)
+    layout.addStretch(1)
     area.setWidgetResizable(True)
     area.setFrameShape(QScrollArea.Shape.NoFrame)
     area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -86,6 +85,21 @@ def fill(layout: QBoxLayout, parts: Iterable[QWidget | QLayout]) -> None:
             layout.addLayout(part)
 
 
+def column(parent: QWidget, parts: Iterable[QWidget | QLayout]) -> QVBoxLayout:
+    """Lay out a widget as a column.
+
+    Parameters
+    ----------
+    parent : QWidget
+        The widget.
+    parts : iterable of QWidget or QLayout
+        What stands below each other.
+    """
+    layout = QVBoxLayout(parent)
+    fill(layout, parts)
+    return layout
+
+
 def bare_column(parent: QWidget, parts: Iterable[QWidget | QLayout]) -> QVBoxLayout:
     """Lay out a widget as a column without a margin.
 
@@ -96,7 +110,6 @@ def bare_column(parent: QWidget, parts: Iterable[QWidget | QLayout]) -> QVBoxLay
     parts : iterable of QWidget or QLayout
         From above to below.
     """
-    column = QVBoxLayout(parent)
-    column.setContentsMargins(0, 0, 0, 0)
-    fill(column, parts)
-    return column
+    layout = column(parent, parts)
+    layout.setContentsMargins(0, 0, 0, 0)
+    return layout
