@@ -1,23 +1,16 @@
-"""The list of pages, the pages, and the views in the middle of the window.
+"""The list of pages, and the pages.
 
 A page is built when it is first shown, because stages take long to load.
 """
 
 from __future__ import annotations
 
-from PySide6.QtCore import QByteArray, QCoreApplication, QEvent, QPointF, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPen, QPixmap, QPolygonF
-from PySide6.QtWidgets import (
-    QDockWidget,
-    QListWidget,
-    QListWidgetItem,
-    QMainWindow,
-    QStackedWidget,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtCore import QCoreApplication, QEvent, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPen, QPolygonF
+from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QVBoxLayout, QWidget
 
 from skelgen_gui.pages import HOME, Context, PageEntry
+from skelgen_gui.widgets.painting import drawn_pixmap
 
 WIDTH = 400  # px
 _LINE = 22  # px, the least height of a line of the list
@@ -146,13 +139,7 @@ def _step_icon(*, is_step: bool, is_done: bool, palette: QPalette) -> QIcon:
     palette : QPalette
         Of the list.
     """
-    pixmap = QPixmap(round(SIZE * _RATIO), round(SIZE * _RATIO))
-    pixmap.setDevicePixelRatio(_RATIO)
-    pixmap.fill(Qt.GlobalColor.transparent)
-    if is_step:
-        with QPainter(pixmap) as painter:
-            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            _paint(painter, is_done, palette)
+    pixmap = drawn_pixmap(SIZE, _RATIO, lambda painter: _paint(painter, is_done, palette) if is_step else None)
     icon = QIcon()
     for mode in (QIcon.Mode.Normal, QIcon.Mode.Selected):  # Qt would tint it where the line is chosen
         icon.addPixmap(pixmap, mode)
@@ -169,43 +156,3 @@ def _paint(painter: QPainter, is_done: bool, palette: QPalette) -> None:
     else:
         painter.setPen(QPen(palette.color(_Role.PlaceholderText), _THIN))
         painter.drawEllipse(_RING)
-
-
-class CentralViews(QStackedWidget):
-    """Shows the views of the take until a page brings another one, which also gets the room of the take's docks.
-
-    Parameters
-    ----------
-    take_views : QWidget
-        The views of the take.
-    window : QMainWindow
-        Whose docks make room; that of the pages stays.
-    """
-
-    def __init__(self, take_views: QWidget, window: QMainWindow) -> None:
-        super().__init__(window)
-        self._take_views, self._window = take_views, window
-        self._layout: QByteArray | None = None
-        self.addWidget(take_views)
-
-    def show_view(self, view: QWidget | None) -> None:
-        """Show the view of a page; None shows those of the take."""
-        if view is not None and self.indexOf(view) < 0:
-            self.addWidget(view)
-        self.setCurrentWidget(view or self._take_views)
-        if view is not None and self._layout is None:
-            self._make_room()
-        elif view is None and self._layout is not None:
-            layout, self._layout = self._layout, None
-            self._window.restoreState(layout)
-
-    def layout_of_window(self) -> QByteArray:
-        """Return the arrangement of the window's docks as it is while the views of the take are shown."""
-        return self._window.saveState() if self._layout is None else self._layout
-
-    def _make_room(self) -> None:
-        """Hide the docks that have to do with a take only."""
-        self._layout = self._window.saveState()
-        for dock in self._window.findChildren(QDockWidget):
-            if dock.objectName() != "steps":
-                dock.hide()

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, QPoint, Qt, QTimer
+from PySide6.QtCore import QByteArray, QCoreApplication, QPoint, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QTabWidget, QWidget
+from PySide6.QtWidgets import QDockWidget, QMainWindow, QMenu, QMessageBox, QStackedWidget, QTabWidget, QWidget
 
 from skelgen.model import Project
 from skelgen_gui.diagrams.graph_view import GraphView
@@ -20,7 +20,7 @@ from skelgen_gui.model.scene import Scene
 from skelgen_gui.model.selection import Selection
 from skelgen_gui.model.translation import translate_with
 from skelgen_gui.model.view_state import ViewState
-from skelgen_gui.page_stack import CentralViews, PageStack
+from skelgen_gui.page_stack import PageStack
 from skelgen_gui.pages import PAGES, Context, PageEntry, view_of
 from skelgen_gui.preloading import Preloading
 from skelgen_gui.project.cameras import Cameras
@@ -232,3 +232,39 @@ class Window(QMainWindow):
         self.timeline.player.pause()
         self.preloading.end()
         self.preferences.keep_window(self.saveGeometry(), self.middle.layout_of_window())
+
+
+class CentralViews(QStackedWidget):
+    """Shows the views of the take until a page brings another one, which also gets the room of the take's docks.
+
+    Parameters
+    ----------
+    take_views : QWidget
+        The views of the take.
+    window : QMainWindow
+        Whose docks make room; that of the pages stays.
+    """
+
+    def __init__(self, take_views: QWidget, window: QMainWindow) -> None:
+        super().__init__(window)
+        self._take_views, self._window = take_views, window
+        self._layout: QByteArray | None = None
+        self.addWidget(take_views)
+
+    def show_view(self, view: QWidget | None) -> None:
+        """Show the view of a page; None shows those of the take."""
+        if view is not None and self.indexOf(view) < 0:
+            self.addWidget(view)
+        self.setCurrentWidget(view or self._take_views)
+        if view is not None and self._layout is None:
+            self._layout = self._window.saveState()
+            for dock in self._window.findChildren(QDockWidget):
+                if dock.objectName() != "steps":  # the others have to do with a take only
+                    dock.hide()
+        elif view is None and self._layout is not None:
+            layout, self._layout = self._layout, None
+            self._window.restoreState(layout)
+
+    def layout_of_window(self) -> QByteArray:
+        """Return the arrangement of the window's docks as it is while the views of the take are shown."""
+        return self._window.saveState() if self._layout is None else self._layout

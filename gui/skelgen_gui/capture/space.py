@@ -170,7 +170,7 @@ class Space(QWidget):
 
     def _paint_lines(self, painter: QPainter, lines: Floats) -> None:
         places, _ = self._canvas.project(lines)
-        draw_lines(painter, places[~np.isnan(places).any(axis=(1, 2))])
+        draw_lines(painter, places)
 
     def _paint_names_of_cameras(self, painter: QPainter, colours: Colours) -> None:
         painter.setPen(colours.ink)

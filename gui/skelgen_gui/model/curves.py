@@ -214,8 +214,12 @@ def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
     panels = []
     if curves:
         title = translate("Curves", "Joint {0}–{1}").format(one.parent, one.child)
-        kind = translate("Graph", one.kind)
-        panels.append(Panel(title, "°", tuple(curves), kind, _about_angles(found.step), from_zero=False))
+        about = translate(
+            "Curves", "Angles of the joint, 0 in the reference pose; within the bands with a probability of 95 %."
+        )
+        if found.step > 1:
+            about += " " + translate("Curves", "Bands are those of every {0}th frame.").format(found.step)
+        panels.append(Panel(title, "°", tuple(curves), translate("Graph", one.kind), about, from_zero=False))
     if project.motion.joint_std is not None:
         size = np.linalg.norm(project.motion.joint_std[:, joint], axis=1)
         deviation = Curve(translate("Curves", "of the place"), Extremes.of(size), limb=one.child)
@@ -224,14 +228,6 @@ def joint_panels(project: Project, joint: int) -> tuple[Panel, ...]:
         )
         panels.append(Panel(translate("Curves", "Deviation"), "mm", (deviation,), about=about))
     return tuple(panels)
-
-
-def _about_angles(step: int) -> str:
-    about = translate(
-        "Curves", "Angles of the joint, 0 in the reference pose; within the bands with a probability of 95 %."
-    )
-    every = translate("Curves", "Bands are those of every {0}th frame.").format(step)
-    return f"{about} {every}" if step > 1 else about
 
 
 def count_panel(project: Project) -> Panel | None:

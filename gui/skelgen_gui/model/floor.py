@@ -81,9 +81,10 @@ def find_floor(sample: Floats, inliers: Floats, size: float, up: int) -> Floor:
     world = np.insert(lines, axis, height, axis=2)
     origin = np.zeros(3)
     origin[axis] = height
-    return Floor(
-        axis, height, spacing, world, _fade(lines, spacing * (low + high) / 2, spacing * (high - low) / 2), origin
-    )
+    middle, half = spacing * (low + high) / 2, spacing * (high - low) / 2
+    far = np.linalg.norm((lines.mean(axis=1) - middle) / half, axis=1)
+    fade = np.clip(far * N_FADES, 0, N_FADES - 1).astype(np.intp)
+    return Floor(axis, height, spacing, world, fade, origin)
 
 
 def round_step(value: float) -> float:
@@ -105,8 +106,3 @@ def _cells(low: Ints, high: Ints) -> Floats:
     along_x = np.stack(np.broadcast_arrays(x[:-1, None], y, x[1:, None], y), axis=-1)
     along_y = np.stack(np.broadcast_arrays(x, y[:-1, None], x, y[1:, None]), axis=-1)
     return np.concatenate([along_x.reshape(-1, 2, 2), along_y.reshape(-1, 2, 2)]).astype(np.float64)
-
-
-def _fade(lines: Floats, middle: Floats, half: Floats) -> Ints:
-    far = np.linalg.norm((lines.mean(axis=1) - middle) / half, axis=1)
-    return np.asarray(np.clip(far * N_FADES, 0, N_FADES - 1).astype(np.intp))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,14 +55,11 @@ def next_doubt(project: Project, frame: int, direction: int) -> Doubt | None:
     direction : int
         Negative searches backward.
     """
+    first_frame = attrgetter("first_frame")
     doubts = project.labelling.doubts if project.has_labelling else ()
     if direction < 0:
-        return max((doubt for doubt in doubts if doubt.first_frame < frame), key=_first_frame, default=None)
-    return min((doubt for doubt in doubts if doubt.first_frame > frame), key=_first_frame, default=None)
-
-
-def _first_frame(doubt: Doubt) -> int:
-    return doubt.first_frame
+        return max((doubt for doubt in doubts if doubt.first_frame < frame), key=first_frame, default=None)
+    return min((doubt for doubt in doubts if doubt.first_frame > frame), key=first_frame, default=None)
 
 
 def point_counts(project: Project) -> Ints | None:

@@ -15,8 +15,7 @@ import numpy as np
 from skelgen.app.drawing.poses import Bones, find_bones, find_views
 from skelgen.kinematics.inverse.inverse_kinematics import posture_of
 from skelgen.model import PointCloud, Poses, Project, Trajectories
-from skelgen.model.arrays import Bools, Floats, Ints
-from skelgen.model.skeleton import Joint
+from skelgen.model.arrays import Floats, Ints
 from skelgen_gui.model.view_state import MAGNIFICATIONS
 from skelgen_gui.model.viewpoint import level_axes
 
@@ -99,7 +98,8 @@ class Scene:
 
     def __init__(self, project: Project) -> None:
         self.project = project
-        self.trajectories = _labelled(project)
+        labelled = project.trajectories if project.has("labels") else project.take
+        self.trajectories = labelled if isinstance(labelled, Trajectories) else None
         self.n_frames = project.take.n_frames
         self.names = self.trajectories.names if self.trajectories is not None else ()
         self.n_markers = len(self.names)
@@ -177,11 +177,6 @@ class Scene:
             return MAGNIFICATIONS[0]
         most = _ELLIPSOID * self.size / max(float(np.sqrt(np.median(variances))), 1e-9)
         return max((step for step in MAGNIFICATIONS if step <= most), default=MAGNIFICATIONS[0])
-
-    @property
-    def limb_seen(self) -> Bools | None:
-        """Whether each limb's pose rests on markers, shape (n_frames, n_limbs); None before the skeleton is fitted."""
-        return self.project.motion.limb_seen if self.project.has("skeleton") else None
 
     def at(self, frame: int) -> Snapshot:
         """Return what is there in a frame.
@@ -309,13 +304,6 @@ class Scene:
         return np.stack([motion.joint_positions[frame, self.axis_joints], directions], axis=1)
 
 
-def _labelled(project: Project) -> Trajectories | None:
-    """The markers of a project, or of its take before the first stage."""
-    if project.has("labels"):
-        return project.trajectories
-    return project.take if isinstance(project.take, Trajectories) else None
-
-
 class JointCovariances:
     """The covariances of a project's joints in the frames that are shown.
 
@@ -360,12 +348,8 @@ def joint_covariances(project: Project, frames: Ints) -> Floats:
     motion = project.motion
     if motion.joint_std is None:
         turns = motion.world_from_limb[frames][:, [joint.parent for joint in project.skeleton.joints], :3, :3]
-        own = np.reshape([_own_covariance(joint) for joint in project.skeleton.joints], (-1, 3, 3))
-        return np.asarray(turns @ own @ turns.swapaxes(2, 3))
+        own = [np.diag(one.std**2) if one.covariance is None else one.covariance for one in project.skeleton.joints]
+        return np.asarray(turns @ np.reshape(own, (-1, 3, 3)) @ turns.swapaxes(2, 3))
     posture = posture_of(project.skeleton, motion, project.trajectories.positions, frames)
     std = motion.joint_std[frames] / np.maximum(posture.joint_std, np.finfo(float).tiny)
     return np.asarray(std[..., np.newaxis] * posture.joint_covariances * std[..., np.newaxis, :])
-
-
-def _own_covariance(joint: Joint) -> Floats:
-    return np.diag(joint.std**2) if joint.covariance is None else joint.covariance

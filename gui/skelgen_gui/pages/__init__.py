@@ -7,7 +7,7 @@ from functools import partial
 from PySide6.QtWidgets import QWidget
 
 from skelgen.app import STAGE_SUMMARIES
-from skelgen_gui.pages.export import make_export_page
+from skelgen_gui.pages.export import ExportPage
 from skelgen_gui.pages.open import OpenPage
 from skelgen_gui.pages.stage import StagePage
 from skelgen_gui.project.context import HOME, Context, PageEntry, view_of
@@ -24,6 +24,10 @@ def _make_capture_page(context: Context) -> QWidget:
     return CapturePage(context)
 
 
+def _make_export_page(context: Context) -> QWidget:
+    return ExportPage(context.session, context.jobs)
+
+
 PAGES: tuple[PageEntry, ...] = (
     PageEntry("capture", "Capture", "Record with two cameras, and calibrate them.", _make_capture_page),
     PageEntry(HOME, "Open", "Open a recording or a project.", OpenPage),
@@ -31,6 +35,6 @@ PAGES: tuple[PageEntry, ...] = (
         PageEntry(stage, _TITLES[stage], summary, partial(StagePage, stage), stage)
         for stage, summary in STAGE_SUMMARIES.items()
     ),
-    PageEntry("export", "Export", "Write the result for other programs.", make_export_page),
+    PageEntry("export", "Export", "Write the result for other programs.", _make_export_page),
 )
 """In the order in which they are shown."""

@@ -25,7 +25,6 @@ from skelgen.app.export import Preview, export_formats, export_path, export_proj
 from skelgen.app.outputs import stem_of
 from skelgen.errors import Cancelled, ParameterError, SkelgenError, WriteError
 from skelgen.progress import Monitor
-from skelgen_gui.project.context import Context
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.project.session import Session
 from skelgen_gui.widgets.errors import show_error
@@ -52,6 +51,7 @@ class ExportPage(QWidget):
 
     def __init__(self, session: Session, jobs: Jobs, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self.setObjectName("page-export")
         self._session, self._jobs = session, jobs
         self._take: object = None
         self._is_running = False
@@ -209,8 +209,7 @@ class ExportPage(QWidget):
         for widget in (self.cancel, self.progress):
             widget.setVisible(is_running)
         self.show_folder.hide()
-        choices: tuple[QWidget, ...] = (self.choice, self.form, self.target)
-        for choice in choices:
+        for choice in (self.choice, self.form, self.target):
             choice.setEnabled(not is_running)
         self._follow()
 
@@ -304,10 +303,3 @@ class _ExportTarget(QWidget):
         chosen = QFileDialog.getExistingDirectory(self, self.tr("Folder of the export"), self.folder_line.text())
         if chosen:
             self.folder_line.setText(chosen)
-
-
-def make_export_page(context: Context) -> QWidget:
-    """Build the export page from what pages are given."""
-    page = ExportPage(context.session, context.jobs)
-    page.setObjectName("page-export")
-    return page

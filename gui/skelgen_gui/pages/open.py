@@ -45,7 +45,7 @@ class OpenPage(QWidget):
         context.preferences.recent_changed.connect(self._follow_recent)
         self.browse.clicked.connect(context.files.choose)
         self.identities.clicked.connect(self._choose_identities)
-        self.recent.itemActivated.connect(self._open_recent)
+        self.recent.itemActivated.connect(lambda item: context.files.open(item.data(_PATH)))
         self._follow()
         self._follow_recent()
 
@@ -108,6 +108,3 @@ class OpenPage(QWidget):
             item.setData(_PATH, path)
             if not path.exists():
                 item.setFlags(item.flags() & ~Qt.ItemFlag.ItemIsEnabled)
-
-    def _open_recent(self, item: QListWidgetItem) -> None:
-        self._context.files.open(item.data(_PATH))

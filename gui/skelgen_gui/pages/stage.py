@@ -62,7 +62,8 @@ class StagePage(QWidget):
         self._stage, self._context = stage, context
         self.setObjectName(f"page-{stage}")
         self.form = stage_form(parameters_class(stage), self)
-        self.number = self._made_number()
+        titles = {"labels": self.tr("Number of markers"), "limbs": self.tr("Number of limbs")}
+        self.number = FoundOrGiven(titles[stage], self) if stage in titles else None
         self.runs, self.uses_saved = QRadioButton(self.tr("Run this step"), self), QRadioButton(self)
         self.path, self._browse = QLineEdit(self), QPushButton(self.tr("Choose…"), self)
         self.go = QPushButton(self)
@@ -79,10 +80,6 @@ class StagePage(QWidget):
     @property
     def _summary(self) -> str:
         return QCoreApplication.translate("Pages", STAGE_SUMMARIES[self._stage])
-
-    def _made_number(self) -> FoundOrGiven | None:
-        titles = {"labels": self.tr("Number of markers"), "limbs": self.tr("Number of limbs")}
-        return FoundOrGiven(titles[self._stage], self) if self._stage in titles else None
 
     def _describe(self) -> None:
         self.uses_saved.setText(self.tr("Use a saved result"))
@@ -182,11 +179,8 @@ class StagePage(QWidget):
         is_ready = bool(self.path.text()) if self.uses_saved.isChecked() else not self.form.problem()
         self.go.setEnabled(project is not None and is_ready and not self._context.jobs.is_busy)
         title = QCoreApplication.translate("Pages", self._stage)
-        self.go.setText(
-            self.tr("Use the saved {0}").format(title)
-            if self.uses_saved.isChecked()
-            else self.tr("Run {0}").format(title)
-        )
+        words = self.tr("Use the saved {0}") if self.uses_saved.isChecked() else self.tr("Run {0}")
+        self.go.setText(words.format(title))
         self.go.setToolTip(self._summary)
         for widget in (self.path, self._browse):
             widget.setEnabled(self.uses_saved.isChecked())

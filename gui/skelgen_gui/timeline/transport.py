@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, Qt
-from PySide6.QtGui import QAction, QColor, QIcon, QPainter, QPainterPath, QPalette, QPixmap, QPolygonF
+from PySide6.QtGui import QAction, QColor, QIcon, QPainter, QPainterPath, QPalette, QPolygonF
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QSpinBox, QToolButton, QWidget
 
 from skelgen.app.drawing.wording import plain
@@ -13,6 +14,7 @@ from skelgen_gui.project.session import Session
 from skelgen_gui.timeline.player import SPEEDS, Player
 from skelgen_gui.timeline.span import clock
 from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.painting import drawn_pixmap
 
 _TIME_STEP = 0.01  # s, to which the time of a frame is shown
 _GAP = 10
@@ -148,24 +150,18 @@ def _transport_icon(name: str, palette: QPalette) -> QIcon:
     palette : QPalette
         Whose text colour it has.
     """
-    icon = QIcon()
+    icon, shape = QIcon(), _path(name)
     for mode, group in (
         (QIcon.Mode.Normal, QPalette.ColorGroup.Active),
         (QIcon.Mode.Disabled, QPalette.ColorGroup.Disabled),
     ):
-        icon.addPixmap(_drawn(name, palette.color(group, QPalette.ColorRole.ButtonText)), mode)
+        ink = palette.color(group, QPalette.ColorRole.ButtonText)
+        icon.addPixmap(drawn_pixmap(_SIZE, _RATIO, partial(_fill, shape, ink)), mode)
     return icon
 
 
-def _drawn(name: str, colour: QColor) -> QPixmap:
-    pixmap = QPixmap(round(_SIZE * _RATIO), round(_SIZE * _RATIO))
-    pixmap.setDevicePixelRatio(_RATIO)
-    pixmap.fill(Qt.GlobalColor.transparent)
-    painter = QPainter(pixmap)
-    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-    painter.fillPath(_path(name), colour)
-    painter.end()
-    return pixmap
+def _fill(shape: QPainterPath, ink: QColor, painter: QPainter) -> None:
+    painter.fillPath(shape, ink)
 
 
 def _path(name: str) -> QPainterPath:

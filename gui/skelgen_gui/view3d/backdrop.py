@@ -51,12 +51,11 @@ def paint_floor(painter: QPainter, floor: Floor, canvas: Canvas, colours: Colour
         Colours.
     """
     places, _ = canvas.project(floor.lines)
-    is_known = ~np.isnan(places).any(axis=(1, 2))
     for fade in range(N_FADES):
         ink = QColor(colours.ink)
         ink.setAlpha(_LINE_ALPHA[fade])
         painter.setPen(QPen(ink, 1.0, Qt.PenStyle.SolidLine, Qt.PenCapStyle.FlatCap))
-        draw_lines(painter, places[is_known & (floor.fade == fade)])
+        draw_lines(painter, places[floor.fade == fade])
     _paint_origin(painter, floor, canvas, colours)
 
 
@@ -84,19 +83,15 @@ def paint_triad(painter: QPainter, canvas: Canvas, colours: Colours) -> None:
 
 def _paint_origin(painter: QPainter, floor: Floor, canvas: Canvas, colours: Colours) -> None:
     """Two cells of the world's level axes, from its origin."""
+    corners = floor.lines.reshape(-1, 3)
     for axis in (axis for axis in range(3) if axis != floor.up):
         end = floor.origin.copy()
         end[axis] += 2 * floor.spacing
         ends: Floats = np.stack([floor.origin, end])
-        if not _is_on(floor, ends):
+        if not ((ends >= corners.min(axis=0) - 1e-6) & (ends <= corners.max(axis=0) + 1e-6)).all():
             continue
         places, _ = canvas.project(ends[np.newaxis])
         ink = QColor(colours.axes[axis])
         ink.setAlpha(170)
         painter.setPen(QPen(ink, 2.0))
-        draw_lines(painter, places[~np.isnan(places).any(axis=(1, 2))])
-
-
-def _is_on(floor: Floor, points: Floats) -> bool:
-    corners = floor.lines.reshape(-1, 3)
-    return bool(((points >= corners.min(axis=0) - 1e-6) & (points <= corners.max(axis=0) + 1e-6)).all())
+        draw_lines(painter, places)

@@ -9,6 +9,7 @@ from enum import Enum
 from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QColor, QPainter, QPalette, QPen, QPixmap, QRadialGradient
 
+from skelgen_gui.widgets.painting import drawn_pixmap
 from skelgen_gui.widgets.theme import blended, colour_of_limb, component_colour, doubt_colour, is_dark
 
 N_FOGS = 5
@@ -98,7 +99,6 @@ class Inks:
         ink = colours.only or colours.ink
         self._edges = [self._fogged(ink, fog) for fog in range(N_FOGS)]
         self._inside = colours.mixed(ink, 0.95)
-        self._halo = colours.ground
 
     def limb(self, limb: int, fog: int) -> QColor:
         """Colour of a limb, -1 = none, as it looks at a depth, 0 = front .. `N_FOGS` - 1.
@@ -121,7 +121,7 @@ class Inks:
 
     def halo(self, is_selected: bool) -> QColor:
         """Colour around a bone."""
-        return self.colours.highlight if is_selected else self._halo
+        return self.colours.highlight if is_selected else self.colours.ground
 
     def _fogged(self, colour: QColor, fog: int) -> QColor:
         return self.colours.mixed(colour, _HAZE * min(fog, N_FOGS - 1) / (N_FOGS - 1))
@@ -173,19 +173,13 @@ class Sprites:
         if pixmap is None:
             if len(self._kept) >= MOST_SPRITES:
                 self._kept.clear()
-            pixmap = self._kept[key] = self._made(step * _RADIUS_STEP, style, colours[0], colours[-1])
+            size = step * _RADIUS_STEP
+            side = 2 * math.ceil(size + 5.0)
+            looks = (QPointF(side / 2, side / 2), size, colours[0], colours[-1])
+            pixmap = drawn_pixmap(side, self.ratio, lambda painter: _PAINTERS[style](painter, *looks))
+            self._kept[key] = pixmap
         half = pixmap.width() / self.ratio / 2
         painter.drawPixmap(QPointF(place[0] - half, place[1] - half), pixmap)
-
-    def _made(self, radius: float, style: Style, colour: QColor, mark: QColor) -> QPixmap:
-        side = 2 * math.ceil(radius + 5.0)
-        pixmap = QPixmap(math.ceil(side * self.ratio), math.ceil(side * self.ratio))
-        pixmap.setDevicePixelRatio(self.ratio)
-        pixmap.fill(Qt.GlobalColor.transparent)
-        with QPainter(pixmap) as painter:
-            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            _PAINTERS[style](painter, QPointF(side / 2, side / 2), radius, colour, mark)
-        return pixmap
 
 
 def _ball(painter: QPainter, middle: QPointF, radius: float, colour: QColor, mark: QColor) -> None:
@@ -227,10 +221,4 @@ def _ring(painter: QPainter, middle: QPointF, radius: float, colour: QColor, mar
         painter.drawEllipse(middle, radius + 3.0, radius + 3.0)
 
 
-_PAINTERS = {
-    Style.BALL: _ball,
-    Style.DOUBTFUL: _doubtful,
-    Style.HOLLOW: _hollow,
-    Style.JOINT: _joint,
-    Style.RING: _ring,
-}
+_PAINTERS = dict(zip(Style, (_ball, _doubtful, _hollow, _joint, _ring), strict=True))

@@ -129,15 +129,12 @@ class Commands(QObject):
             action.setCheckable(True)
             action.setData(value)
             actions.append(action)
-        group.triggered.connect(partial(self._choose, name))
+        group.triggered.connect(lambda action: self._set(name, action.data()))
         return actions
 
     def _set(self, name: str, value: float | None) -> None:
         changed: dict[str, Any] = {name: value}  # each field has a type of its own
         self.shown_changed.emit(replace(self._shown, **changed))
-
-    def _choose(self, name: str, action: QAction) -> None:
-        self._set(name, action.data())
 
     def follow(self, shown: Shown) -> None:
         """Check what is shown by now."""

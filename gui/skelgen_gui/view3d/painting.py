@@ -32,7 +32,6 @@ _SPOKE = 0.4  # of a bone's width: lines to markers
 _HALO, _MARKED_HALO = 3.0, 6.0  # px, what the halo adds to a bone's width
 _WIDE = 60.0  # of a marker's radius: ellipsoids that are larger are not filled, so as not to veil the rest
 _STYLES = (Style.BALL, Style.DOUBTFUL, Style.HOLLOW)  # by `State`
-_JOINT_STYLE, _RING_STYLE = Style.JOINT, Style.RING
 _SOLID, _CAP, _FLAT = Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenCapStyle.FlatCap
 
 
@@ -117,10 +116,10 @@ def paint_shadows(painter: QPainter, snapshot: Snapshot, floor: Floor, canvas: C
     shade = brushes.inks.colours.shade
     bones, _ = canvas.project(floor.below(snapshot.bones))
     painter.setPen(QPen(shade, 0.7 * brushes.radius, _SOLID, _CAP))
-    draw_lines(painter, _known(bones))
+    draw_lines(painter, bones)
     points, _ = canvas.project(floor.below(np.concatenate([snapshot.markers, snapshot.unlabelled])))
     painter.setPen(QPen(shade, brushes.radius, _SOLID, _CAP))
-    draw_points(painter, _known(points))
+    draw_points(painter, points)
 
 
 def paint_trails(painter: QPainter, scene: Scene, places: Floats, inks: Inks) -> None:
@@ -159,7 +158,7 @@ def paint_past(painter: QPainter, places: Floats, inks: Inks) -> None:
     ink = QColor(inks.limb(-1, 0))
     ink.setAlpha(_PAST_ALPHA)
     painter.setPen(QPen(ink, _PAST, _SOLID, _CAP))
-    draw_points(painter, _known(places))
+    draw_points(painter, places)
 
 
 def paint_left_out(painter: QPainter, picture: Picture, brushes: Brushes) -> None:
@@ -175,7 +174,7 @@ def paint_left_out(painter: QPainter, picture: Picture, brushes: Brushes) -> Non
         Colours and sizes.
     """
     painter.setPen(QPen(brushes.inks.limb(-1, 0), _LEFT_OUT * brushes.radius, _SOLID, _CAP))
-    draw_points(painter, _known(picture.unlabelled))
+    draw_points(painter, picture.unlabelled)
 
 
 def paint_points(painter: QPainter, figure: Figure) -> None:
@@ -209,10 +208,10 @@ def paint_axes(painter: QPainter, picture: Picture, colours: Colours) -> None:
         Colours.
     """
     painter.setPen(QPen(colours.mixed(colours.ink, 0.4), 1.2, Qt.PenStyle.DashLine, _FLAT))
-    draw_lines(painter, _known(picture.axes))
+    draw_lines(painter, picture.axes)
     for axis, colour in enumerate(colours.axes):
         painter.setPen(QPen(colour, 2.0, _SOLID, _CAP))
-        draw_lines(painter, _known(picture.bodies[:, axis]))
+        draw_lines(painter, picture.bodies[:, axis])
 
 
 def paint_ellipses(painter: QPainter, picture: Picture, brushes: Brushes) -> None:
@@ -276,7 +275,7 @@ def paint_items(painter: QPainter, figure: Figure, faint: Bools, limb: int) -> N
             )
         elif item < n_markers + n_joints:
             edge, inside = brushes.inks.joint(fog)
-            brushes.sprites.draw(painter, joints[item - n_markers], _JOINT * radius, _JOINT_STYLE, inside, edge)
+            brushes.sprites.draw(painter, joints[item - n_markers], _JOINT * radius, Style.JOINT, inside, edge)
         else:
             bone = item - n_markers - n_joints
             width = _BONE * radius * (_SPOKE if scene.bones.is_spoke[bone] else 1.0)
@@ -303,7 +302,7 @@ def paint_rings(painter: QPainter, places: Floats, depths: Floats, brushes: Brus
     for (x, y), depth in zip(places.tolist(), depths.tolist(), strict=True):
         if not math.isnan(x):  # else it is hidden
             brushes.sprites.draw(
-                painter, (x, y), brushes.radius_at(depth), _RING_STYLE, colour, brushes.inks.colours.ground
+                painter, (x, y), brushes.radius_at(depth), Style.RING, colour, brushes.inks.colours.ground
             )
 
 
@@ -324,8 +323,3 @@ def _fogs(depths: Floats, size: float) -> list[int]:
         return []
     span = max(float(np.ptp(depths)), _FULL_FOG * size, 1e-9)
     return [round(fog) for fog in ((N_FOGS - 1) * (depths - depths.min()) / span).tolist()]
-
-
-def _known(places: Floats) -> Floats:
-    """The lines or points without NaN."""
-    return places[~np.isnan(places).any(axis=tuple(range(1, places.ndim)))]

@@ -9,7 +9,7 @@ import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPalette, QPen, QPixmap, QStaticText
 
-from skelgen.model.arrays import Bools, Floats
+from skelgen.model.arrays import Floats
 from skelgen_gui.model.floor import Floor
 from skelgen_gui.model.picking import Marked
 from skelgen_gui.model.picture import Canvas, FrameView, Picture, take_picture
@@ -109,7 +109,9 @@ class Renderer:
             past, _ = canvas.project(scene.past_points(view.frame, shown.trail_seconds))
             painting.paint_past(painter, past, self._inks)
         _paint_figure(painter, figure, marked)
-        named = range(scene.n_markers) if shown.names else _few(marked.selection.markers)
+        selected = marked.selection.markers
+        few = sorted(selected) if len(selected) <= _MOST_NAMES else []  # more names would cover the picture
+        named = range(scene.n_markers) if shown.names else few
         self._paint_names(painter, scene.names, figure.picture, named)
         return figure.snapshot, figure.picture
 
@@ -209,7 +211,7 @@ class Renderer:
                 backdrop.paint_floor(painter, floor, canvas, self.colours)
             places, _ = canvas.project(frustums)
             painter.setPen(QPen(self.colours.mixed(self.colours.ink, 0.45), 1.2))
-            draw_lines(painter, places[~np.isnan(places).any(axis=(1, 2))])
+            draw_lines(painter, places)
             backdrop.paint_triad(painter, canvas, self.colours)
             painter.setPen(self.colours.mixed(self.colours.ink, 0.4))
             corner = QRectF(0, 0, canvas.width - 12, canvas.height - 10)
@@ -225,7 +227,10 @@ def _paint_figure(painter: QPainter, figure: Figure, marked: Marked) -> None:
     else:
         painting.paint_left_out(painter, picture, brushes)
     painting.paint_axes(painter, picture, colours)
-    painting.paint_items(painter, figure, _faint(scene, figure.snapshot.frame), marked.limb(scene))
+    faint = np.zeros(len(scene.bones.limb), dtype=np.bool_)
+    if scene.project.has("skeleton"):  # faint are the bones of limbs whose pose is interpolated
+        faint = ~scene.project.motion.limb_seen[figure.snapshot.frame][scene.bones.limb]
+    painting.paint_items(painter, figure, faint, marked.limb(scene))
     painting.paint_ellipses(painter, picture, brushes)
     for places, depths, selected in (
         (picture.markers, picture.marker_depths, marked.markers(scene)),
@@ -233,14 +238,3 @@ def _paint_figure(painter: QPainter, figure: Figure, marked: Marked) -> None:
     ):
         chosen = [index for index in sorted(selected) if index < len(places)]
         painting.paint_rings(painter, places[chosen], depths[chosen], brushes, colours.highlight)
-
-
-def _few(markers: frozenset[int]) -> list[int]:
-    """The markers, or none if their names would cover the picture."""
-    return sorted(markers) if len(markers) <= _MOST_NAMES else []
-
-
-def _faint(scene: Scene, frame: int) -> Bools:
-    """Bones of limbs whose pose is interpolated in a frame."""
-    seen = scene.limb_seen
-    return np.zeros(len(scene.bones.limb), dtype=np.bool_) if seen is None else ~seen[frame][scene.bones.limb]

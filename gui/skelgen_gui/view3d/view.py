@@ -37,11 +37,7 @@ from skelgen_gui.view3d.renderer import NO_FRUSTUMS, Renderer
 from skelgen_gui.widgets.painting import paint_words
 
 _MARGIN = 8  # px, of the buttons from the border
-_SHIFT, _ALT, _CONTROL = (
-    Qt.KeyboardModifier.ShiftModifier,
-    Qt.KeyboardModifier.AltModifier,
-    Qt.KeyboardModifier.ControlModifier,
-)
+_Modifier = Qt.KeyboardModifier
 
 
 class View3D(QWidget):
@@ -189,7 +185,9 @@ class View3D(QWidget):
         frustums = self._frustums if self._shown.cameras else NO_FRUSTUMS
         with QPainter(self) as painter:
             painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            renderer = self._present_renderer()
+            if self._renderer is None or self._renderer.ratio != self.devicePixelRatioF():
+                self._renderer = Renderer(self.palette(), self.devicePixelRatioF())
+            renderer = self._renderer
             renderer.paint_backdrop(painter, canvas, floor, frustums, self._legend())
             self._painted = self._paint_scenes(painter, renderer, canvas, floor)
             if self._drag is not None and self._drag.kind is DragKind.BAND:
@@ -221,9 +219,12 @@ class View3D(QWidget):
         """Drag, or see what is under the pointer."""
         self._pointer = event.position()
         if self._drag is None:
-            self._hover(event.position())
+            before, self._hovered = self._hovered, self._pick(event.position())
+            if self._hovered is not None or before is not None:
+                self.update()
             return
-        step = self._drag.moved_to(event.position(), self._wants_band(event))
+        wants_band = self.commands.rectangle.isChecked() != bool(event.modifiers() & _Modifier.ShiftModifier)
+        step = self._drag.moved_to(event.position(), wants_band)
         if self._drag.kind in (DragKind.TURN, DragKind.SHIFT):
             self._move(dragged(self.viewpoint, self._drag.kind, step, self.height()))
         self.update()
@@ -233,7 +234,7 @@ class View3D(QWidget):
         drag, self._drag = self._drag, None
         if drag is None:
             return
-        adds = bool(event.modifiers() & _CONTROL)
+        adds = bool(event.modifiers() & _Modifier.ControlModifier)
         if drag.kind is DragKind.BAND:
             self._select_within(drag.band, adds)
         elif drag.kind is DragKind.CLICK and drag.button == Qt.MouseButton.LeftButton:
@@ -259,13 +260,13 @@ class View3D(QWidget):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Turn (ctrl and arrows), shift (alt and arrows), zoom (ctrl, plus and minus), select all or (esc) nothing."""
         modifiers = event.modifiers() & ~Qt.KeyboardModifier.KeypadModifier
-        if event.key() in ARROWS and modifiers in (_CONTROL, _ALT):
+        if event.key() in ARROWS and modifiers in (_Modifier.ControlModifier, _Modifier.AltModifier):
             right, down = ARROWS[Qt.Key(event.key())]
-            if modifiers == _CONTROL:
+            if modifiers == _Modifier.ControlModifier:
                 self._move(self.viewpoint.orbited(KEY_TURN * right, -KEY_TURN * down))
             else:
                 self._move(self.viewpoint.panned(-KEY_SHIFT * right, -KEY_SHIFT * down, self.height()))
-        elif event.key() in ZOOMS and modifiers & _CONTROL:
+        elif event.key() in ZOOMS and modifiers & _Modifier.ControlModifier:
             self._move(self.viewpoint.zoomed(ZOOMS[Qt.Key(event.key())]))
         elif event.matches(QKeySequence.StandardKey.SelectAll) and self._camera.scene is not None:
             self._session.select(Selection(frozenset(range(self._camera.scene.n_markers))))
@@ -317,12 +318,6 @@ class View3D(QWidget):
         self._camera.move(viewpoint)
         self.update()
 
-    def _present_renderer(self) -> Renderer:
-        ratio = self.devicePixelRatioF()
-        if self._renderer is None or self._renderer.ratio != ratio:
-            self._renderer = Renderer(self.palette(), ratio)
-        return self._renderer
-
     def _paint_scenes(
         self, painter: QPainter, renderer: Renderer, canvas: Canvas, floor: Floor | None
     ) -> tuple[Snapshot, Picture] | None:
@@ -343,17 +338,8 @@ class View3D(QWidget):
             parts.append(self.tr("ellipsoids {times} × std").format(times=times))
         return "   ".join(parts)
 
-    def _wants_band(self, event: QMouseEvent) -> bool:
-        return self.commands.rectangle.isChecked() != bool(event.modifiers() & _SHIFT)
-
     def _pick(self, place: QPointF) -> Pick | None:
         return None if self._painted is None else pick(self._painted[1], place.x(), place.y())
-
-    def _hover(self, place: QPointF) -> None:
-        hovered = self._pick(place)
-        if hovered is not None or self._hovered is not None:
-            self._hovered = hovered
-            self.update()
 
     def _select(self, picked: Pick | None, adds: bool) -> None:
         """Select one thing, or nothing, besides what is selected or instead of it."""

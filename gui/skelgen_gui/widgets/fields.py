@@ -51,7 +51,8 @@ class _NumberBox(QAbstractSpinBox):
 
     def show_value(self, value: Any) -> None:
         """Show a number, or whatever else is given as its text."""
-        self.lineEdit().setText(_as_text(value))
+        is_whole = isinstance(value, float) and value.is_integer() and abs(value) < _EXACT
+        self.lineEdit().setText(f"{value:.0f}" if is_whole else str(value))
 
     def stepBy(self, steps: int) -> None:
         """Go up or down, within the bounds; a text that is no number stays."""
@@ -179,22 +180,12 @@ def _step_of(value: float, *, down: bool) -> float:
     return float(10.0 ** (decade - _FINENESS))
 
 
-def _as_text(value: Any) -> str:
-    if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
-        return f"{value:.0f}"
-    return str(value)
-
-
 class _WheelGuard(QObject):
     """Leaves the wheel to the page that is scrolled, unless the editor under the mouse has the focus."""
 
-    def __init__(self, editor: QWidget) -> None:
-        super().__init__(editor)
-        self._editor = editor
-
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Hold back wheel events."""
-        if event.type() == QEvent.Type.Wheel and not self._editor.hasFocus():
+        if event.type() == QEvent.Type.Wheel and isinstance(watched, QWidget) and not watched.hasFocus():
             event.ignore()
             return True
         return False

@@ -212,7 +212,7 @@ class ParameterForm(QWidget):
         basic = [entry for entry in declarations if entry.basic] or list(declarations)
         self._is_filling = False
         self._measure(declarations)
-        self._expander = self._made_expander()
+        self._expander = QToolButton(self)
         self._boxes = QWidget(self), QWidget(self)
         self._basic = self._filled(self._boxes[0], basic, check)
         self._advanced = self._filled(self._boxes[1], [entry for entry in declarations if entry not in basic], check)
@@ -268,16 +268,8 @@ class ParameterForm(QWidget):
         rows = [FormRow(entry, check, grid, _LINES_PER_ROW * index, widget) for index, entry in enumerate(declarations)]
         for row in rows:
             row.edited.connect(self._follow_edit)
-            row.looked_at.connect(self._explain)
+            row.looked_at.connect(lambda row=row: self._help.setText(row.help_text()))
         return rows
-
-    def _made_expander(self) -> QToolButton:
-        expander = QToolButton(self)
-        expander.setCheckable(True)
-        expander.setAutoRaise(True)
-        expander.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
-        expander.setToolTip(self.tr("Show or hide the parameters that most takes do not need"))
-        return expander
 
     def _made_help(self) -> QLabel:
         label = QLabel(self)
@@ -294,6 +286,10 @@ class ParameterForm(QWidget):
         layout.addStretch(1)
         describe(self._reset_all, self.tr("Reset all parameters"), self.tr("Return all parameters to their defaults"))
         self._reset_all.clicked.connect(self.reset)
+        self._expander.setCheckable(True)
+        self._expander.setAutoRaise(True)
+        self._expander.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self._expander.setToolTip(self.tr("Show or hide the parameters that most takes do not need"))
         self._expander.setVisible(bool(self._advanced))
         self._expander.toggled.connect(self._show_advanced)
         self._show_advanced(False)
@@ -301,11 +297,6 @@ class ParameterForm(QWidget):
     def _show_advanced(self, shown: bool) -> None:
         self._expander.setArrowType(Qt.ArrowType.DownArrow if shown else Qt.ArrowType.RightArrow)
         self._boxes[1].setVisible(shown)
-
-    def _explain(self) -> None:
-        row = self.sender()
-        if isinstance(row, FormRow):
-            self._help.setText(row.help_text())
 
     def _follow_edit(self) -> None:
         if not self._is_filling:

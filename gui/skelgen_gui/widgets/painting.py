@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Callable
 from typing import cast
 
@@ -53,10 +54,10 @@ def draw_lines(painter: QPainter, ends: Floats) -> None:
     painter : QPainter
         An active painter.
     ends : ndarray, shape (n_lines, 2, 2), px
-        Both ends of each line as x and y; finite.
+        Both ends of each line as x and y; lines with NaN are left out.
     """
+    ends = np.ascontiguousarray(ends[~np.isnan(ends).any(axis=(1, 2))], dtype=np.float64)
     if len(ends):
-        ends = np.ascontiguousarray(ends, dtype=np.float64)
         # A QLineF is four doubles. The wrapper owns nothing, and lives no longer than this call.
         first = cast(QLineF, Shiboken.wrapInstance(ends.ctypes.data, QLineF))
         painter.drawLines(first, len(ends))
@@ -70,10 +71,10 @@ def draw_points(painter: QPainter, points: Floats) -> None:
     painter : QPainter
         An active painter.
     points : ndarray, shape (n_points, 2), px
-        Places as x and y; finite.
+        Places as x and y; points with NaN are left out.
     """
+    points = np.ascontiguousarray(points[~np.isnan(points).any(axis=1)], dtype=np.float64)
     if len(points):
-        points = np.ascontiguousarray(points, dtype=np.float64)
         first = cast(QPointF, Shiboken.wrapInstance(points.ctypes.data, QPointF))
         painter.drawPoints(first, len(points))
 
@@ -97,6 +98,27 @@ def pixmap_of(pixels: NDArray[np.uint8], ratio: float) -> QPixmap:
     """
     pixmap = QPixmap.fromImage(image_of(pixels))
     pixmap.setDevicePixelRatio(ratio)
+    return pixmap
+
+
+def drawn_pixmap(side: float, ratio: float, draw: Callable[[QPainter], None]) -> QPixmap:
+    """Return a small square picture on a transparent ground.
+
+    Parameters
+    ----------
+    side : float, px
+        Its width and height.
+    ratio : float
+        Pixels of the screen per pixel of the window.
+    draw : callable (painter)
+        Draws it, with smooth edges.
+    """
+    pixmap = QPixmap(math.ceil(side * ratio), math.ceil(side * ratio))
+    pixmap.setDevicePixelRatio(ratio)
+    pixmap.fill(Qt.GlobalColor.transparent)
+    with QPainter(pixmap) as painter:
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        draw(painter)
     return pixmap
 
 
