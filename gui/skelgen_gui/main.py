@@ -52,15 +52,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     files = list(sys.argv[1:] if arguments is None else arguments)
     prepare_high_dpi()
-    shorten_switch_interval()
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     app = QApplication([APPLICATION])
     app.setOrganizationName(ORGANISATION)
     app.setApplicationName(APPLICATION)
     app.setDesktopFileName(APPLICATION)  # so that Wayland's taskbar finds the installed entry
     app.setWindowIcon(QIcon(str(ICON)))
     preferences = Preferences(QSettings())
-    theme = Theme(app, preferences)
-    theme.apply()
+    Theme(app, preferences)
     window = Window(preferences)
     window.errors.install()
     collector = GarbageCollector(window)
@@ -91,11 +90,6 @@ def _begin(window: Window, files: Sequence[str]) -> None:
             window.offer(entry)
     if files and not window.jobs.is_busy:
         window.open(Path(files[0]))
-
-
-def shorten_switch_interval() -> None:
-    """Let threads give way to each other soon enough for a window."""
-    sys.setswitchinterval(_SWITCH_INTERVAL)
 
 
 class GarbageCollector(QObject):

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from PySide6.QtCore import QCoreApplication, QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPen, QPolygonF
-from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QListWidget, QListWidgetItem, QStackedWidget, QWidget
 
 from skelgen_gui.pages import HOME, Context, PageEntry
+from skelgen_gui.widgets.layouts import column
 from skelgen_gui.widgets.painting import drawn_pixmap
 
 WIDTH = 400  # px
@@ -61,9 +62,7 @@ class PageStack(QWidget):
             item.setToolTip(QCoreApplication.translate("Pages", entry.tip))
             item.setSizeHint(QSize(0, max(_LINE, self.list.fontMetrics().height() + 4)))
         self.list.setFixedHeight(self.list.sizeHintForRow(0) * len(entries) + 2 * self.list.frameWidth())
-        layout = QVBoxLayout(self)
-        layout.addWidget(self.list)
-        layout.addWidget(self._stack, 1)
+        column(self, (self.list, self._stack)).setStretchFactor(self._stack, 1)
         self.setMinimumWidth(WIDTH)
         self.list.currentRowChanged.connect(self._show)
         keys = [entry.key for entry in entries]

@@ -6,15 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QDoubleSpinBox, QFormLayout, QLabel, QPushButton, QSpinBox, QWidget
+from PySide6.QtCore import QCoreApplication, Signal
+from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QSpinBox, QWidget
 
 from skelgen.app.capture_jobs.board_views import ENOUGH, View, ViewCollection, gaps
 from skelgen.app.capture_jobs.messages import BoardShot, CollectingControl, FoundInSpace
 from skelgen.capture.calibration.board import Board
 from skelgen.progress import Monitor
 from skelgen_gui.capture.camera_views import CameraTable, CoverageView, Fit, ViewList
-from skelgen_gui.capture.forms import FolderButton, SourceField
+from skelgen_gui.capture.forms import ImageForm
 from skelgen_gui.capture.steps import Step
 from skelgen_gui.project.jobs import Jobs
 from skelgen_gui.widgets.layouts import describe, row_of
@@ -43,18 +43,14 @@ class CameraStep(Step[BoardShot]):
         As of `Step`.
     settings : callable () -> str
         The settings file that is in use, whose bodies and joints are kept; empty if there is none.
-    parent : QWidget, optional
+    parent : QWidget
         Parent widget.
     """
 
     calibrated = Signal(object, object)
 
     def __init__(
-        self,
-        jobs: Jobs,
-        report_error: Callable[[Exception], None],
-        settings: Callable[[], str],
-        parent: QWidget | None = None,
+        self, jobs: Jobs, report_error: Callable[[Exception], None], settings: Callable[[], str], parent: QWidget
     ) -> None:
         super().__init__(jobs, report_error, parent)
         self._settings = settings
@@ -153,7 +149,8 @@ class CameraStep(Step[BoardShot]):
         self.remove.clicked.connect(self._remove)
         self.clear.clicked.connect(self._start_over)
         self.views.removal_wanted.connect(self._remove)
-        self.views.itemSelectionChanged.connect(self._mark)
+        self.views.itemSelectionChanged.connect(lambda: self.coverage.mark_views(self.views.selected_views))
+        self.views.itemSelectionChanged.connect(self.follow)
         self.calibrate.clicked.connect(self.run_calibration)
         self.save.clicked.connect(self.save_settings)
 
@@ -177,11 +174,6 @@ class CameraStep(Step[BoardShot]):
             self.collection.remove(self.views.selected_views)
             self._forget_result()
             self._show_views()
-
-    def _mark(self) -> None:
-        """Show which corners are those of the chosen views."""
-        self.coverage.mark_views(self.views.selected_views)
-        self.follow()
 
     def show_newest(self) -> None:
         """Show the newest pair, and the views that there are by now."""
@@ -237,7 +229,7 @@ class CameraStep(Step[BoardShot]):
         self.save.setEnabled(self.found is not None and not is_busy)
 
 
-class BoardForm(QWidget):
+class BoardForm(ImageForm):
     """Board, size of a square, and source.
 
     Signals
@@ -246,8 +238,6 @@ class BoardForm(QWidget):
         Another board: views of the one before do not count for it.
     size_changed()
         Another size of its squares.
-    start_wanted()
-        The job shall start with what the form holds.
 
     Parameters
     ----------
@@ -257,19 +247,19 @@ class BoardForm(QWidget):
 
     changed = Signal()
     size_changed = Signal()
-    start_wanted = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__(QCoreApplication.translate("BoardForm", "cameras, a folder, a list or videos"), parent)
         self.columns, self.rows, self.square = QSpinBox(self), QSpinBox(self), QDoubleSpinBox(self)
-        self.source = SourceField(self)
-        self.folder, self.simulated = FolderButton(self), QPushButton(self)
         self._describe()
-        self._lay_out()
+        words = QLabel("×", self), QLabel(self.tr("corners"), self)
+        corners = row_of(self.columns, words[0], self.rows, words[1], room=True)
+        self.fields.insertRow(0, self.tr("Board"), corners)
+        self.fields.insertRow(1, self.tr("Square"), self.square)
+        self.offer_folder()
         for box in (self.columns, self.rows):
             box.valueChanged.connect(self.changed)
         self.square.valueChanged.connect(self.size_changed)
-        self.folder.chosen.connect(self._take_folder)
         self.simulated.clicked.connect(self._choose_simulation)
 
     @property
@@ -292,28 +282,12 @@ class BoardForm(QWidget):
         self.square.setSuffix(self.tr(" mm"))
         self.square.setAccessibleName(self.tr("Side of a square"))
         self.square.setToolTip(self.tr("Measure over several squares: all lengths in later captures rest on it"))
-        self.source.show_hint(self.tr("cameras, a folder, a list or videos"))
         self.simulated.setText(self.tr("Simulated board"))
         self.simulated.setAccessibleName(self.tr("Look at a simulated board"))
         self.simulated.setToolTip(self.tr("Try it without cameras: a board moves before the simulated rig"))
-
-    def _lay_out(self) -> None:
-        words = QLabel("×", self), QLabel(self.tr("corners"), self)
-        corners = row_of(self.columns, words[0], self.rows, words[1], room=True)
-        layout = QFormLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addRow(self.tr("Board"), corners)
-        layout.addRow(self.tr("Square"), self.square)
-        layout.addRow(self.tr("Source"), self.source)
-        layout.addRow("", row_of(self.folder, self.simulated, room=True))
-
-    def _take_folder(self, source: str) -> None:
-        self.source.show_source(source)
-        self.start_wanted.emit()
 
     def _choose_simulation(self) -> None:
         self.columns.setValue(9)
         self.rows.setValue(6)
         self.square.setValue(25.0)
-        self.source.show_source(_SIMULATED_BOARD)
-        self.start_wanted.emit()
+        self.take_source(_SIMULATED_BOARD)

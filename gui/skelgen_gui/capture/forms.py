@@ -174,13 +174,47 @@ class FolderButton(QPushButton):
             self.chosen.emit(f"folder:{name}")
 
 
-class LiveChoice(QWidget):
-    """The form above a live capture.
+class ImageForm(QWidget):
+    """Where images come from, and a button that takes simulated ones.
 
     Signals
     -------
-    simulation_wanted()
-        The simulated rig shall be started.
+    start_wanted()
+        The job shall start with what the form holds.
+
+    Parameters
+    ----------
+    hint : str
+        What an empty source means.
+    parent : QWidget, optional
+        Parent widget.
+    """
+
+    start_wanted = Signal()
+
+    def __init__(self, hint: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.source, self.simulated = SourceField(self), QPushButton(self)
+        self.source.show_hint(hint)
+        self.fields = QFormLayout(self)
+        self.fields.setContentsMargins(0, 0, 0, 0)
+        self.fields.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
+        self.fields.addRow(self.tr("Source"), self.source)
+
+    def offer_folder(self) -> None:
+        """Add a button that takes the images of a folder."""
+        self.folder = FolderButton(self)
+        self.fields.addRow("", row_of(self.folder, self.simulated, room=True))
+        self.folder.chosen.connect(self.take_source)
+
+    def take_source(self, source: str) -> None:
+        """Fill in a source, and ask for its start."""
+        self.source.show_source(source)
+        self.start_wanted.emit()
+
+
+class LiveChoice(ImageForm):
+    """The form above a live capture.
 
     Parameters
     ----------
@@ -188,27 +222,18 @@ class LiveChoice(QWidget):
         Parent widget.
     """
 
-    simulation_wanted = Signal()
-
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__(QCoreApplication.translate("LiveChoice", "that of the settings"), parent)
         self.settings = _SettingsField(self)
-        self.source = SourceField(self)
-        self.source.show_hint(self.tr("that of the settings"))
-        self.simulated = QPushButton(self.tr("Simulated rig"), self)
+        self.fields.insertRow(0, self.tr("Settings"), self.settings)
+        self.simulated.setText(self.tr("Simulated rig"))
         self.simulated.setAccessibleName(self.tr("Start the simulated rig"))
         self.simulated.setToolTip(self.tr("Try everything without cameras: two simulated ones look at a moving arm"))
         self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
         self.predicts.setToolTip(self.tr("A Kalman filter: steadier poses and a shorter search, a little later"))
-        layout = QFormLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
-        layout.addRow(self.tr("Settings"), self.settings)
-        layout.addRow(self.tr("Source"), self.source)
-        row = QHBoxLayout()
-        row.addWidget(self.simulated)
-        row.addWidget(self.predicts, 1)
-        layout.addRow("", row)
+        row = row_of(self.simulated, self.predicts)
+        row.setStretchFactor(self.predicts, 1)
+        self.fields.addRow("", row)
         self.simulated.clicked.connect(self.choose_simulation)
 
     @property
@@ -219,17 +244,11 @@ class LiveChoice(QWidget):
     def choose_simulation(self) -> None:
         """Fill in the simulated rig, and ask for its start."""
         self.settings.show_path("")
-        self.source.show_source(SIMULATED)
-        self.simulation_wanted.emit()
+        self.take_source(SIMULATED)
 
 
-class SourceForm(QWidget):
+class SourceForm(ImageForm):
     """Settings and source.
-
-    Signals
-    -------
-    start_wanted()
-        The job shall start with what the form holds.
 
     Parameters
     ----------
@@ -237,30 +256,16 @@ class SourceForm(QWidget):
         Parent widget.
     """
 
-    start_wanted = Signal()
-
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.settings, self.source = _SettingsField(self), SourceField(self)
-        self.folder, self.simulated = FolderButton(self), QPushButton(self)
-        self.source.show_hint(self.tr("that of the settings"))
-        self.rows = QFormLayout(self)
-        self.rows.setContentsMargins(0, 0, 0, 0)
-        self.rows.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
-        self.rows.addRow(self.tr("Settings"), self.settings)
-        self.rows.addRow(self.tr("Source"), self.source)
-        self.rows.addRow("", row_of(self.folder, self.simulated, room=True))
-        self.folder.chosen.connect(self.take_source)
+        super().__init__(QCoreApplication.translate("SourceForm", "that of the settings"), parent)
+        self.settings = _SettingsField(self)
+        self.fields.insertRow(0, self.tr("Settings"), self.settings)
+        self.offer_folder()
 
     @property
     def options(self) -> CaptureOptions:
         """What the form holds."""
         return CaptureOptions(self.settings.path, self.source.source)
-
-    def take_source(self, source: str) -> None:
-        """Fill in a source, and ask for its start."""
-        self.source.show_source(source)
-        self.start_wanted.emit()
 
 
 class TargetForm(SourceForm):
@@ -287,8 +292,8 @@ class TargetForm(SourceForm):
         ):
             self.targets.addAction(title).triggered.connect(partial(self.choose_simulation, name))
         self.simulated.setMenu(self.targets)
-        self.rows.insertRow(1, self.tr("Name"), self.name)
-        self.rows.insertRow(2, self.tr("Balls"), self.balls)
+        self.fields.insertRow(1, self.tr("Name"), self.name)
+        self.fields.insertRow(2, self.tr("Balls"), self.balls)
 
     @property
     def n_balls(self) -> int | None:
@@ -310,7 +315,4 @@ class JointForm(SourceForm):
         self.simulated.setText(self.tr("Simulated arm"))
         self.simulated.setAccessibleName(self.tr("Look at the simulated arm"))
         self.simulated.setToolTip(self.tr("Try it without cameras: an arm with three targets moves"))
-        self.simulated.clicked.connect(self._choose_simulation)
-
-    def _choose_simulation(self) -> None:
-        self.take_source(_SIMULATED_JOINTS)
+        self.simulated.clicked.connect(lambda: self.take_source(_SIMULATED_JOINTS))

@@ -61,7 +61,7 @@ class LivePanel(QWidget):
         self._lay_out()
         self._arrived.connect(self._show_newest)
         self.go.clicked.connect(lambda: self.stop() if self.is_running else self.start())
-        self.choice.simulation_wanted.connect(self.start)
+        self.choice.start_wanted.connect(self.start)
         self.recorder.changed.connect(self._set_recording)
         self.recorder.open_wanted.connect(self.open_wanted)
         jobs.begun.connect(self._follow)

@@ -6,7 +6,7 @@ import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPalette, QPen
 
-from skelgen.app.drawing.graph import Bar, CostGraph, Disc, JointCost, joint_sign
+from skelgen.app.drawing.graph import CostGraph, Disc, JointCost, joint_sign
 from skelgen.model.arrays import Floats
 from skelgen_gui.model.graph import margin_label, place_words
 from skelgen_gui.widgets.painting import draw_lines
@@ -107,7 +107,8 @@ class GraphPainting:
         edges = np.array([(joint.parent, joint.child) for joint in joints], dtype=np.intp).reshape(-1, 2)
         lines, height = self._places[edges], self._metrics.height()
         labels = [margin_label(joint) for joint in joints]
-        sizes = np.array([(self._width(label), height if label else 0.0) for label in labels])
+        widths = [self._metrics.horizontalAdvance(label) + _WORDS_PAD if label else 0.0 for label in labels]
+        sizes = np.array([(width, height if width else 0.0) for width in widths])
         placed = place_words(lines.mean(axis=1), sizes.reshape(-1, 2), self._places, NODE, lines)
         ground = QColor(self._palette.color(_Role.Window))
         ground.setAlphaF(0.8)
@@ -116,9 +117,6 @@ class GraphPainting:
             self._painter.fillRect(room, ground)
             self._painter.setPen(doubt_colour(self._palette) if joint.is_doubtful else self._palette.color(_Role.Text))
             self._painter.drawText(room, Qt.AlignmentFlag.AlignCenter, label)
-
-    def _width(self, label: str) -> float:
-        return self._metrics.horizontalAdvance(label) + _WORDS_PAD if label else 0.0
 
     def limbs(self, selected: set[int], pointed: int | None) -> None:
         """Paint the limbs with their numbers.
@@ -186,11 +184,7 @@ def _sign_path(kind: str, at: QPointF, size: float) -> QPainterPath:
             outline.addEllipse(at, size * part.radius, size * part.radius)
             outline.addEllipse(at, size * part.hole, size * part.hole)
         else:
-            outline.addRoundedRect(_box(at, size, part), size * part.corner, size * part.corner)
+            half = QPointF(size * part.half_width, size * part.half_height)
+            outline.addRoundedRect(QRectF(at - half, at + half), size * part.corner, size * part.corner)
         path = path.united(outline) if not path.isEmpty() else outline
     return path
-
-
-def _box(at: QPointF, size: float, bar: Bar) -> QRectF:
-    half_width, half_height = size * bar.half_width, size * bar.half_height
-    return QRectF(at.x() - half_width, at.y() - half_height, 2 * half_width, 2 * half_height)

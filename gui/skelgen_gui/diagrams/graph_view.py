@@ -151,7 +151,9 @@ class GraphView(QWidget):
         if key in _STEPS and self._graph is not None:
             self._step(np.array(_STEPS[key], dtype=np.float64))
         elif key == Qt.Key.Key_J and self._graph is not None:
-            self._select_joint_above(self._graph)
+            above = np.flatnonzero(self._graph.topology.children == self._session.selection.limb)
+            if len(above):
+                self._session.select(Selection(joint=int(above[0])))
         elif key == Qt.Key.Key_0:
             self.show_all()
         elif key == Qt.Key.Key_Escape:
@@ -241,8 +243,3 @@ class GraphView(QWidget):
         effort[limb] = np.inf
         if np.isfinite(effort).any():
             self._session.select(Selection(limb=int(effort.argmin())))
-
-    def _select_joint_above(self, graph: CostGraph) -> None:
-        above = np.flatnonzero(graph.topology.children == self._session.selection.limb)
-        if len(above):
-            self._session.select(Selection(joint=int(above[0])))

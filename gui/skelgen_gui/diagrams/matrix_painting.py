@@ -175,16 +175,11 @@ class MatrixPainting:
         self._painter.setBrush(Qt.BrushStyle.NoBrush)
         self._painter.drawRect(bar)
         self._painter.drawText(QRectF(bar.left(), 0, 60, square.top() - 2), _Align.AlignLeft | _Align.AlignBottom, "mm")
-        for value in _round_values(scale.low, scale.high):
+        parts = (1.0,) if scale.high > 1000 * scale.low else (1.0, 2.0, 5.0)  # powers of ten where the scale is wide
+        powers = range(int(np.floor(np.log10(scale.low))), int(np.ceil(np.log10(scale.high))) + 1)
+        values = [part * 10.0**power for power in powers for part in parts]
+        for value in (value for value in values if scale.low <= value <= scale.high):
             y = bar.bottom() - float(scale.fractions(np.array([value]))[0]) * bar.height()
             self._painter.drawLine(QPointF(bar.right(), y), QPointF(bar.right() + 4, y))
             room = QRectF(bar.right() + 6, y - 8, 54, 16)
             self._painter.drawText(room, _Align.AlignLeft | _Align.AlignVCenter, plain(value))
-
-
-def _round_values(low: float, high: float) -> list[float]:
-    """1, 2, 5, 10 and so on within a scale; only powers of ten where that is wide."""
-    parts = (1.0,) if high > 1000 * low else (1.0, 2.0, 5.0)
-    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    values = [part * 10.0**power for power in powers for part in parts]
-    return [value for value in values if low <= value <= high]

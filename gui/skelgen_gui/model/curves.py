@@ -95,11 +95,9 @@ class Panel:
         n_columns : int
             Columns of the picture.
         """
+        stretch = first, end, n_columns
         return [
-            Columns(
-                curve.line.columns(first, end, n_columns),
-                None if curve.band is None else curve.band.columns(first, end, n_columns),
-            )
+            Columns(curve.line.columns(*stretch), None if curve.band is None else curve.band.columns(*stretch))
             for curve in self.curves
         ]
 

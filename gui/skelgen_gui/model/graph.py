@@ -99,7 +99,10 @@ def body_places(project: Project) -> Floats:
     ndarray, shape (n_limbs, 2)
         In a box of 0 .. 1, right and down, slender bodies a little wider, no two limbs upon each other.
     """
-    markers = _typical_markers(project)
+    trajectories = project.trajectories
+    markers = np.asarray(trajectories.positions[int(trajectories.seen.sum(axis=1).argmax())])
+    if project.has("skeleton"):
+        markers = reference_markers(project.skeleton)
     limb_of_marker, n_limbs = project.limbs.limb_of_marker, project.limbs.n_limbs
     known = (limb_of_marker >= 0) & ~np.isnan(markers[:, 0])
     if not known.any():
@@ -109,8 +112,7 @@ def body_places(project: Project) -> Floats:
     np.add.at(sums, limb_of_marker[known], markers[known])
     middle = markers[known].mean(axis=0)
     centres = np.where(counts[:, np.newaxis] > 0, sums / np.maximum(counts, 1)[:, np.newaxis], middle)
-    positions = project.trajectories.positions
-    sample = positions[:: max(len(positions) // _SAMPLES, 1)]
+    sample = trajectories.positions[:: max(trajectories.n_frames // _SAMPLES, 1)]
     view = find_views(markers[known], sample)[0]
     return _apart(_widened(_boxed(centres @ np.stack([view.across, -view.up], axis=1))))
 
@@ -120,13 +122,6 @@ def tree_places(parents: Ints) -> Floats:
     depths, rows = tidy_places(parents)
     places = np.stack([rows, depths.astype(np.float64)], axis=1)
     return np.asarray((places + 0.5) / (places.max(axis=0) + 1.0))
-
-
-def _typical_markers(project: Project) -> Floats:
-    if project.has("skeleton"):
-        return reference_markers(project.skeleton)
-    trajectories = project.trajectories
-    return np.asarray(trajectories.positions[int(trajectories.seen.sum(axis=1).argmax())])
 
 
 def _boxed(places: Floats) -> Floats:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -103,7 +103,7 @@ class Scene:
         self.n_frames = project.take.n_frames
         self.names = self.trajectories.names if self.trajectories is not None else ()
         self.n_markers = len(self.names)
-        self._covariances = JointCovariances(project)
+        self._block = lru_cache(_MOST_BLOCKS)(self._covariances_of_block)
 
     @cached_property
     def limb_of_marker(self) -> Ints:
@@ -196,7 +196,7 @@ class Scene:
             state,
             _NO_POINTS if is_labelled else self._points(frame),
             joints,
-            self._covariances.at(frame),
+            self._block(frame // _BLOCK)[frame % _BLOCK],
             self.bones.place(joints, markers),
             self._axes(frame),
             take.world_from_body[frame] if isinstance(take, Poses) else _NO_BODIES,
@@ -276,6 +276,10 @@ class Scene:
         state[unseen & ~np.isnan(placed[:, 0])] = State.FILLED
         return np.where(unseen[:, np.newaxis], placed, measured), state
 
+    def _covariances_of_block(self, number: int) -> Floats:
+        frames = np.arange(number * _BLOCK, min((number + 1) * _BLOCK, self.n_frames))
+        return joint_covariances(self.project, frames)
+
     def _joints(self, frame: int) -> Floats:
         if self.project.has("skeleton"):
             return np.asarray(self.project.motion.joint_positions[frame])
@@ -302,30 +306,6 @@ class Scene:
         motion = self.project.motion
         directions = [motion.world_from_limb[frame, limb, :3, :3] @ axis for _, limb, axis in self._limb_axes]
         return np.stack([motion.joint_positions[frame, self.axis_joints], directions], axis=1)
-
-
-class JointCovariances:
-    """The covariances of a project's joints in the frames that are shown.
-
-    Parameters
-    ----------
-    project : Project
-        A project with a skeleton, or without: then there are none.
-    """
-
-    def __init__(self, project: Project) -> None:
-        self._project = project
-        self._blocks: dict[int, Floats] = {}
-
-    def at(self, frame: int) -> Floats:
-        """Return those of a frame, shape (n_joints, 3, 3), mm^2."""
-        number = frame // _BLOCK
-        if number not in self._blocks:
-            if len(self._blocks) >= _MOST_BLOCKS:
-                del self._blocks[next(iter(self._blocks))]
-            frames = np.arange(number * _BLOCK, min((number + 1) * _BLOCK, self._project.take.n_frames))
-            self._blocks[number] = joint_covariances(self._project, frames)
-        return np.asarray(self._blocks[number][frame % _BLOCK])
 
 
 def joint_covariances(project: Project, frames: Ints) -> Floats:

@@ -10,7 +10,7 @@ from PySide6.QtGui import QDesktopServices, QShowEvent, QStandardItemModel
 from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
-    QGridLayout,
+    QFormLayout,
     QGroupBox,
     QLabel,
     QLineEdit,
@@ -253,7 +253,14 @@ class _ExportTarget(QWidget):
         self.folder_line = QLineEdit(documents, self)
         self.name_line = QLineEdit(self)
         self.browse = QPushButton(self.tr("Browse…"), self)
-        self._lay_out()
+        rows = QFormLayout(self)
+        rows.setContentsMargins(0, 0, 0, 0)
+        rows.addRow(self.tr("Folder"), row_of(self.folder_line, self.browse))
+        rows.addRow(self.tr("Name"), self.name_line)
+        tip = self.tr("Where the files go; it is made if it is not there")
+        describe(self.folder_line, self.tr("Folder"), tip)
+        describe(self.name_line, self.tr("Name"), self.tr("Beginning of the files' names"))
+        self.browse.setToolTip(self.tr("Choose the folder"))
         self.folder_line.textChanged.connect(self.changed)
         self.name_line.textChanged.connect(self.changed)
         self.browse.clicked.connect(self._browse)
@@ -281,23 +288,6 @@ class _ExportTarget(QWidget):
         if folder is not None:
             self.folder_line.setText(str(folder))
         self.name_line.setText(name)
-
-    def _lay_out(self) -> None:
-        grid = QGridLayout(self)
-        grid.setContentsMargins(0, 0, 0, 0)
-        for row, (text, line, tip) in enumerate(
-            (
-                (self.tr("Folder"), self.folder_line, self.tr("Where the files go; it is made if it is not there")),
-                (self.tr("Name"), self.name_line, self.tr("Beginning of the files' names")),
-            )
-        ):
-            label = QLabel(text, self)
-            label.setBuddy(line)
-            describe(line, text, tip)
-            grid.addWidget(label, row, 0)
-            grid.addWidget(line, row, 1, 1, 1 if line is self.folder_line else 2)
-        self.browse.setToolTip(self.tr("Choose the folder"))
-        grid.addWidget(self.browse, 0, 2)
 
     def _browse(self) -> None:
         chosen = QFileDialog.getExistingDirectory(self, self.tr("Folder of the export"), self.folder_line.text())

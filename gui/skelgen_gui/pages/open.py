@@ -6,14 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFileDialog, QLabel, QListWidget, QListWidgetItem, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFileDialog, QLabel, QListWidget, QListWidgetItem, QPushButton, QWidget
 
 from skelgen.app.files import given_identities
 from skelgen.app.stage_summary import take_sentences
 from skelgen.model import Project
 from skelgen.progress import Monitor
 from skelgen_gui.project.context import Context
-from skelgen_gui.widgets.layouts import describe, row_of
+from skelgen_gui.widgets.layouts import column, describe, row_of
 from skelgen_gui.widgets.painting import as_rich_text
 
 _PATH = Qt.ItemDataRole.UserRole
@@ -60,13 +60,10 @@ class OpenPage(QWidget):
         describe(self.recent, self.tr("Recent files"), self.tr("Files that were open; Enter opens one again"))
 
     def _lay_out(self) -> None:
-        layout = QVBoxLayout(self)
-        layout.addWidget(QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self))
-        layout.addLayout(row_of(self.browse, self.identities, room=True))
-        layout.addWidget(self.take)
-        layout.addWidget(self.notices)
-        layout.addWidget(QLabel(self.tr("Recent files"), self))
-        layout.addWidget(self.recent, 1)
+        invitation = QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self)
+        buttons, heading = row_of(self.browse, self.identities, room=True), QLabel(self.tr("Recent files"), self)
+        layout = column(self, (invitation, buttons, self.take, self.notices, heading, self.recent))
+        layout.setStretchFactor(self.recent, 1)
 
     def _choose_identities(self) -> None:
         project = self._context.session.project

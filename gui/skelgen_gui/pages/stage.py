@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QPushButton,
     QRadioButton,
     QScrollArea,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -35,7 +34,7 @@ from skelgen_gui.project.context import Context
 from skelgen_gui.project.deriving import Deriver
 from skelgen_gui.widgets.fields import FoundOrGiven
 from skelgen_gui.widgets.forms import stage_form
-from skelgen_gui.widgets.layouts import bare_column, describe, row_of, scrolled
+from skelgen_gui.widgets.layouts import bare_column, column, describe, row_of, scrolled
 
 # Stages whose number the user may give, and the correction that holds it
 _NUMBERS = {"labels": "n_markers", "limbs": "n_limbs"}
@@ -112,9 +111,7 @@ class StagePage(QWidget):
         area = scrolled((summary, self.runs, self.uses_saved, saved, *number, self.form), QScrollArea(self))
         self._column = bare_column(self, (area, self.go, self._box))
         self._column.setStretchFactor(area, 3)
-        box = QVBoxLayout(self._box)
-        box.addWidget(self.result)
-        box.addWidget(self.warnings, 1)
+        column(self._box, (self.result, self.warnings)).setStretchFactor(self.warnings, 1)
 
     def _connect(self) -> None:
         session, jobs = self._context.session, self._context.jobs

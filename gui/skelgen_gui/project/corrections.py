@@ -172,7 +172,10 @@ class FramesDialog(QDialog):
     def __init__(self, parent: QWidget, title: str, proposed: tuple[int, int], n_frames: int) -> None:
         super().__init__(parent)
         self.setWindowTitle(title)
-        self.first, self.last = (self._box(value, n_frames) for value in proposed)
+        self.first, self.last = QSpinBox(self), QSpinBox(self)
+        for box, value in zip((self.first, self.last), proposed, strict=True):
+            box.setRange(0, n_frames - 1)
+            box.setValue(value)
         self.first.setAccessibleName(self.tr("First frame"))
         self.last.setAccessibleName(self.tr("Last frame"))
         self.first.setToolTip(self.tr("The first frame in which it holds; at first the one that is shown"))
@@ -190,12 +193,6 @@ class FramesDialog(QDialog):
     def frames(self) -> tuple[int, int]:
         """Return what was chosen."""
         return self.first.value(), self.last.value()
-
-    def _box(self, value: int, n_frames: int) -> QSpinBox:
-        box = QSpinBox(self)
-        box.setRange(0, n_frames - 1)
-        box.setValue(value)
-        return box
 
 
 def _ask_frames(
@@ -241,9 +238,10 @@ class CorrectionList(QWidget):
         self._session, self._runner = session, runner
         self.entries = QListWidget(self)
         self.entries.setWordWrap(True)
-        self.hint = QLabel(self)
+        self.hint = QLabel(
+            self.tr("Select markers, a joint or a limb, then right click or choose Edit, Correct."), self
+        )
         self.hint.setWordWrap(True)
-        self.hint.setText(self.tr("Select markers, a joint or a limb, then right click or choose Edit, Correct."))
         describe(self.entries, self.tr("Corrections by hand"), self.tr("Corrections that later runs apply"))
         self.take_back = QPushButton(self.tr("Take back"), self)
         describe(self.take_back, self.tr("Take the chosen correction back"))

@@ -312,8 +312,7 @@ class Legend(QWidget):
             for (state, words), width in zip(self._words.items(), widths, strict=True):
                 shares = np.zeros((1, round(_SAMPLE * ratio), len(State)))
                 shares[..., state] = 1.0
-                colour = colour_of_limb(-1 if state == State.LEFT_OUT else 0, self.palette())
-                colours = rgb_of(colour)[np.newaxis]
+                colours = rgb_of(colour_of_limb(-1 if state == State.LEFT_OUT else 0, self.palette()))[np.newaxis]
                 bar = lane_picture(shares, colours, doubt, round(_BAR * ratio))
                 painter.drawPixmap(QPointF(x, 4), pixmap_of(bar, ratio))
                 painter.setPen(self.palette().color(QPalette.ColorRole.WindowText))

@@ -66,7 +66,9 @@ def paint_plot(painter: QPainter, panel: Panel, span: VisibleSpan, place: QRectF
     painter.setClipRect(place)
     painter.fillRect(place, palette.color(_Role.Base))
     lines = _grid(low, high, place)
-    _paint_grid(painter, lines, place, palette)
+    for value, y in lines:
+        painter.setPen(blended(palette.color(_Role.Text), palette.color(_Role.Base), 0.3 if value == 0 else 0.12))
+        painter.drawLine(QPointF(place.left(), y), QPointF(place.right(), y))
 
     def heights(values: Floats) -> Floats:
         return np.asarray(place.bottom() - (values - low) / (high - low) * place.height())
@@ -133,13 +135,6 @@ def _grid(low: float, high: float, place: QRectF) -> list[tuple[float, float]]:
     wanted = max(int(place.height() / _TICK_ROOM), 1)
     scale = place.height() / (high - low)
     return [(value, round(place.bottom() - (value - low) * scale) + 0.5) for value in ticks(low, high, wanted)]
-
-
-def _paint_grid(painter: QPainter, lines: list[tuple[float, float]], place: QRectF, palette: QPalette) -> None:
-    text, ground = palette.color(_Role.Text), palette.color(_Role.Base)
-    for value, y in lines:
-        painter.setPen(blended(text, ground, 0.3 if value == 0 else 0.12))
-        painter.drawLine(QPointF(place.left(), y), QPointF(place.right(), y))
 
 
 def _paint_scale(painter: QPainter, lines: list[tuple[float, float]], place: QRectF, palette: QPalette) -> None:

@@ -84,8 +84,9 @@ class PlotView(QWidget):
 
     def tip_at(self, place: QPointF) -> str:
         """Return the values of the frame at a place, and what the panel's note says."""
-        found = (panel for index, panel in enumerate(self._panels) if self._holds(index, place))
-        panel = next(found, None)
+        rooms = (self.panel_rect(index) for index in range(len(self._panels)))
+        y, panels = place.y(), zip(self._panels, rooms, strict=True)
+        panel = next((panel for panel, room in panels if room.top() <= y <= room.bottom()), None)
         if panel is None or place.x() < GUTTER:
             return self.toolTip() if panel is None else "\n".join(filter(None, (panel.title, panel.note, panel.about)))
         frame = self._span.frame_at(place.x(), GUTTER, plot_width(self.width()))
@@ -132,10 +133,6 @@ class PlotView(QWidget):
         if project is None or project.take is not self._panels_of:
             self._panels_of = None if project is None else project.take
             self.show_panels(())
-
-    def _holds(self, index: int, place: QPointF) -> bool:
-        room = self.panel_rect(index)
-        return room.top() <= place.y() <= room.bottom()
 
     def _go_to(self, x: float) -> None:
         self._session.show_frame(self._span.frame_at(x, GUTTER, plot_width(self.width())))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 
 from PySide6.QtGui import QAction
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from skelgen_gui.model.curves import Panel, count_panel
 from skelgen_gui.project.deriving import Deriver
@@ -17,6 +17,7 @@ from skelgen_gui.timeline.plot_view import PlotView
 from skelgen_gui.timeline.ruler import Ruler
 from skelgen_gui.timeline.span import VisibleSpan
 from skelgen_gui.timeline.transport import Transport
+from skelgen_gui.widgets.layouts import bare_column
 from skelgen_gui.widgets.shortcuts import add_view_actions, make_actions
 
 _COUNTS_HEIGHT = 36
@@ -40,10 +41,8 @@ class Timeline(QWidget):
         Which frames are in sight; give it to `Curves` to keep both together.
     """
 
-    def __init__(
-        self, session: Session, actions: Mapping[str, QAction] | None = None, parent: QWidget | None = None
-    ) -> None:
-        super().__init__(parent)
+    def __init__(self, session: Session, actions: Mapping[str, QAction] | None = None) -> None:
+        super().__init__()
         self._session = session
         actions = make_actions(self) if actions is None else actions
         self.player = Player(session, self)
@@ -65,13 +64,9 @@ class Timeline(QWidget):
         self.counts.setAccessibleName(self.tr("Points that belong to no marker"))
         self.counts.setToolTip(self.tr("How many points of each frame belong to no marker"))
         self.counts.setFixedHeight(_COUNTS_HEIGHT)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
+        column = bare_column(self, (self.transport, self.ruler, self.counts, self.lane_view, Legend(self)))
         column.setSpacing(0)
-        for part in (self.transport, self.ruler, self.counts):
-            column.addWidget(part)
-        column.addWidget(self.lane_view, 1)
-        column.addWidget(Legend(self))
+        column.setStretchFactor(self.lane_view, 1)
 
     def _follow_project(self) -> None:
         project = self._session.project

@@ -16,7 +16,6 @@ from PySide6.QtWidgets import (
     QButtonGroup,
     QCheckBox,
     QComboBox,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QRadioButton,
@@ -25,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 from skelgen.parameters import Declaration
-from skelgen_gui.widgets.layouts import describe
+from skelgen_gui.widgets.layouts import describe, row_of
 
 _DIGITS = 12  # of a number that was stepped to: hides that 0.1 + 0.2 is not 0.3
 _EXACT = 1e15  # whole numbers below are shown with all their digits
@@ -216,8 +215,14 @@ class FoundOrGiven(QWidget):
         self._number = QSpinBox(self)
         self._number.setRange(1, _MOST)
         self._group = QButtonGroup(self)
-        self._lay_out(QLabel(what, self))
-        self._describe(what)
+        self._group.addButton(self._found)
+        self._group.addButton(self._given)
+        row = row_of(QLabel(what, self), self._found, self._given, self._number, room=True)
+        row.setContentsMargins(0, 0, 0, 0)
+        self.setLayout(row)
+        describe(self._found, self.tr("{0}: found").format(what), self.tr("The number is found from the recording"))
+        describe(self._given, self.tr("{0}: given").format(what), self.tr("You know the number, and the stage uses it"))
+        describe(self._number, what, self.tr("The number that you know"))
         self._found.setChecked(True)
         self.show_found(None)
         self._follow()
@@ -239,20 +244,6 @@ class FoundOrGiven(QWidget):
         self._found.setText(self.tr("found") if number is None else self.tr("found: {0}").format(number))
         if number is not None and self.value() is None:
             self._number.setValue(number)
-
-    def _lay_out(self, title: QLabel) -> None:
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        for widget in (title, self._found, self._given, self._number):
-            layout.addWidget(widget)
-        layout.addStretch(1)
-        self._group.addButton(self._found)
-        self._group.addButton(self._given)
-
-    def _describe(self, what: str) -> None:
-        describe(self._found, self.tr("{0}: found").format(what), self.tr("The number is found from the recording"))
-        describe(self._given, self.tr("{0}: given").format(what), self.tr("You know the number, and the stage uses it"))
-        describe(self._number, what, self.tr("The number that you know"))
 
     def _follow(self) -> None:
         self._number.setEnabled(self._given.isChecked())

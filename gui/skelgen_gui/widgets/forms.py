@@ -70,7 +70,12 @@ class FormRow(QObject):
         self.reset_button = QToolButton(parent)
         self._unit = QLabel(declaration.unit, parent)
         self._problem = QLabel(parent)
-        self._place(grid, line)
+        for column, widget in enumerate((self.label, self.editor, self._unit, self.reset_button)):
+            grid.addWidget(widget, line, column)
+        grid.addWidget(self._problem, line + 1, _EDITOR_COLUMN, 1, _RESET_COLUMN - _EDITOR_COLUMN + 1)
+        policy = self.reset_button.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)
+        self.reset_button.setSizePolicy(policy)
         self._describe()
         self.editor.edited.connect(self._follow)
         self.editor.installEventFilter(self)
@@ -116,14 +121,6 @@ class FormRow(QObject):
         if event.type() in {QEvent.Type.FocusIn, QEvent.Type.Enter}:
             self.looked_at.emit()
         return False
-
-    def _place(self, grid: QGridLayout, line: int) -> None:
-        for column, widget in enumerate((self.label, self.editor, self._unit, self.reset_button)):
-            grid.addWidget(widget, line, column)
-        grid.addWidget(self._problem, line + 1, _EDITOR_COLUMN, 1, _RESET_COLUMN - _EDITOR_COLUMN + 1)
-        policy = self.reset_button.sizePolicy()
-        policy.setRetainSizeWhenHidden(True)
-        self.reset_button.setSizePolicy(policy)
 
     def _describe(self) -> None:
         help_ = self.help_text()
@@ -211,12 +208,19 @@ class ParameterForm(QWidget):
         declarations = tuple(declarations)
         basic = [entry for entry in declarations if entry.basic] or list(declarations)
         self._is_filling = False
-        self._measure(declarations)
+        wide = self.fontMetrics().horizontalAdvance  # names and units are as wide in both parts of the form
+        self._name_width = max((wide(_CHANGED_MARK + _title_of(entry)) for entry in declarations), default=0)
+        self._unit_width = max((wide(entry.unit) for entry in declarations), default=0)
         self._expander = QToolButton(self)
         self._boxes = QWidget(self), QWidget(self)
         self._basic = self._filled(self._boxes[0], basic, check)
         self._advanced = self._filled(self._boxes[1], [entry for entry in declarations if entry not in basic], check)
-        self._help = self._made_help()
+        self._help = QLabel(self)
+        self._help.setWordWrap(True)
+        self._help.setAlignment(Qt.AlignmentFlag.AlignTop)
+        self._help.setTextFormat(Qt.TextFormat.PlainText)
+        self._help.setMinimumHeight(_HELP_LINES * self._help.fontMetrics().lineSpacing())  # the form does not jump
+        self._help.setAccessibleName(self.tr("What the chosen parameter means"))
         self._reset_all = QPushButton(self.tr("Reset all"), self)
         self._lay_out()
         self._help.setText(self._basic[0].help_text() if self._basic else "")
@@ -253,12 +257,6 @@ class ParameterForm(QWidget):
         """Return to all defaults."""
         self.set_values(self.defaults)
 
-    def _measure(self, declarations: Iterable[Declaration]) -> None:
-        """Find the widths that names and units have in both parts of the form."""
-        wide = self.fontMetrics().horizontalAdvance
-        self._name_width = max((wide(_CHANGED_MARK + _title_of(entry)) for entry in declarations), default=0)
-        self._unit_width = max((wide(entry.unit) for entry in declarations), default=0)
-
     def _filled(self, widget: QWidget, declarations: Iterable[Declaration], check: _Check) -> list[FormRow]:
         grid = QGridLayout(widget)
         grid.setColumnStretch(1, 1)
@@ -270,15 +268,6 @@ class ParameterForm(QWidget):
             row.edited.connect(self._follow_edit)
             row.looked_at.connect(lambda row=row: self._help.setText(row.help_text()))
         return rows
-
-    def _made_help(self) -> QLabel:
-        label = QLabel(self)
-        label.setWordWrap(True)
-        label.setAlignment(Qt.AlignmentFlag.AlignTop)
-        label.setTextFormat(Qt.TextFormat.PlainText)
-        label.setMinimumHeight(_HELP_LINES * label.fontMetrics().lineSpacing())  # the form does not jump
-        label.setAccessibleName(self.tr("What the chosen parameter means"))
-        return label
 
     def _lay_out(self) -> None:
         layout = bare_column(self, (self._boxes[0], self._expander, self._boxes[1], self._help))

@@ -59,8 +59,7 @@ class Theme(QObject):
 
     def __init__(self, app: QApplication, preferences: Preferences) -> None:
         super().__init__(app)
-        self._app = app
-        self._preferences = preferences
+        self._app, self._preferences = app, preferences
         preferences.changed.connect(self.apply)
         app.styleHints().colorSchemeChanged.connect(self.apply)
         self.apply()

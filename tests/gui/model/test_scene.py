@@ -10,7 +10,7 @@ from skelgen_gui.model.floor import find_floor, round_step
 from skelgen_gui.model.lines import N_AGES, trail_lines
 from skelgen_gui.model.picking import BONE, JOINT, MARKER, Pick, distances_to_lines, markers_within, pick
 from skelgen_gui.model.picture import Canvas, take_picture
-from skelgen_gui.model.scene import JointCovariances, Scene, State, joint_covariances
+from skelgen_gui.model.scene import Scene, State, joint_covariances
 from skelgen_gui.model.view_state import Shown
 from skelgen_gui.model.viewpoint import DOWN, Viewpoint
 
@@ -96,9 +96,9 @@ def test_ellipsoids_of_joints_hold_their_true_places_as_often_as_they_claim(walk
 
 
 def test_the_covariances_of_a_frame_are_those_of_its_block(walked):
-    kept = JointCovariances(walked[0])
+    scene = Scene(walked[0])
     for frame in (399, 0, 63, 64, 130, 200, 260, 0):
-        assert kept.at(frame) == pytest.approx(joint_covariances(walked[0], np.array([frame]))[0])
+        assert scene.at(frame).covariances == pytest.approx(joint_covariances(walked[0], np.array([frame]))[0])
 
 
 def test_axes_of_hinges_are_those_of_the_simulation(scene, walked):
