@@ -63,7 +63,10 @@ class WindowCommands(QObject):
         window.addToolBar(bar)
         for name, act in self._acts().items():
             actions[name].triggered.connect(act)
-        self._follow_undo()
+        stack = context.document.undo_stack
+        for name, changed in (("undo", stack.canUndoChanged), ("redo", stack.canRedoChanged)):
+            actions[name].setEnabled(False)  # nothing was changed yet
+            changed.connect(actions[name].setEnabled)
         context.jobs.begun.connect(self._follow)
         context.jobs.ended.connect(self._follow)
         context.session.state_changed.connect(self._follow)
@@ -133,15 +136,6 @@ class WindowCommands(QObject):
         project = self._context.session.project
         if project is not None and project.has("labels"):
             self._context.session.select(Selection(frozenset(range(project.trajectories.n_markers))))
-
-    def _follow_undo(self) -> None:
-        stack = self._context.document.undo_stack
-        for name, changed, is_possible in (
-            ("undo", stack.canUndoChanged, stack.canUndo()),
-            ("redo", stack.canRedoChanged, stack.canRedo()),
-        ):
-            changed.connect(self.actions[name].setEnabled)
-            self.actions[name].setEnabled(is_possible)
 
     def _follow(self) -> None:
         """Enable what can be done now."""

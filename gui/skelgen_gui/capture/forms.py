@@ -114,14 +114,12 @@ class SourceField(QComboBox):
     def show_source(self, text: str) -> None:
         """Show a text, from its beginning."""
         self.setEditText(text)
-        edit = self.lineEdit()
-        if edit is not None:
+        if (edit := self.lineEdit()) is not None:
             edit.setCursorPosition(0)
 
     def show_hint(self, text: str) -> None:
         """Show what an empty field means."""
-        edit = self.lineEdit()
-        if edit is not None:
+        if (edit := self.lineEdit()) is not None:
             edit.setPlaceholderText(text)
 
 

@@ -47,12 +47,10 @@ def _marker(marker: int, scene: Scene, snapshot: Snapshot) -> list[str]:
     if scene.project.has("labels") and scene.project.has_labelling:
         confidence = 100 * float(scene.project.labelling.confidence[snapshot.frame, marker])
         lines.append(_tr("confidence {value:.0f} %").format(value=confidence))
-    return lines + _residual(scene.project, snapshot.frame, marker)
-
-
-def _residual(project: Project, frame: int, marker: int) -> list[str]:
-    residual = float(project.motion.residuals[frame, marker]) if project.has("skeleton") else math.nan
-    return [] if math.isnan(residual) else [_tr("residual {value:.1f} mm").format(value=residual)]
+    if scene.project.has("skeleton"):
+        residual = float(scene.project.motion.residuals[snapshot.frame, marker])
+        lines += [] if math.isnan(residual) else [_tr("residual {value:.1f} mm").format(value=residual)]
+    return lines
 
 
 def _joint(joint: int, project: Project, snapshot: Snapshot) -> list[str]:
