@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QCoreApplication, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDoubleSpinBox, QLabel, QPushButton, QSpinBox, QWidget
 
 from skelgen.app.capture_jobs.board_views import ENOUGH, View, ViewCollection, gaps
@@ -249,14 +249,15 @@ class BoardForm(ImageForm):
     size_changed = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(QCoreApplication.translate("BoardForm", "cameras, a folder, a list or videos"), parent)
+        super().__init__(parent)
         self.columns, self.rows, self.square = QSpinBox(self), QSpinBox(self), QDoubleSpinBox(self)
-        self._describe()
         words = QLabel("×", self), QLabel(self.tr("corners"), self)
         corners = row_of(self.columns, words[0], self.rows, words[1], room=True)
-        self.fields.insertRow(0, self.tr("Board"), corners)
-        self.fields.insertRow(1, self.tr("Square"), self.square)
-        self.offer_folder()
+        self.fields.addRow(self.tr("Board"), corners)
+        self.fields.addRow(self.tr("Square"), self.square)
+        self.add_source(self.tr("cameras, a folder, a list or videos"))
+        self.add_buttons()
+        self._describe()
         for box in (self.columns, self.rows):
             box.valueChanged.connect(self.changed)
         self.square.valueChanged.connect(self.size_changed)

@@ -173,7 +173,7 @@ class FolderButton(QPushButton):
 
 
 class ImageForm(QWidget):
-    """Where images come from, and a button that takes simulated ones.
+    """Fields below each other, among them where images come from.
 
     Signals
     -------
@@ -182,26 +182,27 @@ class ImageForm(QWidget):
 
     Parameters
     ----------
-    hint : str
-        What an empty source means.
     parent : QWidget, optional
         Parent widget.
     """
 
     start_wanted = Signal()
 
-    def __init__(self, hint: str, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.source, self.simulated = SourceField(self), QPushButton(self)
-        self.source.show_hint(hint)
         self.fields = QFormLayout(self)
         self.fields.setContentsMargins(0, 0, 0, 0)
         self.fields.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
+
+    def add_source(self, hint: str) -> None:
+        """Add the source of images, with a hint at what an empty one means."""
+        self.source = SourceField(self)
+        self.source.show_hint(hint)
         self.fields.addRow(self.tr("Source"), self.source)
 
-    def offer_folder(self) -> None:
-        """Add a button that takes the images of a folder."""
-        self.folder = FolderButton(self)
+    def add_buttons(self) -> None:
+        """Add the buttons that take a folder, and simulated images."""
+        self.folder, self.simulated = FolderButton(self), QPushButton(self)
         self.fields.addRow("", row_of(self.folder, self.simulated, room=True))
         self.folder.chosen.connect(self.take_source)
 
@@ -221,10 +222,11 @@ class LiveChoice(ImageForm):
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(QCoreApplication.translate("LiveChoice", "that of the settings"), parent)
+        super().__init__(parent)
         self.settings = _SettingsField(self)
-        self.fields.insertRow(0, self.tr("Settings"), self.settings)
-        self.simulated.setText(self.tr("Simulated rig"))
+        self.fields.addRow(self.tr("Settings"), self.settings)
+        self.add_source(self.tr("that of the settings"))
+        self.simulated = QPushButton(self.tr("Simulated rig"), self)
         self.simulated.setAccessibleName(self.tr("Start the simulated rig"))
         self.simulated.setToolTip(self.tr("Try everything without cameras: two simulated ones look at a moving arm"))
         self.predicts = QCheckBox(self.tr("Predict, smooth poses"), self)
@@ -255,10 +257,11 @@ class SourceForm(ImageForm):
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(QCoreApplication.translate("SourceForm", "that of the settings"), parent)
+        super().__init__(parent)
         self.settings = _SettingsField(self)
-        self.fields.insertRow(0, self.tr("Settings"), self.settings)
-        self.offer_folder()
+        self.fields.addRow(self.tr("Settings"), self.settings)
+        self.add_source(self.tr("that of the settings"))
+        self.add_buttons()
 
     @property
     def options(self) -> CaptureOptions:
