@@ -34,10 +34,14 @@ def trail_lines(places: Floats, limb_of_marker: Ints) -> list[tuple[int, int, Fl
     stops = [*starts[1:].tolist(), len(order)]
     ages = np.linspace(0, n_lines, N_AGES + 1).round().astype(np.intp).tolist()
     return [
-        (int(limb), age, lines[start:stop, ages[age] : ages[age + 1]].reshape(-1, 2, 2))
+        (int(limb), age, _known(lines[start:stop, ages[age] : ages[age + 1]].reshape(-1, 2, 2)))
         for limb, start, stop in zip(limbs, starts, stops, strict=True)
         for age in range(N_AGES)
     ]
+
+
+def _known(lines: Floats) -> Floats:
+    return lines[~np.isnan(lines).any(axis=(1, 2))]
 
 
 def frustum(

@@ -37,8 +37,18 @@ class OpenPage(QWidget):
         self.browse = QPushButton(self.tr("Open a file…"), self)
         self.identities = QPushButton(self.tr("Identities…"), self)
         self.recent = QListWidget(self)
-        self._describe()
-        self._lay_out()
+        for label, name in ((self.take, self.tr("What is open")), (self.notices, self.tr("What the reader did"))):
+            label.setWordWrap(True)
+            label.setTextFormat(Qt.TextFormat.PlainText)  # names may look like tags
+            label.setAccessibleName(name)
+        describe(self.browse, self.tr("Open a file"), self.tr("Open a recording in any format, or a project"))
+        self.identities.setToolTip(self.tr("Read a file that says which point is which marker in some frames"))
+        self.identities.setAccessibleName(self.tr("Read identities"))
+        describe(self.recent, self.tr("Recent files"), self.tr("Files that were open; Enter opens one again"))
+        invitation = QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self)
+        buttons, heading = row_of(self.browse, self.identities, room=True), QLabel(self.tr("Recent files"), self)
+        layout = column(self, (invitation, buttons, self.take, self.notices, heading, self.recent))
+        layout.setStretchFactor(self.recent, 1)
         context.session.project_changed.connect(self._follow)
         context.jobs.begun.connect(self._follow_jobs)
         context.jobs.ended.connect(self._follow_jobs)
@@ -48,22 +58,6 @@ class OpenPage(QWidget):
         self.recent.itemActivated.connect(lambda item: context.files.open(item.data(_PATH)))
         self._follow()
         self._follow_recent()
-
-    def _describe(self) -> None:
-        for label, name in ((self.take, self.tr("What is open")), (self.notices, self.tr("What the reader did"))):
-            label.setWordWrap(True)
-            label.setTextFormat(Qt.TextFormat.PlainText)  # names may look like tags
-            label.setAccessibleName(name)
-        describe(self.browse, self.tr("Open a file"), self.tr("Open a recording in any format, or a project"))
-        self.identities.setToolTip(self.tr("Read a file that says which point is which marker in some frames"))
-        self.identities.setAccessibleName(self.tr("Read identities"))
-        describe(self.recent, self.tr("Recent files"), self.tr("Files that were open; Enter opens one again"))
-
-    def _lay_out(self) -> None:
-        invitation = QLabel(self.tr("Drop a recording or a project anywhere on this window, or"), self)
-        buttons, heading = row_of(self.browse, self.identities, room=True), QLabel(self.tr("Recent files"), self)
-        layout = column(self, (invitation, buttons, self.take, self.notices, heading, self.recent))
-        layout.setStretchFactor(self.recent, 1)
 
     def _choose_identities(self) -> None:
         project = self._context.session.project

@@ -54,19 +54,16 @@ class Timeline(QWidget):
         self.lane_view = LaneView(session, self.span, self)
         self.deriver = Deriver(self)
         self.setAccessibleName(self.tr("Timeline"))
-        self._arrange()
-        for view in (self.lane_view, self.counts):
-            add_view_actions(view, actions)
-        session.project_changed.connect(self._follow_project)
-        self._follow_project()
-
-    def _arrange(self) -> None:
         self.counts.setAccessibleName(self.tr("Points that belong to no marker"))
         self.counts.setToolTip(self.tr("How many points of each frame belong to no marker"))
         self.counts.setFixedHeight(_COUNTS_HEIGHT)
         column = bare_column(self, (self.transport, self.ruler, self.counts, self.lane_view, Legend(self)))
         column.setSpacing(0)
         column.setStretchFactor(self.lane_view, 1)
+        for view in (self.lane_view, self.counts):
+            add_view_actions(view, actions)
+        session.project_changed.connect(self._follow_project)
+        self._follow_project()
 
     def _follow_project(self) -> None:
         project = self._session.project
