@@ -15,7 +15,6 @@ import skelgen
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted(path.relative_to(ROOT / "docs") for path in (ROOT / "docs").rglob("*.md"))
-pytestmark = pytest.mark.xdist_group("site")  # one process builds the site, not each of them
 LIMIT = 600  # s; it takes 40 s of a core, and other tests share the machine
 
 
