@@ -4,12 +4,15 @@ A kernel is written as plain Python over numbers and is compiled when it is firs
 disk for the next time. With ``NUMBA_DISABLE_JIT=1`` the same source runs uncompiled. Numbers that kernels share with
 the rest of the package are defined here, as numba freezes them: what is kept on disk is good for exactly these files.
 
-numba takes half a second to import, and is imported when the first kernel is called.
+numba takes half a second to import, and is imported when the first kernel is called. How parts are compiled rests on
+numba's internals, which change: pyproject.toml allows the versions from 0.65, the oldest that the tests of kernels are
+run with, to 0.68, the newest.
 """
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import hashlib
 import threading
 from collections.abc import Callable, Iterator
@@ -170,15 +173,22 @@ def _introduce() -> None:
 
     class Listener(event.Listener):
         depth = 0  # parts of a kernel are compiled while the kernel is
+        collects = False
 
         def on_start(self, event: Any) -> None:
-            announce = _announce.get()
-            if announce is not None and self.depth == 0:
-                announce(event.data["dispatcher"].py_func.__name__)
             self.depth += 1
+            if self.depth > 1:
+                return
+            self.collects = gc.isenabled()
+            gc.disable()  # a fifth of the time: numba makes many objects, and most of them stay
+            announce = _announce.get()
+            if announce is not None:
+                announce(event.data["dispatcher"].py_func.__name__)
 
         def on_end(self, event: Any) -> None:
             self.depth -= 1
+            if self.depth == 0 and self.collects:
+                gc.enable()
 
     cast(Any, event).register("numba:compile", Listener())  # which numba gives no types
     typeof_impl.register(Kernel)(lambda kernel, context: types.Dispatcher(kernel.compiled))
@@ -208,10 +218,20 @@ def _part_compiler() -> Any:
     numba would optimise each part and make machine code of it, which nobody calls, before it does so for the kernel
     that the part is linked into.
     """
-    from numba.core import codegen, compiler  # noqa: PLC0415 - half a second
+    from numba.core import codegen, compiler, typed_passes, untyped_passes  # noqa: PLC0415 - half a second
 
     library_base: Any = codegen.JITCodeLibrary  # numba gives these no types
     compiler_base: Any = compiler.Compiler
+    unneeded = (  # as no part has closures, branches on types, or expressions of whole arrays
+        untyped_passes.InlineClosureLikes,
+        untyped_passes.DeadBranchPrune,
+        untyped_passes.MakeFunctionToJitFunction,
+        untyped_passes.InlineInlinables,
+        untyped_passes.LiteralUnroll,
+        untyped_passes.LiteralPropagationSubPipelinePass,
+        typed_passes.InlineOverloads,
+        typed_passes.NopythonRewrites,
+    )
 
     class PartLibrary(library_base):  # type: ignore[misc]
         def finalize(self) -> None:
@@ -236,9 +256,17 @@ def _part_compiler() -> Any:
         def define_pipelines(self) -> Any:
             self.state.library = PartLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
             self.state.library.enable_object_caching()
-            return super().define_pipelines()
+            return [_without(unneeded, passes) for passes in super().define_pipelines()]
 
     return PartCompiler
+
+
+def _without(unneeded: tuple[type, ...], passes: Any) -> Any:
+    """Leave passes of numba's out of a pipeline."""
+    left = type(passes)(passes.pipeline_name)
+    left.passes.extend((one, name) for one, name in passes.passes if one not in unneeded)
+    left.finalize()
+    return left
 
 
 @cache
