@@ -180,7 +180,7 @@ def _introduce() -> None:
             if self.depth > 1:
                 return
             self.collects = gc.isenabled()
-            gc.disable()  # a fifth of the time: numba makes many objects, and most of them stay
+            gc.disable()  # numba makes many objects, and most of them stay
             announce = _announce.get()
             if announce is not None:
                 announce(event.data["dispatcher"].py_func.__name__)
