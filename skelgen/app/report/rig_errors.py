@@ -40,7 +40,7 @@ def write_rig_errors(errors: RigErrors, path: Path) -> None:
         If the file cannot be written, or its suffix is another one.
     """
     if path.suffix.lower() != ".svg":
-        raise WriteError(f"{path}: the picture is drawn as SVG; give it a name that ends in .svg")
+        raise WriteError(f"{path} cannot be written: the picture is drawn as SVG; give it a name that ends in .svg")
     rows = -(-len(errors.curves) // _PANELS_IN_A_ROW)
     panels = []
     for number, curve in enumerate(errors.curves):
