@@ -35,7 +35,10 @@ def computed(window, person, tmp_path):
 
 @pytest.fixture
 def answers(monkeypatch):
-    """Answer questions for frames and names: `answers(first, last, name)`."""
+    """Answer questions for frames and names: `answers(first, last, name)`; other ones end with the test."""
+    timer = QTimer()
+    timer.setSingleShot(True)
+    timer.setInterval(200)
 
     def say(first=None, last=None, name=""):
         monkeypatch.setattr(QInputDialog, "getText", lambda *args, **kwargs: (name, True))
@@ -47,9 +50,11 @@ def answers(monkeypatch):
                 dialog.last.setValue(dialog.last.value() if last is None else last)
                 dialog.accept()
 
-        QTimer.singleShot(200, choose)
+        timer.timeout.connect(choose)
+        timer.start()
 
-    return say
+    yield say
+    timer.stop()
 
 
 @pytest.fixture
