@@ -5,16 +5,53 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
-from skelgen.errors import WriteError
+from skelgen.errors import FormatError, WriteError
 
 UNFINISHED = ".skelgen-"
 """Beginning of the names of what is not finished yet: a program that is killed leaves such files and folders."""
 
 _BLOCK = 1 << 20  # bytes read at once
+_SHOWN_OF_NAME = 32  # characters of a file's name in that of its temporary file
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file for reading; never waits for a pipe or a device, which may have no end.
+
+    Raises
+    ------
+    FormatError
+        If it cannot be opened, or is a folder, a pipe or a device.
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            what = "it is a folder" if path.is_dir() else "it is a pipe or a device, which may never end"
+            raise FormatError(path, "", f"cannot be read: {what}; give a file, or write the data into one first")
+        return path.open("rb")
+    except (OSError, ValueError) as error:  # ValueError: a zero character in the name
+        raise FormatError(path, "", f"cannot be read: {getattr(error, 'strerror', None) or error}") from error
+
+
+def read_content(path: Path, most: int = -1) -> bytes:
+    """Return the bytes of a file; errors as of `open_regular`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    most : int
+        Only so many from its beginning.
+    """
+    with open_regular(path) as stream:
+        try:
+            return stream.read(most)
+        except OSError as error:
+            raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
 
 
 @contextlib.contextmanager
@@ -36,7 +73,8 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f"{UNFINISHED}{path.name}.", suffix=path.suffix, dir=path.parent)
+        beginning, suffix = path.name[:_SHOWN_OF_NAME], path.suffix[:_SHOWN_OF_NAME]  # a name may be as long as it can
+        handle, name = tempfile.mkstemp(prefix=f"{UNFINISHED}{beginning}.", suffix=suffix, dir=path.parent)
         os.close(handle)
         temporary = Path(name)
         yield temporary
@@ -45,6 +83,8 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary = None
     except OSError as error:
         raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from error
+    except UnicodeError as error:
+        raise WriteError(f"{path}: cannot be written: a name in it, or its own, does not fit") from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
@@ -70,7 +110,12 @@ def arriving_together(folder: Path) -> Iterator[Path]:
         with tempfile.TemporaryDirectory(prefix=UNFINISHED, dir=folder) as name:
             with _telling_of(folder, instead_of=name):
                 yield Path(name)
-            for file in sorted(Path(name).iterdir()):
+            arrived_files = sorted(Path(name).iterdir())
+            for file in arrived_files:
+                if (folder / file.name).is_dir():
+                    what = "cannot be written: a folder has this name; nothing was written"
+                    raise WriteError(f"{folder / file.name}: {what}")
+            for file in arrived_files:
                 file.replace(folder / file.name)
             arrived = True
     except OSError as error:

@@ -119,8 +119,8 @@ def _frames(path: Path, asf: Asf) -> dict[str, Floats]:
     """Values of each bone, shape (n_frames, n_freedoms)."""
     wanted = {bone.name: len(bone.freedoms) for bone in asf.bones}
     values: dict[str, list[list[float]]] = {name: [] for name in wanted}
-    n_frames, last, number = 0, 0.0, 0
-    for number, line in enumerate(read_lines(path), start=1):
+    n_frames, last, lines = 0, 0.0, read_lines(path)
+    for number, line in lines.numbered():
         words = line.partition("#")[0].split()
         if not words or words[0].startswith(":"):
             continue
@@ -144,9 +144,9 @@ def _frames(path: Path, asf: Asf) -> dict[str, Floats]:
         if any(abs(value) > LARGEST_MM for value in row):
             raise FormatError(path, number, f"a value of {words[0]!r} is larger than anything that moves")
         values[words[0]].append(row)
-    _check_whole(path, number, values, wanted, n_frames)
+    _check_whole(path, len(lines), values, wanted, n_frames)
     if n_frames == 0:
-        raise FormatError(path, number, "no frame; this is not AMC, or it is cut off")
+        raise FormatError(path, len(lines), "no frame; this is not AMC, or it is cut off")
     return {name: np.array(rows).reshape(n_frames, wanted[name]) for name, rows in values.items()}
 
 
@@ -241,7 +241,7 @@ class _Reader:
 
     def read(self) -> Asf:
         section, number = "", 0
-        for number, line in enumerate(read_lines(self._path), start=1):
+        for number, line in read_lines(self._path).numbered():
             words = line.partition("#")[0].split()
             if not words:
                 continue
@@ -311,7 +311,9 @@ class _Reader:
 
     def _named(self, number: int, name: str) -> None:
         if name in self._bones or self._bone is None:
-            raise FormatError(self._path, number, f"a second bone {name!r}")
+            raise FormatError(self._path, number, f"a second bone {name[:40]!r}")
+        if self._bone.name:
+            raise FormatError(self._path, number, f"a second name of the bone {self._bone.name[:40]!r}")
         if len(self._bones) > _MOST_BONES:
             raise FormatError(self._path, number, f"more than {_MOST_BONES} bones")
         self._bone.name = name

@@ -6,6 +6,7 @@ its OFFSET, as bvhio and Blender have it; in files where they stay nearer to zer
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +19,7 @@ from skelgen.model.arrays import Floats
 from skelgen.model.takes import BoneMotion
 from skelgen_formats.bones import LARGEST_MM, bone_unit, distinct_names
 from skelgen_formats.options import AUTO
-from skelgen_formats.text import count_in, number_in, parse_rows, read_lines
+from skelgen_formats.text import Lines, count_in, number_in, parse_rows, read_lines
 
 _CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "xyz")
 _ROUNDED = 0.005  # of the rate: a frame time that is written with fewer digits could be that of many rates
@@ -84,7 +85,7 @@ def read_bvh(path: Path, skeleton: Path | None = None, unit: str = AUTO) -> Bone
 class _Hierarchy:
     """The part of a file above MOTION: its bones, and the index of the line after it."""
 
-    def __init__(self, path: Path, lines: list[str]) -> None:
+    def __init__(self, path: Path, lines: Lines) -> None:
         self.bones: list[_Bone] = []
         self.end = len(lines)
         self._path = path
@@ -184,50 +185,58 @@ class _Hierarchy:
                 raise FormatError(self._path, bone.line, f"the bone {bone.name!r} has no {missing} line")
 
 
-def _statements(lines: list[str]) -> Iterator[tuple[int, list[str]]]:
+def _statements(lines: Lines) -> Iterator[tuple[int, list[str]]]:
     """Words of each line with its number; braces stand alone, wherever they are written."""
-    for number, line in enumerate(lines, start=1):
+    for number, line in lines.numbered():
         for part in line.replace("{", "\n{\n").replace("}", "\n}\n").split("\n"):
             if part.split():
                 yield number, part.split()
 
 
-def _motion(path: Path, lines: list[str], at: int, n_channels: int) -> tuple[Floats, float]:
+def _motion(path: Path, lines: Lines, at: int, n_channels: int) -> tuple[Floats, float]:
     """The channels of every frame, shape (n_frames, n_channels), and the frame rate [Hz]."""
-    filled = [index for index in range(at, len(lines)) if lines[index].split()]
-    if len(filled) < 2:
+    following = lines.numbered(at)
+    announcement, step = next(following, None), next(following, None)
+    if announcement is None or step is None:
         raise FormatError(path, len(lines), f"MOTION without Frames and Frame Time{_CUT}")
-    n_frames = count_in(path, filled[0] + 1, _after(path, lines, filled[0], "Frames:"), "the number of frames")
-    rate = _rate(path, lines, filled[1])
+    n_frames = count_in(path, announcement[0], _after(path, announcement, "Frames:"), "the number of frames")
+    rate = _rate(path, step)
     if n_frames == 0 or n_channels == 0:
-        raise FormatError(path, filled[0] + 1, "nothing moves: there are no frames, or no bone has channels")
-    for index in filled[2:]:
-        lines[index] = " ".join(lines[index].split())
-    rows = parse_rows(path, lines, filled[1] + 1, n_channels, " ")
+        raise FormatError(path, announcement[0], "nothing moves: there are no frames, or no bone has channels")
+    numbers = array("q")  # of the frames' lines
+
+    def frames() -> Iterator[tuple[int, str]]:
+        for number, line in following:
+            if len(numbers) == n_frames:
+                raise FormatError(path, number, f"more frames than the {n_frames} announced")
+            numbers.append(number)
+            yield number, " ".join(line.split())
+
+    rows = parse_rows(path, frames(), n_channels, " ")
     if len(rows) < n_frames:
-        raise FormatError(path, filled[-1] + 1, f"{len(rows)} frames where {n_frames} are announced{_CUT}")
-    if len(rows) > n_frames:
-        raise FormatError(path, filled[2 + n_frames] + 1, f"more frames than the {n_frames} announced")
+        last = numbers[-1] if numbers else step[0]
+        raise FormatError(path, last, f"{len(rows)} frames where {n_frames} are announced{_CUT}")
     broken = np.flatnonzero(~(np.abs(rows) < LARGEST_MM).all(axis=1))
     if len(broken):
         what = "a channel is not a number, or larger than anything that moves"
-        raise FormatError(path, filled[2 + broken[0]] + 1, f"{what}; export the motion without gaps")
+        raise FormatError(path, numbers[broken[0]], f"{what}; export the motion without gaps")
     return rows, rate
 
 
-def _after(path: Path, lines: list[str], index: int, head: str) -> str:
-    words = " ".join(lines[index].split())
+def _after(path: Path, numbered: tuple[int, str], head: str) -> str:
+    number, line = numbered
+    words = " ".join(line.split())
     if not words.lower().startswith(head.lower()):
-        raise FormatError(path, index + 1, f"{words[:40]!r} where '{head}' belongs")
+        raise FormatError(path, number, f"{words[:40]!r} where '{head}' belongs")
     return words[len(head) :].strip()
 
 
-def _rate(path: Path, lines: list[str], index: int) -> float:
+def _rate(path: Path, numbered: tuple[int, str]) -> float:
     """The frame rate [Hz]; a whole number where the frame time is one's, cut or rounded to the digits written."""
-    text = _after(path, lines, index, "Frame Time:")
-    seconds = number_in(path, index + 1, text, "the frame time")
+    text = _after(path, numbered, "Frame Time:")
+    seconds = number_in(path, numbered[0], text, "the frame time")
     if not 1 / LARGEST_MM < seconds < LARGEST_MM:
-        raise FormatError(path, index + 1, f"the frame time is {seconds:g} s; it must be above 0")
+        raise FormatError(path, numbered[0], f"the frame time is {seconds:g} s; it must be above 0")
     decimals = len(text.replace(",", ".").partition(".")[2]) if "e" not in text.lower() else 0
     whole = round(1 / seconds)
     if whole and abs(whole * seconds - 1) < _ROUNDED and abs(1 / whole - seconds) <= 10.0**-decimals:

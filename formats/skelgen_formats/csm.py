@@ -23,7 +23,7 @@ numbers have as many digits as give the same float64 back.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from skelgen.errors import FormatError
@@ -46,7 +46,7 @@ from skelgen_formats.markers import (
 )
 from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Option, Options, Writable, per_mm
 from skelgen_formats.registry import Format
-from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines
+from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines
 
 _TITLE = "CSM"
 _DROPOUT = "DROPOUT"
@@ -141,17 +141,17 @@ def _clean(name: str) -> str:
     return "_".join(name.split()).lstrip("$")
 
 
-def _sections(path: Path, lines: Sequence[str]) -> tuple[_Sections, int]:
+def _sections(path: Path, lines: Lines) -> tuple[_Sections, int]:
     """Return the keywords before the points, and the index of the first line of points."""
     sections: _Sections = {}
     words: list[str] = []
-    for index, line in enumerate(lines):
+    for number, line in lines.numbered():
         if line.lstrip().startswith("$"):
             keyword, *rest = line.split()
             if keyword.lower() == "$points":
-                return sections, index + 1
+                return sections, number
             words = list(rest)
-            sections[keyword.lower()] = (index + 1, words)
+            sections[keyword.lower()] = (number, words)
         else:
             words.extend(line.split())
     raise FormatError(path, len(lines), "there is no $Points: this is no CSM file or it is cut off")
@@ -164,19 +164,19 @@ def _section(path: Path, sections: _Sections, keyword: str) -> tuple[int, list[s
     return sections[keyword]
 
 
-def _frames(path: Path, lines: Sequence[str], first: int, n_markers: int) -> tuple[Floats, list[int]]:
+def _frames(path: Path, lines: Lines, first: int, n_markers: int) -> tuple[Floats, list[int]]:
     """Return positions, shape (n_frames, 3 n_markers), and the frame numbers."""
-    full = list(lines)
     numbers: list[int] = []
-    for index in range(first, len(lines)):
-        if not lines[index].strip():
-            continue
-        if _DROPOUT in lines[index].upper():
-            full[index] = _without_dropouts(path, lines[index].split(), index + 1, n_markers)
-        numbers.append(count_in(path, index + 1, lines[index].split(None, 1)[0], "the frame number"))
-        if len(numbers) > 1 and numbers[-1] != numbers[-2] + 1:
-            raise FormatError(path, index + 1, f"frame {numbers[-1]} follows frame {numbers[-2]}; a line is missing")
-    return parse_rows(path, full, first, 3 * n_markers + 1, None)[:, 1:], numbers
+
+    def checked() -> Iterator[tuple[int, str]]:
+        for number, line in lines.numbered(first):
+            numbers.append(count_in(path, number, line.split(None, 1)[0], "the frame number"))
+            if len(numbers) > 1 and numbers[-1] != numbers[-2] + 1:
+                raise FormatError(path, number, f"frame {numbers[-1]} follows frame {numbers[-2]}; a line is missing")
+            dropped = _DROPOUT in line.upper()
+            yield number, _without_dropouts(path, line.split(), number, n_markers) if dropped else line
+
+    return parse_rows(path, checked(), 3 * n_markers + 1, None)[:, 1:], numbers
 
 
 def _without_dropouts(path: Path, words: list[str], line: int, n_markers: int) -> str:

@@ -42,7 +42,7 @@ def read_identities(path: Path | str) -> Identities:
         If a column is missing or unknown, or a line does not fit, with the line's number.
     """
     path = Path(path)
-    filled = [(number, line) for number, line in enumerate(read_lines(path), start=1) if line.strip(" \t,;")]
+    filled = (numbered for numbered in read_lines(path).numbered() if numbered[1].strip(" \t,;"))
     lines = [(number, line) for number, line in filled if not line.lstrip().startswith(_COMMENT)]
     if not lines:
         raise FormatError(path, "", "holds no line but comments; a header such as 'name,frame,x,y,z' was expected")
@@ -60,8 +60,9 @@ def _columns(path: Path, number: int, cells: list[str]) -> tuple[str, ...]:
         raise FormatError(path, number, f"the column {unknown[0]!r} is unknown; columns are {', '.join(_COLUMNS)}")
     if len(set(names)) < len(names):
         raise FormatError(path, number, "a column stands there twice")
-    if not {"name", "frame"} <= set(names) or not ({"point"} <= set(names) or set(_AXES) <= set(names)):
-        raise FormatError(path, number, "the columns name, frame and x, y, z (or point) are needed")
+    axes = set(_AXES) & set(names)
+    if not {"name", "frame"} <= set(names) or not (axes or "point" in names) or 0 < len(axes) < len(_AXES):
+        raise FormatError(path, number, "the columns name, frame and x, y, z, all three (or point), are needed")
     return names
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skelgen.errors import FormatError, MissingResultError, WriteError
 from skelgen.files import replacing
@@ -22,6 +25,7 @@ FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
 
 _UNLABELLED = re.compile(r"(\*\d+|unlabel+ed[ _-]?\d*)", re.IGNORECASE)
+_NUMBERS_AT_ONCE = 1 << 18
 _NAMED_IN_NOTICE = 8  # names that a notice lists before it says how many more there are
 
 
@@ -45,7 +49,7 @@ def mm_per_unit(path: Path, place: str | int, unit: str) -> float:
 
 
 def scaled(path: Path, positions: Floats, factor: float) -> Floats:
-    """Return positions in mm with half-seen markers unseen; refuse what cannot be a position.
+    """Bring positions to mm, in their place, with half-seen markers unseen; refuse what cannot be a position.
 
     Parameters
     ----------
@@ -55,23 +59,35 @@ def scaled(path: Path, positions: Floats, factor: float) -> Floats:
         In the file's unit.
     factor : float
         mm per unit of the file.
+
+    Returns
+    -------
+    ndarray, shape (n_frames, n_markers, 3), mm
+        The same array.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        millimetres = positions * factor
-        wild = np.argwhere(np.abs(millimetres) > FARTHEST)
-    if len(wild):
-        frame, marker, axis = wild[0]
-        value = positions[frame, marker, axis]
-        what = f"marker {marker + 1} lies at {value:g}; the file is damaged or its unit wrong"
-        raise FormatError(path, f"frame {frame + 1}", what)
-    millimetres[np.isnan(millimetres).any(axis=2)] = np.nan
-    return millimetres
+    for first, block in frames_in_blocks(positions):
+        wild = np.argwhere(np.abs(block) > FARTHEST / factor)
+        if len(wild):
+            frame, marker, axis = wild[0]
+            what = f"marker {marker + 1} lies at {block[frame, marker, axis]:g}; the file is damaged or its unit wrong"
+            raise FormatError(path, f"frame {first + frame + 1}", what)
+        np.multiply(block, factor, out=block)
+        block[np.isnan(block).any(axis=2)] = np.nan
+    return positions
 
 
 def zeros_unseen(positions: Floats) -> Floats:
-    """Return positions where markers at exactly (0, 0, 0), which some programs write for a gap, are NaN."""
-    gaps: Bools = (positions == 0.0).all(axis=2)
-    return np.where(gaps[..., np.newaxis], np.nan, positions)
+    """Make markers at exactly (0, 0, 0), which some programs write for a gap, NaN; return the same array."""
+    for _, block in frames_in_blocks(positions):
+        block[(block == 0.0).all(axis=2)] = np.nan
+    return positions
+
+
+def frames_in_blocks(frames: NDArray[Any]) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Yield the first frame and a view of some frames at a time, so that what is computed of them takes no memory."""
+    size = max(1, _NUMBERS_AT_ONCE // max(1, math.prod(frames.shape[1:])))
+    for first in range(0, len(frames), size):
+        yield first, frames[first : first + size]
 
 
 def take_from_markers(
@@ -118,7 +134,9 @@ def take_from_markers(
     _note(notices, names, ever & ~labelled, "left out because unlabelled")
     keep = np.flatnonzero(ever & labelled).tolist()
     kept_names = _without_prefixes([names[index] for index in keep], notices)
-    return Trajectories(positions[:, keep], kept_names, rate, path.name, tuple(notices))
+    kept = positions[:, keep] if len(keep) < positions.shape[1] else positions
+    kept.flags.writeable = False  # so that the value takes it as it is
+    return Trajectories(kept, kept_names, rate, path.name, tuple(notices))
 
 
 def _is_unlabelled(name: str) -> bool:

@@ -15,6 +15,7 @@ from skelgen.model.filled import Filled
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, cloud_from_markers
 from skelgen_formats.mfml_stream import (
+    FRAME_HEADER,
     MARKER_DTYPES,
     SECONDS_PER_UNIT,
     Content,
@@ -62,9 +63,9 @@ def read_mfml(path: Path, id_width: str = "auto", timestamp_unit: str = "us") ->
     """
     with Content(path) as content:
         width = find_id_width(path, content.view, id_width)
-        headers = np.array(list(frame_headers(content.view, width)), dtype=_HEADER_ROW)
+        headers = np.fromiter(frame_headers(content.view, width), dtype=_HEADER_ROW)
         counts = headers["count"]
-        markers = _all_markers(content.view, width, headers["start"], counts)
+        markers = _all_markers(content.view, width, headers["start"])
     if not len(markers):
         raise FormatError(path, "", "no marker is seen in any frame: there is nothing to reconstruct from")
     starts = np.concatenate(([0], np.cumsum(counts))).astype(np.intp)
@@ -113,11 +114,12 @@ def write_mfml(
     return [path]
 
 
-def _all_markers(view: mmap.mmap, width: int, starts: Ints, counts: Ints) -> Markers:
-    dtype = MARKER_DTYPES[width]
-    ends = starts + counts * dtype.itemsize
-    parts = [view[start:end] for start, end in zip(starts.tolist(), ends.tolist(), strict=True)]
-    return np.frombuffer(b"".join(parts), dtype)
+def _all_markers(view: mmap.mmap, width: int, starts: Ints) -> Markers:
+    """What is left of the file without the headers of the frames."""
+    is_marker = np.ones(len(view), dtype=np.bool_)
+    for byte in range(FRAME_HEADER.itemsize):
+        is_marker[starts - FRAME_HEADER.itemsize + byte] = False
+    return np.frombuffer(view, np.uint8)[is_marker].view(MARKER_DTYPES[width])
 
 
 def _check_numbers(path: Path, markers: Markers, starts: Ints) -> None:

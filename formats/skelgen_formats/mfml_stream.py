@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.errors import FormatError, WriteError
-from skelgen.files import replacing
+from skelgen.files import open_regular, replacing
 
 FRAME_HEADER = np.dtype({"names": ["n_markers", "time"], "formats": ["<u4", "<u8"], "offsets": [0, 4], "itemsize": 12})
 """Layout of a frame's header."""
@@ -169,7 +169,7 @@ class Content:
 
     def __enter__(self) -> Content:
         try:
-            with self.path.open("rb") as stream:
+            with open_regular(self.path) as stream:
                 self.view = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise FormatError(self.path, "", f"cannot be read: {error.strerror or error}") from error

@@ -16,7 +16,7 @@ import numpy as np
 from skelgen.files import arriving_together
 from skelgen.geometry.rotations import quaternion_from_matrix
 from skelgen.model import Project
-from skelgen.model.arrays import Bools, Floats
+from skelgen.model.arrays import Bools, Floats, displayable
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.articulated import M_PER_MM, Link, bones_of, links_of, markers_on, remarks_on_joints
 from skelgen_formats.motion_csv import write_motion
@@ -56,7 +56,7 @@ def write_mjcf(value: Writable, path: Path, joints: str = AS_MOVED, monitor: Mon
     links = {link.name: link for link in links_of(project, joints)}
     with arriving_together(path.parent) as folder:
         model, motion = _files(folder / path.name)
-        document = Element("mujoco", model=model.name.removesuffix(MODEL_SUFFIX))
+        document = Element("mujoco", model=displayable(model.name.removesuffix(MODEL_SUFFIX)))
         order = [links[name] for name in _add_bodies(document, project, links)]
         qpos = np.concatenate([_coordinates(link) for link in order], axis=1)
         SubElement(SubElement(document, "keyframe"), "key", name="start", qpos=number_text(qpos[0]))

@@ -73,7 +73,7 @@ def read_motive(path: Path) -> Trajectories | PointCloud:
     if not unit:
         notices.append("the header names no length unit; metres are assumed")
     wanted = [column for triple in columns.values() for column in triple]
-    rows = parse_rows(path, lines, titles.first, len(titles.axes), delimiter, wanted)
+    rows = parse_rows(path, lines.numbered(titles.first), len(titles.axes), delimiter, wanted)
     if "Total Exported Frames" in header:
         announced = count_in(path, 1, header["Total Exported Frames"], "Total Exported Frames")
         check_frames(path, 1, announced, len(rows), notices)

@@ -82,7 +82,7 @@ def write_opensim(value: Writable, path: Path, joints: str = AS_MOVED, monitor: 
         write_tree(model, _document(project, links, named.names, path.stem))
         write_tree(setup, _setup(project, named.names, files))
         with motion.open("w", encoding="ascii", newline="\n") as stream:
-            stream.writelines(_motion(project, links, path.stem, monitor))
+            stream.writelines(_motion(project, links, plain_names([path.stem])[0], monitor))
         write_trc(named, markers)
     return list(_files(path))
 

@@ -17,7 +17,7 @@ from skelgen.errors import FormatError
 from skelgen.model import PointCloud, Trajectories
 from skelgen_formats.markers import check_frames, scaled, take_from_markers, zeros_unseen
 from skelgen_formats.registry import Format
-from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
+from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _KEY = re.compile(r"[A-Z][A-Z0-9_]+")
 _FIRST_KEY = "NO_OF_FRAMES"
@@ -52,7 +52,7 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud:
     rate = rate_in(path, rate_line, rate_text[0], "FREQUENCY")
     _check_marker_count(path, header, len(names))
     leading, first = _leading_cells(path, lines, first, len(names))
-    rows = parse_rows(path, lines, first, leading + 3 * len(names), "\t")
+    rows = parse_rows(path, lines.numbered(first), leading + 3 * len(names), "\t")
     notices: list[str] = []
     frames_line, frames = _entry(path, header, _FIRST_KEY)
     check_frames(path, frames_line, count_in(path, frames_line, frames[0], _FIRST_KEY), len(rows), notices)
@@ -60,14 +60,14 @@ def read_qualisys(path: Path) -> Trajectories | PointCloud:
     return take_from_markers(path, scaled(path, positions, _MM), names, rate, notices)
 
 
-def _header(lines: Sequence[str]) -> tuple[_Header, int]:
+def _header(lines: Lines) -> tuple[_Header, int]:
     header: _Header = {}
-    for index, line in enumerate(lines):
+    for number, line in lines.numbered():
         cells = [cell.strip() for cell in line.split("\t")]
-        if line.strip() and not _KEY.fullmatch(cells[0]):
-            return header, index
-        if line.strip() and cells[0] not in header:
-            header[cells[0]] = (index + 1, without_trailing_empty(cells[1:]))
+        if not _KEY.fullmatch(cells[0]):
+            return header, number - 1
+        if cells[0] not in header:
+            header[cells[0]] = (number, without_trailing_empty(cells[1:]))
     return header, len(lines)
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from skelgen.errors import FormatError, WriteError
+from skelgen.files import read_content
 from skelgen.geometry.frame_rate import with_rate
 from skelgen.geometry.up_axis import with_up_axis
 from skelgen.model import Project, Take
@@ -106,11 +107,7 @@ def recognise(path: Path) -> Format:
     FormatError
         If the file cannot be opened, is empty, or nothing matches.
     """
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(SNIFF_BYTES)
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+    head = read_content(path, SNIFF_BYTES)
     if not head:
         raise FormatError(path, "", "the file is empty")
     readable = [entry for entry in known_formats() if entry.read is not None]

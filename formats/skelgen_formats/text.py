@@ -2,24 +2,93 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import csv
 import math
-from collections.abc import Sequence
+import re
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 
 from skelgen.errors import FormatError
+from skelgen.files import read_content
 from skelgen.model.arrays import Floats
 
 _UTF8_MARK = b"\xef\xbb\xbf"
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a"})
+_PIECE = 1 << 20  # bytes decoded at once
+_LONGEST_LINE = 1 << 23  # bytes: a hundred thousand markers
+_BLANK_LINES = re.compile(rb"[ \t\n]*\n")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
 
-def read_lines(path: Path) -> list[str]:
+class Lines(Sequence[str]):
+    """The lines of a text file without their ends: held as the file's bytes, decoded one by one as they are read.
+
+    A list of lines would take up to twenty times the file, where lines are short. Lines that are asked for in turn are
+    found at once; one that lies before the last is searched from the beginning.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for errors.
+    content : bytes
+        Its content, with LF as the ends of lines.
+    encoding : str
+        Of the text.
+    """
+
+    def __init__(self, path: Path, content: bytes, encoding: str) -> None:
+        self._path, self._content, self._encoding = path, content, encoding
+        self._length = content.count(b"\n") + 1
+        self._index, self._start = 0, 0  # of the line that was asked for last
+
+    def __len__(self) -> int:
+        return self._length
+
+    @overload
+    def __getitem__(self, index: int) -> str: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[str]: ...
+    def __getitem__(self, index: int | slice) -> str | list[str]:
+        """Return a line, or a list of some."""
+        if isinstance(index, slice):
+            return [self[place] for place in range(*index.indices(self._length))]
+        index = index + self._length if index < 0 else index
+        if not 0 <= index < self._length:
+            raise IndexError(index)
+        if index < self._index:
+            self._index, self._start = 0, 0
+        while self._index < index:
+            self._start = self._content.index(b"\n", self._start) + 1
+            self._index += 1
+        end = self._content.find(b"\n", self._start)
+        end = len(self._content) if end < 0 else end
+        if end - self._start > _LONGEST_LINE:
+            what = f"a line of {end - self._start} characters; the longest that can be read has {_LONGEST_LINE}"
+            raise FormatError(self._path, index + 1, what)
+        return self._content[self._start : end].decode(self._encoding)
+
+    def numbered(self, first: int = 0) -> Iterator[tuple[int, str]]:
+        """Yield lines from index `first` on that are not blank, with their numbers, which begin with 1."""
+        index = first
+        while index < self._length:
+            line = self[index]
+            if line and not line.isspace():
+                yield index + 1, line
+            elif (blank := _BLANK_LINES.match(self._content, self._start)) is not None:  # a run of them at once
+                self._index += self._content.count(b"\n", self._start, blank.end())
+                self._start, index = blank.end(), self._index
+                continue
+            index += 1
+
+
+def read_lines(path: Path) -> Lines:
     """Return the lines of a text file without their line ends.
 
     UTF-8 with or without a byte order mark and UTF-16 with one are recognised; anything else is taken as latin-1,
@@ -30,16 +99,16 @@ def read_lines(path: Path) -> list[str]:
     FormatError
         If the file cannot be read, is empty, or is not text.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
-    if not content.strip():
+    content = read_content(path)
+    if not content or content.isspace():
         raise FormatError(path, "", "the file is empty")
-    text = _decoded(path, content)
-    if "\0" in text:
+    if content[:2] in _UTF16_MARKS:
+        content = _utf8_from_utf16(path, content)
+    if b"\0" in content:
         raise FormatError(path, "", "holds zero bytes: it is a binary file or damaged; a text file was expected")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return Lines(path, content.removeprefix(_UTF8_MARK), "utf-8" if _is_utf8(content) else "latin-1")
 
 
 def decoded_head(head: bytes) -> str:
@@ -49,16 +118,22 @@ def decoded_head(head: bytes) -> str:
     return head.removeprefix(_UTF8_MARK).decode("latin-1")
 
 
-def _decoded(path: Path, content: bytes) -> str:
-    if content[:2] in _UTF16_MARKS:
-        try:
-            return content.decode("utf-16")
-        except UnicodeDecodeError as error:
-            raise FormatError(path, f"byte {error.start}", "is not UTF-16 text as its first bytes say") from error
+def _utf8_from_utf16(path: Path, content: bytes) -> bytes:
     try:
-        return content.decode("utf-8-sig")
+        return content.decode("utf-16").encode()
+    except UnicodeDecodeError as error:
+        raise FormatError(path, f"byte {error.start}", "is not UTF-16 text as its first bytes say") from error
+
+
+def _is_utf8(content: bytes) -> bool:
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    try:
+        for start in range(0, len(content), _PIECE):
+            decoder.decode(content[start : start + _PIECE])
+        decoder.decode(b"", final=True)
     except UnicodeDecodeError:
-        return content.decode("latin-1")
+        return False
+    return True
 
 
 def split_cells(path: Path, line: str, number: int, delimiter: str) -> list[str]:
@@ -131,22 +206,19 @@ def rate_in(path: Path, place: str | int, text: str, what: str) -> float:
 
 def parse_rows(
     path: Path,
-    lines: Sequence[str],
-    first: int,
+    lines: Iterable[tuple[int, str]],
     n_cells: int,
     delimiter: str | None,
     columns: Sequence[int] | None = None,
 ) -> Floats:
-    """Return the numbers of the non-blank lines from index `first` on; empty cells and words like NaN become NaN.
+    """Return the numbers of lines; empty cells and words like NaN become NaN.
 
     Parameters
     ----------
     path : Path
         For errors.
-    lines : sequence of str
-        All lines of the file.
-    first : int
-        Index of the first data line.
+    lines : iterable of (number, line)
+        From `Lines.numbered`.
     n_cells : int
         Cells that each line must have; blank ones beyond them are ignored.
     delimiter : str or None
@@ -163,17 +235,14 @@ def parse_rows(
     FormatError
         If a line has the wrong number of cells or a cell that is not a number.
     """
-    rows: list[Floats] = []
-    for index in range(first, len(lines)):
-        line = lines[index]
-        if not line.strip():
-            continue
+    numbers = array("d")
+    for number, line in lines:
         cells = line.split(delimiter)
         if len(cells) != n_cells:
-            cells = _fitted(path, cells, index + 1, n_cells, delimiter)
+            cells = _fitted(path, cells, number, n_cells, delimiter)
         wanted = cells if columns is None else [cells[column] for column in columns]
-        rows.append(_row(path, wanted, index + 1, delimiter, is_plain="_" not in line))
-    return np.array(rows, dtype=np.float64).reshape(len(rows), n_cells if columns is None else len(columns))
+        numbers.extend(_row(path, wanted, number, delimiter, is_plain="_" not in line))
+    return np.frombuffer(numbers).reshape(-1, n_cells if columns is None else len(columns))
 
 
 def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: str | None) -> list[str]:
@@ -188,11 +257,11 @@ def _fitted(path: Path, cells: list[str], number: int, n_cells: int, delimiter: 
     raise FormatError(path, number, f"{found} where {wanted} belong{hint}")
 
 
-def _row(path: Path, cells: Sequence[str], number: int, delimiter: str | None, *, is_plain: bool) -> Floats:
+def _row(path: Path, cells: Sequence[str], number: int, delimiter: str | None, *, is_plain: bool) -> list[float]:
     if is_plain:  # the slow way below understands more, or says which cell is wrong
         with contextlib.suppress(ValueError):
-            return np.array([float(cell) if cell else math.nan for cell in cells])
-    return np.array([_cell(path, cell, number, column, delimiter) for column, cell in enumerate(cells, start=1)])
+            return [float(cell) if cell else math.nan for cell in cells]
+    return [_cell(path, cell, number, column, delimiter) for column, cell in enumerate(cells, start=1)]
 
 
 def _cell(path: Path, cell: str, number: int, column: int, delimiter: str | None) -> float:

@@ -24,7 +24,7 @@ import numpy as np
 from skelgen.errors import FormatError
 from skelgen.files import replacing
 from skelgen.model import PointCloud, Trajectories
-from skelgen.model.arrays import Floats
+from skelgen.model.arrays import Floats, displayable
 from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import (
     check_markers,
@@ -40,7 +40,7 @@ from skelgen_formats.markers import (
 )
 from skelgen_formats.options import AXES, FILLED, RATE, UNIT, Writable, per_mm
 from skelgen_formats.registry import Format
-from skelgen_formats.text import count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
+from skelgen_formats.text import Lines, count_in, decoded_head, parse_rows, rate_in, read_lines, without_trailing_empty
 
 _TITLE = "TRC"
 _HEADER_LINES = 5  # magic, keys, values, names, coordinate names
@@ -75,8 +75,8 @@ def read_trc(path: Path) -> Trajectories | PointCloud:
         raise FormatError(path, start + 4, f"{len(names)} marker names where NumMarkers says {n_markers}")
     rate = rate_in(path, start + 3, _value(path, header, "datarate", start), "DataRate")
     factor = mm_per_unit(path, start + 3, _value(path, header, "units", start))
-    uncommented = ["" if line.startswith("#") else line for line in lines]
-    rows = parse_rows(path, uncommented, start + _HEADER_LINES, _LEADING_CELLS + 3 * n_markers, "\t")
+    frames = (numbered for numbered in lines.numbered(start + _HEADER_LINES) if not numbered[1].startswith("#"))
+    rows = parse_rows(path, frames, _LEADING_CELLS + 3 * n_markers, "\t")
     notices: list[str] = []
     announced = count_in(path, start + 3, _value(path, header, "numframes", start), "NumFrames")
     _check_length(lines, announced, rows, notices)
@@ -120,13 +120,13 @@ def write_trc(
     return [path, *write_table(markers, path)]
 
 
-def _header_start(path: Path, lines: Sequence[str]) -> int:
-    for index, line in enumerate(lines):
+def _header_start(path: Path, lines: Lines) -> int:
+    for number, line in lines.numbered():
         if line.startswith(_FIRST_LINE):
-            if len(lines) < index + _HEADER_LINES:
+            if len(lines) < number - 1 + _HEADER_LINES:
                 raise FormatError(path, len(lines), "the header is cut off; five lines belong to it")
-            return index
-        if line.strip() and not line.startswith("#"):
+            return number - 1
+        if not line.startswith("#"):
             break
     raise FormatError(path, 1, f"a TRC file begins with {_FIRST_LINE}; this one does not")
 
@@ -158,7 +158,7 @@ def _check_length(lines: Sequence[str], announced: int, rows: Floats, notices: l
 def _header_text(path: Path, take: Trajectories, names: Sequence[str], unit: str) -> str:
     values = [take.rate, take.rate, take.n_frames, take.n_markers, unit, take.rate, 1, take.n_frames]
     coordinates = [f"{axis}{number}" for number in range(1, take.n_markers + 1) for axis in "XYZ"]
-    rows = [(_FIRST_LINE, "4", "(X/Y/Z)", path.name), _KEYS, map(str, values)]
+    rows = [(_FIRST_LINE, "4", "(X/Y/Z)", displayable(path.name)), _KEYS, map(str, values)]
     titles = "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t"
     return "\n".join([*("\t".join(row) for row in rows), titles, "\t\t" + "\t".join(coordinates), "", ""])
 

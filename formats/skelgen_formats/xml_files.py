@@ -10,7 +10,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, indent, tostring
 
 from skelgen.errors import FormatError, WriteError
-from skelgen.files import replacing
+from skelgen.files import read_content, replacing
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, production 2 (Char)
 
@@ -37,12 +37,11 @@ def read_root(path: Path, root_name: str, file_name: str, largest: int) -> Any:
     from lxml import etree  # noqa: PLC0415 - costs 50 ms, and most runs read no such file
 
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
+    content = read_content(path, largest + 1)
+    if len(content) > largest:
+        raise FormatError(path, "", f"the file is larger than {largest} bytes; no {file_name} is")
     try:
-        if path.stat().st_size > largest:
-            raise FormatError(path, "", f"the file is larger than {largest} bytes; no {file_name} is")
-        root = etree.fromstring(path.read_bytes(), parser)
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+        root = etree.fromstring(content, parser)
     except etree.XMLSyntaxError as error:
         raise FormatError(path, error.lineno or "", f"broken XML: {error.msg}") from error
     if root.getroottree().docinfo.internalDTD is not None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelgen.errors import FormatError, InputError
+from skelgen.files import read_content
 from skelgen.model import Poses, Project, Trajectories
 from skelgen.model.corrections import Correction, named_marker
 from skelgen.model.topology import parents_from_names
@@ -218,9 +219,7 @@ def read_hierarchy(path: Path | str) -> dict[str, str]:
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise FormatError(path, "", f"cannot be read: {error.strerror or error}") from error
+        lines = read_content(path).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise FormatError(path, "", "is no text in UTF-8") from error
     parents: dict[str, str] = {}

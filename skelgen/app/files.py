@@ -13,8 +13,8 @@ from skelgen_formats.options import Option
 
 from skelgen.app.project_file.archive import SUFFIX, find_result, is_project_file, open_project, save_project
 from skelgen.app.project_file.references import source_of
-from skelgen.errors import InputError, WriteError
-from skelgen.files import replacing
+from skelgen.errors import FormatError, InputError, WriteError
+from skelgen.files import read_content, replacing
 from skelgen.model import Identities, PointCloud, Project, Take
 from skelgen.model.filled import Filled
 from skelgen.model.rig import CaptureSettings
@@ -193,8 +193,9 @@ def _option_names(format_name: str) -> set[str]:
     return {option.name for option in entry.options if option.reading}
 
 
-# The root of capture settings, behind what XML allows before it.
-_ROOT = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?.*?\?>\s*|<!--.*?-->\s*|<!DOCTYPE[^>]*>\s*)*<capture[\s>/]", re.DOTALL)
+# The root of capture settings, behind what XML allows before it; nothing that has matched is tried anew.
+_BEFORE_ROOT = rb"(?>\s+|<\?(?>.*?\?>)|<!--(?>.*?-->)|<!DOCTYPE[^>]*+>)*+"
+_ROOT = re.compile(rb"(?:\xef\xbb\xbf)?" + _BEFORE_ROOT + rb"<capture[\s>/]", re.DOTALL)
 
 
 def read_stereo(path: Path | str, source: str = "", frames: int = 0, *, monitor: Monitor = SILENT) -> PointCloud:
@@ -245,9 +246,8 @@ def is_stereo(path: Path | str, format: str | None = None) -> bool:
     if format is not None:
         return format == STEREO.name
     try:
-        with Path(path).open("rb") as stream:
-            return _sniff(stream.read(registry.SNIFF_BYTES), Path(path))
-    except OSError:
+        return _sniff(read_content(Path(path), registry.SNIFF_BYTES), Path(path))
+    except FormatError:
         return False  # who reads it next says why it cannot be read
 
 

@@ -115,7 +115,7 @@ def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
     InputError
         If there are more or fewer, or one is empty or stands twice.
     """
-    clean = tuple(str(name) for name in names)
+    clean = tuple(displayable(str(name)) for name in names)
     if len(clean) != count:
         raise InputError(f"{len(clean)} {what} names where {count} belong")
     seen: set[str] = set()
@@ -126,6 +126,11 @@ def check_names(names: Sequence[str], count: int, what: str) -> tuple[str, ...]:
             raise InputError(f"two {what}s are called {name!r}; names must differ")
         seen.add(name)
     return clean
+
+
+def displayable(text: str) -> str:
+    """Return a text that every file can hold: what stands for bytes that are not UTF-8 becomes a question mark."""
+    return text.encode("utf-8", "replace").decode()
 
 
 def check_rate(rate: Any, what: str) -> float:

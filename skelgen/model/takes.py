@@ -11,7 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelgen.errors import InputError
-from skelgen.model.arrays import Bools, Floats, Ints, check_floats, check_ints, check_names, check_rate, set_fields
+from skelgen.model.arrays import (
+    Bools,
+    Floats,
+    Ints,
+    check_floats,
+    check_ints,
+    check_names,
+    check_rate,
+    displayable,
+    set_fields,
+)
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """Units of length that arrays may be in, in mm."""
@@ -57,7 +67,9 @@ class PointCloud:
             raise InputError(f"time stamps go back at frame {int(np.argmax(np.diff(times) < 0)) + 1}")
         attributes = {key: check_floats(value, (len(points),), key) for key, value in self.attributes.items()}
         set_fields(self, points=points, frame_starts=starts, times=times)
-        set_fields(self, attributes=MappingProxyType(attributes), notices=tuple(self.notices))
+        set_fields(
+            self, attributes=MappingProxyType(attributes), notices=tuple(self.notices), name=displayable(self.name)
+        )
 
     @property
     def n_frames(self) -> int:
@@ -121,7 +133,9 @@ class Trajectories:
             positions = np.where(half_seen[..., np.newaxis], np.nan, positions)
             positions.flags.writeable = False
         names, rate = check_names(self.names, positions.shape[1], "marker"), check_rate(self.rate, "the take")
-        set_fields(self, positions=positions, names=names, rate=rate, notices=tuple(self.notices))
+        set_fields(
+            self, positions=positions, names=names, rate=rate, notices=tuple(self.notices), name=displayable(self.name)
+        )
 
     @classmethod
     def from_array(
@@ -242,7 +256,14 @@ class Poses:
             transforms = np.where(unseen[..., np.newaxis, np.newaxis], np.nan, transforms)
             transforms.flags.writeable = False
         names, rate = check_names(self.names, transforms.shape[1], "body"), check_rate(self.rate, "the take")
-        set_fields(self, world_from_body=transforms, names=names, rate=rate, notices=tuple(self.notices))
+        set_fields(
+            self,
+            world_from_body=transforms,
+            names=names,
+            rate=rate,
+            notices=tuple(self.notices),
+            name=displayable(self.name),
+        )
 
     @property
     def n_frames(self) -> int:
@@ -305,6 +326,7 @@ class BoneMotion:
         tips = tuple(check_floats(tips, (None, 3), "tips of a bone", finite=True) for tips in self.tips)
         rate = check_rate(self.rate, "the motion")
         set_fields(self, names=names, parents=parents, rotations=rotations, places=places, tips=tips, rate=rate)
+        set_fields(self, name=displayable(self.name))
 
     @property
     def n_frames(self) -> int:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from skelgen.errors import FormatError, InputError
-from skelgen.files import replacing
+from skelgen.files import open_regular, replacing
 from skelgen.model.arrays import Floats, Ints, check_floats, check_ints, check_names, check_rate, set_fields
 from skelgen.model.skeleton import JOINT_KINDS
 from skelgen.model.topology import check_forest, joint_children
@@ -23,6 +23,7 @@ TRUTH_SUFFIX = ".truth.npz"
 """Usual end of a truth file's name."""
 
 _VERSION = 1
+_MOST_TIMES, _FREE_MEMORY = 16, 1 << 24  # noise and motion shrink to a half; what a small file may take, in bytes
 _BROKEN = (
     *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError),  # a damaged archive
     *(ValueError, TypeError, SyntaxError, TokenError, OverflowError, MemoryError),  # a damaged array in it
@@ -183,7 +184,10 @@ def read_truth(path: Path | str) -> Truth:
     """
     path = Path(path)
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+        with open_regular(path) as stream, np.load(stream, allow_pickle=False) as archive:
+            size = sum(member.file_size for member in archive.zip.infolist())
+            if size > _MOST_TIMES * path.stat().st_size + _FREE_MEMORY:
+                raise FormatError(path, "", f"announces arrays of {size} bytes, far more than such a file holds")
             version = int(archive["skelgen_truth"])
             if version != _VERSION:
                 what = f"a truth file of version {version} where {_VERSION} is known; update skelgen"

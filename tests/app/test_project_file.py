@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from skelgen_formats.summary_json import summary
 
+from skelgen.app.outputs import OUTPUTS, write_outputs
 from skelgen.app.project_file.archive import VERSION, find_result, is_project_file, open_project, save_project
 from skelgen.app.report import report_html
 from skelgen.app.tables import project_tables
@@ -300,3 +302,56 @@ def test_motion_of_a_file_has_its_joint_angles(small_project, saved):
     for wanted, found in zip(angles, open_project(saved).motion.joint_angles, strict=True):
         np.testing.assert_array_equal(found.values, wanted.values)
         np.testing.assert_array_equal(found.std, wanted.std)
+
+
+def changed_structure(saved, tmp_path, change):
+    """The project with its structure edited by `change`."""
+    with zipfile.ZipFile(saved) as archive:
+        structure = json.loads(archive.read("project.json"))
+    change(structure)
+    return with_member(saved, "project.json", json.dumps(structure), tmp_path / "changed.skelgen")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda structure: structure["take"]["fields"].update(name=5),
+        lambda structure: structure["take"]["fields"].update(notices=[1]),
+        lambda structure: structure["motion"]["fields"].update(compute_angles="now"),
+        lambda structure: structure["skeleton"]["fields"]["joints"][0]["fields"].update(parent=0.5),
+        lambda structure: structure.update(seed="0"),
+        lambda structure: structure.update(seed=-1),
+        lambda structure: structure.update(view={"zoom": float("nan")}),
+        lambda structure: next(iter(structure["reports"].values())).update(notices=[["two"]]),
+    ],
+)
+def test_value_of_another_type_is_refused_on_reading(saved, tmp_path, change):
+    with pytest.raises(FormatError, match=r"changed.skelgen:project.json: "):
+        open_project(changed_structure(saved, tmp_path, change))
+
+
+def test_half_a_character_in_a_name_is_read_so_that_it_can_be_written(saved, tmp_path):
+    def change(structure):
+        structure["take"]["fields"].update(name="walk\ud800.trc")
+        structure["take"]["fields"]["names"][0] = "L\udc80"
+
+    project = open_project(changed_structure(saved, tmp_path, change))
+    assert (project.take.name, project.take.names[0]) == ("walk?.trc", "L?")
+    assert len(write_outputs(project, tmp_path / "out", "walk")) >= len(OUTPUTS)
+
+
+def test_array_whose_header_never_closes_is_refused(saved, tmp_path):
+    header = b"{'descr': '<f8', \n"
+    content = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header
+    with pytest.raises(FormatError, match="not a valid array"):
+        open_project(with_member(saved, "arrays/take/positions.npy", content, tmp_path / "b.skelgen"))
+
+
+def test_more_values_than_belong_to_a_file_are_refused_before_they_are_parsed(saved, tmp_path):
+    damaged = with_member(saved, "project.json", "[" + "[],[],[]," * 2_000_000 + "[]]", tmp_path / "b.skelgen")
+    tracemalloc.start()
+    with pytest.raises(FormatError, match="holds 12000002 values, far more"):
+        open_project(damaged)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 4 * damaged.stat().st_size

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -97,6 +98,20 @@ def test_settings_are_told_from_other_xml_by_their_root(settings, tmp_path):
     other.write_text('<?xml version="1.0"?>\n<!-- <capture> -->\n<Skeleton/>')
     assert not is_stereo(other) and not is_stereo(tmp_path / "absent.xml") and is_stereo(other, "stereo")
     assert [row["read"] for row in format_rows() if row["name"] == "stereo"] == ["yes"]
+
+
+@pytest.mark.parametrize(
+    "before", ["<?a?>", "<!-- b -->", "<?a?> <!-- b -->\n", "<!DOCTYPE c>", "  ", "<?a?><?", "<!--<!-- b -->"]
+)
+def test_what_stands_before_the_root_is_passed_in_no_time(settings, tmp_path, before):
+    root = settings.read_text().split("<capture", 1)[1]
+    settings_behind, other = tmp_path / "behind.xml", tmp_path / "other.xml"
+    settings_behind.write_text(f"{before * 20}<capture{root}")
+    other.write_text(before * 40 + "<SkelFit/>")
+    start = time.perf_counter()
+    assert is_stereo(settings_behind) is not before.endswith("<?")
+    assert not is_stereo(other)
+    assert time.perf_counter() - start < 1.0
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,7 @@ ACTUAL_END_FIELD (two u16, low word first), c3d.org in POINT:LONG_FRAMES; withou
 from __future__ import annotations
 
 import math
+import os
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -40,6 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelgen.errors import FormatError
+from skelgen.files import open_regular
 
 BLOCK = 512
 MAGIC = 0x50
@@ -121,8 +123,9 @@ def read_layout(path: Path) -> C3dLayout:
         If the file is no C3D file, or its header or parameters contradict each other or the file's size.
     """
     try:
-        size = path.stat().st_size
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
+            size = stream.seek(0, os.SEEK_END)
+            stream.seek(0)
             head = stream.read(BLOCK)
             order, dec, records = _parameter_section(path, head, stream, size)
     except OSError as error:

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 from lxml import etree
 
 from skelgen.errors import FormatError
+from skelgen.files import open_regular
 from skelgen_formats.classic_xml.contents import (
     Bone,
     ClassicXml,
@@ -57,11 +58,11 @@ def read(path: Path) -> ClassicXml:
 def _finished_elements(path: Path, tags: tuple[str, ...]) -> Iterator[Any]:
     """Check the root, then yield each element of these tags as soon as it is complete."""
     safe = {"resolve_entities": False, "no_network": True, "load_dtd": False, "huge_tree": False}
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         for _, root in etree.iterparse(stream, events=("start",), **safe):
             _check_root(path, root)
             break
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         context = etree.iterparse(stream, tag=tags, remove_comments=True, remove_pis=True, **safe)
         yield from (element for _, element in context)
 

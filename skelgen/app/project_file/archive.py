@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from skelgen.app.project_file.checks import check_chain
 from skelgen.app.project_file.packing import packed, unpacked
 from skelgen.app.project_file.references import reference_to, take_of
 from skelgen.errors import FormatError, InputError
-from skelgen.files import replacing
+from skelgen.files import open_regular, read_content, replacing
 from skelgen.model import JointAngles, Motion, Project, Skeleton, StageReport, Take
 from skelgen.model.arrays import Floats
 from skelgen.model.project import Source
@@ -43,6 +44,7 @@ _PIECE = 2**20  # bytes written at once
 _FILE_RIGHTS = 0o644 << 16  # what unzip gives the members; fixed, because the default depends on the platform
 _DTYPES = {"<f8", "<i8", "|b1"}
 _RESULTS = ("trajectories", "labelling", "limbs", "topology", "skeleton", "motion")
+_BYTES_PER_VALUE, _FREE_MEMORY = 64, 1 << 26  # that parsed JSON takes; what a small file may take
 # what zipfile raises on damaged archives: absurd offsets, encrypted or unsupported members, odd names
 _DAMAGES = (zipfile.BadZipFile, ValueError, OSError, EOFError, KeyError, struct.error, RuntimeError, OverflowError)
 
@@ -99,12 +101,11 @@ def open_project(path: Path | str) -> Project:
         If it cannot be opened, is damaged, incomplete, or written by a newer version; the error names the member.
     """
     path = Path(path)
+    if not path.exists():
+        raise FormatError(path, "", "there is no such file")
     try:
-        with zipfile.ZipFile(path) as archive:
-            reader = _Reader(path, archive)
-            return reader.project()
-    except FileNotFoundError as error:
-        raise FormatError(path, "", "there is no such file") from error
+        with open_regular(path) as stream, zipfile.ZipFile(stream) as archive:
+            return _Reader(path, archive).project()
     except zipfile.BadZipFile as error:
         raise FormatError(path, "", f"not a project file, or cut off: {error}") from error
     except _DAMAGES as error:
@@ -117,9 +118,8 @@ def is_project_file(path: Path | str) -> bool:
     if path.suffix.lower() == SUFFIX or path.is_dir():
         return True
     try:
-        with path.open("rb") as stream:
-            return stream.read(len(_MAGIC)) == _MAGIC
-    except OSError:
+        return read_content(path, len(_MAGIC)) == _MAGIC
+    except FormatError:
         return False
 
 
@@ -148,9 +148,9 @@ class _Reader:
         self._path = path
         self._archive = archive
         declared = sum(info.file_size for info in archive.infolist())
-        size = path.stat().st_size
-        if declared > size:
-            raise FormatError(path, "", f"the members declare {declared} bytes, the file holds only {size}")
+        self._size = path.stat().st_size
+        if declared > self._size:
+            raise FormatError(path, "", f"the members declare {declared} bytes, the file holds only {self._size}")
 
     def project(self) -> Project:
         structure = self._json(_STRUCTURE)
@@ -173,14 +173,18 @@ class _Reader:
             results["trajectories"] = take
         seconds = run["seconds"]
         reports = {
-            name: StageReport(unpacked(facts["parameters"], self._array), float(seconds[name]), tuple(facts["notices"]))
+            name: StageReport(
+                unpacked(facts["parameters"], self._array),
+                float(seconds[name]),
+                unpacked(facts["notices"], self._array),
+            )
             for name, facts in structure["reports"].items()
         }
         chain = {f"_{name}": value for name, value in results.items()}
         identities = unpacked(structure.get("identities"), self._array)  # older files have none
         corrections = tuple(unpacked(structure.get("corrections", []), self._array))
         view = dict(structure.get("view", {}))
-        project = Project(take, int(structure["seed"]), reports, identities, corrections, view, source, **chain)
+        project = Project(take, structure["seed"], reports, identities, corrections, view, source, **chain)
         check_chain(project)
         if project.has("skeleton"):
             compute = partial(_joint_angles, project.skeleton, project.trajectories.positions)
@@ -197,8 +201,12 @@ class _Reader:
         return unpacked(structure["take"], self._array), source
 
     def _json(self, member: str) -> dict[str, object]:
+        content = self._bytes(member)
+        n_values = sum(content.count(mark) for mark in (b",", b"[", b"{"))
+        if n_values * _BYTES_PER_VALUE > 3 * self._size + _FREE_MEMORY:
+            raise FormatError(self._path, member, f"holds {n_values} values, far more than belong to such a file")
         try:
-            data = json.loads(self._bytes(member))
+            data = json.loads(content, parse_constant=_refuse_constant)
         except (ValueError, RecursionError) as error:
             raise FormatError(self._path, member, f"not valid JSON: {error}") from error
         if not isinstance(data, dict):
@@ -209,7 +217,7 @@ class _Reader:
         member = f"{_ARRAYS}{name}.npy"
         try:
             return _from_npy(self._bytes(member))
-        except (ValueError, SyntaxError, TypeError) as error:
+        except (ValueError, SyntaxError, TypeError, TokenError, RecursionError, OverflowError) as error:
             raise FormatError(self._path, member, f"not a valid array: {error}") from error
 
     def _bytes(self, member: str) -> bytes:
@@ -223,6 +231,10 @@ class _Reader:
             return self._archive.read(info)
         except _DAMAGES as error:
             raise FormatError(self._path, member, f"damaged or cut off: {error}") from error
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
 
 
 def _joint_angles(skeleton: Skeleton, positions: Floats, motion: Motion) -> tuple[JointAngles, ...]:

@@ -1,10 +1,21 @@
 """Whether the parts of a project fit each other: one indexes the other, and a file can claim anything."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from skelgen.errors import InputError, MissingResultError
-from skelgen.model import Labelling, Limbs, Motion, PointCloud, Poses, Project, Skeleton, Topology, Trajectories
+from skelgen.model import (
+    Identities,
+    Labelling,
+    Limbs,
+    Motion,
+    PointCloud,
+    Poses,
+    Project,
+    Skeleton,
+    Topology,
+    Trajectories,
+)
 from skelgen.model.corrections import Correction
 from skelgen.model.project import STAGES
 
@@ -18,6 +29,7 @@ def check_chain(project: Project) -> None:
         As it was read.
     """
     _check_kinds(project)
+    _check_statements(project)
     for what, have, want in _counts(project):
         if have != want:
             raise InputError(f"{what} is {have} where {want} belong")
@@ -28,8 +40,6 @@ def check_chain(project: Project) -> None:
 def _check_kinds(project: Project) -> None:
     if not isinstance(project.take, PointCloud | Trajectories | Poses):
         raise InputError("the take is not a take")
-    if not all(isinstance(correction, Correction) for correction in project.corrections):
-        raise InputError("a correction is none")
     parts = (project._trajectories, project._limbs, project._topology, project._skeleton, project._motion)
     kinds = (Trajectories, Limbs, Topology, Skeleton, Motion)
     missing = ""
@@ -46,6 +56,18 @@ def _check_kinds(project: Project) -> None:
         raise InputError("there is a Labelling but no Trajectories")
     if missing == "Motion" and project._skeleton is not None:
         raise InputError("there is a Skeleton but no Motion")
+
+
+def _check_statements(project: Project) -> None:
+    if not all(isinstance(correction, Correction) for correction in project.corrections):
+        raise InputError("a correction is none")
+    if not isinstance(project.identities, Identities | None):
+        raise InputError("the identities are none")
+    if type(project.seed) is not int or project.seed < 0:
+        raise InputError("the seed is no whole number from 0 up")
+    for name, report in project.reports.items():
+        if not isinstance(report.parameters, Mapping) or not all(isinstance(text, str) for text in report.notices):
+            raise InputError(f"the report of the stage {name!r} holds no parameters, or notices that are no text")
 
 
 def _counts(project: Project) -> Iterator[tuple[str, int, int]]:

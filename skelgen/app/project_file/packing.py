@@ -7,7 +7,8 @@ A dataclass becomes ``{"type": name, "fields": {...}}``, an array ``{"array": me
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from skelgen.model import (
     Topology,
     Trajectories,
 )
+from skelgen.model.arrays import displayable
 from skelgen.model.corrections import Correction, Place
 from skelgen.model.labelling import Agreement, Doubt, Finding, Tracklets
 from skelgen.model.project import Source
@@ -90,7 +92,7 @@ def unpacked(data: Any, array: Callable[[str], NDArray[Any]]) -> Any:
     if isinstance(data, list):
         return tuple(unpacked(item, array) for item in data)
     if not isinstance(data, dict):
-        return data
+        return displayable(data) if isinstance(data, str) else data
     if set(data) == {"array"} and isinstance(data["array"], str):
         return array(data["array"])
     if set(data) == {"number"} and data["number"] in _ODD_NUMBERS:
@@ -98,7 +100,10 @@ def unpacked(data: Any, array: Callable[[str], NDArray[Any]]) -> Any:
     if set(data) == {"mapping"} and isinstance(data["mapping"], dict):
         return {key: unpacked(item, array) for key, item in data["mapping"].items()}
     if set(data) == {"type", "fields"} and isinstance(data["fields"], dict):
-        return _value(data["type"], {key: unpacked(item, array) for key, item in data["fields"].items()})
+        fields = {key: unpacked(item, array) for key, item in data["fields"].items()}
+        if data["type"] == Source.__name__:
+            fields["path"] = data["fields"]["path"]  # as the disk has it, be it UTF-8 or not
+        return _value(data["type"], fields)
     raise ValueError(f"an object with the keys {', '.join(sorted(data)) or 'none'} means nothing here")
 
 
@@ -120,7 +125,29 @@ def _value(type_name: Any, fields: dict[str, object]) -> Any:
     if not needed <= set(fields) <= known:  # older files lack what was added since, with a default
         odd = ", ".join(sorted((needed - set(fields)) | (set(fields) - known)))
         raise ValueError(f"the fields of a {type_name} do not fit: {odd}")
+    hints = get_type_hints(cls)
+    for name, value in fields.items():
+        if not _fits(value, hints[name]):
+            raise ValueError(f"{name} of a {type_name} is of the wrong type, {type(value).__name__}")
     try:
         return cls(**fields)
     except (TypeError, AttributeError, IndexError) as error:
         raise ValueError(f"a field of a {type_name} has the wrong type: {error}") from error
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a value is of the type that a field declares."""
+    kind, parts = get_origin(hint), get_args(hint)
+    if kind is UnionType:
+        return any(_fits(value, part) for part in parts)
+    if kind is tuple:
+        same = len(parts) == 2 and parts[1] is ...
+        wanted = parts[:1] * len(value) if same and isinstance(value, tuple) else parts
+        return isinstance(value, tuple) and len(value) == len(wanted) and all(map(_fits, value, wanted))
+    if kind is Mapping:
+        return isinstance(value, Mapping) and all(_fits(item, parts[1]) for item in value.values())
+    if hint is float:
+        return isinstance(value, float | int) and not isinstance(value, bool)
+    if hint is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    return hint is Any or (kind is not Callable and isinstance(value, kind or hint))

@@ -14,7 +14,8 @@ from skelgen.capture.images import IMAGE_SUFFIXES, read_image
 from skelgen.capture.sources.pairs import check_same_size
 from skelgen.capture.sources.text import FileOptions
 from skelgen.capture.values import FramePair, Image
-from skelgen.errors import CaptureError, FormatError
+from skelgen.errors import CaptureError, FormatError, InputError
+from skelgen.files import read_content
 
 _SIDES = (("left", "right"), ("_l", "_r"), ("-l", "-r"), ("cam0", "cam1"), ("cam1", "cam2"))
 
@@ -80,8 +81,8 @@ def listed_pairs(path: Path) -> list[ImagePair]:
         If a line is not like that, or times do not grow; with the line's number.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_content(path).decode().splitlines()
+    except UnicodeDecodeError as error:
         raise FormatError(path, "", f"cannot be read as a list of images: {error}") from error
     pairs: list[ImagePair] = []
     for number, line in enumerate(lines, 1):
@@ -132,8 +133,16 @@ def _without(paths: list[Path], word: str) -> dict[str, Path]:
 
 def _matching(folder: Path, pattern: str) -> dict[str, Path]:
     """Return files by what the stars of a pattern stand for."""
-    as_regex = re.compile("(.*)".join(re.escape(part) for part in pattern.split("*")))
-    named = {path: as_regex.fullmatch(path.relative_to(folder).as_posix()) for path in folder.glob(pattern or "*")}
+    if "**" in pattern:
+        raise InputError(f"{pattern!r}: a pattern names images of one folder; two stars together are not understood")
+    first, *others = (re.escape(part) for part in pattern.split("*"))
+    lazily = "".join(f"(?>(.*?){part})" for part in others[:-1])  # what has matched is not tried anew
+    as_regex = re.compile(first + lazily + "".join(f"(.*){part}" for part in others[-1:]))
+    try:
+        there = list(folder.glob(pattern or "*"))
+    except (ValueError, NotImplementedError) as error:
+        raise InputError(f"{pattern!r} is no pattern of names in {folder}: {error}") from error
+    named = {path: as_regex.fullmatch(path.relative_to(folder).as_posix()) for path in there}
     return {"|".join(match.groups()): path for path, match in named.items() if match}
 
 

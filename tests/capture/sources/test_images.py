@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import struct
+import zlib
+from time import perf_counter
+
 import numpy as np
 import pytest
 
 from skelgen.capture.images import read_image
 from skelgen.capture.sources import open_source
-from skelgen.errors import CaptureError, FormatError, ParameterError
+from skelgen.errors import CaptureError, FormatError, InputError, ParameterError
 
 
 @pytest.mark.parametrize(
@@ -128,7 +133,7 @@ def test_a_wrong_line_of_a_list_is_named(tmp_path, line, sentence):
         open_source(f"list:{tmp_path / 'pairs.txt'}")
 
 
-@pytest.mark.parametrize(("text", "where"), [("", "lists no images"), (None, "cannot be read as a list")])
+@pytest.mark.parametrize(("text", "where"), [("", "lists no images"), (None, "cannot be read: ")])
 def test_an_empty_or_missing_list_is_an_error(tmp_path, text, where):
     if text is not None:
         (tmp_path / "pairs.txt").write_text(text)
@@ -148,3 +153,46 @@ def test_images_are_read_only_and_at_most_as_many_as_asked(tmp_path, save):
 def test_a_rate_below_zero_is_refused(tmp_path):
     with pytest.raises(ParameterError, match="rate is -1; it must lie in 0"):
         open_source(f"folder:{tmp_path}?rate=-1")
+
+
+def png(width, height, rows, *chunks):
+    """A grey PNG with these compressed rows, and further chunks between head and rows."""
+
+    def chunk(kind, content):
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    head = struct.pack(">2I5B", width, height, 8, 0, 0, 0, 0)
+    parts = [(b"IHDR", head), *chunks, (b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
+
+
+def test_image_of_absurd_size_is_refused_by_its_header(tmp_path):
+    path = tmp_path / "left.png"
+    path.write_bytes(png(30000, 30000, bytes(1000)))
+    with pytest.raises(FormatError, match="announces 30000 x 30000 pixels"):
+        read_image(path)
+
+
+def test_warnings_of_libpng_stay_off_the_terminal(tmp_path, capfd):
+    path = tmp_path / "left.png"
+    path.write_bytes(png(2, 2, bytes([0, 1, 2, 0, 3, 4]), (b"gAMA", b"1"), (b"pHYs", b"")))
+    with contextlib.suppress(FormatError):
+        read_image(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_pattern_of_many_stars_is_matched_in_no_time(tmp_path, save):
+    for side in "lr":
+        save(tmp_path / f"{side}{'a' * 60}.bmp", 1, 1)
+    start = perf_counter()
+    with pytest.raises(CaptureError):
+        open_source(f"folder:{tmp_path}?left=l{'*a' * 25}*b.bmp&right=r*.bmp")
+    assert perf_counter() - start < 1.0
+    open_source(f"folder:{tmp_path}?left=l{'*a' * 25}*.bmp&right=r{'*a' * 25}*.bmp")
+
+
+@pytest.mark.parametrize("pattern", ["/**", "a**", "/tmp/*"])
+def test_pattern_that_leaves_the_folder_is_refused(tmp_path, save, pattern):
+    save(tmp_path / "left1.bmp", 1, 1)
+    with pytest.raises(InputError):
+        open_source(f"folder:{tmp_path}?left={pattern}&right=*")
