@@ -388,6 +388,7 @@ def run_batch(
     job: Job | None = None,
     *,
     n_workers: int = 1,
+    timeout: float | None = None,
     resume: bool = False,
     monitor: Monitor | None = None,
 ) -> BatchResult:
@@ -403,6 +404,8 @@ def run_batch(
         What is done with every take: parameters, options, subject, formats.
     n_workers : int
         Number of processes.
+    timeout : float, s, optional
+        Time after which a take is given up; as long as it takes if left out.
     resume : bool
         Whether `output` may hold a batch: takes that are finished in it are kept.
     monitor : Monitor, optional
@@ -431,7 +434,7 @@ def run_batch(
     """
     from skelgen.app.batch import run, workers  # noqa: PLC0415 - loads the report
 
-    pool = partial(workers.in_processes, n_workers=n_workers)
+    pool = partial(workers.in_processes, n_workers=n_workers, timeout=timeout)
     return run.run_batch(inputs, output, job, pool=pool, resume=resume, monitor=monitor or SILENT)
 
 

@@ -29,9 +29,15 @@ Resume = Annotated[
     bool, typer.Option("--resume", help="Continue a batch: takes that are finished in its folder are kept.")
 ]
 Processes = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Takes at a time on this machine.")]
+Timeout = Annotated[
+    float | None,
+    typer.Option(
+        "--timeout", metavar="SECONDS", help="Give up a take that is not done after this time.", show_default="none"
+    ),
+]
 Scheduler = Annotated[
     str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="Use a dask cluster: tcp://host:8786.", show_default="none"),
+    typer.Option("--scheduler", metavar="ADDRESS", help="Use a dask cluster: tcp://127.0.0.1:8786.", show_default="none"),
 ]
 Formats = Annotated[
     list[str] | None,
@@ -49,6 +55,7 @@ def batch(
     output: BatchFolder,
     resume: Resume = False,
     jobs: Processes = 1,
+    timeout: Timeout = None,
     scheduler: Scheduler = None,
     formats: Formats = None,
     n_markers: options.NMarkers = None,
@@ -92,7 +99,8 @@ def batch(
     )
     screen = Screen(quiet, as_json)
     with screen.watching(counted=True) as monitor:
-        result = run_batch(takes, output, job, pool=_pool(jobs, scheduler, output), resume=resume, monitor=monitor)
+        pool = _pool(jobs, timeout, scheduler, output)
+        result = run_batch(takes, output, job, pool=pool, resume=resume, monitor=monitor)
     screen.table("Takes that failed", [{"take": one["name"], "why": one["error"]} for one in result.failed])
     kept = f" ({result.n_kept} of them before)" if result.n_kept else ""
     failed = f", {len(result.failed)} failed" if result.failed else ""
@@ -103,15 +111,17 @@ def batch(
         raise typer.Exit(EXIT_SOME_FAILED if result.n_done else EXIT_ALL_FAILED)
 
 
-def _pool(jobs: int, scheduler: str | None, output: Path) -> Pool:
+def _pool(jobs: int, timeout: float | None, scheduler: str | None, output: Path) -> Pool:
     if scheduler is None:
         from skelgen.app.batch.workers import in_processes
 
-        return partial(in_processes, n_workers=jobs)
+        return partial(in_processes, n_workers=jobs, timeout=timeout)
     if jobs != 1:
         raise ParameterError(
             "--jobs is for this machine alone; how many takes a cluster does at a time is its workers'"
         )
+    if timeout is not None:
+        raise ParameterError("--timeout is for this machine alone; a worker of a cluster cannot be ended from here")
     from skelgen.app.batch.records import MANIFEST
     from skelgen.app.batch.workers import on_cluster
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import json
+import math
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -11,20 +13,21 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
 
 import skelgen
 from skelgen.app.batch import work
-from skelgen.app.batch.records import finished_record
-from skelgen.app.batch.run import read_manifest, run_batch
+from skelgen.app.batch.records import finished_record, manifest_of
+from skelgen.app.batch.run import read_manifest, run_batch, write_page
 from skelgen.app.batch.takes import find_entries
 from skelgen.app.batch.work import Job, SubjectFile, subject_in
 from skelgen.app.batch.workers import in_processes
 from skelgen.app.project_file.archive import open_project
 from skelgen.cli import main
-from skelgen.errors import InputError, WriteError
+from skelgen.errors import InputError, ParameterError, WriteError
 from skelgen.evaluation import evaluate
 from skelgen.model import Trajectories
 from skelgen.simulation import read_truth
@@ -96,6 +99,11 @@ class TestNames:
         entries = find_entries(files, tmp_path / "out", {str(files[1]): "walk"})
         assert [entry.name for entry in entries] == ["walk-2", "walk"]
 
+    def test_no_pattern_leads_out_of_the_folder(self, tree, tmp_path, monkeypatch):
+        monkeypatch.chdir(tree)
+        names = {entry.name for entry in find_entries(["*/../../in/a/walk.c3d"], tmp_path / "out")}
+        assert names == {"walk"}
+
     @pytest.mark.parametrize("missing", ["none.c3d", "none/*.c3d"])
     def test_what_is_not_there_is_an_error(self, tmp_path, missing):
         with pytest.raises(InputError, match="none"):
@@ -157,6 +165,10 @@ class TestOutcome:
         assert not Path("out").exists()
 
 
+ODD = (None, [], {}, "", "x", -1, 0.5, 10**400, float("nan"), float("inf"), [[]], {"a": 1}, True, [3])
+"""What no fact of a record is, or not in most places."""
+
+
 class TestResume:
     def test_a_finished_batch_is_kept_whole(self, waves, tmp_path):
         first = run_batch([waves / "wave*.csm"], tmp_path / "out", pool=here)
@@ -210,9 +222,54 @@ class TestResume:
     def test_records_of_another_version_are_not_believed(self, waves, tmp_path):
         run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here)
         record = json.loads((tmp_path / "out/wave0/take.json").read_text())
-        source = record["source"]["sha256"]
-        assert finished_record(tmp_path / "out/wave0", Job().fingerprint, source) == record
-        assert finished_record(tmp_path / "out/wave0", Job(version="0.0.9").fingerprint, source) is None
+        [entry] = find_entries([waves / "wave0.csm"], tmp_path / "out")
+        for version, expected in ((skelgen.__version__, record), ("0.0.9", None)):
+            blank = work.blank_record(entry, Job(version=version)) | {"source": record["source"]}
+            assert finished_record(tmp_path / "out/wave0", blank) == expected
+
+    def test_no_altered_record_blocks_what_follows(self, waves, tmp_path):
+        [record] = run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here).records
+        [entry] = find_entries([waves / "wave0.csm"], tmp_path / "out")
+        blank = work.blank_record(entry, Job()) | {"source": record["source"]}
+        altered = [record | {name: value} for name in record for value in ODD]
+        for part in ("facts", "source"):
+            altered += [record | {part: record[part] | {name: value}} for name in record[part] for value in ODD]
+        for one in altered:
+            (tmp_path / "out/wave0/take.json").write_text(json.dumps(one))
+            found = finished_record(tmp_path / "out/wave0", blank)
+            assert found is None or found | {"facts": ANY, "run": ANY} == record | {"facts": ANY, "run": ANY}
+            write_page(manifest_of({}, [found or record]), tmp_path / "page.html")
+
+    @pytest.mark.parametrize("name", ["..", "", ".", "folder", "a\0b", "/etc/passwd", "../../in/wave1.csm"])
+    def test_a_record_of_files_that_are_none_takes_nothing_away(self, waves, tmp_path, name):
+        [record] = run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here).records
+        (tmp_path / "out/wave0/folder").mkdir()
+        (tmp_path / "out/wave0/take.json").write_text(json.dumps(record | {"files": {name: {}}}))
+        result = run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here, resume=True)
+        assert (result.n_kept, result.n_done) == (0, 1)
+        assert (waves / "wave1.csm").exists()
+
+    @pytest.mark.parametrize(
+        "name", ["../wave0", "/tmp/wave0", "a/../../b", "..", "", ".", "a//b", "a\0b", 3, None, [1]]
+    )
+    def test_a_manifest_that_leads_out_of_the_folder_is_refused(self, waves, tmp_path, name):
+        run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here)
+        manifest = read_manifest(tmp_path / "out")
+        manifest["takes"][0]["name"] = name
+        (tmp_path / "out/manifest.json").write_text(json.dumps(manifest))
+        before = contents(tmp_path)
+        with pytest.raises(InputError, match="somebody altered the manifest"):
+            run_batch([waves / "wave0.csm"], tmp_path / "out", pool=here, resume=True)
+        assert contents(tmp_path) == before
+
+    def test_two_takes_that_a_manifest_calls_alike_are_both_done(self, waves, tmp_path):
+        run_batch([waves / "wave0.csm", waves / "wave1.csm"], tmp_path / "out", pool=here)
+        manifest = read_manifest(tmp_path / "out")
+        manifest["takes"][1]["name"] = "Wave0"
+        (tmp_path / "out/manifest.json").write_text(json.dumps(manifest))
+        result = run_batch([waves / "wave0.csm", waves / "wave1.csm"], tmp_path / "out", pool=here, resume=True)
+        assert [record["name"] for record in result.records] == ["wave0", "wave1"]
+        assert result.n_kept == 2
 
     def test_batches_of_version_0_1_0_are_continued(self):
         options = dict.fromkeys(("n_markers", "n_limbs", "hierarchy", "root")) | {"n_jobs": 1}
@@ -259,6 +316,32 @@ class TestProcesses:
         result = run_batch([waves / "wave0.csm", waves / "wave2b.c3d"], tmp_path / "out", job, pool=in_processes)
         assert [record["outcome"] for record in result.records] == ["failed", "failed"]
         assert "signal 9" in result.records[0]["error"]
+
+    def test_a_take_that_hangs_is_given_up_alone(self, waves, tmp_path):
+        paths = [waves / "wave0.csm", waves / "wave1.csm"]
+        pool = partial(in_processes, timeout=1.0)
+        hanging = run_batch(paths, tmp_path / "out", Job(until=Hanging("limbs")), pool=pool)
+        assert [record["error"] for record in hanging.records] == ["it was not done after 1 s (--timeout)"] * 2
+        assert read_manifest(tmp_path / "out")["counts"] == {"done": 0, "failed": 2, "waiting": 0}
+        assert not list((tmp_path / "out").rglob(".skelgen-*"))
+
+    @pytest.mark.parametrize("timeout", [0.0, -1.0, math.nan, math.inf])
+    def test_a_time_that_is_none_is_told_before_any_take(self, waves, tmp_path, timeout):
+        with pytest.raises(ParameterError, match="--timeout"):
+            skelgen.run_batch([waves], tmp_path / "out", timeout=timeout)
+        assert not (tmp_path / "out").exists()
+
+
+class Hanging(str):
+    """The name of a stage at which the process that looks it up never arrives."""
+
+    __slots__ = ()
+    __hash__ = None
+
+    def __eq__(self, other):
+        while multiprocessing.parent_process() is not None:
+            time.sleep(1)
+        return str(self) == other
 
 
 class Deadly(str):

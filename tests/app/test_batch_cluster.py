@@ -22,6 +22,10 @@ pytest.importorskip("distributed", reason="the extra skelgen[batch] is not insta
 
 ROOT = Path(__file__).parents[2]
 OTHER_VERSION = "import skelgen\nskelgen.__version__ = '0.0.9'\n"
+ENVIRONMENT = os.environ | {
+    "PYTHONPATH": os.pathsep.join(str(ROOT / name) for name in (".", "gui", "formats")),
+    "OMP_NUM_THREADS": "1",
+}
 PATIENCE = 60.0  # s until a process on a busy machine must have begun
 
 
@@ -32,8 +36,6 @@ class Cluster:
         self.processes = []
         self._file = folder / "scheduler.json"
         self._log = (folder / "dask.log").open("w")
-        paths = [str(ROOT / name) for name in (".", "gui", "formats")]
-        self._environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
         self._start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self._file))
         self._wait(self._file.exists)
 
@@ -61,7 +63,7 @@ class Cluster:
 
     def _start(self, module, *arguments):
         command = [sys.executable, "-m", f"distributed.cli.{module}", "--no-dashboard", *arguments]
-        process = subprocess.Popen(command, env=self._environment, stdout=self._log, stderr=self._log)
+        process = subprocess.Popen(command, env=ENVIRONMENT, stdout=self._log, stderr=self._log)
         self.processes.append(process)
         return process
 
@@ -141,7 +143,17 @@ def test_a_scheduler_that_goes_is_told_and_finished_work_kept(waves, cluster, tm
         run_batch([waves], tmp_path / "out", pool=killing)
 
 
+@pytest.mark.parametrize("address", ["nonsense", "", "foo://a:1", "tls://127.0.0.1:9"])
+def test_an_address_that_is_none_is_one_sentence_and_leaves_nothing(waves, tmp_path, address):
+    words = [sys.executable, "-m", "skelgen", "batch", str(waves), "-o", "new/out", "--scheduler", address]
+    done = subprocess.run(words, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "there is no dask scheduler at" in done.stderr
+    assert not (tmp_path / "new").exists()
+
+
 def test_a_scheduler_that_is_not_there_is_told(waves, tmp_path):
     pool = partial(on_cluster, address="tcp://127.0.0.1:9", shared=tmp_path / "out/manifest.json", timeout=1.0)
     with pytest.raises(skelgen.InputError, match=r"there is no dask scheduler at tcp://127.0.0.1:9"):
         run_batch([waves], tmp_path / "out", pool=pool)
+    assert not (tmp_path / "out").exists()

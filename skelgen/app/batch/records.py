@@ -4,10 +4,10 @@ import contextlib
 import json
 import shutil
 from collections.abc import Iterable, Mapping
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
-from skelgen.errors import WriteError
+from skelgen.errors import InputError, WriteError
 from skelgen.files import UNFINISHED, replacing, sha256_of
 
 Record = dict[str, Any]
@@ -20,6 +20,7 @@ DONE, FAILED, WAITING = "done", "failed", "waiting"
 
 _FORMAT = "skelgen batch"
 _VERSION = 1
+_MANY = 1e12  # more than any take has of anything
 
 
 def write_json(data: Mapping[str, Any], path: Path) -> None:
@@ -50,27 +51,42 @@ def files_of(paths: Iterable[Path]) -> dict[str, dict[str, object]]:
     return {path.name: {"bytes": path.stat().st_size, "sha256": sha256_of(path)} for path in sorted(paths)}
 
 
-def finished_record(folder: Path, fingerprint: str, source_sha256: str) -> Record | None:
+def finished_record(folder: Path, blank: Record) -> Record | None:
     """Return the record of a take if it is finished: same job, same recording, every file as it was written.
+
+    Of the file only what it alone knows is taken; one that somebody altered counts as that of an unfinished take.
 
     Parameters
     ----------
     folder : Path
         Of the take.
-    fingerprint : str
-        Of the job.
-    source_sha256 : str
-        Checksum of the take's file.
+    blank : dict
+        Record of the take before it is done, with the checksum of its source.
     """
-    record = read_json(folder / RECORD)
+    record = read_json(folder / RECORD) or {}
     try:
-        if record is None or (record["outcome"], record["job"]) != (DONE, fingerprint):
+        wanted = DONE, blank["job"], blank["source"]["sha256"]
+        if (record["outcome"], record["job"], record["source"]["sha256"]) != wanted:
             return None
-        if record["source"]["sha256"] != source_sha256:
+        known = {name: record[name] for name in ("facts", "files", "run")}
+        paths = [folder / name for name in known["files"]]
+        if not (paths and _are_facts(known["facts"]) and all(path.is_file() for path in paths)):
             return None
-        return record if record["files"] == files_of(folder / name for name in record["files"]) else None
-    except (KeyError, TypeError, OSError):
+        return blank | {"outcome": DONE} | known if known["files"] == files_of(paths) else None
+    except (KeyError, TypeError, ValueError, AttributeError, OSError):
         return None
+
+
+def _are_facts(facts: Record) -> bool:
+    """Whether the facts of a take are such as can be shown."""
+    counts = [facts["frames"], *(facts.get(name, 0) for name in ("markers", "limbs", "joints"))]
+    rate, residual = facts["rate_hz"], facts.get("residual_mm") or 0.0
+    return (
+        all(type(count) is int and 0 <= count < _MANY for count in counts)
+        and all(isinstance(number, int | float) and 0 <= number < _MANY for number in (rate, residual))
+        and rate > 1 / _MANY
+        and all(isinstance(sentence, str) for sentence in facts["notices"])
+    )
 
 
 def clear(folder: Path) -> None:
@@ -85,10 +101,12 @@ def clear(folder: Path) -> None:
     """
     record = read_json(folder / RECORD) or {}
     files = record.get("files")
-    names = [name for name in files if Path(name).name == name] if isinstance(files, dict) else []
+    names = [name for name in files if PurePath(name).name == name] if isinstance(files, dict) else []
     try:
-        for name in (RECORD, *names):
-            (folder / name).unlink(missing_ok=True)
+        (folder / RECORD).unlink(missing_ok=True)
+        for path in [folder / name for name in names]:
+            if path.is_file():
+                path.unlink()
     except OSError as error:
         raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from error
     clear_unfinished(folder)
@@ -120,9 +138,27 @@ def manifest_of(job: Mapping[str, Any], records: Iterable[Record]) -> Record:
 
 
 def earlier_names(manifest: Path) -> dict[str, str]:
-    """Return the names of takes by source that a manifest holds; none if it is none."""
+    """Return the names of takes by source that a manifest holds; none if it is none.
+
+    Raises
+    ------
+    InputError
+        If a name leads out of the folder of the batch.
+    """
     takes = (read_json(manifest) or {}).get("takes")
     try:
-        return {take["source"]["path"]: take["name"] for take in takes or ()}
+        names = {take["source"]["path"]: take["name"] for take in takes or ()}
     except (KeyError, TypeError):
         return {}
+    for name in names.values():
+        if not (isinstance(name, str) and _stays_below(name)):
+            what = f"a take is called {name!r}, which is no place in this folder; somebody altered the manifest"
+            raise InputError(f"{manifest}: {what}: take another folder")
+    return names
+
+
+def _stays_below(name: str) -> bool:
+    path = PurePath(name)
+    return (
+        not path.anchor and path.name != "" and ".." not in path.parts and path.as_posix() == name and "\0" not in name
+    )

@@ -22,7 +22,7 @@ from skelgen.app.batch.work import Job, Outcome, blank_record, check_formats
 from skelgen.app.batch.workers import in_processes
 from skelgen.app.drawing.wording import counted, duration, millimetres
 from skelgen.app.files import write_html
-from skelgen.errors import InputError, WriteError
+from skelgen.errors import InputError, SkelgenError, WriteError
 from skelgen.progress import SILENT, Monitor
 
 Pool = Callable[[Job, Sequence[Entry]], Generator[Outcome, None, None]]
@@ -105,22 +105,35 @@ def run_batch(
     entries = find_entries(inputs, output, earlier_names(manifest))
     gathered = _Gathered(entries, job, output)
     clear_unfinished(output)
+    created = [place for place in (manifest, output / PAGE, output, *output.parents) if not place.exists()]
     gathered.write()
     monitor.begin("takes")
     monitor.advance(0, len(entries))
-    obstacle = ""
+    begun, obstacle = False, ""
     try:
         with contextlib.closing((pool or in_processes)(job, entries)) as outcomes:
             for outcome in outcomes:
-                obstacle = gathered.add(outcome, monitor)
+                begun, obstacle = True, gathered.add(outcome, monitor)
                 if obstacle:
                     break
+    except SkelgenError:
+        if not begun:
+            _remove(created)  # there is no batch to be continued
+        raise
     finally:
-        gathered.end()
+        if manifest.exists():
+            gathered.end()
     if obstacle:
         kept = f"{gathered.n_done} of {len(entries)} takes are finished and kept; continue with --resume"
         raise WriteError(f"{obstacle.rstrip('.')}: the batch is stopped; {kept}")
     return gathered.result()
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    """Take away files and folders, the innermost first; a folder in which somebody else put something stays."""
+    for path in paths:
+        with contextlib.suppress(OSError):
+            path.rmdir() if path.is_dir() else path.unlink()
 
 
 def read_manifest(path: Path | str) -> Record:

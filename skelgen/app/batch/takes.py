@@ -100,6 +100,8 @@ def _absolute(path: Path) -> Path:
 
 def _name_below(file: Path, folder: Path) -> str:
     below = file.relative_to(folder)
+    if ".." in below.parts:  # of a pattern that climbs: its takes would leave the folder of the batch
+        below = Path(below.name)
     return (below.parent / stem_of(below)).as_posix()
 
 
@@ -142,8 +144,12 @@ def _is_take(path: Path) -> bool:
 
 def _distinct(wanted: Mapping[str, str], earlier: Mapping[str, str]) -> dict[str, str]:
     """Name of each source; names that differ in case alone count as one, as on some disks they are."""
-    names = {source: earlier[source] for source in wanted if source in earlier}
-    taken = {name.casefold() for name in names.values()}
+    names: dict[str, str] = {}
+    taken: set[str] = set()
+    for source in wanted:
+        if source in earlier and earlier[source].casefold() not in taken:
+            names[source] = earlier[source]
+            taken.add(earlier[source].casefold())
     natural = {name.casefold() for name in wanted.values()}
     for source, name in wanted.items():
         if source in names:

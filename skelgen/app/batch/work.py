@@ -182,7 +182,7 @@ def work_on(entry: Entry, job: Job) -> Outcome:
     record = blank_record(entry, job)
     try:
         record["source"] = _source_facts(entry)
-        finished = records.finished_record(folder, job.fingerprint, record["source"]["sha256"])
+        finished = records.finished_record(folder, record)
         if finished is not None:
             records.clear_unfinished(folder)
             return Outcome(finished, kept=True, peak=_peak())

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from functools import partial
@@ -20,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import skelgen
-from skelgen.errors import InputError
+from skelgen.errors import InputError, ParameterError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -38,7 +40,9 @@ RECYCLED_ABOVE = 500_000_000
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-def in_processes(job: Job, entries: Sequence[Entry], n_workers: int = 1) -> Generator[Outcome, None, None]:
+def in_processes(
+    job: Job, entries: Sequence[Entry], n_workers: int = 1, timeout: float | None = None
+) -> Generator[Outcome, None, None]:
     """Do all takes in processes of their own, and yield what became of each as it is known.
 
     Parameters
@@ -49,14 +53,22 @@ def in_processes(job: Job, entries: Sequence[Entry], n_workers: int = 1) -> Gene
         The takes.
     n_workers : int
         How many processes.
+    timeout : float, s, optional
+        Time after which a take is given up and its process ended; as long as it takes if left out.
+
+    Raises
+    ------
+    ParameterError
+        If the time is not one.
     """
+    limit = _limit(timeout)
     waiting = deque(entries)
     tries: dict[str, int] = {}
     workers: list[_Worker] = []
     try:
         while waiting or workers:
             while waiting and len(workers) < n_workers:
-                workers.append(_Worker(job))
+                workers.append(_Worker(job, limit))
             for worker in [one for one in workers if one.entry is None]:
                 if waiting:
                     worker.begin(waiting.popleft())
@@ -65,27 +77,42 @@ def in_processes(job: Job, entries: Sequence[Entry], n_workers: int = 1) -> Gene
                     worker.stop()
             for worker in _reporting(workers):
                 entry, outcome = worker.finish()
-                if outcome is None or outcome.peak > RECYCLED_ABOVE:
+                if outcome is None or worker.is_late or outcome.peak > RECYCLED_ABOVE:
                     workers.remove(worker)
                     worker.stop()
                 elif waiting:
                     worker.begin(waiting.popleft())  # at once: it shall not wait until this outcome is written down
-                if outcome is None:
+                if outcome is None and not worker.is_late:
                     tries[entry.name] = tries.get(entry.name, 0) + 1
                     if tries[entry.name] < TRIES:
                         waiting.appendleft(entry)
                         continue
-                    outcome = _lost(entry, job, worker.process.exitcode)
-                yield outcome
+                yield outcome or _given_up(entry, job, worker.end_in_words())
     finally:
         for worker in workers:
             worker.kill()
 
 
-class _Worker:
-    """A process that is given takes."""
+def _limit(timeout: float | None) -> float:
+    if timeout is None:
+        return math.inf
+    if not 0 < timeout < threading.TIMEOUT_MAX:
+        raise ParameterError(f"--timeout {timeout:g} is no number of seconds above 0")
+    return timeout
 
-    def __init__(self, job: Job) -> None:
+
+class _Worker:
+    """A process that is given takes.
+
+    Parameters
+    ----------
+    job : Job
+        What is done with them.
+    timeout : float, s
+        How long each may take.
+    """
+
+    def __init__(self, job: Job, timeout: float) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, job), daemon=True, name="skelgen-batch")
@@ -93,6 +120,9 @@ class _Worker:
             self.process.start()
         theirs.close()
         self.entry: Entry | None = None
+        self.is_late = False
+        self.deadline = math.inf  # until its take begins
+        self._timeout, self._outcome = timeout, cast("Outcome | None", None)
 
     def begin(self, entry: Entry) -> None:
         """Give it a take."""
@@ -100,15 +130,30 @@ class _Worker:
         with contextlib.suppress(OSError):  # it died: `finish` will tell
             self.connection.send(entry)
 
+    def has_finished(self) -> bool:
+        """Receive what it says, and return whether that is the end of its take; else the take has begun."""
+        try:
+            self._outcome = self.connection.recv()
+        except (EOFError, OSError):
+            self.process.join()
+            return True
+        self.deadline = math.inf if self._outcome else time.monotonic() + self._timeout
+        return self._outcome is not None
+
     def finish(self) -> tuple[Entry, Outcome | None]:
         """Return the take and what became of it; None if the process died."""
         entry, self.entry = self.entry, None
+        outcome, self._outcome = self._outcome, None
         assert entry is not None
-        try:
-            return entry, self.connection.recv()
-        except (EOFError, OSError):
-            self.process.join()
-            return entry, None
+        return entry, outcome
+
+    def end_in_words(self) -> str:
+        """Say why it could not finish its take."""
+        if self.is_late:
+            return f"it was not done after {self._timeout:g} s (--timeout)"
+        code = self.process.exitcode
+        died = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
+        return f"its worker process ended {died}, {TRIES} times; there may be too little memory: use fewer --jobs"
 
     def stop(self) -> None:
         """Let it end."""
@@ -122,16 +167,21 @@ class _Worker:
 
 
 def _reporting(workers: list[_Worker]) -> list[_Worker]:
-    by_connection = {worker.connection: worker for worker in workers if worker.entry is not None}
-    return [by_connection[one] for one in wait(list(by_connection))] if by_connection else []  # type: ignore[index]
+    """Wait for workers, and return those whose takes are over; one that is late is ended."""
+    busy = {worker.connection: worker for worker in workers if worker.entry is not None}
+    soonest = min((worker.deadline for worker in busy.values()), default=math.inf)
+    told = wait(list(busy), None if soonest == math.inf else max(soonest - time.monotonic(), 0.0)) if busy else []
+    for connection, worker in busy.items():
+        if connection not in told and worker.deadline < time.monotonic():
+            worker.is_late = True
+            worker.process.kill()  # the end of its connection will tell
+    return [busy[one] for one in told if busy[one].has_finished()]  # type: ignore[index]
 
 
-def _lost(entry: Entry, job: Job, exit_code: int | None) -> Outcome:
+def _given_up(entry: Entry, job: Job, why: str) -> Outcome:
     from skelgen.app.batch.work import Outcome, failed_record  # noqa: PLC0415 - numpy loads in the workers alone
 
-    died = f"by signal {-exit_code}" if exit_code is not None and exit_code < 0 else f"with exit code {exit_code}"
-    sentence = f"its worker process ended {died}, {TRIES} times; there may be too little memory: use fewer --jobs"
-    return Outcome(failed_record(entry, job, sentence))
+    return Outcome(failed_record(entry, job, why))
 
 
 @contextlib.contextmanager
@@ -158,7 +208,9 @@ def _serve(connection: Connection[Any, Any], job: Job) -> None:
     do = partial(work_on, job=job)
     with contextlib.suppress(EOFError, OSError):
         while True:
-            connection.send(do(connection.recv()))
+            entry = connection.recv()
+            connection.send(None)  # from now on its time counts
+            connection.send(do(entry))
 
 
 def _end_with_parent() -> None:
@@ -215,14 +267,19 @@ def on_cluster(
 def _connected(address: str, timeout: float) -> Iterator[Client]:
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
+        from distributed.comm import resolve_address  # noqa: PLC0415
     except ImportError as error:
         raise InputError(f"a scheduler needs dask ({error}): pip install 'skelgen[batch]'") from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in a sentence
+    client = Client.__new__(Client)
+    client.status = "closed"  # one that never connects shall not wait for that at its end
     try:
-        client = Client(address, timeout=timeout, set_as_default=False)
+        resolve_address(address)
+        client.__init__(address, timeout=timeout, set_as_default=False)
     except (OSError, ValueError, TypeError, ImportError) as error:
+        client.status = "closed"
         what = f"there is no dask scheduler at {address} ({' '.join(str(error).split())})"
-        raise InputError(f"{what}; start one with `dask scheduler`, and workers with `dask worker`") from error
+        raise InputError(f"{what}; start one with `dask scheduler --host 127.0.0.1`, and workers with `dask worker`") from error
     try:
         yield client
     finally:
