@@ -37,7 +37,9 @@ Timeout = Annotated[
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="Use a dask cluster: tcp://127.0.0.1:8786.", show_default="none"),
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Use a dask cluster: tcp://127.0.0.1:8786.", show_default="none"
+    ),
 ]
 Formats = Annotated[
     list[str] | None,

@@ -80,11 +80,11 @@ def finished_record(folder: Path, blank: Record) -> Record | None:
 def _are_facts(facts: Record) -> bool:
     """Whether the facts of a take are such as can be shown."""
     counts = [facts["frames"], *(facts.get(name, 0) for name in ("markers", "limbs", "joints"))]
-    rate, residual = facts["rate_hz"], facts.get("residual_mm") or 0.0
+    residual = 0.0 if facts.get("residual_mm") is None else facts["residual_mm"]
     return (
         all(type(count) is int and 0 <= count < _MANY for count in counts)
-        and all(isinstance(number, int | float) and 0 <= number < _MANY for number in (rate, residual))
-        and rate > 1 / _MANY
+        and all(isinstance(number, int | float) and 0 <= number < _MANY for number in (facts["rate_hz"], residual))
+        and facts["rate_hz"] > 1 / _MANY
         and all(isinstance(sentence, str) for sentence in facts["notices"])
     )
 

@@ -279,7 +279,9 @@ def _connected(address: str, timeout: float) -> Iterator[Client]:
     except (OSError, ValueError, TypeError, ImportError) as error:
         client.status = "closed"
         what = f"there is no dask scheduler at {address} ({' '.join(str(error).split())})"
-        raise InputError(f"{what}; start one with `dask scheduler --host 127.0.0.1`, and workers with `dask worker`") from error
+        raise InputError(
+            f"{what}; start one with `dask scheduler --host 127.0.0.1`, and workers with `dask worker`"
+        ) from error
     try:
         yield client
     finally:
