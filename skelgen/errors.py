@@ -10,6 +10,9 @@ class SkelgenError(Exception):
 
     exit_code = 2
 
+    def __init__(self, sentence: str = "") -> None:
+        super().__init__(shortened(sentence))
+
 
 class FormatError(SkelgenError):
     """A file is not what its format demands.
@@ -32,7 +35,8 @@ class FormatError(SkelgenError):
     def __init__(self, path: Path | str, place: str | int, what: str) -> None:
         self.path = Path(path)
         self.place = place
-        super().__init__(f"{path}:{place}: {what}" if place != "" else f"{path}: {what}")
+        where = f"{path}:{place}" if place != "" else f"{path}"
+        Exception.__init__(self, f"{where}: {shortened(what)}")  # names of files are not cut
 
 
 class InputError(SkelgenError):
@@ -67,3 +71,20 @@ class Cancelled(SkelgenError):  # noqa: N818 - no error, but what the user asked
     """The user asked for a stop; nothing half-written is left."""
 
     exit_code = 130
+
+
+_LONGEST, _CUT = 300, " [...] "
+
+
+def shortened(sentence: str) -> str:
+    """Return a sentence of 300 characters at most: what is longer loses its middle, as what to do stands at the end."""
+    if len(sentence) <= _LONGEST:
+        return sentence
+    behind = _LONGEST // 2
+    return sentence[: _LONGEST - behind - len(_CUT)] + _CUT + sentence[-behind:]
+
+
+def out_of_memory(error: MemoryError) -> str:
+    """Return the sentence on an error that is nobody's fault, but which the user can do something about."""
+    reason = f" ({shortened(str(error))})" if str(error) else ""
+    return f"the memory of this computer does not suffice{reason}: take fewer frames, or end other programs"

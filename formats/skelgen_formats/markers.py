@@ -20,6 +20,7 @@ from skelgen.model.arrays import Bools, Floats
 from skelgen.model.filled import Filled, PositionSource
 from skelgen.progress import SILENT, Monitor
 from skelgen_formats.options import MM_PER_UNIT, Writable
+from skelgen_formats.text import defused
 
 FARTHEST = 1e9
 """Positions beyond this [mm], 1000 km, are damage or a wrong unit, not a capture."""
@@ -332,7 +333,8 @@ def write_table(markers: Trajectories | Filled, path: Path) -> list[Path]:
         rows.writerow(("frame", "marker", "source", "std_mm"))
         for frame, marker in np.argwhere(markers.filled).tolist():
             source = PositionSource(int(markers.source[frame, marker]))
-            rows.writerow((frame, markers.measured.names[marker], source.word, f"{markers.std[frame, marker]:.3f}"))
+            name, std = defused(markers.measured.names[marker]), f"{markers.std[frame, marker]:.3f}"
+            rows.writerow((frame, name, source.word, std))
     return [table]
 
 

@@ -31,7 +31,7 @@ from skelgen.progress import SILENT, Monitor, with_progress
 from skelgen_formats.markers import FARTHEST, check_writable_names, mm_per_unit
 from skelgen_formats.options import AXES, RATE, UNIT, Writable, per_mm
 from skelgen_formats.registry import Format
-from skelgen_formats.text import decoded_head, parse_rows, rate_in, read_lines, split_cells
+from skelgen_formats.text import decoded_head, defused, parse_rows, rate_in, read_lines, split_cells, undefused
 
 _MAGIC = "skelgen-poses"
 _VERSION = "1"
@@ -99,7 +99,7 @@ def write_poses(value: Writable, path: Path, unit: str = "mm", monitor: Monitor 
     numbers[seen] = np.concatenate([take.world_from_body[seen, :3, 3], rotations], axis=1)
     numbers = numbers * ([per_mm(unit)] * 3 + [1.0] * 4)
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        titles = ["frame", "time", *(f"{name}.{column}" for name in names for column in _COLUMNS)]
+        titles = ["frame", "time", *(f"{defused(name)}.{column}" for name in names for column in _COLUMNS)]
         header = ((_MAGIC, _VERSION), ("rate", repr(take.rate), "Hz"), ("unit", unit), titles)
         csv.writer(stream, lineterminator="\n").writerows(header)
         for frame, row in enumerate(with_progress(numbers.reshape(take.n_frames, -1), take.n_frames, monitor)):
@@ -128,8 +128,9 @@ def _rate_and_unit(path: Path, header: Sequence[Sequence[str]]) -> tuple[float, 
 
 def _names(path: Path, titles: Sequence[str]) -> list[str]:
     columns = titles[_LEADING_CELLS:]
-    names = [title.rpartition(".")[0] for title in columns[:: len(_COLUMNS)]]
-    expected = ["frame", "time", *(f"{name}.{column}" for name in names for column in _COLUMNS)]
+    titled = [title.rpartition(".")[0] for title in columns[:: len(_COLUMNS)]]
+    expected = ["frame", "time", *(f"{name}.{column}" for name in titled for column in _COLUMNS)]
+    names = [undefused(name) for name in titled]
     if not names or list(titles) != expected:
         raise FormatError(path, 4, f"column titles must be frame, time and {', '.join(_COLUMNS)} of each body in turn")
     if len(set(names)) < len(names) or not all(name.strip() for name in names):

@@ -23,6 +23,7 @@ from skelgen_formats.motion_csv import write_csv
 from skelgen_formats.options import AXES, RATE, UNIT, Writable, per_mm
 from skelgen_formats.parts import finished_project
 from skelgen_formats.registry import Format
+from skelgen_formats.text import defused
 
 CSV_SUFFIX, PARQUET_SUFFIX = ".table.csv", ".parquet"
 
@@ -153,7 +154,8 @@ def _write_csv(path: Path, chunks: Iterator[Columns]) -> None:
 def _cells(values: NDArray[Any]) -> list[str]:
     if values.dtype.kind == "f":
         return ["" if number != number else repr(number) for number in values.tolist()]  # noqa: PLR0124 - NaN
-    return [_quoted(str(value)) for value in values.tolist()]
+    texts = [str(value) for value in values.tolist()]
+    return [_quoted(defused(text)) for text in texts] if values.dtype.kind == "U" else texts
 
 
 def _quoted(text: str) -> str:

@@ -24,6 +24,7 @@ _UNSEEN_WORDS = frozenset({"", "nan", "null", "none", "-", "n/a"})
 _PIECE = 1 << 20  # bytes decoded at once
 _LONGEST_LINE = 1 << 23  # bytes: a hundred thousand markers
 _BLANK_LINES = re.compile(rb"[ \t\n]*\n")
+_FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _SHOWN_CHARACTERS = 40  # of a bad cell in an error: enough to find it, not a screenful
 
 
@@ -155,6 +156,16 @@ def split_cells(path: Path, line: str, number: int, delimiter: str) -> list[str]
     except csv.Error as error:
         raise FormatError(path, number, f"the line cannot be split into cells: {error}") from error
     return [cell.strip() for cell in rows[0]] if rows else []
+
+
+def defused(text: str) -> str:
+    """Return the text of a cell so that a spreadsheet takes it as text: before what begins a formula stands a '."""
+    return f"'{text}" if text.lstrip("'").startswith(_FORMULAS) else text
+
+
+def undefused(text: str) -> str:
+    """Return the text that `defused` was given."""
+    return text[1:] if text.startswith("'") and text.lstrip("'").startswith(_FORMULAS) else text
 
 
 def without_trailing_empty(cells: Sequence[str]) -> list[str]:

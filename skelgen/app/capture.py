@@ -49,10 +49,9 @@ def source_of(settings: CaptureSettings, text: str | None = None) -> FrameSource
     """
     from skelgen.capture.sources import open_source  # noqa: PLC0415 - drivers of cameras only where there are any
 
-    text = text or settings.source
-    if not text:
+    if not text and not settings.source:
         raise InputError("the settings name no source of images; add <source> to them, or give one with --source")
-    return open_source(text)
+    return open_source(text) if text else open_source(settings.source, from_file=True)
 
 
 def capture(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skelgen_formats.registry import write_file
+from skelgen_formats.text import defused
 
 from skelgen.app.project_file.archive import SUFFIX, save_project
 from skelgen.errors import WriteError
@@ -94,7 +95,7 @@ def _write_limbs(project: Project, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8", errors="replace") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("marker", "limb"))
-        rows.writerows(zip(project.trajectories.names, limb_of_marker, strict=True))
+        rows.writerows(zip(map(defused, project.trajectories.names), limb_of_marker, strict=True))
 
 
 def _write_raw_joints(project: Project, path: Path) -> None:

@@ -8,6 +8,7 @@ import inspect
 import io
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from types import TracebackType
@@ -27,7 +28,7 @@ from skelgen.cli import (
     stage_commands,
 )
 from skelgen.cli.options import called_command, generated, reader_options, writer_options
-from skelgen.errors import SkelgenError
+from skelgen.errors import SkelgenError, out_of_memory
 
 EXIT_BUG = 1
 EXIT_INPUT = 2
@@ -62,11 +63,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     if "--debug" not in words:
         sys.excepthook = _say_that_it_is_a_bug
+        if arguments is None and not sys.warnoptions:  # what NumPy warns its programmers of is nothing for a user
+            warnings.simplefilter("ignore")
+            os.environ.setdefault("PYTHONWARNINGS", "ignore")  # of worker processes
     try:
         command = typer.main.get_command(build_app(called=called_command(words)))
         code = command.main(args=words, prog_name="skelgen", standalone_mode=False)
     except SkelgenError as error:
         return _failed(str(error), error.exit_code)
+    except MemoryError as error:
+        return _failed(out_of_memory(error), EXIT_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         return _failed("interrupted", EXIT_INTERRUPTED)
     except _USAGE_ERROR as error:

@@ -9,12 +9,12 @@ from skelgen_formats.c3d.reader import read_c3d
 from skelgen_formats.capture_settings import read_settings, write_settings
 from skelgen_formats.mfml import read_mfml
 
-from skelgen.app.capture import calibrate_body_of, calibrate_joints_of, capture, with_joints
+from skelgen.app.capture import calibrate_body_of, calibrate_joints_of, capture, source_of, with_joints
 from skelgen.capture.calibration.joints import JointCalibration
 from skelgen.capture.simulated_rig import SimulatedRig, scene_of_bodies, simulated_rig
 from skelgen.capture.sources import open_source
 from skelgen.cli import main
-from skelgen.errors import InputError, SkelgenError
+from skelgen.errors import CaptureError, InputError, SkelgenError
 from skelgen.geometry.rotations import matrix_from_vector, transform_from
 from skelgen.model.rig import BodyTarget, CaptureSettings
 
@@ -268,3 +268,12 @@ def test_a_target_that_is_calibrated_anew_names_the_joints_that_rest_on_it(known
 def test_settings_without_a_new_joint_are_refused(known):
     with pytest.raises(InputError, match="no joint was found: the targets move as one"):
         with_joints(known, JointCalibration((), (), float("nan"), (), ()))
+
+
+def test_producer_in_settings_is_loaded_only_where_it_is_named_by_hand(known, tmp_path):
+    text = f"gentl:{tmp_path / 'evil.cti'}"
+    (tmp_path / "evil.cti").write_text("a program")
+    settings = replace(known, source=text)
+    with pytest.raises(CaptureError, match="--source"):
+        source_of(settings)
+    assert source_of(settings, text).name == text

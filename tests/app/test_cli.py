@@ -294,6 +294,33 @@ def test_bug_is_one_sentence_and_exit_code_1(tmp_path):
     assert result.stderr.count("\n") == 1
 
 
+MEMORY = 900 * 2**20  # bytes of address space: enough to start, not enough for the file below
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit memory so")
+def test_memory_that_does_not_suffice_is_told_as_that(waving, tmp_path):
+    path = skelgen.write(waving, tmp_path / "long.c3d")[0]
+    content, n_frames = bytearray(path.read_bytes()), 2**27 // waving.n_markers
+    stated = content.index(b"ACTUAL_END_FIELD") + len("ACTUAL_END_FIELD") + 5
+    content[stated : stated + 4] = n_frames.to_bytes(4, "little")
+    path.write_bytes(content)
+    os.truncate(path, 2**31 + 2**20)  # takes no place on most disks
+    code = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({MEMORY}, {MEMORY}))\n"
+    code += f"import sys; from skelgen.cli import main; sys.exit(main(['info', {str(path)!r}]))"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr.count("\n")) == (2, 1), result.stderr
+    assert "the memory of this computer does not suffice" in result.stderr
+
+
+def test_long_error_loses_its_middle(tmp_path, capsys):
+    path = tmp_path / ("w" * 200 + ".trc")
+    path.write_text("PathFileType\t4\n" + "\t".join(f"key{number}" for number in range(999)) + "\n\n\n\n")
+    assert main(["info", str(path)]) == 2
+    sentence = capsys.readouterr().err.strip().removeprefix(f"skelgen: error: {path}")
+    assert len(sentence) <= 310
+    assert "does not name" in sentence or "where the line above names" in sentence
+
+
 @pytest.mark.parametrize("stage", STAGES)
 def test_no_stage_parameter_hides_a_reader_option(stage):
     declared = {option.name for option in parameter_options(parameters_class(stage))}

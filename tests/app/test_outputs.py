@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import pytest
+from skelgen_formats.registry import write_file
 
 from skelgen.app.outputs import OUTPUTS, Output, stem_of, write_outputs
 from skelgen.app.project_file.archive import save_project
@@ -79,3 +81,26 @@ def test_folder_that_is_a_file_is_a_write_error(small_project, tmp_path):
 @pytest.mark.parametrize(("name", "stem"), [("a/walk.c3d", "walk"), ("b/walk.1.trc", "walk.1"), ("w.skelgen", "w")])
 def test_stem_is_the_name_without_suffix(name, stem):
     assert stem_of(name) == stem
+
+
+def test_names_that_spreadsheets_would_compute_are_text_in_every_table(small_project, tmp_path):
+    take = small_project.take
+    odd = replace(take, names=("=HYPERLINK(1)", "+1", "-1", "@x", "\tx", *take.names[5:]))
+    project = replace(small_project, take=odd, _trajectories=odd)
+    write_outputs(project, tmp_path, "a", outputs=[output for output in OUTPUTS if output.suffix.endswith(".csv")])
+    write_file(project, tmp_path / "a.table.csv", "table-csv")
+    write_file(project, tmp_path / "a.trc", filled=True)
+    for table in tmp_path.glob("*.csv"):
+        with table.open(newline="") as stream:
+            texts = [cell for row in csv.reader(stream) for cell in row if not is_number(cell)]
+        assert texts
+        assert not [text for text in texts if text.startswith(("=", "+", "-", "@", "\t"))], table.name
+
+
+def is_number(text):
+    """Whether a cell is a number, which may begin with a sign."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text[:1] not in "+'"

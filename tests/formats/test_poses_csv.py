@@ -77,3 +77,12 @@ def test_no_frame_is_a_format_error(refused, put, text):
 def test_markers_are_refused_with_advice(walk, tmp_path):
     with pytest.raises(WriteError, match="c3d, trc or csm"):
         write_file(walk, tmp_path / "walk.poses.csv")
+
+
+def test_names_that_spreadsheets_would_compute_are_defused_and_come_back(sensors, tmp_path):
+    names = ("=cmd|' /C calc'!A0", "'+1")
+    take = Poses(sensors.world_from_body, names, sensors.rate)
+    path = write_file(take, tmp_path / "odd.poses.csv")[0]
+    cells = path.read_text().splitlines()[3].split(",")
+    assert not [cell for cell in cells if cell.startswith(("=", "+", "-", "@"))]
+    assert read_take(path).names == names

@@ -70,9 +70,10 @@ def find_recovery_entries(folder: Path | None = None) -> tuple[RecoveryEntry, ..
         try:
             note = json.loads((each / _NOTE).read_text(encoding="utf-8"))
             path = Path(note["path"]) if note["path"] else None
-            entry = RecoveryEntry(each, str(note["name"]), path, datetime.fromisoformat(note["time"]))
+            when = datetime.fromisoformat(note["time"]).replace(tzinfo=None)  # times with and without do not compare
+            entry = RecoveryEntry(each, str(note["name"]), path, when)
             is_alive = _is_alive(int(note["process"]))
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
             continue  # being written just now, or not ours
         if not is_alive and (each / _PROJECT).is_file():
             found.append(entry)
@@ -201,6 +202,8 @@ class Autosave(QObject):
 
 
 def _is_alive(process: int) -> bool:
+    if process <= 0:  # which would stand for many processes
+        raise ValueError(f"{process} is no process")
     try:
         os.kill(process, 0)
     except ProcessLookupError:

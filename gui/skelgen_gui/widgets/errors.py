@@ -15,7 +15,7 @@ from PySide6.QtGui import QFontDatabase, QGuiApplication
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QPlainTextEdit, QStyle, QWidget
 
 import skelgen
-from skelgen.errors import SkelgenError
+from skelgen.errors import SkelgenError, out_of_memory
 from skelgen_gui.widgets.layouts import column, row_of
 
 translate = QCoreApplication.translate
@@ -30,6 +30,8 @@ def sentence_of(error: BaseException) -> str:
     """Return one sentence: that of an error which the user can act on, or that the program has a fault."""
     if isinstance(error, SkelgenError):
         return str(error)
+    if isinstance(error, MemoryError):
+        return out_of_memory(error)
     kind = type(error).__name__
     reason = " ".join(f"{kind}: {error}".split()) if str(error) else kind
     sentence = translate("Errors", "The program has a fault ({0}). What is open stays open; please report the details.")

@@ -28,7 +28,7 @@ from skelgen.app.outputs import OUTPUTS, Output, write_outputs
 from skelgen.app.pipeline import CollectingMonitor, run_stages
 from skelgen.app.project_file.archive import find_result
 from skelgen.app.subject import open_subject, run_with_subject
-from skelgen.errors import FormatError, InputError, SkelgenError, WriteError
+from skelgen.errors import FormatError, InputError, SkelgenError, WriteError, out_of_memory
 from skelgen.files import sha256_of
 from skelgen.model import PointCloud, Project
 from skelgen.progress import SILENT
@@ -191,7 +191,8 @@ def work_on(entry: Entry, job: Job) -> Outcome:
     except SkelgenError as error:
         return _failed(record, folder, str(error), obstacle=str(error) if _is_of_disk(error) else "")
     except Exception as error:  # a bug must not cost the other takes
-        return _failed(record, folder, f"internal error: {type(error).__name__}: {error} (a bug)")
+        bug = f"internal error: {type(error).__name__}: {error} (a bug)"
+        return _failed(record, folder, out_of_memory(error) if isinstance(error, MemoryError) else bug)
     record["run"] |= {"seconds": time.perf_counter() - started, "peak_bytes": _peak()}
     try:
         records.write_json(record, folder / records.RECORD)

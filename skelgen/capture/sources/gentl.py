@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import time as clock
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -17,6 +18,8 @@ from skelgen.capture.sources.text import GenicamOptions, check_two_cameras
 from skelgen.errors import CaptureError, ParameterError
 
 _EXAMPLE = "gentl:producer.cti,LEFT,RIGHT"
+_PATH_VARIABLES = ("GENICAM_GENTL64_PATH", "GENICAM_GENTL32_PATH", "ProgramFiles")
+_INSTALLED = ("/opt", "/usr", "/Library")
 _NANOSECONDS = 1e-9
 _BUFFERS = 8  # images that wait: a late program loses none within an eighth of a second at 60 Hz
 _LEAST_WAIT = 0.001  # s; with zero, harvesters would wait for ever
@@ -50,6 +53,25 @@ def gentl_pairs(places: tuple[str, ...], options: GenicamOptions) -> LivePairs:
         raise CaptureError(f"{producer}: no such GenTL producer; the camera's maker installs it, often below /opt")
     name = "gentl:" + ",".join(places)
     return LivePairs(name, lambda stack: _open_pair(stack, producer, places[1:], options), options)
+
+
+def check_trusted(places: tuple[str, ...]) -> None:
+    """Raise `CaptureError` unless a producer that a file names is where producers are installed.
+
+    A producer is a program: it runs as soon as it is loaded. Trusted are the folders of `GENICAM_GENTL64_PATH`, which
+    makers' installers set, and those that only an administrator writes to.
+
+    Parameters
+    ----------
+    places : tuple of str
+        As of `gentl_pairs`.
+    """
+    named = os.pathsep.join(os.environ.get(name, "") for name in _PATH_VARIABLES)
+    folders = [Path(folder).resolve() for folder in (*named.split(os.pathsep), *_INSTALLED) if folder]
+    producer = Path(places[0] if places else "").resolve()
+    if not any(producer.is_relative_to(folder) for folder in folders):
+        what = "a program that settings name is loaded only from a folder of GENICAM_GENTL64_PATH, /opt or /usr"
+        raise CaptureError(f"{producer}: {what}; if you trust it, name it yourself: --source gentl:{producer}")
 
 
 class GentlCamera:

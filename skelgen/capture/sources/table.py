@@ -112,7 +112,7 @@ SOURCES = (
 """All kinds of frame sources."""
 
 
-def open_source(text: str) -> FrameSource:
+def open_source(text: str, *, from_file: bool = False) -> FrameSource:
     """Return the frame source that a text names.
 
     Files are looked at at once, cameras when the source is entered.
@@ -121,6 +121,8 @@ def open_source(text: str) -> FrameSource:
     ----------
     text : str
         One of the forms of `SOURCES`, e.g. ``folder:images?rate=60`` or ``firewire:``; or the path of a folder.
+    from_file : bool
+        Whether a file names it, and nobody who is there: then it loads no program from a place that is not trusted.
 
     Raises
     ------
@@ -140,6 +142,10 @@ def open_source(text: str) -> FrameSource:
     parsed = parse_source(text)
     kind = next((kind for kind in SOURCES if parsed is not None and kind.name == parsed.kind), None)
     if parsed is not None and kind is not None:
+        if from_file and kind.name == "gentl":
+            from skelgen.capture.sources.gentl import check_trusted  # noqa: PLC0415
+
+            check_trusted(parsed.places)
         return kind.open(parsed)
     if text.strip() and Path(text).is_dir():
         return _open_images(SourceText("folder", text))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -82,3 +83,17 @@ def test_the_simulated_rig_shows_the_targets_that_are_named():
     assert (truth.left.visible > 0).sum() == 5
     with pytest.raises(InputError, match="the arm has no target 'head' to show; it has torso, upper arm, lower arm"):
         open_source("simulated:arm?show=head")
+
+
+def test_producer_that_a_file_names_is_loaded_only_from_where_producers_are_installed(tmp_path, monkeypatch):
+    producer = tmp_path / "evil.cti"
+    producer.write_text("a program")
+    (tmp_path / "installed").mkdir()
+    (tmp_path / "installed" / "link.cti").symlink_to(producer)
+    monkeypatch.setenv("GENICAM_GENTL64_PATH", str(tmp_path / "installed"))
+    for place in (producer, tmp_path / "installed" / "link.cti", tmp_path / "installed" / ".." / "evil.cti"):
+        with pytest.raises(CaptureError, match="loaded only from a folder of GENICAM_GENTL64_PATH"):
+            open_source(f"gentl:{place}", from_file=True)
+    assert open_source(f"gentl:{producer}").name == f"gentl:{producer}"
+    monkeypatch.setenv("GENICAM_GENTL64_PATH", f"{tmp_path}{os.pathsep}/elsewhere")
+    assert open_source(f"gentl:{producer}", from_file=True).name == f"gentl:{producer}"

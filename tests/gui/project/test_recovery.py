@@ -107,3 +107,25 @@ def test_what_the_user_has_saved_is_not_kept_any_more(qtbot, session, preference
     qtbot.waitUntil(lambda: autosave._kept is not None)
     session.saved(tmp_path / "walk.skelgen", session.project)
     assert not any((tmp_path / "kept").rglob("*.skelgen"))
+
+
+@pytest.mark.parametrize(
+    "note",
+    [
+        {"process": 10**40},
+        {"process": float("inf")},
+        {"process": 0},
+        {"process": -1},
+        {"time": "0001-01-01T00:00:00"},
+        {"time": "2026-01-01T00:00:00+14:00"},
+        {"path": 5},
+        {"name": [[1]] * 9},
+    ],
+)
+def test_absurd_note_hinders_nothing(tmp_path, note):
+    sound = {"name": "walk", "path": "", "time": "2026-01-01T00:00:00", "process": 2**22 + 1}  # above any process
+    for folder, content in (("a", sound), ("b", sound | note)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "note.json").write_text(json.dumps(content))
+        (tmp_path / folder / "project.skelgen").write_text("")
+    assert "walk" in [entry.name for entry in find_recovery_entries(tmp_path)]
